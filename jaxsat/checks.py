@@ -1,0 +1,62 @@
+"""Checks and conversions used where an object is made, and nowhere else."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Inexact
+
+
+def as_float(value: ArrayLike | list | tuple) -> Inexact[Array, "..."]:
+    """Turn numbers into a floating-point JAX array of the default precision."""
+    array = jnp.asarray(value)
+    return array if jnp.issubdtype(array.dtype, jnp.inexact) else array.astype(float)
+
+
+def concrete(value: ArrayLike) -> np.ndarray | None:
+    """The value as a NumPy array, or `None` while it is being traced (then nothing is checked)."""
+    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
+
+
+def require_finite(name: str, value: ArrayLike) -> None:
+    """Raise `ValueError` unless every entry is finite."""
+    known = concrete(value)
+    if known is not None and not np.all(np.isfinite(known)):
+        raise ValueError(f"Argument `{name}` must be finite, but got {known.tolist()}.")
+
+
+def require_positive(name: str, value: ArrayLike, *, zero_allowed: bool = False) -> None:
+    """Raise `ValueError` unless every entry is positive (or zero, where that is allowed)."""
+    known = concrete(value)
+    if known is None:
+        return
+    good = known >= 0 if zero_allowed else known > 0
+    if not np.all(good):
+        kind = "zero or positive" if zero_allowed else "positive"
+        raise ValueError(f"Argument `{name}` must be {kind}, but got {known.tolist()}.")
+
+
+def require_inertia(name: str, inertia: Float[Array, "3 3"]) -> None:
+    """Raise `ValueError` unless the matrix is symmetric and positive definite."""
+    known = concrete(inertia)
+    if known is None:
+        return
+    if known.shape != (3, 3) or not np.all(np.isfinite(known)):
+        raise ValueError(
+            f"Argument `{name}` must be three principal moments or a finite 3x3 matrix in kg m², "
+            f"but got {known.tolist()}."
+        )
+    scale = np.abs(known).max()
+    if np.abs(known - known.T).max() > 1e-6 * scale:
+        raise ValueError(f"Argument `{name}` must be symmetric, but got {known.tolist()}.")
+    smallest = np.linalg.eigvalsh(known)[0]
+    if not smallest > 0:
+        raise ValueError(
+            f"Argument `{name}` must be positive definite, but its smallest principal moment is "
+            f"{smallest:.6g} kg m²."
+        )
+
+
+def all_positive(*values: ArrayLike) -> bool:
+    """Whether all values are known and positive; a traced value counts as not known to be."""
+    known = [concrete(value) for value in values]
+    return all(value is not None and bool(np.all(value > 0)) for value in known)

@@ -1,0 +1,153 @@
+"""What a controller is, and the part that all backstepping laws share.
+
+A controller turns time, the measured plant state and its own memory into a commanded torque
+(u1, u2) about the first two body axes. Continuous controllers also give the rate of their memory;
+sampled ones (`jaxsat.control.switching`) give its next value instead.
+"""
+
+import abc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from jaxsat.dynamics import PlantState, RigidBody
+
+Memory = PyTree
+"""What a controller remembers, its own affair."""
+
+
+class AbstractController(eqx.Module):
+    """A continuous controller."""
+
+    @abc.abstractmethod
+    def init(self, state: PlantState) -> Memory:
+        """The memory at the start."""
+
+    @abc.abstractmethod
+    def __call__(
+        self, t: Float[Array, ""], state: PlantState, memory: Memory
+    ) -> tuple[Float[Array, "2"], Memory]:
+        """The commanded torque (u1, u2), N m, and the time derivative of the memory."""
+
+    @abc.abstractmethod
+    def is_smooth(self) -> bool:
+        """Whether the law has no corner or jump, so that fixed steps suit it; asked untraced."""
+
+    @abc.abstractmethod
+    def rate_error(self, state: PlantState) -> Float[Array, "2"]:
+        """η_i = ω_i - ω_id, how far the rates are from their reference, rad/s; NaN without one."""
+
+    @abc.abstractmethod
+    def lyapunov(
+        self,
+        state: PlantState,
+        memory: Memory,
+        unmodelled: Float[Array, "2"],
+        unmodelled_rate: Float[Array, "2"],
+    ) -> Float[Array, ""]:
+        """The Lyapunov function of the law's stability proof; NaN where there is none.
+
+        `unmodelled` is the disturbance about the first two axes that the controller's model does
+        not know, N m, and `unmodelled_rate` its time derivative.
+        """
+
+
+class Coast(AbstractController):
+    """No control: the drift of the plant alone."""
+
+    def init(self, state: PlantState) -> Memory:
+        """Nothing to remember."""
+        del state
+        return None
+
+    def __call__(
+        self, t: Float[Array, ""], state: PlantState, memory: Memory
+    ) -> tuple[Float[Array, "2"], Memory]:
+        """Zero torque."""
+        del t
+        return jnp.zeros(2, state.omega.dtype), memory
+
+    def is_smooth(self) -> bool:
+        """It is."""
+        return True
+
+    def rate_error(self, state: PlantState) -> Float[Array, "2"]:
+        """NaN: there is no reference."""
+        return jnp.full(2, jnp.nan, state.omega.dtype)
+
+    def lyapunov(
+        self,
+        state: PlantState,
+        memory: Memory,
+        unmodelled: Float[Array, "2"],
+        unmodelled_rate: Float[Array, "2"],
+    ) -> Float[Array, ""]:
+        """NaN: there is no proof."""
+        del memory, unmodelled, unmodelled_rate
+        return jnp.full((), jnp.nan, state.omega.dtype)
+
+
+class AbstractBacksteppingLaw(AbstractController):
+    """A law that makes ω1 and ω2 track a reference which steers everything else.
+
+    The torques (39) and (42) have one form: a feedback on the rate error, minus the gyroscopic
+    torque, minus the disturbance that the model knows, plus J dω_d/dt, the derivative taken along
+    the controller's own model. With the same model as the plant the rate error then obeys
+    J dη/dt = feedback + unmodelled disturbance, equation (43).
+    """
+
+    model: eqx.AbstractVar[RigidBody]
+
+    @abc.abstractmethod
+    def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
+        """The intermediate control law: the rates (ω1, ω2) to track, rad/s."""
+
+    @abc.abstractmethod
+    def feedback(
+        self, state: PlantState, rate_error: Float[Array, "2"], memory: Memory
+    ) -> Float[Array, "2"]:
+        """The torque that drives the rate error to zero, N m."""
+
+    @abc.abstractmethod
+    def memory_rate(self, rate_error: Float[Array, "2"], memory: Memory) -> Memory:
+        """Time derivative of the memory."""
+
+    def rate_error(self, state: PlantState) -> Float[Array, "2"]:
+        """η_i = ω_i - ω_id, rad/s."""
+        return state.omega[:2] - self.reference_rate(state)
+
+    def reference_rate_derivative(
+        self, t: Float[Array, ""], state: PlantState
+    ) -> Float[Array, "2"]:
+        """dω_d/dt along the controller's own model, rad/s²."""
+        model_rate = self.model.rate(t, state, jnp.zeros_like(state.omega))
+        return jax.jvp(self.reference_rate, (state,), (model_rate,))[1]
+
+    def torque(
+        self,
+        t: Float[Array, ""],
+        state: PlantState,
+        memory: Memory,
+        reference_derivative: Float[Array, "2"],
+    ) -> Float[Array, "2"]:
+        """Equations (39) and (42) with a given dω_d/dt, N m."""
+        j1, j2, j3 = self.model.spacecraft.moments
+        omega1, omega2, omega3 = state.omega
+        gyroscopic = jnp.stack([(j2 - j3) * omega2 * omega3, (j3 - j1) * omega3 * omega1])
+        known = self.model.disturbance_torque(t, state)[:2]
+        return (
+            self.feedback(state, self.rate_error(state), memory)
+            - gyroscopic
+            - known
+            + jnp.stack([j1, j2]) * reference_derivative
+        )
+
+    def __call__(
+        self, t: Float[Array, ""], state: PlantState, memory: Memory
+    ) -> tuple[Float[Array, "2"], Memory]:
+        """The torque and the rate of the memory."""
+        derivative = self.reference_rate_derivative(t, state)
+        command = self.torque(t, state, memory, derivative)
+        return command, self.memory_rate(self.rate_error(state), memory)

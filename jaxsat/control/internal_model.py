@@ -1,0 +1,49 @@
+"""The internal model of the disturbance: an oscillator tuned to it, equation (42)."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.checks import as_float, require_positive
+
+
+class OscillatorState(NamedTuple):
+    """α and dα/dt of (42), one entry for each driven axis."""
+
+    position: Float[Array, "2"]
+    velocity: Float[Array, "2"]
+
+
+class InternalModel(eqx.Module):
+    """Two oscillators d²α/dt² + Ω² α = η driven by the rate error.
+
+    Fed back through dα/dt they cancel a disturbance of the frequencies Ω (`frequency`, rad/s,
+    shape (2,)), whatever its amplitude and phase.
+    """
+
+    frequency: Float[Array, "2"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_positive("frequency", self.frequency)
+
+    def init(self) -> OscillatorState:
+        """At rest."""
+        return OscillatorState(jnp.zeros_like(self.frequency), jnp.zeros_like(self.frequency))
+
+    def rate(self, state: OscillatorState, rate_error: Float[Array, "2"]) -> OscillatorState:
+        """Time derivative of the oscillators."""
+        return OscillatorState(state.velocity, rate_error - self.frequency**2 * state.position)
+
+    def advance(
+        self, state: OscillatorState, rate_error: Float[Array, "2"], period: Float[Array, ""]
+    ) -> OscillatorState:
+        """The oscillators after `period` seconds with the rate error held: the exact solution."""
+        c, s = jnp.cos(self.frequency * period), jnp.sin(self.frequency * period)
+        rest = rate_error / self.frequency**2
+        offset = state.position - rest
+        return OscillatorState(
+            rest + offset * c + state.velocity * s / self.frequency,
+            -offset * self.frequency * s + state.velocity * c,
+        )

@@ -1,0 +1,69 @@
+"""Angular-velocity stabilisation with two torques: equations (38) and (39)."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.checks import all_positive, as_float, require_positive
+from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.smooth import root_abs, signed_root
+
+
+class RateLaw(AbstractBacksteppingLaw):
+    """Drives all three rates to zero, steering ω3 through the gyroscopic torque.
+
+    With the reference (38) the third rate obeys dω3/dt = -k1 |J1 - J2| / J3 · ω3 once the first
+    two rates track. `k1` has the unit √(rad/s), `k2` is in 1/s, both positive. `width` (rad/s)
+    rounds √|ω3| near zero; 0 is the printed law, whose reference has no derivative at ω3 = 0.
+    """
+
+    model: RigidBody
+    k1: Float[Array, ""] = eqx.field(converter=as_float)
+    k2: Float[Array, ""] = eqx.field(converter=as_float)
+    width: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self):
+        require_positive("k1", self.k1)
+        require_positive("k2", self.k2)
+        require_positive("width", self.width, zero_allowed=True)
+
+    def init(self, state: PlantState) -> Memory:
+        """Nothing to remember."""
+        del state
+        return None
+
+    def is_smooth(self) -> bool:
+        """With a width above zero."""
+        return all_positive(self.width)
+
+    def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
+        """Equation (38): ω1a = -sgn(J1 - J2) sgn(ω3) √|ω3|, ω2a = k1 √|ω3|."""
+        j1, j2, _ = self.model.spacecraft.moments
+        omega3 = state.omega[2]
+        omega1a = -jnp.sign(j1 - j2) * signed_root(omega3, self.width)
+        omega2a = self.k1 * root_abs(omega3, self.width)
+        return jnp.stack([omega1a, omega2a])
+
+    def feedback(
+        self, state: PlantState, rate_error: Float[Array, "2"], memory: Memory
+    ) -> Float[Array, "2"]:
+        """The first term of (39): -k2 J_i (ω_i - ω_ia)."""
+        del state, memory
+        return -self.k2 * self.model.spacecraft.moments[:2] * rate_error
+
+    def memory_rate(self, rate_error: Float[Array, "2"], memory: Memory) -> Memory:
+        """Nothing to remember."""
+        del rate_error
+        return memory
+
+    def lyapunov(
+        self,
+        state: PlantState,
+        memory: Memory,
+        unmodelled: Float[Array, "2"],
+        unmodelled_rate: Float[Array, "2"],
+    ) -> Float[Array, ""]:
+        """V1 = J3 ω3² / 2, J."""
+        del memory, unmodelled, unmodelled_rate
+        return self.model.spacecraft.moments[2] * state.omega[2] ** 2 / 2

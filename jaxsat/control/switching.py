@@ -1,0 +1,123 @@
+"""Switching between the rate law and the three-axis law, as the paper proposes in section 5.
+
+The rate law takes over while |ω3| is large and hands back when |ω3| has become small. Which law
+is active is memory, so this controller is a sampled one: it looks at the state once a period and
+the torque is held in between.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.checks import as_float, concrete, require_positive
+from jaxsat.control.controller import Memory
+from jaxsat.control.rate import RateLaw
+from jaxsat.control.three_axis import ThreeAxisLaw
+from jaxsat.dynamics import PlantState
+
+
+class AbstractSampledController(eqx.Module):
+    """A controller that runs once every `period` seconds; its torque is held in between."""
+
+    period: eqx.AbstractVar[Float[Array, ""]]
+
+    @abc.abstractmethod
+    def init(self, state: PlantState) -> Memory:
+        """The memory before the first sample."""
+
+    @abc.abstractmethod
+    def step(
+        self, t: Float[Array, ""], state: PlantState, memory: Memory
+    ) -> tuple[Float[Array, "2"], Memory]:
+        """The torque (u1, u2) to hold, N m, and the memory for the next sample."""
+
+    @abc.abstractmethod
+    def rate_error(self, state: PlantState, memory: Memory) -> Float[Array, "2"]:
+        """How far the rates are from the reference of the law that is active, rad/s."""
+
+
+class SwitchingMemory(NamedTuple):
+    """What `SwitchingLaw` remembers from one sample to the next."""
+
+    rate_law_active: Bool[Array, ""]
+    previous_reference: Float[Array, "2"]
+    has_previous: Bool[Array, ""]
+    three_axis: Memory
+
+
+class SwitchingLaw(AbstractSampledController):
+    """Rate law while |ω3| is large, three-axis law otherwise, with hysteresis.
+
+    The rate law takes over when |ω3| exceeds `upper_threshold` and hands back when |ω3| falls
+    below `lower_threshold` (rad/s). The derivative of the active law's reference is a backward
+    difference over one `period` (s), zero at the first sample of each law and clipped to
+    `rate_slope_limit` or `three_axis_slope_limit` (rad/s², shape (2,)), because the printed
+    reference jumps in slope where sat switches.
+    """
+
+    rate_law: RateLaw
+    three_axis_law: ThreeAxisLaw
+    upper_threshold: Float[Array, ""] = eqx.field(converter=as_float)
+    lower_threshold: Float[Array, ""] = eqx.field(converter=as_float)
+    period: Float[Array, ""] = eqx.field(converter=as_float)
+    rate_slope_limit: Float[Array, "2"] = eqx.field(converter=as_float)
+    three_axis_slope_limit: Float[Array, "2"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        for name in (
+            "period",
+            "lower_threshold",
+            "upper_threshold",
+            "rate_slope_limit",
+            "three_axis_slope_limit",
+        ):
+            require_positive(name, getattr(self, name))
+        lower, upper = concrete(self.lower_threshold), concrete(self.upper_threshold)
+        if lower is not None and upper is not None and not lower <= upper:
+            raise ValueError(
+                "Argument `lower_threshold` must not exceed `upper_threshold`, "
+                f"but got {lower} > {upper} rad/s."
+            )
+
+    def init(self, state: PlantState) -> SwitchingMemory:
+        """The three-axis law active unless |ω3| already exceeds the upper threshold."""
+        return SwitchingMemory(
+            jnp.abs(state.omega[2]) > self.upper_threshold,
+            jnp.zeros(2, state.omega.dtype),
+            jnp.array(False),
+            self.three_axis_law.init(state),
+        )
+
+    def step(
+        self, t: Float[Array, ""], state: PlantState, memory: SwitchingMemory
+    ) -> tuple[Float[Array, "2"], SwitchingMemory]:
+        """Choose the law, then its torque with the reference derivative by difference."""
+        threshold = jnp.where(memory.rate_law_active, self.lower_threshold, self.upper_threshold)
+        active = jnp.abs(state.omega[2]) > threshold
+        reference = self._reference(state, active)
+        slope_limit = jnp.where(active, self.rate_slope_limit, self.three_axis_slope_limit)
+        difference = (reference - memory.previous_reference) / self.period
+        usable = memory.has_previous & (active == memory.rate_law_active)
+        slope = jnp.where(usable, jnp.clip(difference, -slope_limit, slope_limit), 0.0)
+        command = jnp.where(
+            active,
+            self.rate_law.torque(t, state, None, slope),
+            self.three_axis_law.torque(t, state, memory.three_axis, slope),
+        )
+        drive = jnp.where(active, 0.0, state.omega[:2] - reference)
+        internal = self.three_axis_law.advance(drive, memory.three_axis, self.period)
+        return command, SwitchingMemory(active, reference, jnp.array(True), internal)
+
+    def rate_error(self, state: PlantState, memory: SwitchingMemory) -> Float[Array, "2"]:
+        """η of the active law, rad/s."""
+        return state.omega[:2] - self._reference(state, memory.rate_law_active)
+
+    def _reference(self, state: PlantState, rate_law_active: Bool[Array, ""]) -> Float[Array, "2"]:
+        return jnp.where(
+            rate_law_active,
+            self.rate_law.reference_rate(state),
+            self.three_axis_law.reference_rate(state),
+        )

@@ -1,0 +1,113 @@
+"""Three-axis stabilisation with two torques: equations (40), (41) and (42)."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.checks import all_positive, as_float, require_positive
+from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
+from jaxsat.control.internal_model import InternalModel
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.smooth import sat
+
+
+class ThreeAxisLaw(AbstractBacksteppingLaw):
+    """Brings the body frame onto the orbit frame, in (w, z) parameters.
+
+    Gains, all positive: `k3` and `mu` in 1/s, `a` (no unit) bounds the part of the reference that
+    steers z, `k4` in N m s, one number or one for each axis. `internal_model` cancels a periodic
+    disturbance; None leaves it out. `attitude_weight` (N m) multiplies the attitude terms of (42),
+    1 as printed. `saturation_width` in [0, 1] rounds the corner of sat and `tilt_width` δ puts
+    |w|² + δ² under the fraction of (41); both are 0 in the printed law.
+    """
+
+    model: RigidBody
+    k3: Float[Array, ""] = eqx.field(converter=as_float)
+    mu: Float[Array, ""] = eqx.field(converter=as_float)
+    a: Float[Array, ""] = eqx.field(converter=as_float)
+    k4: Float[Array, ""] | Float[Array, "2"] = eqx.field(converter=as_float)
+    internal_model: InternalModel | None = None
+    attitude_weight: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
+    saturation_width: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    tilt_width: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self):
+        for name in ("k3", "mu", "a", "k4"):
+            require_positive(name, getattr(self, name))
+        for name in ("attitude_weight", "saturation_width", "tilt_width"):
+            require_positive(name, getattr(self, name), zero_allowed=True)
+
+    def init(self, state: PlantState) -> Memory:
+        """The internal model at rest."""
+        del state
+        return None if self.internal_model is None else self.internal_model.init()
+
+    def is_smooth(self) -> bool:
+        """With both widths above zero."""
+        return all_positive(self.saturation_width, self.tilt_width)
+
+    def relative_reference_rate(self, state: PlantState) -> Float[Array, "2"]:
+        """Equation (40) with the saturation of (41): (ω_r1d, ω_r2d), rad/s.
+
+        ω_r1d = -k3 w1 / (1 + |w|²) + μ sat(q w2, a), ω_r2d = -k3 w2 / (1 + |w|²) - μ sat(q w1, a)
+        with q = (z + ω_r3 / μ) / |w|², and zero for the second term where w = 0.
+        """
+        attitude = state.attitude.as_wz()
+        (w1, w2), z = attitude.w, attitude.z
+        square = w1**2 + w2**2
+        relative_rate3 = self.model.relative_rate(state)[2]
+        divisor = square + self.tilt_width**2
+        q = (z + relative_rate3 / self.mu) / jnp.where(divisor > 0, divisor, 1.0)
+        steer = self.mu * sat(q * jnp.stack([w2, -w1]), self.a, self.saturation_width)
+        return -self.k3 * attitude.w / (1 + square) + steer
+
+    def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
+        """Equation (41): the relative reference plus the orbit frame's own rate, by (11)."""
+        frame_rate = self.model.orbit.frame_rate(state.attitude)
+        return self.relative_reference_rate(state) + frame_rate[:2]
+
+    def feedback(
+        self, state: PlantState, rate_error: Float[Array, "2"], memory: Memory
+    ) -> Float[Array, "2"]:
+        """The right-hand side of (43): attitude terms, -k4 η and the internal model's -k4 dα/dt."""
+        attitude = state.attitude.as_wz()
+        (w1, w2), z = attitude.w, attitude.z
+        square = w1**2 + w2**2
+        attitude_terms = jnp.stack([-w1 * (1 + square) + w2 * z, -w2 * (1 + square) - w1 * z])
+        torque = self.attitude_weight * attitude_terms - self.k4 * rate_error
+        return torque if self.internal_model is None else torque - self.k4 * memory.velocity
+
+    def memory_rate(self, rate_error: Float[Array, "2"], memory: Memory) -> Memory:
+        """The internal model of (42)."""
+        return None if self.internal_model is None else self.internal_model.rate(memory, rate_error)
+
+    def advance(
+        self, rate_error: Float[Array, "2"], memory: Memory, period: Float[Array, ""]
+    ) -> Memory:
+        """The memory after `period` seconds with the rate error held, for sampled use."""
+        if self.internal_model is None:
+            return None
+        return self.internal_model.advance(memory, rate_error, period)
+
+    def lyapunov(
+        self,
+        state: PlantState,
+        memory: Memory,
+        unmodelled: Float[Array, "2"],
+        unmodelled_rate: Float[Array, "2"],
+    ) -> Float[Array, ""]:
+        """V of the proof of (42): V2 + Σ J_i η_i² / 2 + k4 Σ (dθ_i/dt² + Ω_i² θ_i²) / 2.
+
+        θ is the internal model's error: k4 dθ/dt = k4 dα/dt - ξ for the unmodelled torque ξ, and
+        as ξ oscillates at Ω, k4 θ = k4 α + (dξ/dt) / Ω².
+        """
+        attitude = state.attitude.as_wz()
+        error = self.rate_error(state)
+        value = self.attitude_weight * (jnp.sum(attitude.w**2) + attitude.z**2 / 2)
+        value = value + jnp.sum(self.model.spacecraft.moments[:2] * error**2) / 2
+        if self.internal_model is None:
+            return value
+        frequency = self.internal_model.frequency
+        theta = memory.position + unmodelled_rate / (self.k4 * frequency**2)
+        theta_rate = memory.velocity - unmodelled / self.k4
+        return value + jnp.sum(self.k4 * (theta_rate**2 + frequency**2 * theta**2)) / 2

@@ -1,0 +1,104 @@
+"""Torques on the body that no thruster makes, in body axes, N m."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.attitude import AbstractAttitude
+from jaxsat.checks import as_float, require_finite
+
+RealScalar = Float[Array, ""]
+
+
+class AbstractDisturbance(eqx.Module):
+    """A disturbance torque T_d in body axes."""
+
+    @abc.abstractmethod
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """The torque at time `t` (s), N m; `inertia` is the body's true inertia, kg m²."""
+
+
+class NoDisturbance(AbstractDisturbance):
+    """No torque at all."""
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """Zero."""
+        del t, attitude
+        return jnp.zeros(3, inertia.dtype)
+
+
+class PeriodicTorque(AbstractDisturbance):
+    """Equation (2): d_i = amplitude_i sin(frequency_i t + phase_i).
+
+    `amplitude` in N m, `frequency` in rad/s, `phase` in rad, each of shape (3,). The paper has no
+    phase and prints Ω3 where it means Ω2 in d2.
+    """
+
+    amplitude: Float[Array, "3"] = eqx.field(converter=as_float)
+    frequency: Float[Array, "3"] = eqx.field(converter=as_float)
+    phase: Float[Array, "3"] = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
+
+    def __check_init__(self):
+        for name in ("amplitude", "frequency", "phase"):
+            require_finite(name, getattr(self, name))
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """Equation (2)."""
+        del attitude, inertia
+        return self.amplitude * jnp.sin(self.frequency * t + self.phase)
+
+
+class ConstantTorque(AbstractDisturbance):
+    """A torque fixed in body axes (shape (3,), N m), such as that of a leaking valve."""
+
+    torque: Float[Array, "3"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_finite("torque", self.torque)
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """The same torque always."""
+        del t, attitude, inertia
+        return self.torque
+
+
+class GravityGradient(AbstractDisturbance):
+    """Gravity-gradient torque 3 ω0² n × J n, n the direction to the Earth's centre.
+
+    `orbit_rate` is ω0 in rad/s. Hughes, Spacecraft Attitude Dynamics, 1986, section 8.1.
+    """
+
+    orbit_rate: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_finite("orbit_rate", self.orbit_rate)
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """3 ω0² n × J n with n = C (0, 0, 1)ᵀ."""
+        del t
+        nadir = attitude.as_dcm().matrix[:, 2]
+        return 3 * self.orbit_rate**2 * jnp.cross(nadir, inertia @ nadir)
+
+
+class SumOfDisturbances(AbstractDisturbance):
+    """Several disturbances at once."""
+
+    terms: tuple[AbstractDisturbance, ...]
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """The sum of the terms."""
+        return sum((term(t, attitude, inertia) for term in self.terms), jnp.zeros(3, inertia.dtype))

@@ -1,0 +1,68 @@
+"""How a loop is integrated: solver, steps and tolerances, with a default that suits the loop."""
+
+import diffrax
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from jaxsat.checks import as_float, require_positive
+from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop
+
+MAX_STEPS = 2**20
+
+SMALLEST_STEP = 1e-10
+"""Seconds. Far below anything a law resolves, and far above the rounding of a time of 1000 s."""
+
+
+class Method(eqx.Module):
+    """A diffrax solver with its step-size controller.
+
+    Numbers in it are arrays, so changing a tolerance or a step compiles nothing anew.
+    """
+
+    solver: diffrax.AbstractSolver
+    step_size: diffrax.AbstractStepSizeController
+    first_step: Float[Array, ""] | None
+    max_steps: int = eqx.field(static=True, default=MAX_STEPS)
+
+
+def adaptive(
+    rtol: float = 1e-12,
+    atol: float = 1e-12,
+    solver: diffrax.AbstractSolver | None = None,
+    min_step: float | None = None,
+    max_steps: int = MAX_STEPS,
+) -> Method:
+    """Steps chosen to meet tolerances; `min_step` (s) is taken whatever the error there.
+
+    The default solver is Dopri8. A smallest step lets a run pass points where a law has no
+    derivative, such as ω3 = 0 in (38), at the cost of an error of that step's size.
+    """
+    for name, value in (("rtol", rtol), ("atol", atol)):
+        require_positive(name, value)
+    controller = diffrax.PIDController(
+        rtol=as_float(rtol),
+        atol=as_float(atol),
+        dtmin=None if min_step is None else as_float(min_step),
+        force_dtmin=True,
+    )
+    return Method(solver or diffrax.Dopri8(), controller, None, max_steps)
+
+
+def fixed(step: float, solver: diffrax.AbstractSolver | None = None) -> Method:
+    """Equal steps of `step` seconds; the default solver is Dopri5."""
+    require_positive("step", step)
+    return Method(solver or diffrax.Dopri5(), diffrax.ConstantStepSize(), as_float(step))
+
+
+def default_method(loop: AbstractLoop) -> Method:
+    """What suits a loop.
+
+    Printed laws have corners: they get tight adaptive steps, with a smallest step that passes the
+    zero crossings of ω3 in (38). Smooth loops get equal steps of 0.01 s, and sampled loops take
+    their steps from their own period.
+    """
+    if isinstance(loop, ErrorCoordinateLoop):
+        return adaptive(min_step=SMALLEST_STEP)
+    if isinstance(loop, ContinuousLoop) and not loop.controller.is_smooth():
+        return adaptive(min_step=SMALLEST_STEP)
+    return fixed(0.01, diffrax.Dopri8())

@@ -1,0 +1,156 @@
+"""`simulate`: one loop, one start, one result."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
+
+from jaxsat.checks import as_float, concrete
+from jaxsat.dynamics import PlantState
+from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, LoopState, SampledLoop
+from jaxsat.simulation.methods import Method, default_method
+from jaxsat.simulation.trajectory import Outcome, Trajectory
+
+STATE_LIMIT = 1e6
+"""A run ends when a state exceeds this: |w| then means upside down, a rate means divergence."""
+
+
+def simulate(
+    loop: AbstractLoop,
+    start: PlantState,
+    times: Float[Array, " times"],
+    *,
+    method: Method | None = None,
+    adjoint: diffrax.AbstractAdjoint | None = None,
+    state_limit: float = STATE_LIMIT,
+) -> Trajectory:
+    """Run a closed loop from `start` at `times[0]` and save its signals at `times` (s).
+
+    Without a `method` the loop's default is used. `adjoint` chooses how diffrax differentiates
+    (reverse mode with checkpoints unless told otherwise; `diffrax.ForwardMode()` for few gains).
+    A run that fails raises nothing: see `Trajectory.code`. Raises `ValueError` for times that do
+    not increase, or, for a sampled loop, that are not sampling instants.
+    """
+    times = as_float(times)
+    known = concrete(times)
+    if known is not None and (known.ndim != 1 or len(known) < 2 or not np.all(np.diff(known) > 0)):
+        raise ValueError("Argument `times` must be at least two increasing numbers of seconds.")
+    method = default_method(loop) if method is None else method
+    limit = as_float(state_limit)
+    if isinstance(loop, SampledLoop):
+        numbers = sample_numbers(loop, times)
+        samples = int(numbers[-1])
+        return _run_sampled(loop, start, times, numbers, samples, method.solver, limit)
+    if not isinstance(loop, AbstractContinuousLoop):
+        raise TypeError(f"Argument `loop` must be a loop of jaxsat.simulation, got {type(loop)}.")
+    adjoint = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
+    return _run_continuous(loop, start, times, method, adjoint, limit)
+
+
+@eqx.filter_jit
+def _run_continuous(loop, start, times, method, adjoint, limit) -> Trajectory:
+    state = loop.start(start)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(loop),
+        method.solver,
+        t0=times[0],
+        t1=times[-1],
+        dt0=method.first_step,
+        y0=state,
+        saveat=diffrax.SaveAt(
+            subs=[
+                diffrax.SubSaveAt(ts=times, fn=lambda t, y, args: loop.signals(t, y)),
+                diffrax.SubSaveAt(t1=True),
+            ]
+        ),
+        stepsize_controller=method.step_size,
+        max_steps=method.max_steps,
+        adjoint=adjoint,
+        event=diffrax.Event(lambda t, y, args, **_: ~_within(y, limit)),
+        throw=False,
+    )
+    signals, final = solution.ys
+    return Trajectory(
+        times,
+        jax.tree.map(_blank_unreached, signals),
+        jax.tree.map(lambda x: x[0], final),
+        _code(solution.result),
+        solution.stats["num_steps"],
+    )
+
+
+def _within(state: PyTree, limit: Float[Array, ""]) -> Array:
+    """Whether every entry is a number below the limit (NaN fails the comparison)."""
+    return jnp.all(jnp.stack([jnp.all(jnp.abs(x) < limit) for x in jax.tree.leaves(state)]))
+
+
+def _blank_unreached(values: Array) -> Array:
+    """diffrax leaves infinity at times that a run never reached; a person expects NaN."""
+    return jnp.where(jnp.isinf(values), jnp.nan, values)
+
+
+def _code(result: diffrax.RESULTS) -> Int[Array, ""]:
+    known = {
+        Outcome.STATE_LIMIT: diffrax.RESULTS.event_occurred,
+        Outcome.MAX_STEPS: diffrax.RESULTS.max_steps_reached,
+        Outcome.SUCCESS: diffrax.RESULTS.successful,
+    }
+    code = jnp.array(int(Outcome.STEP_UNDERFLOW))
+    for outcome, meaning in known.items():
+        code = jnp.where(result == meaning, int(outcome), code)
+    return code
+
+
+def sample_numbers(loop: SampledLoop, times: Float[Array, " times"]) -> np.ndarray:
+    """Which samples of the loop the times are; raises `ValueError` where one falls between."""
+    period, known = concrete(loop.controller.period), concrete(times)
+    if period is None or known is None:
+        raise ValueError("A sampled loop's period and times must be known before tracing.")
+    numbers = np.rint((known - known[0]) / period).astype(int)
+    if np.abs(numbers * period - (known - known[0])).max() > 1e-6 * period:
+        raise ValueError(f"Argument `times` must fall on multiples of the period {period} s.")
+    return numbers
+
+
+@eqx.filter_jit
+def _run_sampled(loop, start, times, numbers, samples, solver, limit) -> Trajectory:
+    """Scan over the samples; a state past the limit is kept and nothing more is computed on it."""
+
+    def one_period(carry, number):
+        state, code = carry
+        t = times[0] + number * loop.controller.period
+        torque, memory, signals = loop.sample(t, state)
+        plant = _hold(loop, solver, t, state.plant, torque)
+        code = jnp.where(_within((plant, memory), limit), code, int(Outcome.STATE_LIMIT))
+        ended = code != int(Outcome.SUCCESS)
+        following = LoopState(plant, memory)
+        following = jax.tree.map(lambda new, old: jnp.where(ended, old, new), following, state)
+        blank = carry[1] != int(Outcome.SUCCESS)
+        signals = jax.tree.map(lambda x: jnp.where(blank, jnp.nan, x), signals)
+        return (following, code), signals
+
+    first = (loop.start(start), jnp.array(int(Outcome.SUCCESS)))
+    (before_last, code), signals = jax.lax.scan(one_period, first, jnp.arange(samples))
+    (_, code), last = one_period((before_last, code), jnp.array(samples))
+    signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]])[numbers], signals, last)
+    return Trajectory(times, signals, before_last, code, jnp.array(samples * loop.substeps))
+
+
+def _hold(loop, solver, t, state, torque) -> PlantState:
+    """The plant after one period under a held torque."""
+    term = diffrax.ODETerm(loop.plant_rate)
+    step = loop.controller.period / loop.substeps
+    solver_state = solver.init(term, t, t + step, state, torque)
+
+    def substep(number, carry):
+        current, inner = carry
+        begin = t + number * step
+        current, _, _, inner, _ = solver.step(
+            term, begin, begin + step, current, torque, inner, made_jump=False
+        )
+        return current, inner
+
+    end, _ = jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state))
+    return PlantState(end.attitude.normalised(), end.omega)

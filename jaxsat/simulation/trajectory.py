@@ -1,0 +1,66 @@
+"""What a run gives back."""
+
+import enum
+
+import equinox as eqx
+from jaxtyping import Array, Float, Int, PyTree
+
+
+class Outcome(enum.IntEnum):
+    """How a run ended; anything but `SUCCESS` leaves NaN from the end of the run on."""
+
+    SUCCESS = 0
+    STATE_LIMIT = 1
+    MAX_STEPS = 2
+    STEP_UNDERFLOW = 3
+
+    @property
+    def explanation(self) -> str:
+        """One clause for a person."""
+        return _EXPLANATIONS[self]
+
+
+_EXPLANATIONS = {
+    Outcome.SUCCESS: "reached the end",
+    Outcome.STATE_LIMIT: "a state passed its limit or was no number",
+    Outcome.MAX_STEPS: "used up its number of steps",
+    Outcome.STEP_UNDERFLOW: "needed a step below the smallest that time can resolve",
+}
+
+
+class Signals(eqx.Module):
+    """Everything a person may want to see at one instant; body axes, SI units, angles in rad.
+
+    `torque` is what the thrusters make, `rate_error` is η of the active law, `rate_law_active`
+    tells which law of a switching controller is at work (1 for the rate law). With a leading axis
+    it is a history.
+    """
+
+    w: Float[Array, "*times 2"]
+    z: Float[Array, "*times"]
+    quaternion: Float[Array, "*times 4"]
+    omega: Float[Array, "*times 3"]
+    relative_rate: Float[Array, "*times 3"]
+    torque: Float[Array, "*times 3"]
+    disturbance: Float[Array, "*times 3"]
+    rate_error: Float[Array, "*times 2"]
+    lyapunov: Float[Array, "*times"]
+    rate_law_active: Float[Array, "*times"]
+
+
+class Trajectory(eqx.Module):
+    """The history of one run at the times asked for.
+
+    `final` is the loop's own state at the last of these times, from which a run can go on.
+    """
+
+    times: Float[Array, " times"]
+    signals: Signals
+    final: PyTree
+    code: Int[Array, ""]
+    steps: Int[Array, ""]
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the run ended."""
+        return Outcome(int(self.code))

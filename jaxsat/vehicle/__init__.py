@@ -1,0 +1,19 @@
+"""The spacecraft: its inertia, its thrusters and what is left of them after failures."""
+
+from jaxsat.vehicle.actuators import Actuators
+from jaxsat.vehicle.spacecraft import Spacecraft
+from jaxsat.vehicle.thrusters import (
+    Thrusters,
+    allocation,
+    one_thruster_coupling,
+    two_thruster_coupling,
+)
+
+__all__ = [
+    "Actuators",
+    "Spacecraft",
+    "Thrusters",
+    "allocation",
+    "one_thruster_coupling",
+    "two_thruster_coupling",
+]

@@ -1,0 +1,44 @@
+"""The rigid body."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from jaxsat.checks import as_float, require_inertia
+
+
+def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:
+    array = as_float(value)
+    return jnp.diag(array) if array.ndim == 1 else array
+
+
+class Spacecraft(eqx.Module):
+    """A rigid spacecraft with an inertia in body axes, kg m².
+
+    `inertia` is given as three principal moments or as a symmetric positive-definite 3x3 matrix.
+    Raises `ValueError` for anything else. Positive definite is enough for the equations; that the
+    moments also obey the triangle inequality J1 + J2 >= J3, as those of every real body do, is
+    told by `obeys_triangle_inequality`.
+    """
+
+    inertia: Float[Array, "3 3"] = eqx.field(converter=_as_inertia)
+
+    def __check_init__(self):
+        require_inertia("inertia", self.inertia)
+
+    @property
+    def moments(self) -> Float[Array, "3"]:
+        """The diagonal of the inertia, J1, J2, J3 of equation (37), kg m²."""
+        return jnp.diagonal(self.inertia)
+
+    @property
+    def inverse_inertia(self) -> Float[Array, "3 3"]:
+        """Inverse of the inertia by cofactors: cheap inside a loop and free of LAPACK."""
+        a, b, c = self.inertia
+        cofactors = jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
+        return cofactors.T / jnp.dot(a, cofactors[0])
+
+    def obeys_triangle_inequality(self) -> bool:
+        """Whether a body of positive mass density can have this inertia (a tolerance of 1e-9)."""
+        low, middle, high = jnp.linalg.eigvalsh(self.inertia)
+        return bool(low + middle >= high * (1 - 1e-9))

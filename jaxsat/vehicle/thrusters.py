@@ -1,0 +1,108 @@
+"""Thrusters, their torque map (3)-(9), and the failures that take columns out of it."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat.checks import as_float, concrete, require_finite
+
+NORMALISER_FLOOR = 1e-9
+"""Below this the normalisation of (5) or (8) divides by what counts as zero (unit columns)."""
+
+
+class Thrusters(eqx.Module):
+    """Thrusters by the direction of the torque that each makes, equation (3).
+
+    `torque_axes` has shape (3, m): column j holds the direction cosines of thruster j's torque in
+    body axes. Each thruster makes a torque of either sign. Raises `ValueError` for a column that
+    is not finite or is zero; columns are scaled to unit length.
+    """
+
+    torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
+
+    def __init__(self, torque_axes: Float[Array, "3 m"]):
+        axes = as_float(torque_axes)
+        if axes.ndim != 2 or axes.shape[0] != 3:
+            raise ValueError(
+                f"Argument `torque_axes` must have shape (3, m), but got {tuple(axes.shape)}."
+            )
+        require_finite("torque_axes", axes)
+        lengths = jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
+        known = concrete(lengths)
+        if known is not None and not np.all(known > 0):
+            raise ValueError("Argument `torque_axes` must have no zero column, but one is zero.")
+        self.torque_axes = axes / lengths
+
+    @property
+    def count(self) -> int:
+        """How many thrusters there are."""
+        return self.torque_axes.shape[1]
+
+    def torque(self, thrust: Float[Array, "m"]) -> Float[Array, "3"]:
+        """Equations (3), (4), (7): the body torque, N m, of thrusts given as torques, N m."""
+        return self.torque_axes @ thrust
+
+    def without(self, failed: Sequence[int]) -> "Thrusters":
+        """The thrusters that remain when those numbered `failed` (from 1) have failed."""
+        unknown = sorted(set(failed) - set(range(1, self.count + 1)))
+        if unknown:
+            raise ValueError(
+                f"Argument `failed` must name thrusters from 1 to {self.count}, but got {unknown}."
+            )
+        kept = [j for j in range(self.count) if j + 1 not in failed]
+        return Thrusters(self.torque_axes[:, np.array(kept, dtype=int)])
+
+
+def two_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
+    """b1 and b2 of equation (5): the third torque is b1 u1 + b2 u2.
+
+    Raises `ValueError` unless there are two thrusters whose torques about the first two body axes
+    are independent; where they are not, (5) divides by zero although the layout may be sound.
+    """
+    if thrusters.count != 2:
+        raise ValueError(f"b1, b2 of (5) must have two thrusters, but got {thrusters.count}.")
+    upper, third = thrusters.torque_axes[:2], thrusters.torque_axes[2]
+    determinant = upper[0, 0] * upper[1, 1] - upper[1, 0] * upper[0, 1]
+    _require_normaliser(
+        determinant, "b1, b2 of (5) must have cosα1 cosβ2 - cosα2 cosβ1 away from zero"
+    )
+    b1 = third[0] * upper[1, 1] - upper[1, 0] * third[1]
+    b2 = upper[0, 0] * third[1] - third[0] * upper[0, 1]
+    return jnp.stack([b1, b2]) / determinant
+
+
+def one_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
+    """c1 and c2 of equation (8): the torque is u1 (1, c1, c2)ᵀ.
+
+    Raises `ValueError` unless there is one thruster with some torque about the first body axis.
+    """
+    if thrusters.count != 1:
+        raise ValueError(f"c1, c2 of (8) must have one thruster, but got {thrusters.count}.")
+    axis = thrusters.torque_axes[:, 0]
+    _require_normaliser(axis[0], "c1, c2 of (8) must have cosα1 away from zero")
+    return axis[1:] / axis[0]
+
+
+def allocation(thrusters: Thrusters) -> Float[Array, "m 2"]:
+    """Thrusts that make a commanded torque (u1, u2) about the first two body axes.
+
+    With two thrusters the third torque is then b1 u1 + b2 u2, equation (5); with more it is zero.
+    Raises `ValueError` where the thrusters cannot make the two torques independently.
+    """
+    axes = np.asarray(thrusters.torque_axes)
+    rows = axes[:2] if thrusters.count == 2 else axes
+    if np.linalg.matrix_rank(rows, tol=NORMALISER_FLOOR) < rows.shape[0] or thrusters.count < 2:
+        raise ValueError(
+            "The thrusters left must make independent torques about body axes x and y, "
+            f"but their torque axes are the columns of {axes.round(6).tolist()}."
+        )
+    return jnp.asarray(np.linalg.pinv(rows)[:, :2])
+
+
+def _require_normaliser(value: Float[Array, ""], rule: str) -> None:
+    known = concrete(value)
+    if known is not None and abs(known) < NORMALISER_FLOOR:
+        raise ValueError(f"{rule}, but got {float(known):.3g}.")
