@@ -4,10 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import sympy
-from core.strategies import inertias, vectors
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from core.strategies import inertias, vectors
 from jaxsat.vehicle import (
     Actuators,
     Spacecraft,
