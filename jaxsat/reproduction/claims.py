@@ -102,7 +102,8 @@ def _burr(datasets: Datasets) -> Claim:
         "(39), Fig. 4",
         "The torque has a slight burr, caused by the disturbance",
         f"starts at {first[0]:.1f} and {first[1]:.1f} N m; from 20 s to 70 s up to "
-        f"{coarse:.3g} N m saved every 0.1 s and {fine:.3g} N m every 0.001 s, without d3 {quiet:.2g} N m: "
+        f"{coarse:.3g} N m saved every 0.1 s and {fine:.3g} N m every 0.001 s, "
+        f"without d3 {quiet:.2g} N m: "
         + ("spikes without bound where ω3 crosses zero" if grows else "bounded"),
         *_decide(
             not grows and coarse > 2 * quiet,
