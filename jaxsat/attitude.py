@@ -11,7 +11,6 @@ third orbit axis by 180 degrees, and exactly there the conversion gives NaN.
 """
 
 import abc
-from typing import Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -36,7 +35,7 @@ class AbstractAttitude(eqx.Module):
     """An attitude of the body frame relative to the orbit frame."""
 
     @abc.abstractmethod
-    def rate(self, relative_rate: Float[Array, "3"]) -> Self:
+    def rate(self, relative_rate: Float[Array, "3"]) -> "AbstractAttitude":
         """Time derivative of the parameters, for an angular velocity ω_r in body axes, rad/s."""
 
     @abc.abstractmethod
@@ -52,7 +51,7 @@ class AbstractAttitude(eqx.Module):
         """The same attitude as (w, z); NaN exactly upside down."""
 
     @abc.abstractmethod
-    def normalised(self) -> Self:
+    def normalised(self) -> "AbstractAttitude":
         """The same attitude without the drift that numerical integration leaves."""
 
 

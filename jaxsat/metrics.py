@@ -5,7 +5,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float
-from jaxsat.simulation import Signals
 
 
 class Tolerances(eqx.Module):
@@ -24,12 +23,17 @@ def wrapped(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return jnp.mod(angle + jnp.pi, 2 * jnp.pi) - jnp.pi
 
 
-def within(signals: Signals, tolerances: Tolerances) -> Bool[Array, " times"]:
-    """At which times all tolerances are met; never where the run has ended early (NaN)."""
+def within(
+    w: Float[Array, "times 2"],
+    z: Float[Array, " times"],
+    relative_rate: Float[Array, "times 3"],
+    tolerances: Tolerances,
+) -> Bool[Array, " times"]:
+    """At which times all tolerances are met; never where a run has ended early (NaN)."""
     return (
-        (jnp.linalg.norm(signals.w, axis=-1) < tolerances.w)
-        & (jnp.abs(wrapped(signals.z)) < tolerances.z)
-        & (jnp.linalg.norm(signals.relative_rate, axis=-1) < tolerances.relative_rate)
+        (jnp.linalg.norm(w, axis=-1) < tolerances.w)
+        & (jnp.abs(wrapped(z)) < tolerances.z)
+        & (jnp.linalg.norm(relative_rate, axis=-1) < tolerances.relative_rate)
     )
 
 

@@ -9,6 +9,11 @@ from jaxsat.checks import as_float, require_inertia
 
 def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:
     array = as_float(value)
+    if array.shape not in ((3,), (3, 3)):
+        raise ValueError(
+            "Argument `inertia` must be three principal moments or a 3x3 matrix in kg m², "
+            f"but got shape {array.shape}."
+        )
     return jnp.diag(array) if array.ndim == 1 else array
 
 

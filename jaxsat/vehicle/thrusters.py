@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jaxsat.checks import as_float, concrete, require_finite
 
@@ -21,9 +21,9 @@ class Thrusters(eqx.Module):
     is not finite or is zero; columns are scaled to unit length.
     """
 
-    torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
+    torque_axes: Float[Array, "3 m"]
 
-    def __init__(self, torque_axes: Float[Array, "3 m"]):
+    def __init__(self, torque_axes: ArrayLike | list):
         axes = as_float(torque_axes)
         if axes.ndim != 2 or axes.shape[0] != 3:
             raise ValueError(

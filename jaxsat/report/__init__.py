@@ -1,0 +1,1 @@
+"""Pictures of results: datasets in, matplotlib figures out."""

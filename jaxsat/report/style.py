@@ -1,0 +1,47 @@
+"""One look for every figure: readable in grey, by the colour-blind, and in print.
+
+Colours are three of Okabe and Ito's palette whose lightness differs; every line also has its own
+dash pattern, so that no figure depends on colour.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+LINES: tuple[Mapping[str, Any], ...] = tuple(
+    MappingProxyType({"color": color, "linestyle": dash, "linewidth": width})
+    for color, dash, width in (
+        ("#000000", "-", 1.0),
+        ("#D55E00", (0, (6, 2)), 1.2),
+        ("#56B4E9", (0, (1.2, 1.2)), 1.7),
+    )
+)
+
+SETTINGS: Mapping[str, Any] = MappingProxyType(
+    {
+        "font.size": 9,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "grid.color": "#dddddd",
+        "grid.linewidth": 0.6,
+        "legend.frameon": False,
+        "svg.hashsalt": "jaxsat",
+        "svg.fonttype": "path",
+        "figure.dpi": 130,
+    }
+)
+
+
+def panels(count: int, title: str, height: float = 2.1) -> tuple[Figure, list[Axes]]:
+    """A figure with `count` panels above each other that share the time axis, and a title."""
+    with rc_context(dict(SETTINGS)):
+        figure = Figure(figsize=(7.0, height * count + 0.7), layout="constrained")
+        axes = figure.subplots(count, 1, squeeze=False)[:, 0]
+        figure.suptitle(title, fontsize=10, fontweight="bold", x=0.01, ha="left")
+    return figure, list(axes)

@@ -1,0 +1,12 @@
+"""The paper's section 5 run again, and each of its claims held against what comes out.
+
+Wang, Jia, Jin, Xu, Control analysis of an underactuated spacecraft under disturbance,
+Acta Astronautica 83 (2013) 44-53.
+"""
+
+from jaxsat.reproduction.claims import Claim, Verdict, judge
+from jaxsat.reproduction.figures import paper_figures
+from jaxsat.reproduction.runs import RUNS, Run
+from jaxsat.reproduction.table import markdown_table
+
+__all__ = ["RUNS", "Claim", "Run", "Verdict", "judge", "markdown_table", "paper_figures"]

@@ -1,0 +1,54 @@
+"""Which simulations the reproduction needs: library scenarios, with what is changed in them."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+
+class Run(NamedTuple):
+    """A library scenario with overrides in the form the command line takes, and what it is for."""
+
+    scenario: str
+    overrides: tuple[str, ...]
+    purpose: str
+
+
+_NO_D3 = "disturbance.amplitude_N_m=[0.01, 0.02, 0.0]"
+
+RUNS: Mapping[str, Run] = MappingProxyType(
+    {
+        "rate": Run("paper-rate", (), "rate law as printed (Figs. 3, 4)"),
+        "rate-without-d3": Run("paper-rate", (_NO_D3,), "rate law, no disturbance on axis 3"),
+        "rate-fine": Run(
+            "paper-rate",
+            ("simulation.duration_s=70.0", "simulation.save_every_s=0.001"),
+            "rate law, torque looked at 100 times more closely",
+        ),
+        "three-axis": Run(
+            "paper-three-axis",
+            ("simulation.duration_s=1000.0", "simulation.save_every_s=0.5"),
+            "three-axis law, third rate held (Figs. 5-7)",
+        ),
+        "three-axis-no-internal-model": Run(
+            "paper-three-axis",
+            (
+                "simulation.duration_s=1000.0",
+                "simulation.save_every_s=0.5",
+                "control.internal_model=false",
+            ),
+            "the same without the internal model",
+        ),
+        "three-axis-exact": Run(
+            "paper-three-axis",
+            (
+                "simulation.duration_s=1000.0",
+                "simulation.save_every_s=0.5",
+                'orbit.relation="exact"',
+            ),
+            "the same with the exact orbit relation (11)",
+        ),
+        "free": Run("free-third-rate", (), "three-axis law, third rate free"),
+        "free-without-d3": Run("free-third-rate", (_NO_D3,), "the same, no disturbance on axis 3"),
+        "switching": Run("switching", (), "switching between the two laws, third rate free"),
+    }
+)
