@@ -4,15 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jaxsat.checks import as_float
 from jaxsat.vehicle import Thrusters, allocation
 
 
-def working_thrusters(axes: Sequence[Sequence[float]], failed: Sequence[int]) -> Thrusters:
+def working_thrusters(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> Thrusters:
     """What the failures leave of thrusters given as one row of direction cosines each."""
-    return Thrusters(np.array(axes, dtype=float).T).without(failed)  # pyright: ignore
+    return Thrusters(as_float(axes).T).without(failed)
 
 
-def command_map(axes: Sequence[Sequence[float]], failed: Sequence[int]) -> np.ndarray | None:
+def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> np.ndarray | None:
     """Body torque for each unit of commanded torque, (3, 2); None where there is no such map."""
     try:
         thrusters = working_thrusters(axes, failed)

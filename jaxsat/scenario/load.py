@@ -95,7 +95,11 @@ class _Places:
         last_first = self.overrides[::-1]
         for location in (issue.location, *issue.involved):
             for override in last_first:
-                if location[: len(override.path)] == override.path:
+                inside = location[: len(override.path)] == override.path
+                made = (
+                    location not in self.source.lines and location == override.path[: len(location)]
+                )
+                if location and (inside or made):
                     return override
         if issue.missing and issue.location[:1] == ("control",):
             return next((found for found in last_first if found.key == "control.law"), None)

@@ -1,12 +1,11 @@
 """The scenario: everything one run needs, validated once, with units in the names of its keys."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
 from annotated_types import Len
 from pydantic import (
     BaseModel,
-    ModelWrapValidatorHandler,
     TypeAdapter,
     ValidationError,
     model_validator,
@@ -45,7 +44,7 @@ class Scenario(Table):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _all_mistakes_at_once(cls, data: Any, handler: ModelWrapValidatorHandler) -> "Scenario":
+    def _all_mistakes_at_once(cls, data: Any, handler: Callable[[Any], Any]) -> "Scenario":
         if isinstance(data, cls):
             return data
         scenario, issues = None, []
@@ -90,7 +89,7 @@ def readable_values(table: type[BaseModel], data: Any, prefix: str = "") -> dict
             )
         except ValidationError:
             inner = table_at(table, data, (name,))
-            if inner is not None:
+            if inner is not None and isinstance(data[name], Mapping):
                 values.update(readable_values(inner, data[name], f"{prefix}{name}."))
             continue
         if isinstance(value, BaseModel):
