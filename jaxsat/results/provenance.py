@@ -1,0 +1,21 @@
+"""What made a result: versions, machine and time."""
+
+import datetime
+import importlib.metadata
+import platform
+from typing import Any
+
+import jaxsat
+
+PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "numpy")
+
+
+def provenance() -> dict[str, Any]:
+    """Versions of jaxsat and what it computes with, the platform, and the time (UTC, ISO 8601)."""
+    versions = {"jaxsat": jaxsat.__version__, "python": platform.python_version()}
+    versions |= {name: importlib.metadata.version(name) for name in PACKAGES}
+    return {
+        "versions": versions,
+        "platform": platform.platform(),
+        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }

@@ -1,0 +1,51 @@
+"""What is allowed in a scenario and yet is likely a mistake."""
+
+import numpy as np
+
+from jaxsat.scenario.coordinates import inertia_matrix
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.wording import shown
+
+
+def cautions(scenario: Scenario) -> list[Issue]:
+    """Everything about a valid scenario that a person should be told."""
+    return [*_inertia_cautions(scenario), *_law_cautions(scenario)]
+
+
+def _inertia_cautions(scenario: Scenario) -> list[Issue]:
+    found = []
+    believed = getattr(getattr(scenario.control, "model", None), "inertia_kg_m2", None)
+    places = {
+        ("spacecraft", "inertia_kg_m2"): scenario.spacecraft.inertia_kg_m2,
+        ("control", "model", "inertia_kg_m2"): believed,
+    }
+    for location, inertia in places.items():
+        if inertia is not None and not _obeys_triangle_inequality(inertia):
+            found.append(
+                Issue(
+                    location,
+                    "should have no principal moment above the sum of the other two, as no real "
+                    f"body has, got {shown(inertia)}",
+                )
+            )
+    return found
+
+
+def _obeys_triangle_inequality(inertia: tuple) -> bool:
+    low, middle, high = np.linalg.eigvalsh(inertia_matrix(inertia))
+    return bool(low + middle >= high * (1 - 1e-9))
+
+
+def _law_cautions(scenario: Scenario) -> list[Issue]:
+    """The rate law moves ω3 through the gyroscopic torque (J1 - J2) ω1 ω2 alone."""
+    if scenario.control.law not in ("rate", "switching"):
+        return []
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    if inertia[0, 0] != inertia[1, 1]:
+        return []
+    message = (
+        f'should have J1 apart from J2 under the law "{scenario.control.law}", which cannot move '
+        f"ω3 otherwise, got {shown(scenario.spacecraft.inertia_kg_m2)}"
+    )
+    return [Issue(("spacecraft", "inertia_kg_m2"), message)]

@@ -1,0 +1,141 @@
+"""The `[control]` table, one class for each control law."""
+
+from typing import Annotated, Literal
+
+from annotated_types import Le
+from pydantic import Field
+
+from jaxsat.scenario.quantities import (
+    Inertia,
+    NonNegative,
+    Positive,
+    PositiveOrPair,
+    PositivePair,
+    Switch,
+    Switches3,
+    Table,
+    choice,
+    quantity,
+)
+from jaxsat.scenario.tables import Relation
+
+
+class ModelTable(Table):
+    """`[control.model]`: what the controller believes; left out, it equals the plant."""
+
+    inertia_kg_m2: Inertia | None = quantity(
+        "Inertia that the controller believes, in either form of spacecraft.inertia_kg_m2",
+        "kg m²",
+        None,
+    )
+    orbit_rate_rad_s: NonNegative | None = quantity(
+        "Orbital rate that the controller believes", "rad/s", None
+    )
+    orbit_relation: Relation | None = choice("Form of (11) that the controller uses", None)
+
+
+MODEL = choice("What the controller believes of the plant", ModelTable())
+MEASURED = choice(
+    "Axes x, y, z whose periodic disturbance the controller measures and feeds forward",
+    (False, False, False),
+)
+K1 = quantity("Gain of the reference (38)", "√(rad/s)")
+K2 = quantity("Gain of the torque (39)", "1/s")
+OMEGA3_WIDTH = quantity("Rounds √|ω3| of (38) near zero; 0 is the printed law", "rad/s", 0.0)
+K3 = quantity("Gain of the reference (40) on the tilt", "1/s")
+MU = quantity("Gain μ of the reference (40) on the turn", "1/s")
+A = quantity("Bound a of the saturation in (41)", "1")
+K4 = quantity("Gain of (42) on the rate errors: one number, or one for each axis", "N m s")
+INTERNAL_MODEL = choice("Whether the internal model of the disturbance, in (42), is on", True)
+INTERNAL_MODEL_FREQUENCY = quantity(
+    "Frequencies of the internal model; left out, those of the disturbance about x and y",
+    "rad/s",
+    None,
+)
+ATTITUDE_WEIGHT = quantity("Factor on the attitude terms of (42); 1 as printed", "N m", 1.0)
+SATURATION_WIDTH = quantity(
+    "Part of the bound a over which the corner of sat is rounded, 0 (printed) to 1", "1", 0.0
+)
+TILT_WIDTH = quantity("δ in |w|² + δ² under the fraction of (41); 0 as printed", "1", 0.0)
+
+
+class CoastTable(Table):
+    """`law = "coast"`: no control."""
+
+    law: Literal["coast"] = choice("The control law")
+
+
+class RateTable(Table):
+    """`law = "rate"`: angular-velocity stabilisation, (38) and (39)."""
+
+    law: Literal["rate"] = choice("The control law")
+    k1: Positive = K1
+    k2: Positive = K2
+    omega3_width_rad_s: NonNegative = OMEGA3_WIDTH
+    measured_disturbance: Switches3 = MEASURED
+    model: ModelTable = MODEL
+
+
+class ThreeAxisTable(Table):
+    """`law = "three-axis"`: three-axis stabilisation, (40) to (42)."""
+
+    law: Literal["three-axis"] = choice("The control law")
+    k3: Positive = K3
+    mu: Positive = MU
+    a: Positive = A
+    k4: PositiveOrPair = K4
+    internal_model: Switch = INTERNAL_MODEL
+    internal_model_frequency_rad_s: PositivePair | None = INTERNAL_MODEL_FREQUENCY
+    attitude_weight_N_m: NonNegative = ATTITUDE_WEIGHT
+    saturation_width: Annotated[NonNegative, Le(1)] = SATURATION_WIDTH
+    tilt_width: NonNegative = TILT_WIDTH
+    measured_disturbance: Switches3 = MEASURED
+    model: ModelTable = MODEL
+
+
+class SwitchingTable(Table):
+    """`law = "switching"`: the rate law while |ω3| is large, else the three-axis law."""
+
+    law: Literal["switching"] = choice("The control law")
+    k1: Positive = K1
+    k2: Positive = K2
+    k3: Positive = K3
+    mu: Positive = MU
+    a: Positive = A
+    k4: PositiveOrPair = K4
+    upper_threshold_rad_s: Positive = quantity(
+        "The rate law takes over when |ω3| exceeds this", "rad/s"
+    )
+    lower_threshold_rad_s: Positive = quantity(
+        "The three-axis law takes over again when |ω3| falls below this", "rad/s"
+    )
+    period_s: Positive = quantity("Time between two runs of the controller", "s")
+    rate_slope_limit_rad_s2: PositivePair | None = quantity(
+        "Bounds of the rate law's reference derivative; left out, torque limit / J_i",
+        "rad/s²",
+        None,
+    )
+    three_axis_slope_limit_rad_s2: PositivePair | None = quantity(
+        "Bounds of the three-axis law's reference derivative; left out, 5 torque limit / J_i",
+        "rad/s²",
+        None,
+    )
+    omega3_width_rad_s: NonNegative = OMEGA3_WIDTH
+    internal_model: Switch = INTERNAL_MODEL
+    internal_model_frequency_rad_s: PositivePair | None = INTERNAL_MODEL_FREQUENCY
+    attitude_weight_N_m: NonNegative = ATTITUDE_WEIGHT
+    saturation_width: Annotated[NonNegative, Le(1)] = SATURATION_WIDTH
+    tilt_width: NonNegative = TILT_WIDTH
+    measured_disturbance: Switches3 = MEASURED
+    model: ModelTable = MODEL
+
+
+ControlTable = Annotated[
+    CoastTable | RateTable | ThreeAxisTable | SwitchingTable, Field(discriminator="law")
+]
+LAWS: dict[str, type[Table]] = {
+    "coast": CoastTable,
+    "rate": RateTable,
+    "three-axis": ThreeAxisTable,
+    "switching": SwitchingTable,
+}

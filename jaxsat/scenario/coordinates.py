@@ -1,0 +1,73 @@
+"""Where the loop of (43), in error coordinates, holds for a scenario."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from jaxsat.scenario.layout import command_map
+
+Values = Mapping[str, Any]
+"""Scenario values by dotted key."""
+
+ERROR_COORDINATE_KEYS = (
+    "control.law",
+    "spacecraft.inertia_kg_m2",
+    "spacecraft.thruster_torque_axes",
+    "spacecraft.failed_thrusters",
+    "spacecraft.torque_limit_N_m",
+    "orbit.rate_rad_s",
+    "orbit.altitude_km",
+    "orbit.relation",
+)
+"""Keys that `error_coordinate_obstacle` reads of every scenario (and `[control.model]`)."""
+
+
+def is_printed_three_axis(values: Values) -> bool:
+    """Whether the law is (41)-(42) with a corner left in it."""
+    smooth = values.get("control.saturation_width", 0) and values.get("control.tilt_width", 0)
+    return values["control.law"] == "three-axis" and not smooth
+
+
+def error_coordinate_obstacle(values: Values) -> str | None:
+    """Why error coordinates do not hold, as a clause; None where they do."""
+    if values["control.law"] not in ("rate", "three-axis"):
+        return f'the law is "{values["control.law"]}"'
+    if values["spacecraft.torque_limit_N_m"] is not None:
+        return "the torque is limited"
+    inertia = inertia_matrix(values["spacecraft.inertia_kg_m2"])
+    if np.any(inertia != np.diag(np.diag(inertia))):
+        return "the body axes are not principal axes"
+    torque = command_map(
+        values["spacecraft.thruster_torque_axes"], values["spacecraft.failed_thrusters"]
+    )
+    if torque is None or np.abs(torque - np.eye(3)[:, :2]).max() > 1e-12:
+        return "the thrusters do not turn a command into torques about body x and y alone"
+    if not _model_is_plant(values, inertia):
+        return "the controller's model differs from the plant"
+    return None
+
+
+def uses_error_coordinates(values: Values) -> bool:
+    """What `simulation.coordinates` comes to."""
+    asked = values["simulation.coordinates"]
+    if asked != "auto":
+        return asked == "error"
+    return is_printed_three_axis(values) and error_coordinate_obstacle(values) is None
+
+
+def inertia_matrix(inertia: tuple) -> np.ndarray:
+    """The inertia as a matrix, from either of its forms."""
+    array = np.array(inertia)
+    return np.diag(array) if array.ndim == 1 else array
+
+
+def _model_is_plant(values: Values, inertia: np.ndarray) -> bool:
+    believed = values.get("control.model.inertia_kg_m2")
+    if believed is not None and not np.array_equal(inertia_matrix(believed), inertia):
+        return False
+    relation = values.get("control.model.orbit_relation")
+    if relation not in (None, values["orbit.relation"]):
+        return False
+    rate = values.get("control.model.orbit_rate_rad_s")
+    return rate is None or rate == values["orbit.rate_rad_s"]

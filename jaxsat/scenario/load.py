@@ -1,0 +1,173 @@
+"""Reading scenarios: from the library or a file, with overrides, every mistake with its place."""
+
+import re
+import tomllib
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from jaxsat.scenario.cautions import cautions
+from jaxsat.scenario.errors import (
+    Issue,
+    Location,
+    Problem,
+    ScenarioError,
+    ScenarioWarning,
+    key_of,
+)
+from jaxsat.scenario.lines import line_map, nearest_line
+from jaxsat.scenario.overrides import Override, apply_overrides, parse_override
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.wording import suggestion
+
+LARGEST_FILE = 1_000_000
+"""Bytes. No scenario comes near; a file larger than this is something else."""
+
+
+def library() -> dict[str, Traversable]:
+    """The named scenarios that come with jaxsat."""
+    folder = resources.files("jaxsat.scenario") / "library"
+    files = [entry for entry in folder.iterdir() if entry.name.endswith(".toml")]
+    return {entry.name.removesuffix(".toml"): entry for entry in sorted(files, key=str)}
+
+
+def load(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scenario:
+    """The scenario of that name in the library, or of that TOML file.
+
+    `overrides` are texts `KEY=VALUE`, as after `--set`: dotted keys and TOML values (or bare
+    text), checked like the file. An override displaces what the file says to the contrary: the
+    orbit's altitude its rate, another `control.law` the gains of the law before.
+    Raises `ScenarioError` with every problem at once; warns with `ScenarioWarning` of what is
+    allowed but likely a mistake.
+    """
+    source = _read(name_or_path)
+    parsed = [parse_override(text) for text in overrides]
+    problems = [entry for entry in parsed if isinstance(entry, Problem)]
+    applied = [entry for entry in parsed if isinstance(entry, Override)]
+    data, blocked = apply_overrides(source.data, applied)
+    problems += blocked
+    places = _Places(source, applied)
+    try:
+        scenario = Scenario.model_validate(data)
+    except ValidationError as error:
+        issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
+        problems += sorted((places.problem(issue) for issue in issues), key=_order)
+        scenario = None
+    if scenario is None or problems:
+        raise ScenarioError(_unique(problems))
+    for issue in cautions(scenario):
+        warnings.warn(str(places.problem(issue)), ScenarioWarning, stacklevel=2)
+    return scenario
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A TOML file that could be read."""
+
+    name: str
+    data: dict[str, Any]
+    lines: dict[Location, int]
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Where the values of a scenario come from."""
+
+    source: _Source
+    overrides: Sequence[Override] = field(default=())
+
+    def problem(self, issue: Issue) -> Problem:
+        key = key_of(issue.location)
+        override = self._override(issue)
+        if override is not None:
+            return Problem(override.source, issue.message, key)
+        line = nearest_line(self.source.lines, issue.location)
+        return Problem(self.source.name, issue.message, key, line)
+
+    def _override(self, issue: Issue) -> Override | None:
+        """The override to blame: of the key itself, or else of another key in the same rule."""
+        last_first = self.overrides[::-1]
+        for location in (issue.location, *issue.involved):
+            for override in last_first:
+                inside = location[: len(override.path)] == override.path
+                made = (
+                    location not in self.source.lines and location == override.path[: len(location)]
+                )
+                if location and (inside or made):
+                    return override
+        if issue.missing and issue.location[:1] == ("control",):
+            return next((found for found in last_first if found.key == "control.law"), None)
+        return None
+
+
+def _order(problem: Problem) -> tuple[bool, int]:
+    return (problem.line is not None, problem.line or 0)
+
+
+def _unique(problems: Iterable[Problem]) -> list[Problem]:
+    return list(dict.fromkeys(problems))
+
+
+def _read(name_or_path: str | Path) -> _Source:
+    text_name = str(name_or_path)
+    known = library()
+    if isinstance(name_or_path, str) and text_name in known:
+        return _parse(f"{text_name}.toml", known[text_name].read_bytes())
+    path = Path(name_or_path)
+    try:
+        if not path.exists():
+            raise ScenarioError([_unknown_name(text_name, list(known))])
+        if not path.is_file():
+            raise ScenarioError([Problem(text_name, "must be a scenario file, got a folder")])
+        if path.stat().st_size > LARGEST_FILE:
+            message = f"must be a scenario file of at most {LARGEST_FILE} bytes, got more"
+            raise ScenarioError([Problem(text_name, message)])
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        problem = Problem(text_name, f"must be a file that can be read, got: {reason}")
+        raise ScenarioError([problem]) from None
+    return _parse(text_name, content)
+
+
+def _unknown_name(name: str, known: list[str]) -> Problem:
+    if name.endswith(".toml") or "/" in name or "\\" in name:
+        stem = Path(name).stem
+        hint = f" (jaxsat has a scenario {stem})" if stem in known else ""
+        return Problem(name, f"must be a file that exists, got none of that name{hint}")
+    hint = suggestion(name, known)
+    listed = ", ".join(known)
+    message = f"must be a scenario of jaxsat ({listed}) or a TOML file, got neither{hint}"
+    return Problem(name, message)
+
+
+def _parse(name: str, content: bytes) -> _Source:
+    try:
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        found = f"got byte 0x{content[error.start]:02x}"
+        raise ScenarioError([Problem(name, f"must be UTF-8 text, {found}", None, line)]) from None
+    try:
+        data = tomllib.loads(text)
+        lines = line_map(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError([_syntax_problem(name, text, str(error))]) from None
+    except RecursionError:
+        message = "must be valid TOML, got brackets nested too deeply"
+        raise ScenarioError([Problem(name, message, None, 1)]) from None
+    return _Source(name, data, lines)
+
+
+def _syntax_problem(name: str, text: str, message: str) -> Problem:
+    match = re.search(r" \(at (?:line (\d+), column \d+|end of document)\)$", message)
+    what = message[: match.start()] if match else message
+    last = text.rstrip("\n").count("\n") + 1
+    line = int(match.group(1)) if match and match.group(1) else last
+    return Problem(name, f"must be valid TOML, got: {what}", None, min(line, last))

@@ -1,0 +1,147 @@
+"""`--set KEY=VALUE`: values that replace those of a scenario file before it is checked."""
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from jaxsat.scenario.control_tables import LAWS
+from jaxsat.scenario.errors import Problem
+
+ALTERNATIVES: tuple[tuple[frozenset[str], frozenset[str]], ...] = (
+    (frozenset({"orbit.rate_rad_s"}), frozenset({"orbit.altitude_km"})),
+    (frozenset({"initial.w", "initial.z_rad"}), frozenset({"initial.quaternion"})),
+)
+"""Groups of keys that exclude each other: an override of one displaces the file's others."""
+
+ADAPTIVE = frozenset({"rtol", "atol", "min_step_s", "max_steps"})
+FIXED = frozenset({"step_s"})
+
+
+@dataclass(frozen=True)
+class Override:
+    """One `--set`, taken apart."""
+
+    text: str
+    path: tuple[str, ...]
+    value: Any
+
+    @property
+    def source(self) -> str:
+        """How the override is named in messages."""
+        return f"--set {self.text}"
+
+    @property
+    def key(self) -> str:
+        """The dotted key."""
+        return ".".join(self.path)
+
+
+def parse_override(text: str) -> Override | Problem:
+    """Take `KEY=VALUE` apart; a VALUE that is no TOML value is taken as text."""
+    source = f"--set {text}"
+    key, equals, value = text.partition("=")
+    path = _key_path(key.strip())
+    if not equals or path is None:
+        return Problem(source, f'must have the form KEY=VALUE with a dotted key, got "{text}"')
+    return Override(text, path, _toml_or_text(value.strip()))
+
+
+def apply_overrides(
+    data: dict[str, Any], overrides: Iterable[Override]
+) -> tuple[dict[str, Any], list[Problem]]:
+    """The file's data with the overrides in it, and what kept any from being applied."""
+    overrides = list(overrides)
+    problems = []
+    result = _displaced(data, overrides)
+    for override in overrides:
+        blocked = _put(result, override)
+        if blocked is not None:
+            problems.append(
+                Problem(
+                    override.source,
+                    f"must name a key inside a table, got {blocked}, which is none",
+                    override.key,
+                )
+            )
+    return result, problems
+
+
+def _key_path(key: str) -> tuple[str, ...] | None:
+    if "\n" in key or "=" in key or not key:
+        return None
+    try:
+        tables = tomllib.loads(f"{key} = 0")
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return None
+    path = []
+    while isinstance(tables, dict):
+        if len(tables) != 1:
+            return None
+        name, tables = next(iter(tables.items()))
+        path.append(name)
+    return tuple(path)
+
+
+def _toml_or_text(value: str) -> Any:
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return value
+    return parsed["value"] if len(parsed) == 1 else value
+
+
+def _put(data: dict[str, Any], override: Override) -> str | None:
+    table = data
+    for depth, name in enumerate(override.path[:-1], 1):
+        inner = table.setdefault(name, {})
+        if not isinstance(inner, dict):
+            return ".".join(override.path[:depth])
+        table = inner
+    table[override.path[-1]] = override.value
+    return None
+
+
+def _displaced(data: dict[str, Any], overrides: list[Override]) -> dict[str, Any]:
+    """A deep copy of the data without the keys that an override makes void."""
+    given = {override.key: override.value for override in overrides}
+    void: set[str] = set()
+    for one, other in ALTERNATIVES:
+        for mine, excluded in ((one, other), (other, one)):
+            if mine & given.keys():
+                void |= excluded
+    void |= _void_solver_keys(given)
+    void |= _void_law_keys(data, given)
+    return _without(data, void - given.keys())
+
+
+def _void_solver_keys(given: Mapping[str, Any]) -> set[str]:
+    prefix = "simulation.solver."
+    steps = given.get(prefix + "steps")
+    chosen = {key.removeprefix(prefix) for key in given if key.startswith(prefix)}
+    if steps == "fixed" or (steps is None and chosen & FIXED):
+        return {prefix + key for key in (*ADAPTIVE, *(() if steps else ("steps",)))}
+    if steps == "adaptive" or (steps is None and chosen & ADAPTIVE):
+        return {prefix + key for key in (*FIXED, *(() if steps else ("steps",)))}
+    return set()
+
+
+def _void_law_keys(data: Mapping[str, Any], given: Mapping[str, Any]) -> set[str]:
+    """Keys that only other laws have, where the law itself is overridden."""
+    law = given.get("control.law")
+    control = data.get("control")
+    if not isinstance(law, str) or law not in LAWS or not isinstance(control, Mapping):
+        return set()
+    known = LAWS[law].model_fields
+    others = {key for table in LAWS.values() for key in table.model_fields} - set(known)
+    return {f"control.{key}" for key in control if key in others}
+
+
+def _without(data: Any, void: set[str], prefix: str = "") -> Any:
+    if not isinstance(data, Mapping):
+        return data
+    return {
+        key: _without(value, void, f"{prefix}{key}.")
+        for key, value in data.items()
+        if f"{prefix}{key}" not in void
+    }

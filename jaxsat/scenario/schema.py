@@ -1,0 +1,108 @@
+"""The scenario: everything one run needs, validated once, with units in the names of its keys."""
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
+
+from annotated_types import Len
+from pydantic import (
+    BaseModel,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from jaxsat.scenario.checks import broken_rules
+from jaxsat.scenario.control_tables import ControlTable
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.quantities import Table, Text, choice
+from jaxsat.scenario.tables import (
+    DisturbanceTable,
+    InitialTable,
+    OrbitTable,
+    SimulationTable,
+    SpacecraftTable,
+)
+from jaxsat.scenario.wording import issue_of, table_at
+
+
+class Scenario(Table):
+    """One spacecraft, its control law and one run of them.
+
+    Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries
+    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.load` turns them into lines of the file.
+    """
+
+    title: Annotated[Text, Len(1)] = choice("One line for a person")
+    description: Text = choice("What the scenario shows", "")
+    spacecraft: SpacecraftTable = choice("The rigid body and its thrusters")
+    orbit: OrbitTable = choice("The circular orbit")
+    disturbance: DisturbanceTable = choice("Disturbance torques", DisturbanceTable())
+    initial: InitialTable = choice("The state at the start")
+    control: ControlTable = choice("The control law")
+    simulation: SimulationTable = choice("How to integrate and what to save")
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _all_mistakes_at_once(cls, data: Any, handler: Callable[[Any], Any]) -> "Scenario":
+        if isinstance(data, cls):
+            return data
+        scenario, issues = None, []
+        try:
+            scenario = handler(data)
+            values = flattened(scenario)
+        except ValidationError as error:
+            found = [issue_of(cls, data, line) for line in error.errors()]
+            issues = [issue for issue in found if issue is not None]
+            values = readable_values(cls, data)
+        issues = [*issues, *broken_rules(values)]
+        if scenario is None or issues:
+            lines = [_error_details(issue) for issue in issues]
+            raise ValidationError.from_exception_data("Scenario", lines)
+        return scenario
+
+
+def flattened(table: BaseModel, prefix: str = "") -> dict[str, Any]:
+    """Values by dotted key, those of tables inside tables included."""
+    values: dict[str, Any] = {}
+    for name in type(table).model_fields:
+        value = getattr(table, name)
+        if isinstance(value, BaseModel):
+            values.update(flattened(value, f"{prefix}{name}."))
+        else:
+            values[prefix + name] = value
+    return values
+
+
+def readable_values(table: type[BaseModel], data: Any, prefix: str = "") -> dict[str, Any]:
+    """The values that are valid in themselves of a table that as a whole is not."""
+    values: dict[str, Any] = {}
+    for name, field in table.model_fields.items():
+        present = isinstance(data, Mapping) and name in data
+        if not present and field.is_required():
+            continue
+        try:
+            value = (
+                TypeAdapter(Annotated[field.annotation, field]).validate_python(data[name])
+                if present
+                else field.get_default()
+            )
+        except ValidationError:
+            inner = table_at(table, data, (name,))
+            if inner is not None and isinstance(data[name], Mapping):
+                values.update(readable_values(inner, data[name], f"{prefix}{name}."))
+            continue
+        if isinstance(value, BaseModel):
+            values.update(flattened(value, f"{prefix}{name}."))
+        else:
+            values[prefix + name] = value
+    return values
+
+
+def _error_details(issue: Issue) -> InitErrorDetails:
+    context = {"message": issue.message, "issue": issue}
+    return InitErrorDetails(
+        type=PydanticCustomError("scenario", "{message}", context),
+        loc=issue.location,
+        input=None,
+    )

@@ -1,0 +1,130 @@
+"""The tables of a scenario file apart from `[control]`."""
+
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+
+from jaxsat.scenario.quantities import (
+    Inertia,
+    NonNegative,
+    Number,
+    Positive,
+    Switch,
+    Table,
+    TorqueAxes,
+    UnitQuaternion,
+    Vector2,
+    Vector3,
+    Whole,
+    choice,
+    quantity,
+)
+
+Relation = Literal["exact", "small-angle"]
+SolverName = Literal["euler", "midpoint", "heun", "ralston", "bosh3", "tsit5", "dopri5", "dopri8"]
+ZERO = (0.0, 0.0, 0.0)
+
+
+class SpacecraftTable(Table):
+    """`[spacecraft]`: the rigid body, its thrusters and their failures."""
+
+    inertia_kg_m2: Inertia = quantity(
+        "Inertia in body axes: three principal moments, or three rows of a symmetric positive "
+        "definite matrix",
+        "kg m²",
+    )
+    thruster_torque_axes: TorqueAxes = quantity(
+        "One row a thruster: direction cosines of its torque in body axes, (3) of the paper; "
+        "each thruster makes a torque of either sign",
+        "1",
+    )
+    failed_thrusters: tuple[Annotated[Whole, Ge(1)], ...] = quantity(
+        "Numbers, from 1, of the thrusters that have failed", "1", ()
+    )
+    torque_limit_N_m: Positive | None = quantity(
+        "Largest torque of each thruster; left out, it is unlimited", "N m", None
+    )
+    third_rate: Literal["free", "held"] = choice(
+        'Whether ω3 moves as (37) has it ("free") or an ideal torque holds it at zero ("held")',
+        "free",
+    )
+
+
+class OrbitTable(Table):
+    """`[orbit]`: the circular orbit, by rate or by altitude."""
+
+    rate_rad_s: NonNegative | None = quantity("Orbital rate ω0", "rad/s", None)
+    altitude_km: Positive | None = quantity(
+        "Altitude above the Earth's equator, for the two-body rate", "km", None
+    )
+    relation: Relation = choice(
+        'How the orbit frame\'s rate enters (11): "exact", or "small-angle" with C_bo ≈ I',
+        "exact",
+    )
+
+
+class DisturbanceTable(Table):
+    """`[disturbance]`: torques that no thruster makes."""
+
+    amplitude_N_m: Vector3 = quantity("Amplitudes of the periodic torque (2)", "N m", ZERO)
+    frequency_rad_s: Vector3 = quantity("Frequencies Ω of the periodic torque (2)", "rad/s", ZERO)
+    phase_rad: Vector3 = quantity("Phases of the periodic torque", "rad", ZERO)
+    constant_N_m: Vector3 = quantity("Torque fixed in body axes", "N m", ZERO)
+    gravity_gradient: Switch = choice("Whether the gravity-gradient torque acts", False)
+
+
+class InitialTable(Table):
+    """`[initial]`: the state at the start, the attitude as (w, z) or as a quaternion."""
+
+    w: Vector2 | None = quantity(
+        "Tilt relative to the orbit frame, Tsiotras-Longuski parameters w1, w2", "1", None
+    )
+    z_rad: Number | None = quantity("Turn about the third axis", "rad", None)
+    quaternion: UnitQuaternion | None = quantity(
+        "Unit quaternion from orbit to body frame, scalar first", "1", None
+    )
+    omega_rad_s: Vector3 = quantity("Inertial angular velocity in body axes", "rad/s")
+
+
+class SolverTable(Table):
+    """`[simulation.solver]`: how the loop is integrated; left out, what suits the loop."""
+
+    name: SolverName | None = choice("Explicit Runge-Kutta solver of diffrax", None)
+    steps: Literal["adaptive", "fixed"] | None = choice(
+        "Steps chosen to meet tolerances, or all equal", None
+    )
+    rtol: Positive | None = quantity("Relative tolerance of adaptive steps", "1", None)
+    atol: Positive | None = quantity(
+        "Absolute tolerance of adaptive steps, in the unit of each state", "1", None
+    )
+    min_step_s: Positive | None = quantity(
+        "Smallest adaptive step, taken whatever the error there", "s", None
+    )
+    max_steps: Annotated[Whole, Ge(1), Le(2**31 - 1)] | None = quantity(
+        "Most steps of a run with adaptive steps", "1", None
+    )
+    step_s: Positive | None = quantity("Size of fixed steps", "s", None)
+    substeps: Annotated[Whole, Ge(1), Le(10000)] | None = quantity(
+        "Equal steps in each period of a sampled control law", "1", None
+    )
+
+
+class SimulationTable(Table):
+    """`[simulation]`: how long, what to save, and in which form the loop is integrated."""
+
+    duration_s: Positive = quantity("Simulated time", "s")
+    save_every_s: Annotated[Positive, Le(1)] = quantity(
+        "Time between saved samples, at most 1", "s", 1.0
+    )
+    attitude: Literal["wz", "quaternion"] = choice(
+        "Attitude parameters that are integrated", "quaternion"
+    )
+    coordinates: Literal["auto", "error", "torque"] = choice(
+        'Integrate the rate errors as in (43) ("error") or the rates under the torque ("torque"); '
+        '"auto" takes error coordinates for the printed three-axis law where they hold',
+        "auto",
+    )
+    seed: Annotated[Whole, Ge(0), Le(2**63 - 1)] = quantity(
+        "Seed of everything random; recorded with the results", "1", 0
+    )
+    solver: SolverTable = choice("Solver, steps and tolerances", SolverTable())

@@ -1,0 +1,66 @@
+"""Writing values and nested tables as TOML."""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_ESCAPES = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\f": "\\f", "\r": "\\r"}
+
+
+def toml_value(value: Any) -> str:
+    """A value of a TOML document: text, number, truth value, array or table on one line."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, float) and math.isnan(value):
+        return "nan"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, Mapping):
+        pairs = (f"{toml_key(key)} = {toml_value(entry)}" for key, entry in value.items())
+        return "{" + ", ".join(pairs) + "}"
+    return str(value)  # dates and times, which no scenario key takes
+
+
+def toml_key(key: str) -> str:
+    """A key, quoted where it needs to be."""
+    return key if _BARE_KEY.fullmatch(key) else _text(key)
+
+
+def toml_document(tables: Mapping[str, Any], prefix: tuple[str, ...] = ()) -> str:
+    """Nested tables as a document; keys whose value is None and empty tables are left out."""
+    plain = {k: v for k, v in tables.items() if v is not None and not isinstance(v, Mapping)}
+    lines = [f"{toml_key(key)} = {_long(value)}" for key, value in plain.items()]
+    if prefix and lines:
+        lines.insert(0, f"[{'.'.join(map(toml_key, prefix))}]")
+    blocks = ["\n".join(lines) + "\n"] if lines else []
+    for key, value in tables.items():
+        if isinstance(value, Mapping):
+            block = toml_document(value, (*prefix, key))
+            blocks += [block] if block else []
+    return "\n".join(blocks)
+
+
+def _long(value: Any) -> str:
+    """Text of several lines keeps them; everything else goes on one line."""
+    if isinstance(value, str) and "\n" in value:
+        return '"""\n' + "\n".join(_escaped(line) for line in value.split("\n")) + '"""'
+    return toml_value(value)
+
+
+def _text(value: str) -> str:
+    return '"' + _escaped(value).replace("\n", "\\n") + '"'
+
+
+def _escaped(value: str) -> str:
+    return "".join(_ESCAPES.get(character) or _visible(character) for character in value)
+
+
+def _visible(character: str) -> str:
+    code = ord(character)
+    return f"\\u{code:04x}" if (code < 0x20 and character != "\n") or code == 0x7F else character

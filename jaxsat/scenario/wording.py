@@ -1,0 +1,185 @@
+"""What pydantic finds, in the words of a scenario file: "must …, got …, did you mean …?"."""
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+from jaxsat.scenario.control_tables import LAWS
+from jaxsat.scenario.errors import Issue, Location, entry_of
+from jaxsat.scenario.toml_text import toml_value
+
+LONGEST_SHOWN = 60
+
+
+def shown(value: Any) -> str:
+    """A value as it stands in the file, shortened."""
+    text = toml_value(value)
+    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 1] + "…"
+
+
+def suggestion(word: str, choices: Iterable[str]) -> str:
+    """`, did you mean …?` for the choice closest to a misspelt word, or nothing."""
+    choices = list(choices)
+    close = [choice for choice in choices if len(word) > 2 and choice.startswith(word)]
+    close = close or difflib.get_close_matches(word.lower(), choices, 1, 0.6)
+    return f", did you mean {close[0]}?" if close else ""
+
+
+def table_at(root: type[BaseModel], data: Any, location: Location) -> type[BaseModel] | None:
+    """The table class that a location names, following `control.law`."""
+    table: type[BaseModel] | None = root
+    for part in location:
+        field = table.model_fields.get(part) if table and isinstance(part, str) else None
+        data = data.get(part) if isinstance(data, Mapping) else None
+        table = _table_class(field.annotation, data) if field else None
+    return table
+
+
+def _table_class(annotation: Any, data: Any) -> type[BaseModel] | None:
+    options = [annotation, *get_args(annotation)]
+    tables = [option for option in options if _is_table(option)]
+    if len(tables) > 1:  # the laws, told apart by their name
+        law = data.get("law") if isinstance(data, Mapping) else None
+        return LAWS.get(law) if isinstance(law, str) else None
+    return tables[0] if tables else None
+
+
+def _is_table(option: Any) -> bool:
+    return isinstance(option, type) and issubclass(option, BaseModel)
+
+
+def known_location(data: Any, raw: Location, missing: bool) -> Location:
+    """A pydantic location without the labels it adds for the members of a union."""
+    parts: list[str | int] = []
+    for position, part in enumerate(raw):
+        last = position == len(raw) - 1
+        known = isinstance(data, Mapping) and part in data
+        if isinstance(data, list | tuple):
+            known = isinstance(part, int) and part < len(data)
+        if known:
+            data = data[part]
+        elif not (missing and last):
+            continue
+        parts.append(part)
+    return tuple(parts)
+
+
+def issue_of(root: type[BaseModel], data: Any, error: Mapping[str, Any]) -> Issue | None:
+    """An error of pydantic as an issue; None for one that only repeats another."""
+    kind, value, bounds = error["type"], error["input"], error.get("ctx", {})
+    if kind == "too_short" and len(value) >= bounds["min_length"]:
+        return None  # pydantic does not count the entries that it has complained about
+    missing = kind == "missing"
+    location = known_location(data, error["loc"], missing)
+    if kind == "union_tag_not_found":
+        return Issue((*location, "law"), f"must be one of {_listed(LAWS)}, got nothing", (), True)
+    if kind == "union_tag_invalid":
+        return Issue((*location, "law"), _choice_message(value.get("law"), LAWS))
+    if kind == "extra_forbidden":
+        return Issue(location, _unknown_key(root, data, location))
+    if kind == "literal_error":
+        choices = re.findall(r"'([^']*)'", bounds["expected"])
+        return Issue(location, _choice_message(value, choices))
+    if kind == "value_error":
+        return Issue(location, _from_core(str(bounds["error"]), value))
+    unit = _unit(root, data, location)
+    if missing:
+        return Issue(location, f"must be given{unit and f' in {unit}'}, got nothing", (), True)
+    rule = _rule(kind, bounds, unit)
+    if rule is None:
+        rule = error["msg"][0].lower() + error["msg"][1:]
+    return Issue(location, f"must {rule}, got {shown(value)}{entry_of(location)}")
+
+
+def _rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str | None:
+    in_unit = f" in {unit}" if unit else ""
+    match kind:
+        case "float_type" | "float_parsing":
+            return f"be a number{in_unit}"
+        case "finite_number":
+            return f"be a finite number{in_unit}"
+        case "greater_than":
+            return f"be greater than {bounds['gt']:g}{unit and ' ' + unit}"
+        case "greater_than_equal":
+            return f"be at least {bounds['ge']:g}{unit and ' ' + unit}"
+        case "less_than_equal":
+            return f"be at most {bounds['le']:g}{unit and ' ' + unit}"
+        case "too_short" | "too_long":
+            return _length_rule(kind, bounds, unit)
+        case "tuple_type":
+            return f"be a list{in_unit}"
+        case "int_type" | "int_parsing" | "int_from_float" | "int_parsing_size":
+            return "be a whole number"
+        case "bool_type" | "bool_parsing":
+            return "be true or false"
+        case "string_type":
+            return "be text in quotes"
+        case "string_too_short":
+            return "not be empty"
+        case "model_type" | "model_attributes_type" | "dict_type":
+            return "be a table"
+    return None
+
+
+def _length_rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str:
+    wanted = bounds["min_length"] if kind == "too_short" else bounds["max_length"]
+    of = f" in {unit}" if unit else ""
+    return f"have {wanted} {'entry' if wanted == 1 else 'entries'}{of}"
+
+
+def _unit(root: type[BaseModel], data: Any, location: Location) -> str:
+    names = tuple(part for part in location if isinstance(part, str))
+    table = table_at(root, data, names[:-1])
+    field = table.model_fields.get(names[-1]) if table and names else None
+    extra = field.json_schema_extra if field else None
+    unit = extra.get("unit") if isinstance(extra, dict) else None
+    return unit if isinstance(unit, str) and unit != "1" else ""
+
+
+def _choice_message(value: Any, choices: Iterable[str]) -> str:
+    choices = list(choices)
+    hint = suggestion(value, choices) if isinstance(value, str) else ""
+    return f"must be one of {_listed(choices)}, got {shown(value)}{hint}"
+
+
+def _listed(choices: Iterable[str]) -> str:
+    return ", ".join(f'"{choice}"' for choice in choices)
+
+
+def _from_core(text: str, value: Any) -> str:
+    """A message of jaxsat's own constructors, without the name of their argument."""
+    text = re.sub(r"^Argument `\w+` ", "", text).rstrip(".")
+    text = text.replace(", but got ", ", got ").replace(", but ", ", got one where ")
+    return text if ", got " in text else f"{text}, got {shown(value)}"
+
+
+def _unknown_key(root: type[BaseModel], data: Any, location: Location) -> str:
+    *parents, name = [str(part) for part in location]
+    table = table_at(root, data, tuple(parents))
+    known = list(table.model_fields) if table else []
+    place = f"[{'.'.join(parents)}]" if parents else "the scenario"
+    message = f"must be one of the keys of {place} ({', '.join(known)}), got {shown(name)}"
+    return message + (suggestion(name, known) or _elsewhere(root, name, parents))
+
+
+def _elsewhere(root: type[BaseModel], name: str, parents: list[str]) -> str:
+    if parents[:1] == ["control"]:
+        laws = [law for law, table in LAWS.items() if name in table.model_fields]
+        if laws:
+            return f" (a key of the law {_listed(laws)})"
+    places = [".".join(path) for path in dotted_keys(root) if path[-1] == name and len(path) > 1]
+    return f", did you mean {places[0]}?" if places else ""
+
+
+def dotted_keys(root: type[BaseModel]) -> list[tuple[str, ...]]:
+    """Every key of a table class and the tables inside it."""
+    found: dict[tuple[str, ...], None] = {}
+    for name, field in root.model_fields.items():
+        found[(name,)] = None
+        for option in [field.annotation, *get_args(field.annotation)]:
+            if _is_table(option):
+                found.update({(name, *rest): None for rest in dotted_keys(option)})
+    return list(found)
