@@ -81,6 +81,8 @@ class OutputFolder:
         while not parent.exists():
             self._new_parents.append(parent)
             parent = parent.parent
+        if not parent.is_dir():
+            raise OutputError(f"{parent} is a file; give another folder with --out.")
         self.target.parent.mkdir(parents=True, exist_ok=True)
         prefix = f".{self.target.name}.partial-"
         self.path = Path(tempfile.mkdtemp(prefix=prefix, dir=self.target.parent))

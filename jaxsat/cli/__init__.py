@@ -1,0 +1,5 @@
+"""The command line: one file a command; JAX is imported only when a command runs."""
+
+from jaxsat.cli.app import main
+
+__all__ = ["main"]

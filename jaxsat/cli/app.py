@@ -1,0 +1,89 @@
+"""The entry point: commands, exit statuses and interruption."""
+
+import os
+import signal
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError, UnusedCliTokensError
+
+import jaxsat
+from jaxsat.cli.scenarios import scenarios
+from jaxsat.cli.simulate import simulate
+from jaxsat.cli.terminal import (
+    INTERRUPTED,
+    TERMINATED,
+    USER_MISTAKE,
+    UserMistake,
+    make_streams_safe,
+    report,
+    report_mistake,
+)
+
+app = App(
+    name="jaxsat",
+    version=jaxsat.__version__,
+    help="Simulate and tune spacecraft that have lost thrusters.",
+    help_format="plaintext",
+    suppress_keyboard_interrupt=False,
+)
+app.command(simulate)
+app.command(scenarios)
+
+
+class _Terminated(BaseException):
+    """SIGTERM, turned into an exception so that temporary files are removed."""
+
+
+def main(tokens: Sequence[str] | None = None) -> None:
+    """Run the command line and exit: 0 done, 1 a failed run, 2 a mistake of the user."""
+    make_streams_safe()
+    signal.signal(signal.SIGTERM, _raise_terminated)
+    status = _status(tokens)
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _silence_stdout()
+    if status in (INTERRUPTED, TERMINATED):
+        os._exit(status)  # a computation may still hold a thread
+    sys.exit(status)
+
+
+def _status(tokens: Sequence[str] | None) -> int:
+    try:
+        result = app(
+            tokens,
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_value",
+        )
+    except UnusedCliTokensError as mistake:
+        extra = " ".join(mistake.unused_tokens or ())
+        report(f"must be given without {extra} (each KEY=VALUE follows a --set of its own)")
+        return USER_MISTAKE
+    except CycloptsError as mistake:
+        report(f"{mistake}\nsee `jaxsat --help` and `jaxsat COMMAND --help`")
+        return USER_MISTAKE
+    except UserMistake as mistake:
+        report_mistake(mistake)
+        return USER_MISTAKE
+    except KeyboardInterrupt:
+        report("interrupted; nothing was written")
+        return INTERRUPTED
+    except _Terminated:
+        report("terminated; nothing was written")
+        return TERMINATED
+    except BrokenPipeError:
+        _silence_stdout()
+        return 0
+    return result if isinstance(result, int) else 0
+
+
+def _raise_terminated(number: int, frame: object) -> None:
+    del number, frame
+    raise _Terminated
+
+
+def _silence_stdout() -> None:
+    """Whoever read the output has gone: what is left of it goes nowhere, without complaint."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,46 @@
+"""Computing under the command line: 64-bit floats, and Ctrl-C that works while XLA runs."""
+
+import contextlib
+import importlib
+import threading
+from collections.abc import Callable
+from typing import TypeVar
+
+Result = TypeVar("Result")
+
+
+def use_double_precision() -> None:
+    """Switch JAX to 64-bit floats, as every command that computes does first."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+
+
+def interruptibly(work: Callable[[], Result]) -> Result:
+    """Do the work in a thread, so that a signal need not wait for compiled code to return."""
+    outcome: list[Result] = []
+    failure: list[BaseException] = []
+
+    def target() -> None:
+        try:
+            outcome.append(work())
+        except BaseException as error:
+            failure.append(error)
+
+    thread = threading.Thread(target=target, daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(0.1)
+    if failure:
+        raise failure[0]
+    return outcome[0]
+
+
+def in_background(module: str) -> None:
+    """Import a slow module while something else compiles."""
+
+    def target() -> None:
+        with contextlib.suppress(ImportError):  # told when the module is really needed
+            importlib.import_module(module)
+
+    threading.Thread(target=target, daemon=True).start()

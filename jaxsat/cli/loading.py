@@ -1,0 +1,25 @@
+"""Scenarios for the commands: mistakes and warnings as lines on standard error."""
+
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from jaxsat.cli.terminal import UserMistake, report
+
+if TYPE_CHECKING:
+    from jaxsat.scenario import Scenario
+
+
+def load_or_explain(name_or_path: str, overrides: Sequence[str] = ()) -> "Scenario":
+    """The scenario; raises `UserMistake` with every problem of it."""
+    from jaxsat.scenario import ScenarioError, ScenarioWarning, load
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ScenarioWarning)
+        try:
+            scenario = load(name_or_path, overrides)
+        except ScenarioError as error:
+            raise UserMistake(str(error), located=True) from None
+    for warning in caught:
+        report(f"{warning.message}", "warning: ")
+    return scenario

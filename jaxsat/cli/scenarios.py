@@ -1,0 +1,82 @@
+"""`jaxsat scenarios`: what is in the library, what a scenario file may say, whether it is right."""
+
+import json
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.terminal import SUCCESS, USER_MISTAKE, UserMistake, console, report_mistake
+
+scenarios = App(name="scenarios", help="List, show and check scenarios.", help_format="plaintext")
+
+
+@scenarios.command(name="list")
+def list_scenarios() -> int:
+    """List the scenarios that come with jaxsat."""
+    from jaxsat.scenario import library
+
+    names = library()
+    width = max(map(len, names))
+    for name in names:
+        console().print(f"{name:<{width}}  {load_or_explain(name).title}")
+    return SUCCESS
+
+
+@scenarios.command
+def show(name: str, /) -> int:
+    """Print a scenario of the library as a TOML file, to read or to start from.
+
+    Parameters
+    ----------
+    name
+        One of the names that `jaxsat scenarios list` gives.
+    """
+    from jaxsat.scenario import library
+    from jaxsat.scenario.wording import suggestion
+
+    names = library()
+    if name not in names:
+        hint = suggestion(name, names)
+        raise UserMistake(
+            f"{name}: must be a scenario of jaxsat ({', '.join(names)}), got another name{hint}"
+        )
+    print(names[name].read_text(encoding="utf-8"), end="")
+    return SUCCESS
+
+
+@scenarios.command
+def schema() -> int:
+    """Print the JSON Schema of scenario files, with the unit of every quantity."""
+    from jaxsat.scenario import json_schema
+
+    print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+    return SUCCESS
+
+
+@scenarios.command
+def check(
+    *files: str,
+    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+) -> int:
+    """Check scenario files and tell every mistake in them.
+
+    Parameters
+    ----------
+    files
+        TOML files, or names from the library.
+    overrides
+        KEY=VALUE to put in place of what the files say, as for `jaxsat simulate`.
+    """
+    if not files:
+        raise UserMistake("scenarios check: must be given at least one file, got none")
+    status = SUCCESS
+    for file in files:
+        try:
+            scenario = load_or_explain(file, overrides)
+        except UserMistake as mistake:
+            report_mistake(mistake)
+            status = USER_MISTAKE
+        else:
+            console().print(f"{file}: all right ({scenario.title})")
+    return status

@@ -1,0 +1,119 @@
+"""`jaxsat simulate`: run one scenario and write what came out of it."""
+
+import json
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
+from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.summary import failure_advice, print_summary
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, console, report
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from jaxsat.scenario import Scenario
+
+
+def simulate(
+    scenario: str,
+    /,
+    *,
+    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+    out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    quiet: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Simulate a scenario and write its trajectory, figures and settings to a folder.
+
+    Parameters
+    ----------
+    scenario
+        A name from `jaxsat scenarios list`, or a TOML file.
+    overrides
+        KEY=VALUE to put in place of what the scenario says, such as control.k3=0.07; may be
+        given several times.
+    out
+        Folder to write to; jaxsat-NAME in the current folder if left out.
+    overwrite
+        Replace the folder if jaxsat wrote it before.
+    quiet
+        Print nothing unless something is wrong.
+    """
+    chosen = load_or_explain(scenario, overrides)
+    target = Path(f"jaxsat-{Path(scenario).stem}") if out is None else out
+
+    from jaxsat.results import OutputError, OutputFolder
+
+    try:
+        with OutputFolder(target, overwrite=overwrite) as folder:
+            use_double_precision()
+            with console(error=True).status(f"simulating {scenario}"):
+                in_background("jaxsat.report.figures")
+                dataset, seconds = interruptibly(lambda: _run(chosen))
+                interruptibly(lambda: _write(folder.path, chosen, dataset))
+            files = sorted(entry.name for entry in folder.path.iterdir())
+    except OutputError as error:
+        raise UserMistake(str(error)) from None
+    if not quiet:
+        print_summary(dataset, scenario, seconds, target, files)
+    if dataset.attrs["outcome_code"] == 0:
+        return SUCCESS
+    report(f"{failure_advice(dataset)}; what there is was written to {target}")
+    return FAILED_RUN
+
+
+def _run(scenario: "Scenario") -> tuple["xr.Dataset", float]:
+    """The trajectory as a dataset, and the seconds that it took."""
+    from jaxsat.results import trajectory_dataset
+    from jaxsat.scenario import build, dump
+
+    begin = time.perf_counter()
+    trajectory = build(scenario).simulate()
+    dataset = trajectory_dataset(
+        trajectory,
+        title=scenario.title,
+        scenario=dump(scenario),
+        seed=scenario.simulation.seed,
+    )
+    return dataset, time.perf_counter() - begin
+
+
+def _write(folder: Path, scenario: "Scenario", dataset: "xr.Dataset") -> None:
+    from jaxsat.results import save_trajectory
+
+    (folder / "scenario.toml").write_text(dataset.attrs["scenario"], encoding="utf-8")
+    record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
+    (folder / "run.json").write_text(record + "\n", encoding="utf-8")
+    save_trajectory(dataset, folder / "trajectory.nc")
+    _write_figures(folder, dataset)
+
+
+def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
+    """What a person needs to make the same run again."""
+    from jaxsat.results import provenance
+
+    return {
+        "title": scenario.title,
+        "command": shlex.join(["jaxsat", *sys.argv[1:]]),
+        "outcome": dataset.attrs["outcome"],
+        "seed": scenario.simulation.seed,
+        **provenance(),
+    }
+
+
+def _write_figures(folder: Path, dataset: "xr.Dataset") -> None:
+    """Every figure as PNG and as SVG, without a date so that equal runs give equal files."""
+    from matplotlib import rc_context
+
+    from jaxsat.report.figures import trajectory_figures
+
+    with rc_context({"svg.hashsalt": "jaxsat"}):  # names inside the SVG are random otherwise
+        for name, figure in trajectory_figures(dataset).items():
+            figure.savefig(folder / f"{name}.png", metadata={"Software": None})
+            figure.savefig(folder / f"{name}.svg", metadata={"Date": None})

@@ -1,0 +1,85 @@
+"""What a person is told of a run."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jaxsat.cli.terminal import console
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+
+ADVICE = {
+    "STATE_LIMIT": 'check gains and initial state, and use simulation.attitude = "quaternion" '
+    "where the body turns upside down",
+    "MAX_STEPS": "raise simulation.solver.max_steps, loosen rtol and atol, or set min_step_s",
+    "STEP_UNDERFLOW": "set simulation.solver.min_step_s to pass points where the law has a corner",
+}
+
+
+def print_summary(
+    dataset: "xr.Dataset", name: str, seconds: float, target: Path, files: Sequence[str]
+) -> None:
+    """Outcome, settling time, final state and files of a run."""
+    import numpy as np
+
+    good = np.flatnonzero(np.isfinite(dataset["omega"].values).all(axis=1))
+    last = good[-1] if len(good) else 0
+    final = dataset.isel(time=last)
+    peak = np.nanmax(np.abs(dataset["torque"].values), axis=0)
+    at = f"at {float(final['time']):g} s"
+    tilt = np.degrees(2 * np.arctan(np.linalg.norm(final["w"].values)))
+    rows = {
+        "scenario": f"{dataset.attrs['title']} ({name})",
+        "outcome": f"{dataset.attrs['outcome_explanation']} {at}; "
+        f"{dataset.attrs['steps']} steps, {seconds:.1f} s with compilation",
+        "settled": settling_text(dataset),
+        "attitude": f"w = {_numbers(final['w'])}, z = {float(final['z']):.4g} rad, "
+        f"tilt {tilt:.3g} deg {at}",
+        "rates": f"omega = {_numbers(final['omega'])} rad/s {at}",
+        "torque": f"peak |T| = {_numbers(peak)} N m",
+        "written": f"{target}: {', '.join(files)}",
+    }
+    width = max(map(len, rows))
+    for label, text in rows.items():
+        console().print(f"{label:<{width}}  {text}")
+
+
+def settling_text(dataset: "xr.Dataset") -> str:
+    """When the spacecraft settled, and what that means."""
+    import jax
+    import numpy as np
+
+    from jaxsat.metrics import Tolerances, settling_time
+
+    limits = Tolerances()
+    turn = np.angle(np.exp(1j * dataset["z"].values))
+    good = (
+        (np.linalg.norm(dataset["w"].values, axis=1) < limits.w)
+        & (np.abs(turn) < limits.z)
+        & (np.linalg.norm(dataset["relative_rate"].values, axis=1) < limits.relative_rate)
+    )
+    time = float(jax.jit(settling_time)(dataset["time"].values, good))
+    meaning = (
+        f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad, "
+        f"relative rate < {float(limits.relative_rate):g} rad/s to the end"
+    )
+    return f"from {time:g} s ({meaning})" if np.isfinite(time) else f"no ({meaning})"
+
+
+def failure_advice(dataset: "xr.Dataset") -> str:
+    """What happened to a run that did not reach its end, and what to try."""
+    import numpy as np
+
+    good = np.isfinite(dataset["omega"].values).all(axis=1)
+    reached = float(dataset["time"].values[good][-1]) if good.any() else 0.0
+    outcome = dataset.attrs["outcome"]
+    return (
+        f"the run ended early, after t = {reached:g} s: it "
+        f"{dataset.attrs['outcome_explanation']}; {ADVICE.get(outcome, 'try another solver')}"
+    )
+
+
+def _numbers(values: "xr.DataArray | np.ndarray") -> str:
+    return "(" + ", ".join(f"{float(value):.4g}" for value in values) + ")"

@@ -1,0 +1,49 @@
+"""What the commands write to: plain where there is no terminal, never an encoding error."""
+
+import sys
+
+from rich.console import Console
+
+SUCCESS = 0
+FAILED_RUN = 1
+USER_MISTAKE = 2
+INTERRUPTED = 130
+TERMINATED = 143
+
+
+class UserMistake(Exception):
+    """Something the user can put right; the message says what, one line for each mistake.
+
+    A `located` message begins with the place of the mistake, as editors like it, and is shown
+    as it is.
+    """
+
+    located: bool
+
+    def __init__(self, message: str, *, located: bool = False):
+        super().__init__(message)
+        self.located = located
+
+
+def make_streams_safe() -> None:
+    """Let characters that a stream cannot encode appear as question marks."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+
+
+def console(*, error: bool = False) -> Console:
+    """A console on standard output or standard error that takes text as it is."""
+    return Console(stderr=error, markup=False, highlight=False, soft_wrap=True)
+
+
+def report(message: str, prefix: str = "jaxsat: ") -> None:
+    """Write to standard error, each line marked as jaxsat's."""
+    output = console(error=True)
+    for line in message.splitlines():
+        output.print(prefix + line)
+
+
+def report_mistake(mistake: UserMistake) -> None:
+    """Write a mistake to standard error."""
+    report(str(mistake), "" if mistake.located else "jaxsat: ")
