@@ -85,13 +85,15 @@ def _run(scenario: "Scenario") -> tuple["xr.Dataset", float]:
 
 
 def _write(folder: Path, scenario: "Scenario", dataset: "xr.Dataset") -> None:
+    from jaxsat.report.figures import trajectory_figures
+    from jaxsat.report.saving import save_figures
     from jaxsat.results import save_trajectory
 
     (folder / "scenario.toml").write_text(dataset.attrs["scenario"], encoding="utf-8")
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
     (folder / "run.json").write_text(record + "\n", encoding="utf-8")
     save_trajectory(dataset, folder / "trajectory.nc")
-    _write_figures(folder, dataset)
+    save_figures(trajectory_figures(dataset), folder)
 
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
@@ -105,15 +107,3 @@ def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
         "seed": scenario.simulation.seed,
         **provenance(),
     }
-
-
-def _write_figures(folder: Path, dataset: "xr.Dataset") -> None:
-    """Every figure as PNG and as SVG, without a date so that equal runs give equal files."""
-    from matplotlib import rc_context
-
-    from jaxsat.report.figures import trajectory_figures
-
-    with rc_context({"svg.hashsalt": "jaxsat"}):  # names inside the SVG are random otherwise
-        for name, figure in trajectory_figures(dataset).items():
-            figure.savefig(folder / f"{name}.png", metadata={"Software": None})
-            figure.savefig(folder / f"{name}.svg", metadata={"Date": None})

@@ -48,24 +48,18 @@ def print_summary(
 
 def settling_text(dataset: "xr.Dataset") -> str:
     """When the spacecraft settled, and what that means."""
-    import jax
-    import numpy as np
+    import math
 
-    from jaxsat.metrics import Tolerances, settling_time
+    from jaxsat.metrics import Tolerances
+    from jaxsat.results import time_to_settle
 
     limits = Tolerances()
-    turn = np.angle(np.exp(1j * dataset["z"].values))
-    good = (
-        (np.linalg.norm(dataset["w"].values, axis=1) < limits.w)
-        & (np.abs(turn) < limits.z)
-        & (np.linalg.norm(dataset["relative_rate"].values, axis=1) < limits.relative_rate)
-    )
-    time = float(jax.jit(settling_time)(dataset["time"].values, good))
+    time = time_to_settle(dataset, limits)
     meaning = (
         f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad, "
         f"relative rate < {float(limits.relative_rate):g} rad/s to the end"
     )
-    return f"from {time:g} s ({meaning})" if np.isfinite(time) else f"no ({meaning})"
+    return f"from {time:g} s ({meaning})" if math.isfinite(time) else f"no ({meaning})"
 
 
 def failure_advice(dataset: "xr.Dataset") -> str:

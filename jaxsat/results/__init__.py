@@ -3,12 +3,15 @@
 from jaxsat.results.dataset import open_trajectory, save_trajectory, trajectory_dataset
 from jaxsat.results.folder import OutputError, OutputFolder
 from jaxsat.results.provenance import provenance
+from jaxsat.results.settling import is_within, time_to_settle
 
 __all__ = [
     "OutputError",
     "OutputFolder",
+    "is_within",
     "open_trajectory",
     "provenance",
     "save_trajectory",
+    "time_to_settle",
     "trajectory_dataset",
 ]

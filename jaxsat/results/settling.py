@@ -1,0 +1,19 @@
+"""When the spacecraft of a trajectory dataset settled."""
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from jaxsat.metrics import Tolerances, settling_time, within
+
+
+def is_within(dataset: xr.Dataset, tolerances: Tolerances | None = None) -> np.ndarray:
+    """At which times attitude and relative rate are all within the tolerances."""
+    histories = (jnp.asarray(dataset[name].values) for name in ("w", "z", "relative_rate"))
+    return np.asarray(within(*histories, Tolerances() if tolerances is None else tolerances))
+
+
+def time_to_settle(dataset: xr.Dataset, tolerances: Tolerances | None = None) -> float:
+    """First time from which all tolerances hold to the end, s; infinite if there is none."""
+    good = jnp.asarray(is_within(dataset, tolerances))
+    return float(settling_time(jnp.asarray(dataset["time"].values), good))
