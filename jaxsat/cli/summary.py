@@ -58,23 +58,22 @@ def settling_text(dataset: "xr.Dataset", law: str) -> str:
     import numpy as np
 
     from jaxsat.metrics import Tolerances, settling_time, within
-    from jaxsat.results.dataset import VARIABLES
-    from jaxsat.simulation import Signals
 
     limits = Tolerances()
     rate_limit = f"{float(limits.relative_rate):g} rad/s to the end"
-    if law == "rate":
-        meaning = f"|omega| < {rate_limit}"
-    else:
-        meaning = f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad, relative rate < {rate_limit}"
+    attitude_limits = f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad"
 
     @jax.jit
-    def settled(times, signals):
-        slow = jnp.linalg.norm(signals.omega, axis=1) < limits.relative_rate
-        return settling_time(times, slow if law == "rate" else within(signals, limits))
+    def settled(times, w, z, relative_rate, omega):
+        slow = jnp.linalg.norm(omega, axis=1) < limits.relative_rate
+        near = within(w, z, relative_rate, limits)
+        return settling_time(times, slow if law == "rate" else near)
 
-    signals = Signals(**{name: jnp.asarray(dataset[name].values) for name in VARIABLES})
-    time = float(settled(jnp.asarray(dataset["time"].values), signals))
+    names = ("time", "w", "z", "relative_rate", "omega")
+    time = float(settled(*(jnp.asarray(dataset[name].values) for name in names)))
+    meaning = f"|omega| < {rate_limit}"
+    if law != "rate":
+        meaning = f"{attitude_limits}, relative rate < {rate_limit}"
     return f"from {time:g} s ({meaning})" if np.isfinite(time) else f"no ({meaning})"
 
 
