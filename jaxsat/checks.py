@@ -7,9 +7,10 @@ from jaxtyping import Array, ArrayLike, Float, Inexact
 
 
 def as_float(value: ArrayLike | list | tuple) -> Inexact[Array, "..."]:
-    """Turn numbers into a floating-point JAX array of the default precision."""
+    """Turn numbers into a floating-point JAX array whose type no later operation weakens."""
     array = jnp.asarray(value)
-    return array if jnp.issubdtype(array.dtype, jnp.inexact) else array.astype(float)
+    inexact = jnp.issubdtype(array.dtype, jnp.inexact)
+    return array.astype(array.dtype if inexact else float)
 
 
 def concrete(value: ArrayLike) -> np.ndarray | None:

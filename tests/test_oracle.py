@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from oracle import rate_law, thrusters
 from oracle import rigid_body as body
 from oracle import switched_sampled as sampled

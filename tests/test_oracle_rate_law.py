@@ -5,9 +5,10 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+
 from oracle import rate_law
 from oracle import switched_sampled as sampled
-from scipy.integrate import solve_ivp
 
 INERTIA = (449.5, 264.6, 312.5)
 FREQUENCY = (0.7, 0.8, 0.1)

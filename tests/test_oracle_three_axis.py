@@ -6,11 +6,12 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
+
 from oracle import rigid_body as body
 from oracle import three_axis_law as three
 from oracle import three_axis_reference as algebra
 from oracle.common import march, periodic
-from scipy.interpolate import CubicSpline
 
 INERTIA = (449.5, 264.6, 312.5)
 FREQUENCY = (0.7, 0.8, 0.1)

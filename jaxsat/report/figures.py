@@ -55,8 +55,18 @@ def attitude_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
     return figure
 
 
-def torque_figure(dataset: xr.Dataset, *, zoom: Span | None = None, title: str = "") -> Figure:
-    """Thruster torque, whole and enlarged over `zoom` (s; by default the last fifth)."""
+def torque_figure(
+    dataset: xr.Dataset,
+    *,
+    zoom: Span | None = None,
+    linear_to: float | None = None,
+    title: str = "",
+) -> Figure:
+    """Thruster torque, whole and enlarged over `zoom` (s; by default the last fifth).
+
+    With `linear_to` (N m) the upper axis is logarithmic beyond that torque, for runs whose first
+    instant dwarfs the rest.
+    """
     figure, (whole, enlarged) = panels(2, _title(dataset, "thruster torque", title))
     zoom = _last_fifth(dataset) if zoom is None else zoom
     torque = dataset["torque"]
@@ -65,6 +75,8 @@ def torque_figure(dataset: xr.Dataset, *, zoom: Span | None = None, title: str =
     _lines(whole, dataset["time"], torque[:, : len(labels)], labels)
     part = dataset.sel(time=slice(*zoom))
     _lines(enlarged, part["time"], part["torque"][:, : len(labels)], labels, legend=False)
+    if linear_to is not None:
+        whole.set_yscale("symlog", linthresh=linear_to)
     whole.set_ylabel("torque (N m)")
     enlarged.set_ylabel("enlarged (N m)")
     _finish(dataset, [whole], enlarged, zoom)
@@ -111,7 +123,13 @@ def _lines(axes: Axes, time, values, labels: Sequence[str], *, legend: bool = Tr
 
 
 def _legend(axes: Axes, count: int) -> None:
-    axes.legend(loc="lower right", ncols=count + 1, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+    axes.legend(
+        loc="lower right",
+        ncols=count + 1,
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.1,
+        frameon=False,
+    )
 
 
 def _finish(

@@ -102,12 +102,13 @@ def _burr(datasets: Datasets) -> Claim:
         "(39), Fig. 4",
         "The torque has a slight burr, caused by the disturbance",
         f"starts at {first[0]:.1f} and {first[1]:.1f} N m; from 20 s to 70 s up to "
-        f"{coarse:.3g} N m saved every 0.1 s and {fine:.3g} N m every 0.001 s, without d3 {quiet:.2g} N m: "
+        f"{coarse:.3g} N m saved every 0.1 s and {fine:.3g} N m every 0.001 s, "
+        f"without d3 {quiet:.2g} N m: "
         + ("spikes without bound where ω3 crosses zero" if grows else "bounded"),
         *_decide(
             not grows and coarse > 2 * quiet,
             grows and fine > 2 * quiet,
-            "“slight” is left out: d3 causes it, and its size depends on how closely one looks",
+            "any size counts as slight: d3 causes it, and it grows the closer one looks",
         ),
     )
 
@@ -158,16 +159,29 @@ def _lyapunov_decreases(datasets: Datasets) -> Claim:
 
 
 def _disturbance_is_cancelled(datasets: Datasets) -> Claim:
-    ripple = [
+    with_it, without, strong_with, strong_without = (
         float(np.abs(_last(datasets[name], 100.0)["relative_rate"]).max())
-        for name in ("three-axis", "three-axis-no-internal-model")
-    ]
+        for name in (
+            "three-axis",
+            "three-axis-no-internal-model",
+            "strong",
+            "strong-no-internal-model",
+        )
+    )
+    printed, raised = (
+        _scenario(datasets[name])["control"]["k4"] for name in ("three-axis", "strong")
+    )
     return Claim(
         "(42), section 5",
         "The internal model eliminates the effect of the disturbance",
-        f"largest |ω_r| over the last 100 s: {ripple[0]:.1e} rad/s with it, "
-        f"{ripple[1]:.1e} without",
-        Verdict.HOLDS if ripple[0] < ripple[1] / 10 else Verdict.FAILS,
+        f"largest |ω_r| from 900 s to 1000 s with it and without: {with_it:.1e} and {without:.1e} "
+        f"rad/s for k4 = {printed:g} N m s as printed, {strong_with:.1e} and {strong_without:.1e} "
+        f"for k4 = {raised:g}",
+        *_decide(
+            with_it < without / 10,
+            strong_with < strong_without / 10,
+            f"k4 is raised, here to {raised:g} N m s; with the printed gain it has no time to act",
+        ),
     )
 
 

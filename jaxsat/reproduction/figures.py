@@ -28,7 +28,10 @@ def paper_figures(datasets: Mapping[str, xr.Dataset]) -> dict[str, Figure]:
             title="Fig. 3b: the same after 20 s, where d3 keeps ω2 moving",
         ),
         "fig4-torque": torque_figure(
-            rate, zoom=(25.0, 70.0), title="Fig. 4: torque of the rate law (39), and its burr"
+            rate,
+            zoom=(25.0, 70.0),
+            linear_to=1.0,
+            title="Fig. 4: torque of the rate law (39), and its burr",
         ),
         "fig5-rates": rates_figure(
             three_axis, title="Fig. 5: rates under the three-axis law (42), third rate held"

@@ -56,7 +56,7 @@ from jaxsat.simulation import (
     fixed,
     simulate,
 )
-from jaxsat.simulation.methods import MAX_STEPS, SMALLEST_STEP
+from jaxsat.simulation.methods import SMALLEST_STEP
 from jaxsat.vehicle import Actuators, Spacecraft
 
 SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
@@ -69,7 +69,6 @@ SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
     "dopri5": diffrax.Dopri5,
     "dopri8": diffrax.Dopri8,
 }
-DEFAULT_TOLERANCE = 1e-12
 DEFAULT_SUBSTEPS = 4
 
 
@@ -170,31 +169,21 @@ def build_times(scenario: Scenario) -> Float[Array, " times"]:
 
 def build_method(scenario: Scenario, loop: AbstractLoop) -> Method:
     """Solver and steps: those of `[simulation.solver]`, or what suits the loop."""
-    table, duration = scenario.simulation.solver, scenario.simulation.duration_s
-    suitable = default_method(loop)
+    table = scenario.simulation.solver
     solver = SOLVERS[table.name]() if table.name else None
     if table.steps == "fixed" or table.step_s is not None:
-        return _enough_steps(fixed(cast(float, table.step_s), solver), duration)
-    adaptive_keys = (table.rtol, table.atol, table.min_step_s, table.max_steps)
-    if table.steps is None and not any(adaptive_keys):
-        suitable = dataclasses.replace(suitable, solver=solver or suitable.solver)
-        return _enough_steps(suitable, duration)
-    return adaptive(
-        rtol=table.rtol or DEFAULT_TOLERANCE,
-        atol=table.atol or DEFAULT_TOLERANCE,
-        solver=solver,
-        min_step=table.min_step_s or SMALLEST_STEP,
-        max_steps=table.max_steps or MAX_STEPS,
-    )
-
-
-def _enough_steps(method: Method, duration: float) -> Method:
-    """Fixed steps may need more than the usual most; a power of two keeps recompiling rare."""
-    if method.first_step is None:
-        return method
-    needed = math.ceil(duration / float(method.first_step)) + 1
-    most = max(method.max_steps, 2 ** math.ceil(math.log2(needed)))
-    return dataclasses.replace(method, max_steps=most)
+        return fixed(cast(float, table.step_s), solver)
+    given = {
+        "rtol": table.rtol,
+        "atol": table.atol,
+        "min_step": table.min_step_s,
+        "max_steps": table.max_steps,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+    if table.steps is None and not given:
+        suitable = default_method(loop)
+        return dataclasses.replace(suitable, solver=solver or suitable.solver)
+    return adaptive(solver=solver, **{"min_step": SMALLEST_STEP, **given})
 
 
 def _orbit(relation: str, rate: float) -> AbstractOrbit:

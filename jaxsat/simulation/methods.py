@@ -7,7 +7,11 @@ from jaxtyping import Array, Float
 from jaxsat.checks import as_float, require_positive
 from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop
 
-MAX_STEPS = 2**20
+ADAPTIVE_MAX_STEPS = 2**17
+"""Many times what a sound run needs; a law that slides on a corner uses them up in seconds."""
+
+FIXED_MAX_STEPS = 2**24
+"""Two days of flight at 0.01 s."""
 
 SMALLEST_STEP = 1e-10
 """Seconds. Far below anything a law resolves, and far above the rounding of a time of 1000 s."""
@@ -22,15 +26,15 @@ class Method(eqx.Module):
     solver: diffrax.AbstractSolver
     step_size: diffrax.AbstractStepSizeController
     first_step: Float[Array, ""] | None
-    max_steps: int = eqx.field(static=True, default=MAX_STEPS)
+    max_steps: int = eqx.field(static=True)
 
 
 def adaptive(
-    rtol: float = 1e-12,
-    atol: float = 1e-12,
+    rtol: float = 1e-13,
+    atol: float = 1e-14,
     solver: diffrax.AbstractSolver | None = None,
     min_step: float | None = None,
-    max_steps: int = MAX_STEPS,
+    max_steps: int = ADAPTIVE_MAX_STEPS,
 ) -> Method:
     """Steps chosen to meet tolerances; `min_step` (s) is taken whatever the error there.
 
@@ -51,7 +55,9 @@ def adaptive(
 def fixed(step: float, solver: diffrax.AbstractSolver | None = None) -> Method:
     """Equal steps of `step` seconds; the default solver is Dopri5."""
     require_positive("step", step)
-    return Method(solver or diffrax.Dopri5(), diffrax.ConstantStepSize(), as_float(step))
+    return Method(
+        solver or diffrax.Dopri5(), diffrax.ConstantStepSize(), as_float(step), FIXED_MAX_STEPS
+    )
 
 
 def default_method(loop: AbstractLoop) -> Method:

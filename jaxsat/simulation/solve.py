@@ -5,7 +5,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from jaxsat.checks import as_float, concrete
 from jaxsat.dynamics import PlantState
@@ -20,7 +20,7 @@ STATE_LIMIT = 1e6
 def simulate(
     loop: AbstractLoop,
     start: PlantState,
-    times: Float[Array, " times"],
+    times: ArrayLike | list,
     *,
     method: Method | None = None,
     adjoint: diffrax.AbstractAdjoint | None = None,

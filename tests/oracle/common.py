@@ -8,6 +8,7 @@ from scipy.integrate import DOP853
 
 RTOL = 1e-13
 ATOL = 1e-14
+MAX_STEPS = 50_000  # more means a motion that slides on a discontinuity
 
 
 def periodic(t, amplitude, frequency, phase):
@@ -21,11 +22,12 @@ def march(rhs, times, start, *, rtol=RTOL, atol=ATOL, max_step=math.inf):
     """Integrate y' = rhs(t, y) from times[0] and end a step on every one of `times`.
 
     Steps end on the times, so no interpolant enters the answer. Returns an array (n, len(start)).
+    RuntimeError where the solver stalls or takes more than MAX_STEPS beyond one for each time.
     """
     times = np.asarray(times, float)
     y = np.array(start, float)
     rows = [y]
-    step = None
+    step, count = None, 0
     for begin, end in pairwise(times):
         first = None if step is None else min(step, end - begin)
         solver = DOP853(
@@ -35,6 +37,9 @@ def march(rhs, times, start, *, rtol=RTOL, atol=ATOL, max_step=math.inf):
         while solver.status == "running":
             message = solver.step()
             sizes.append(solver.step_size)
+            count += 1
+            if count > MAX_STEPS + len(times):
+                raise RuntimeError(f"More than {MAX_STEPS} steps to reach t = {solver.t!r}.")
         if solver.status == "failed":
             raise RuntimeError(f"DOP853 stopped at t = {solver.t!r}: {message}")
         y = solver.y

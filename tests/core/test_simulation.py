@@ -1,0 +1,247 @@
+"""`simulate`: outcomes, retracing, the three loops, gradients."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array, Float
+
+from core.cases import (
+    PAPER_RATE,
+    PAPER_THREE_AXIS,
+    actuators,
+    bodies,
+    rate_loop,
+    rate_start,
+    three_axis_law,
+    three_axis_loop,
+    three_axis_start,
+)
+from jaxsat.attitude import WZ, Quaternion
+from jaxsat.control import Coast
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.environment import AbstractDisturbance, ConstantTorque, ExactOrbit
+from jaxsat.simulation import (
+    ContinuousLoop,
+    ErrorCoordinateLoop,
+    Outcome,
+    adaptive,
+    default_method,
+    fixed,
+    simulate,
+)
+from jaxsat.vehicle import Spacecraft
+
+TIMES = jnp.linspace(0.0, 10.0, 11)
+
+
+class CountingTorque(AbstractDisturbance):
+    """Counts how often it is traced."""
+
+    torque: Float[Array, "3"]
+    counter: list = eqx.field(static=True)
+
+    def __call__(self, t, attitude, inertia):
+        self.counter.append(1)
+        return self.torque
+
+
+class Counter(list):
+    """A list that JAX may use as a key of its cache."""
+
+    def __hash__(self):
+        return id(self)
+
+    def __eq__(self, other):
+        return self is other
+
+
+def test_nothing_retraces_when_only_numbers_change():
+    counter = Counter()
+
+    def run(scale):
+        body = RigidBody(
+            Spacecraft([400.0 * scale, 300.0, 250.0]),
+            ExactOrbit(0.0011 * scale),
+            CountingTorque(jnp.full(3, 0.01 * scale), counter),
+        )
+        law = three_axis_law({**PAPER_THREE_AXIS, "k3": 0.05 * scale}, saturation_width=scale)
+        loop = ContinuousLoop(body, law, actuators(5.0 * scale))
+        start = PlantState(Quaternion([1.0, 0.1 * scale, 0.0, 0.0]), [0.01 * scale, 0.0, 0.0])
+        method = adaptive(1e-6 * scale, 1e-6, min_step=1e-6 * scale)
+        return simulate(loop, start, TIMES * scale, method=method, state_limit=1e5 * scale)
+
+    run(1.0)
+    traced = len(counter)
+    assert traced > 0
+    results = [run(scale).signals.omega for scale in (0.9, 0.8)]
+    assert len(counter) == traced
+    assert not np.allclose(*results)
+
+
+def test_a_run_that_diverges_is_coded_and_blank_from_there_on():
+    """A torque of 1 N m on 1 kg m² passes a rate limit of 2.5 rad/s at 2.5 s."""
+    body = RigidBody(Spacecraft([1.0, 1.0, 1.0]), ExactOrbit(0.0), ConstantTorque([1.0, 0, 0]))
+    loop = ContinuousLoop(body, Coast(), actuators())
+    start = PlantState(Quaternion([1.0, 0, 0, 0]), [0.0, 0.0, 0.0])
+    result = simulate(loop, start, TIMES, method=fixed(0.01), state_limit=2.5)
+    assert result.outcome is Outcome.STATE_LIMIT
+    np.testing.assert_allclose(result.signals.omega[:3, 0], [0, 1, 2], atol=1e-12)
+    assert np.all(np.isnan(result.signals.omega[3:]))
+    assert np.all(np.isnan(result.signals.torque[3:]))
+
+
+@pytest.mark.parametrize("method", [fixed(0.01), adaptive(1e-8, 1e-8)])
+def test_a_run_that_turns_into_nan_is_coded(method):
+    body = RigidBody(Spacecraft([1.0, 2.0, 3.0]), ExactOrbit(0.0))
+    loop = ContinuousLoop(body, Coast(), actuators())
+    start = PlantState(WZ([0.0, 0.0], 0.0), jnp.array([jnp.nan, 0.0, 0.0]))
+    result = simulate(loop, start, TIMES, method=method)
+    assert result.outcome is not Outcome.SUCCESS
+    assert np.all(np.isnan(result.signals.omega[1:]))
+    assert result.outcome.explanation
+
+
+def test_a_run_out_of_steps_is_coded():
+    method = adaptive(max_steps=16)
+    loop, start = three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)
+    result = simulate(loop, start, TIMES * 20, method=method)
+    assert result.outcome is Outcome.MAX_STEPS
+    assert np.isnan(result.signals.z[-1])
+
+
+def test_a_bad_run_in_a_batch_spoils_no_other():
+    loop = three_axis_loop(PAPER_THREE_AXIS)
+    good = three_axis_start(PAPER_THREE_AXIS)
+    starts = jax.tree.map(lambda x: jnp.stack([x, x * jnp.nan, 0.5 * x]), good)
+    method = adaptive(1e-8, 1e-8, max_steps=4096)
+    batch = eqx.filter_vmap(lambda start: simulate(loop, start, TIMES, method=method))(starts)
+    assert batch.code[0] == batch.code[2] == 0
+    assert batch.code[1] != 0
+    alone = simulate(loop, good, TIMES, method=method).signals
+    np.testing.assert_allclose(batch.signals.w[0], alone.w, atol=1e-6)
+    assert np.all(np.isfinite(batch.signals.w[2]))
+
+
+@pytest.mark.parametrize("times", [[0.0], [0.0, 1.0, 1.0], [1.0, 0.0], [0.0, np.nan]])
+def test_times_must_increase(times):
+    with pytest.raises(ValueError, match="increasing"):
+        simulate(
+            three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS), np.array(times)
+        )
+
+
+def test_error_coordinates_and_torque_level_are_one_loop():
+    """The smooth law needs no error coordinates: both forms integrate the same motion."""
+    case = {**PAPER_THREE_AXIS, "third_rate": "free", "relation": "exact"}
+    law = three_axis_law(case, saturation_width=1.0, tilt_width=0.2)
+    plant, start = bodies(case)[0], three_axis_start(case)
+    runs = [
+        simulate(loop, start, TIMES * 3, method=adaptive(1e-11, 1e-11)).signals
+        for loop in (ErrorCoordinateLoop(plant, law), ContinuousLoop(plant, law, actuators()))
+    ]
+    for name in ("w", "z", "omega", "torque", "rate_error", "lyapunov"):
+        np.testing.assert_allclose(getattr(runs[0], name), getattr(runs[1], name), atol=1e-8)
+
+
+def test_quaternion_and_wz_agree_until_z_leaves_its_range():
+    """With a free third rate z winds up; the law sees it wrapped when the state is a quaternion."""
+    case = {**PAPER_THREE_AXIS, "third_rate": "free"}
+    loop, start = three_axis_loop(case), three_axis_start(case)
+    times = jnp.linspace(0, 150, 151)
+    method = adaptive(min_step=1e-10)
+    wz = simulate(loop, start, times, method=method).signals
+    turned = PlantState(start.attitude.as_quaternion(), start.omega)
+    quaternion = simulate(loop, turned, times, method=method).signals
+    assert jnp.abs(wz.z).max() < jnp.pi
+    np.testing.assert_allclose(wz.omega, quaternion.omega, atol=1e-7)
+    np.testing.assert_allclose(wz.w, quaternion.w, atol=1e-7)
+    np.testing.assert_allclose(wz.z, quaternion.z, atol=1e-7)
+
+
+def test_free_third_rate_does_not_settle():
+    """Judged by statistics: after 300 s w slides on zero and there is no unique solution."""
+    case = {**PAPER_THREE_AXIS, "third_rate": "free"}
+    method = adaptive(1e-6, 1e-6, diffrax.Tsit5(), min_step=1e-3)
+    for amplitude in (case["amplitude"], (0.01, 0.02, 0.0)):
+        loop = three_axis_loop({**case, "amplitude": amplitude})
+        result = simulate(loop, three_axis_start(case), jnp.linspace(0, 400, 401), method=method)
+        assert result.outcome is Outcome.SUCCESS
+        late = result.signals.omega[200:]
+        assert 0.02 < jnp.abs(late[:, 2]).mean() < 0.05
+        assert result.signals.z[-1] > 2 * jnp.pi
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"inertia": (450.0, 264.6, 312.5)},
+        {"orbit_rate": 0.001},
+        {"relation": "exact"},
+        {"third_rate": "free"},
+    ],
+)
+def test_error_coordinates_are_refused_where_law_and_plant_differ(change):
+    with pytest.raises(ValueError, match=r"[Ll]aw and plant|third rate"):
+        ErrorCoordinateLoop(
+            bodies({**PAPER_THREE_AXIS, **change})[0], three_axis_law(PAPER_THREE_AXIS)
+        )
+
+
+def test_default_methods_suit_their_loops():
+    assert isinstance(default_method(three_axis_loop(PAPER_THREE_AXIS)).solver, diffrax.Dopri8)
+    for width, kind in ((0.0, diffrax.PIDController), (1e-4, diffrax.ConstantStepSize)):
+        method = default_method(rate_loop(PAPER_RATE, width=width))
+        assert isinstance(method.step_size, kind)
+
+
+def terminal_cost(gains, loop_of, start, times, adjoint):
+    run = simulate(loop_of(gains), start, times, adjoint=adjoint).signals
+    return jnp.sum(run.w[-1] ** 2) + run.z[-1] ** 2 + 100 * jnp.sum(run.omega[-1] ** 2)
+
+
+def central_differences(cost, gains, step=1e-5):
+    values = []
+    for i in range(len(gains)):
+        shift = step * gains[i] * np.eye(len(gains))[i]
+        values.append((cost(gains + shift) - cost(gains - shift)) / (2 * step * gains[i]))
+    return np.array(values)
+
+
+def three_axis_of(gains):
+    case = dict(zip(("k3", "mu", "a", "k4"), gains, strict=True))
+    return three_axis_loop({**PAPER_THREE_AXIS, **case})
+
+
+def rate_of(gains):
+    return rate_loop({**PAPER_RATE, "k1": gains[0], "k2": gains[1]})
+
+
+@pytest.mark.parametrize(
+    ("loop_of", "gains", "start", "end"),
+    [
+        (three_axis_of, [0.05, 1.0, 0.1, 0.01], three_axis_start(PAPER_THREE_AXIS), 60.0),
+        (rate_of, [5.0, 10.0], rate_start(PAPER_RATE), 1.0),
+    ],
+)
+def test_gradient_of_a_terminal_cost(loop_of, gains, start, end):
+    """All gains of the printed laws, hard sat included, against central differences."""
+    gains, times = jnp.array(gains), jnp.linspace(0.0, end, 3)
+    exact = central_differences(
+        lambda g: terminal_cost(g, loop_of, start, times, diffrax.DirectAdjoint()), gains
+    )
+    forward = jax.jacfwd(terminal_cost)(gains, loop_of, start, times, diffrax.ForwardMode())
+    scale = np.abs(exact).max()
+    np.testing.assert_allclose(forward, exact, rtol=1e-5, atol=1e-7 * scale)
+
+
+def test_reverse_mode_gradient():
+    gains, times = jnp.array([5.0, 10.0]), jnp.linspace(0.0, 1.0, 3)
+    start, adjoint = rate_start(PAPER_RATE), diffrax.RecursiveCheckpointAdjoint()
+    exact = central_differences(
+        lambda g: terminal_cost(g, rate_of, start, times, diffrax.DirectAdjoint()), gains
+    )
+    found = jax.grad(terminal_cost)(gains, rate_of, start, times, adjoint)
+    np.testing.assert_allclose(found, exact, rtol=1e-5, atol=1e-7 * np.abs(exact).max())
