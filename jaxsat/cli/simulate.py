@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
+from jaxsat.cli.computing import in_background, interruptibly
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.summary import failure_advice, print_summary
 from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, console, report
@@ -52,7 +52,6 @@ def simulate(
 
     try:
         with OutputFolder(target, overwrite=overwrite) as folder:
-            use_double_precision()
             with console(error=True).status(f"simulating {scenario}"):
                 in_background("jaxsat.report.figures")
                 dataset, seconds = interruptibly(lambda: _run(chosen))
@@ -61,7 +60,7 @@ def simulate(
     except OutputError as error:
         raise UserMistake(str(error)) from None
     if not quiet:
-        print_summary(dataset, scenario, seconds, target, files)
+        print_summary(dataset, scenario, chosen.control.law, seconds, target, files)
     if dataset.attrs["outcome_code"] == 0:
         return SUCCESS
     report(f"{failure_advice(dataset)}; what there is was written to {target}")

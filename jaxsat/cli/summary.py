@@ -19,7 +19,12 @@ ADVICE = {
 
 
 def print_summary(
-    dataset: "xr.Dataset", name: str, seconds: float, target: Path, files: Sequence[str]
+    dataset: "xr.Dataset",
+    name: str,
+    law: str,
+    seconds: float,
+    target: Path,
+    files: Sequence[str],
 ) -> None:
     """Outcome, settling time, final state and files of a run."""
     import numpy as np
@@ -34,11 +39,11 @@ def print_summary(
         "scenario": f"{dataset.attrs['title']} ({name})",
         "outcome": f"{dataset.attrs['outcome_explanation']} {at}; "
         f"{dataset.attrs['steps']} steps, {seconds:.1f} s with compilation",
-        "settled": settling_text(dataset),
+        "settled": settling_text(dataset, law),
         "attitude": f"w = {_numbers(final['w'])}, z = {float(final['z']):.4g} rad, "
         f"tilt {tilt:.3g} deg {at}",
         "rates": f"omega = {_numbers(final['omega'])} rad/s {at}",
-        "torque": f"peak |T| = {_numbers(peak)} N m",
+        "torque": f"peak |T| = {_numbers(peak)} N m at the saved times",
         "written": f"{target}: {', '.join(files)}",
     }
     width = max(map(len, rows))
@@ -46,19 +51,23 @@ def print_summary(
         console().print(f"{label:<{width}}  {text}")
 
 
-def settling_text(dataset: "xr.Dataset") -> str:
-    """When the spacecraft settled, and what that means."""
+def settling_text(dataset: "xr.Dataset", law: str) -> str:
+    """When the spacecraft settled, and what that means: rates alone under the rate law."""
     import math
 
     from jaxsat.metrics import Tolerances
-    from jaxsat.results import time_to_settle
+    from jaxsat.results import time_at_rest, time_to_settle
 
     limits = Tolerances()
-    time = time_to_settle(dataset, limits)
-    meaning = (
-        f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad, "
-        f"relative rate < {float(limits.relative_rate):g} rad/s to the end"
-    )
+    if law == "rate":
+        time = time_at_rest(dataset, limits)
+        meaning = f"|omega| < {float(limits.relative_rate):g} rad/s to the end"
+    else:
+        time = time_to_settle(dataset, limits)
+        meaning = (
+            f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad, "
+            f"relative rate < {float(limits.relative_rate):g} rad/s to the end"
+        )
     return f"from {time:g} s ({meaning})" if math.isfinite(time) else f"no ({meaning})"
 
 
@@ -70,8 +79,8 @@ def failure_advice(dataset: "xr.Dataset") -> str:
     reached = float(dataset["time"].values[good][-1]) if good.any() else 0.0
     outcome = dataset.attrs["outcome"]
     return (
-        f"the run ended early, after t = {reached:g} s: it "
-        f"{dataset.attrs['outcome_explanation']}; {ADVICE.get(outcome, 'try another solver')}"
+        f"the run ended early, after t = {reached:g} s ({dataset.attrs['outcome_explanation']}); "
+        f"{ADVICE[outcome]}"
     )
 
 

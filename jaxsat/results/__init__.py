@@ -3,7 +3,7 @@
 from jaxsat.results.dataset import open_trajectory, save_trajectory, trajectory_dataset
 from jaxsat.results.folder import OutputError, OutputFolder
 from jaxsat.results.provenance import provenance
-from jaxsat.results.settling import is_within, time_to_settle
+from jaxsat.results.settling import is_within, time_at_rest, time_to_settle
 
 __all__ = [
     "OutputError",
@@ -12,6 +12,7 @@ __all__ = [
     "open_trajectory",
     "provenance",
     "save_trajectory",
+    "time_at_rest",
     "time_to_settle",
     "trajectory_dataset",
 ]

@@ -17,3 +17,10 @@ def time_to_settle(dataset: xr.Dataset, tolerances: Tolerances | None = None) ->
     """First time from which all tolerances hold to the end, s; infinite if there is none."""
     good = jnp.asarray(is_within(dataset, tolerances))
     return float(settling_time(jnp.asarray(dataset["time"].values), good))
+
+
+def time_at_rest(dataset: xr.Dataset, tolerances: Tolerances | None = None) -> float:
+    """The same for the inertial rates alone, whatever the attitude: what a rate law can do, s."""
+    tolerances = Tolerances() if tolerances is None else tolerances
+    slow = np.linalg.norm(dataset["omega"].values, axis=1) < float(tolerances.relative_rate)
+    return float(settling_time(jnp.asarray(dataset["time"].values), jnp.asarray(slow)))

@@ -215,6 +215,7 @@ def test_dump_and_load_are_inverse(data, tmp_path_factory):
     assert Scenario.model_validate(tomllib.loads(text)) == scenario
     lines = line_map(text)
     assert set(every_location(tomllib.loads(text))) <= set(lines)
+    build(scenario)  # what passes the checks meets no error in the core
 
 
 def test_scenarios_are_frozen_and_checked_in_python_too():
