@@ -1,0 +1,51 @@
+"""Controllability of a spacecraft from its inertia and torque axes alone."""
+
+from jaxsat.controllability.closed_forms import (
+    ClosedForm,
+    one_thruster_condition,
+    two_thruster_condition,
+)
+from jaxsat.controllability.closure import (
+    controllability_margin,
+    generating_vectors,
+    generator_names,
+    singular_values,
+    symmetric_product,
+)
+from jaxsat.controllability.lie import (
+    ControlField,
+    DriftField,
+    LieBracket,
+    bracket_words,
+    control_fields,
+    lie_bracket,
+    pack,
+    tangent_matrix,
+    to_tangent,
+)
+from jaxsat.controllability.pointwise import rank_at_state
+from jaxsat.controllability.rank import Analysis, analyse, ranks_elsewhere
+
+__all__ = [
+    "Analysis",
+    "ClosedForm",
+    "ControlField",
+    "DriftField",
+    "LieBracket",
+    "analyse",
+    "bracket_words",
+    "control_fields",
+    "controllability_margin",
+    "generating_vectors",
+    "generator_names",
+    "lie_bracket",
+    "one_thruster_condition",
+    "pack",
+    "rank_at_state",
+    "ranks_elsewhere",
+    "singular_values",
+    "symmetric_product",
+    "tangent_matrix",
+    "to_tangent",
+    "two_thruster_condition",
+]
