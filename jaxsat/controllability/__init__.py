@@ -12,6 +12,21 @@ from jaxsat.controllability.closure import (
     singular_values,
     symmetric_product,
 )
+from jaxsat.controllability.energy import (
+    EnergyCounterexample,
+    PeriodicTorque,
+    energy_bound,
+    energy_counterexample,
+    energy_history,
+)
+from jaxsat.controllability.failures import (
+    FailureCase,
+    failure_arrays,
+    failure_csv,
+    failure_markdown,
+    failure_records,
+    failure_table,
+)
 from jaxsat.controllability.lie import (
     ControlField,
     DriftField,
@@ -31,21 +46,51 @@ from jaxsat.controllability.linear import (
     lvlh_linearisation,
 )
 from jaxsat.controllability.local import LocalControllability, small_time_local_controllability
+from jaxsat.controllability.maps import (
+    angle_grid,
+    margins_over_angles,
+    margins_over_inertias,
+    physical_inertias,
+    uncontrollable_single_directions,
+)
 from jaxsat.controllability.pointwise import rank_at_state
 from jaxsat.controllability.rank import Analysis, analyse, ranks_elsewhere
+from jaxsat.controllability.recurrence import (
+    Recurrence,
+    Trajectory,
+    divergence,
+    drift_trajectory,
+    recurrence,
+)
 
 __all__ = [
     "Analysis",
     "ClosedForm",
     "ControlField",
     "DriftField",
+    "EnergyCounterexample",
+    "FailureCase",
     "LieBracket",
     "LinearControllability",
     "LocalControllability",
+    "PeriodicTorque",
+    "Recurrence",
+    "Trajectory",
     "analyse",
+    "angle_grid",
     "bracket_words",
     "control_fields",
     "controllability_margin",
+    "divergence",
+    "drift_trajectory",
+    "energy_bound",
+    "energy_counterexample",
+    "energy_history",
+    "failure_arrays",
+    "failure_csv",
+    "failure_markdown",
+    "failure_records",
+    "failure_table",
     "generating_vectors",
     "generator_names",
     "gramian",
@@ -53,14 +98,19 @@ __all__ = [
     "lie_bracket",
     "linear_controllability",
     "lvlh_linearisation",
+    "margins_over_angles",
+    "margins_over_inertias",
     "one_thruster_condition",
     "pack",
+    "physical_inertias",
     "rank_at_state",
     "ranks_elsewhere",
+    "recurrence",
     "singular_values",
     "small_time_local_controllability",
     "symmetric_product",
     "tangent_matrix",
     "to_tangent",
     "two_thruster_condition",
+    "uncontrollable_single_directions",
 ]

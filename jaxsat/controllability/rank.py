@@ -174,9 +174,8 @@ def _verdict(decision: Decision, count: int) -> str:
     if decision.borderline:
         smallest = decision.singular_values[decision.dimension - 1]
         return (
-            f"Borderline: rank {decision.rank} of 6 for the numbers as given, but a relative "
-            f"change of about {smallest:.1e} in inertia or torque axes lowers it (tolerance "
-            f"{decision.tolerance:.0e})."
+            f"Borderline: rank {decision.rank} of 6 for the numbers as given, but the singular "
+            f"value that decides, {smallest:.1e}, is below the tolerance {decision.tolerance:.0e}."
         )
     if decision.rank == 6:
         return f"Controllable: rank 6 of 6, margin {decision.margin:.3g}, from {names} and [f,·]."
@@ -260,10 +259,12 @@ def analyse(
     length, any m. `disturbance` (3,) in N m: direction of T_d for `elsewhere`. The orbit rate is no
     argument: with the exact (11) it cancels from every bracket.
 
-    `tolerance` is the relative change of the data below which a verdict is called borderline. The
-    default 1e-6 is what six printed digits or single-precision storage leave open, and far above
-    the rounding of this function (128 eps cond(J)), which replaces it when larger. Inertia known to
-    a percent calls for 1e-2.
+    `tolerance`: a deciding singular value below it makes the verdict borderline. Singular values
+    change no faster than the relative error of the data (times about ten), so the default 1e-6
+    covers what six printed digits or single-precision storage leave open; it lies far above what
+    rounded inputs can do (128 eps cond(J)), which replaces it when larger. Inertia known to a
+    percent calls for 1e-2. A small value need not mean that an uncontrollable layout is near: close
+    to two equal moments the margin of one thruster falls with a high power of the distance.
 
     Conditions (13), (25), (35); brackets as in (20)-(33) with J⁻¹ restored. Works in NumPy and
     integers, the same with JAX in 32-bit mode. Raises ValueError or TypeError for wrong shapes,
