@@ -40,6 +40,7 @@ from jaxsat.controllability.lie import (
 )
 from jaxsat.controllability.linear import (
     LinearControllability,
+    NoEquilibriumError,
     gramian,
     gramian_time_scales,
     linear_controllability,
@@ -73,6 +74,7 @@ __all__ = [
     "LieBracket",
     "LinearControllability",
     "LocalControllability",
+    "NoEquilibriumError",
     "PeriodicTorque",
     "Recurrence",
     "Trajectory",

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from jaxsat.controllability import exact
-from jaxsat.controllability.layout import Layout, make_layout
+from jaxsat.controllability.layout import Layout, Numbers, make_layout
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ClosedForm:
     """One closed condition: whether it holds, the pair found, and the three vectors it makes.
 
@@ -44,7 +43,8 @@ def _evaluate(
     holds = any(normal) and any(exact.dot(normal, product) for product in products)
     if not holds:
         return ClosedForm(equation, False, None, np.stack([p, q, np.zeros(3)], axis=1), 0.0)
-    inverse = np.linalg.inv(layout.inertia / np.max(np.abs(layout.inertia)))
+    largest = max(abs(entry) for row in adjoint for entry in row)
+    inverse = np.array([[entry / largest for entry in row] for row in adjoint])
 
     def product(a, b):
         return -np.cross(inverse @ a, b) - np.cross(inverse @ b, a)
@@ -66,7 +66,7 @@ def _evaluate(
     return ClosedForm(equation, True, (float(pair[0]), float(pair[1])), matrix, margin)
 
 
-def two_thruster_condition(inertia: ArrayLike, torque_axes: ArrayLike) -> ClosedForm:
+def two_thruster_condition(inertia: Numbers, torque_axes: Numbers) -> ClosedForm:
     """Condition (25): span{g1, g2, g3} = R³ with g3 = J⁻¹(w^×Jw), w = λ1 g1 + λ2 g2.
 
     `inertia` (3,) or (3, 3) in kg m²; `torque_axes` (3, 2). Necessary and sufficient when the two
@@ -82,7 +82,7 @@ def two_thruster_condition(inertia: ArrayLike, torque_axes: ArrayLike) -> Closed
     return _evaluate("(25)", layout, *layout.integer_axes)
 
 
-def one_thruster_condition(inertia: ArrayLike, torque_axis: ArrayLike) -> ClosedForm:
+def one_thruster_condition(inertia: Numbers, torque_axis: Numbers) -> ClosedForm:
     """Condition (35): span{h1, h2, h3} = R³ with h2 = ⟨h1:h1⟩, h3 = ⟨w:w⟩, w = η1 h1 + η2 h2.
 
     `inertia` (3,) or (3, 3) in kg m²; `torque_axis` (3,) or (3, 1), not zero (ValueError).

@@ -30,7 +30,7 @@ def energy_history(
     inertia: Float[Array, "3 3"],
     omega: Float[Array, "3"],
     torque: PeriodicTorque,
-    step: float | Array,
+    step: float | int | Array,
     count: int,
 ) -> Float[Array, " n"]:
     """Rotational energy ½ωᵀJω (J) after 0, 1, … steps (s) of the disturbed free body."""
@@ -54,7 +54,7 @@ def energy_history(
 
 def energy_bound(
     inertia: Float[Array, "3 3"],
-    energy: float | Array,
+    energy: float | int | Array,
     amplitude: Float[Array, "3"],
     times: Float[Array, " n"],
 ) -> Float[Array, " n"]:
@@ -68,7 +68,7 @@ def energy_bound(
     return (jnp.sqrt(jnp.asarray(energy, times.dtype)) + push * times) ** 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EnergyCounterexample:
     """A disturbed free motion and how far its energy exceeds the claim (18).
 
@@ -121,7 +121,7 @@ def energy_counterexample(
     amplitude: Float[Array, "3"],
     frequency: Float[Array, "3"],
     *,
-    step: float = 0.1,
+    step: float | int = 0.1,
     count: int = 2000,
     starts: int = 8,
     iterations: int = 40,

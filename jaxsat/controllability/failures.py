@@ -3,19 +3,19 @@
 import csv
 import io
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
-from jaxsat.controllability.layout import make_layout
-from jaxsat.controllability.rank import TOLERANCE, Decision, decide
+from jaxsat.controllability.decision import Decision, decide
+from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
 
 COLUMNS = ("failed", "working", "rank", "verdict", "margin", "directions", "lost")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FailureCase:
     """One subset of failed thrusters.
 
@@ -65,11 +65,11 @@ def _lost(decision: Decision, directions: int) -> str:
 
 
 def failure_table(
-    inertia: ArrayLike,
-    torque_axes: ArrayLike,
+    inertia: Numbers,
+    torque_axes: Numbers,
     *,
-    names: tuple[str, ...] | None = None,
-    tolerance: float = TOLERANCE,
+    names: Sequence[str] | None = None,
+    tolerance: float | int = TOLERANCE,
 ) -> tuple[FailureCase, ...]:
     """All 2^m subsets of failed thrusters, fewest failures first.
 
@@ -107,7 +107,7 @@ def failure_table(
     return tuple(cases)
 
 
-def failure_records(cases: tuple[FailureCase, ...]) -> list[dict[str, str | int | float]]:
+def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | float]]:
     """One flat dictionary a case, keys `COLUMNS`: rows for a table, a terminal or a data set."""
     return [
         {
@@ -123,7 +123,7 @@ def failure_records(cases: tuple[FailureCase, ...]) -> list[dict[str, str | int 
     ]
 
 
-def failure_arrays(cases: tuple[FailureCase, ...], names: tuple[str, ...]) -> dict[str, np.ndarray]:
+def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[str, np.ndarray]:
     """Plain arrays with the case as first axis, for storage.
 
     `failed` (case, thruster) bool, `rank` int, `controllable` and `borderline` bool, `margin`
@@ -140,16 +140,16 @@ def failure_arrays(cases: tuple[FailureCase, ...], names: tuple[str, ...]) -> di
     }
 
 
-def failure_csv(cases: tuple[FailureCase, ...]) -> str:
+def failure_csv(cases: Sequence[FailureCase]) -> str:
     """The table as CSV text, full precision."""
     text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(failure_records(cases))
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows([record[name] for name in COLUMNS] for record in failure_records(cases))
     return text.getvalue()
 
 
-def failure_markdown(cases: tuple[FailureCase, ...]) -> str:
+def failure_markdown(cases: Sequence[FailureCase]) -> str:
     """The table as Markdown, margins to three digits."""
     lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
     for record in failure_records(cases):

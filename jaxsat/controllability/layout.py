@@ -1,5 +1,6 @@
 """A checked layout: the inertia and the torque axes as given, in doubles and in exact integers."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +10,19 @@ from numpy.typing import ArrayLike
 from jaxsat.controllability import exact
 from jaxsat.controllability.closure import generator_names
 
+# Run-time type checkers read NumPy's ArrayLike as excluding tuples.
+Numbers = ArrayLike | Sequence
+
+# A deciding singular value below this makes a verdict borderline; see `analyse`.
+TOLERANCE = 1e-6
+
 # Roundings between the numbers meant and the numbers stored (a cosine, two rotations of J, a
 # division by the length: about ten units) times the largest slope of a generating vector with
 # respect to its entries (about ten), in units of eps · cond(J).
 ROUNDING_UNITS = 128.0
 
 
-def _finite(name: str, values: ArrayLike) -> tuple[Float[np.ndarray, "..."], float]:
+def _finite(name: str, values: Numbers) -> tuple[Float[np.ndarray, "..."], float]:
     given = np.asarray(values)
     if given.dtype.kind == "V":  # bfloat16 and other small floats of JAX
         given = given.astype(np.float32)
@@ -28,8 +35,8 @@ def _finite(name: str, values: ArrayLike) -> tuple[Float[np.ndarray, "..."], flo
     return array, max(eps, float(np.finfo(np.float64).eps))
 
 
-def inertia_matrix(inertia: ArrayLike) -> tuple[Float[np.ndarray, "3 3"], float]:
-    """The (3, 3) inertia of principal moments (3,) or of a matrix, and the rounding of its dtype.
+def inertia_matrix(inertia: Numbers) -> tuple[Float[np.ndarray, "3 3"], float]:
+    """The (3, 3) inertia of principal moments (3,) or of a matrix, and its relative rounding.
 
     Raises ValueError unless it is finite, symmetric (to 1e-6 of its largest entry) and positive
     definite. Moments that no body has (one larger than the sum of the others) are let through.
@@ -41,14 +48,17 @@ def inertia_matrix(inertia: ArrayLike) -> tuple[Float[np.ndarray, "3 3"], float]
         raise ValueError(
             f"Argument `inertia` must have shape (3,) or (3, 3), but got {array.shape}"
         )
-    if np.max(np.abs(array - array.T)) > 1e-6 * np.max(np.abs(array)):
+    asymmetry = float(np.max(np.abs(array - array.T)))
+    largest = float(np.max(np.abs(array)))
+    if asymmetry > 1e-6 * largest:
         raise ValueError(f"Argument `inertia` must be symmetric, but got {array.tolist()}")
     if not exact.is_positive_definite(exact.symmetric_matrix(array)):
         raise ValueError(f"Argument `inertia` must be positive definite, but got {array.tolist()}")
-    return array, eps
+    # Products that disagree are not known better than that.
+    return array, max(eps, asymmetry / largest)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """Inertia and thrusters, checked once, with everything that any subset of them shares.
 
@@ -107,7 +117,7 @@ def _generating_vectors(
 
 
 def make_layout(
-    inertia: ArrayLike, torque_axes: ArrayLike, *, labels: tuple[str, ...] | None = None
+    inertia: Numbers, torque_axes: Numbers, *, labels: Sequence[str] | None = None
 ) -> Layout:
     """Check the arguments and prepare the exact and the rounded generating vectors.
 
@@ -121,6 +131,7 @@ def make_layout(
     count = axes.shape[1]
     if labels is not None and len(labels) != count:
         raise ValueError(f"Argument `labels` must hold {count} names, but got {len(labels)}")
+    names = tuple(labels) if labels is not None else tuple(f"g{i + 1}" for i in range(count))
     integer_inertia = exact.symmetric_matrix(matrix)
     integer_axes = tuple(exact.primitive(exact.to_integers(column)) for column in axes.T)
     alias = []
@@ -134,12 +145,12 @@ def make_layout(
     return Layout(
         inertia=0.5 * (matrix + matrix.T),
         torque_axes=axes,
-        labels=labels if labels is not None else tuple(f"g{i + 1}" for i in range(count)),
+        labels=names,
         integer_inertia=integer_inertia,
         integer_axes=integer_axes,
         alias=tuple(alias),
         vectors=np.stack(columns, axis=1) if columns else np.zeros((3, 0)),
-        names=generator_names(count, labels),
+        names=generator_names(count, names),
         members=tuple(members),
         rounding=ROUNDING_UNITS * max(eps_inertia, eps_axes) * float(condition),
     )

@@ -34,7 +34,7 @@ def skew(x: Float[Array, "3"]) -> Float[Array, "3 3"]:
 
 
 def pack(
-    attitude: Float[Array, "3 3"], omega: Float[Array, "3"], time: float | Array | None = None
+    attitude: Float[Array, "3 3"], omega: Float[Array, "3"], time: float | int | Array | None = None
 ) -> State:
     """Flat state of 12 entries, or 13 with the time (s) as a state; rates in rad/s."""
     parts = [attitude.reshape(9), omega]
@@ -70,7 +70,7 @@ class DriftField(eqx.Module):
         inertia: Float[Array, "3 3"],
         *,
         disturbance: Float[Array, "3"] | Callable | None = None,
-        orbit_rate: float | Array = 0.0,
+        orbit_rate: float | int | Array = 0.0,
         orbit: Literal["exact", "small angle"] = "exact",
     ):
         self.inertia = inertia

@@ -5,14 +5,17 @@ the exact orbit term in (11). At ω0 = 0 each thruster moves its own axis only; 
 couples roll and yaw through the gyroscopic torque of the orbital rotation.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
-from jaxsat.controllability.layout import make_layout
-from jaxsat.controllability.rank import TOLERANCE
+from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
+
+
+class NoEquilibriumError(ValueError):
+    """The orbit frame is no equilibrium: the body y axis is not a principal axis."""
 
 
 def _skew(x: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
@@ -20,14 +23,14 @@ def _skew(x: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
 
 
 def lvlh_linearisation(
-    inertia: ArrayLike, torque_axes: ArrayLike, orbit_rate: float
+    inertia: Numbers, torque_axes: Numbers, orbit_rate: float | int
 ) -> tuple[Float[np.ndarray, "6 6"], Float[np.ndarray, "6 m"]]:
     """A and B of d(δθ, δω)/dt = A (δθ, δω) + B u about R = I, ω = (0, −ω0, 0).
 
     `inertia` (3,) or (3, 3) in kg m², `torque_axes` (3, m) in N m per unit command, `orbit_rate` in
     rad/s. With ω_r = ω − Rω_e and R ≈ I − skew(δθ): δθ̇ = δω + skew(δθ)ω_e = δω − ω_e × δθ, and
     δω̇ = J⁻¹(skew(Jω_e) − skew(ω_e)J) δω. No gravity gradient (the paper has none).
-    Raises ValueError unless the body y axis is a principal axis (else this is no equilibrium).
+    Raises NoEquilibriumError (a ValueError) unless the body y axis is a principal axis.
     """
     layout = make_layout(inertia, torque_axes)
     matrix = layout.inertia
@@ -36,7 +39,7 @@ def lvlh_linearisation(
         raise ValueError(f"Argument `orbit_rate` must be finite, but got {orbit_rate}")
     scale = np.max(np.abs(matrix))
     if orbit_rate and max(abs(matrix[0, 1]), abs(matrix[2, 1])) > 1e-9 * scale:
-        raise ValueError(
+        raise NoEquilibriumError(
             "Argument `inertia` must have the body y axis as a principal axis for an equilibrium "
             f"in the orbit frame, but got products {matrix[0, 1]} and {matrix[1, 2]}"
         )
@@ -48,7 +51,7 @@ def lvlh_linearisation(
     return state, np.concatenate([np.zeros_like(torque), torque])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearControllability:
     """Rank of the linear system, its margin and its matrices.
 
@@ -86,11 +89,11 @@ def _staircase(
 
 
 def linear_controllability(
-    inertia: ArrayLike,
-    torque_axes: ArrayLike,
-    orbit_rate: float,
+    inertia: Numbers,
+    torque_axes: Numbers,
+    orbit_rate: float | int,
     *,
-    tolerance: float = TOLERANCE,
+    tolerance: float | int = TOLERANCE,
 ) -> LinearControllability:
     """Linear controllability about the orbit frame: thrusters on x and y give rank 6 for ω0 ≠ 0 and
     J1 ≠ J2, rank 5 for J1 = J2, rank 4 for ω0 = 0.
@@ -139,7 +142,7 @@ def _exponential(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
 def gramian(
     state_matrix: Float[np.ndarray, "n n"],
     input_matrix: Float[np.ndarray, "n m"],
-    horizon: float,
+    horizon: float | int,
 ) -> Float[np.ndarray, "n n"]:
     """Controllability Gramian ∫₀ᵀ e^{−As} B Bᵀ e^{−Aᵀs} ds over `horizon` in s.
 
@@ -160,9 +163,9 @@ def gramian(
 def gramian_time_scales(
     linear: LinearControllability,
     *,
-    errors: tuple[float, ...] = (0.0175, 0.0175, 0.0175, 1e-3, 1e-3, 1e-3),
-    rms_command: float = 1.0,
-    longest: float = 1e6,
+    errors: Sequence[float] = (0.0175, 0.0175, 0.0175, 1e-3, 1e-3, 1e-3),
+    rms_command: float | int = 1.0,
+    longest: float | int = 1e6,
 ) -> Float[np.ndarray, "6"]:
     """Time (s) in which each single error can be removed with this root-mean-square command.
 
@@ -191,7 +194,7 @@ def gramian_time_scales(
         )
         directions, values, _ = np.linalg.svd(factor, full_matrices=False)
         solid = values > 1e-13 * values[:1]
-        for k in np.flatnonzero(np.isnan(found)):
+        for k in (int(k) for k in np.flatnonzero(np.isnan(found))):
             parts = directions[k] * (stretch[k] * errors[k])
             if np.linalg.norm(parts[~solid]) > 1e-11 * np.linalg.norm(parts):
                 continue

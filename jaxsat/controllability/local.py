@@ -11,14 +11,13 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from jaxsat.controllability import exact
-from jaxsat.controllability.layout import make_layout
-from jaxsat.controllability.rank import TOLERANCE, decide
+from jaxsat.controllability.decision import decide
+from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LocalControllability:
     """STLC at rest: "proved", "disproved" or "not decided", and why.
 
@@ -62,12 +61,13 @@ def _neutral_pair(
 
 
 def small_time_local_controllability(
-    inertia: ArrayLike, torque_axes: ArrayLike, *, tolerance: float = TOLERANCE
+    inertia: Numbers, torque_axes: Numbers, *, tolerance: float | int = TOLERANCE
 ) -> LocalControllability:
     """Whether every nearby state can be reached from rest within any short time.
 
     `inertia` (3,) or (3, 3) in kg m²; `torque_axes` (3, m), each torque of both signs. Rest means
-    ω = 0 in inertial space with T_d = 0, or ω along a principal axis as in the orbit frame.
+    ω = 0 in inertial space with T_d = 0. At the equilibrium in the orbit frame the proofs carry
+    over, the disproofs do not: if the linear system there has rank 6, that proves STLC.
 
     - Rank below 6: disproved (accessibility is necessary for analytic systems).
     - Three independent axes: proved; two: proved, by two directions w1, w2 of their plane whose bad

@@ -1,57 +1,38 @@
-"""The Lie algebra rank condition of a layout: rank, margin, verdict.
+"""The Lie algebra rank condition of a layout, with everything that belongs beside the rank."""
 
-At rest without disturbance, the state of lowest rank, the brackets span S in the rates and the
-closure of S under the vector product in the attitude, so the rank is 0, 2, 5 or 6 for
-dim S = 0, 1, 2, 3. dim S is decided in exact integers on the numbers as given; the singular
-values of the generating vectors say how far that decision can be trusted.
-"""
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
-from jaxsat.controllability import exact
 from jaxsat.controllability.closed_forms import (
     ClosedForm,
     one_thruster_condition,
     two_thruster_condition,
 )
-from jaxsat.controllability.layout import Layout, make_layout
+from jaxsat.controllability.decision import (
+    RANK_OF_DIMENSION,
+    Decision,
+    closure_growth,
+    decide,
+)
+from jaxsat.controllability.layout import TOLERANCE, Layout, Numbers, make_layout
+from jaxsat.controllability.linear import (
+    LinearControllability,
+    NoEquilibriumError,
+    linear_controllability,
+)
+from jaxsat.controllability.local import LocalControllability, small_time_local_controllability
 from jaxsat.controllability.pointwise import rank_at_state
-
-RANK_OF_DIMENSION = (0, 2, 5, 6)
-TOLERANCE = 1e-6
 
 # Directions in no special position, for "moving" and "disturbed" states.
 _MOVING = np.array([0.6180, -0.5291, 0.8437])
 _DISTURBED = np.array([0.7071, 0.4142, -0.5773])
 
 
-@dataclass(frozen=True)
-class Decision:
-    """Rank and margin of one set of thrusters; see `Analysis` for the fields."""
-
-    rank: int
-    dimension: int
-    exact_rank: int
-    borderline: bool
-    margin: float
-    singular_values: Float[np.ndarray, "3"]
-    tolerance: float
-    generators: tuple[str, ...]
-    reached: Float[np.ndarray, "3 d"]
-    missing: Float[np.ndarray, "3 e"]
-
-    @property
-    def controllable(self) -> bool:
-        """Whether the rank is 6."""
-        return self.rank == 6
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Analysis:
     """What `analyse` found.
 
@@ -69,7 +50,8 @@ class Analysis:
     - `reached`, `missing`: orthonormal body torque directions inside and outside J S.
     - `closed_form`: (25) for two thrusters, (35) for one, else None.
     - `physical`: no principal moment exceeds the sum of the other two.
-    - `elsewhere`: ranks at other states (`ranks_elsewhere`), computed when first asked for.
+    - `elsewhere`, `local`, `linear`: ranks at other states, small-time local controllability at
+      rest, linear controllability in the orbit frame; computed when first asked for.
     """
 
     rank: int
@@ -88,75 +70,31 @@ class Analysis:
     closed_form: ClosedForm | None
     physical: bool
     inertia: Float[np.ndarray, "3 3"]
+    torque_axes: Float[np.ndarray, "3 m"]
     disturbance: Float[np.ndarray, "3"] | None
+    orbit_rate: float
 
     @cached_property
     def elsewhere(self) -> dict[str, int]:
         """How the rank rises with motion and with T_d; see `ranks_elsewhere`."""
         return ranks_elsewhere(self.inertia, self.reached, self.disturbance)
 
+    @cached_property
+    def local(self) -> LocalControllability:
+        """Small-time local controllability at rest; see `small_time_local_controllability`."""
+        return small_time_local_controllability(
+            self.inertia, self.torque_axes, tolerance=self.tolerance
+        )
 
-def _strongest(vectors: Float[np.ndarray, "3 k"], count: int) -> list[int]:
-    """Indices of `count` columns by pivoted Gram-Schmidt; earlier, simpler brackets win ties."""
-    rest, chosen = vectors.copy(), []
-    for _ in range(count):
-        lengths = np.linalg.norm(rest, axis=0)
-        k = int(np.argmax(lengths > 0.999 * lengths.max()))
-        direction = rest[:, k] / lengths[k]
-        chosen.append(k)
-        rest = rest - np.outer(direction, direction @ rest)
-    return chosen
-
-
-def _exact_dimension(layout: Layout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
-    axes = [layout.integer_axes[i] for i in thrusters]
-    return exact.closure_growth(layout.integer_inertia, axes)
-
-
-def _without_dust(layout: Layout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
-    """Thrusters whose torque axis is more than rounding beside the longest of the set."""
-    lengths = {i: float(np.max(np.abs(layout.torque_axes[:, i]))) for i in thrusters}
-    longest = max(lengths.values(), default=0.0)
-    return tuple(i for i in thrusters if lengths[i] > min(layout.rounding, 1e-9) * longest)
-
-
-def _decide_set(layout: Layout, thrusters: tuple[int, ...], tolerance: float) -> Decision:
-    columns = layout.columns(thrusters)
-    vectors = layout.vectors[:, columns]
-    limit = max(tolerance, layout.rounding)
-    if not columns:
-        return Decision(0, 0, 0, False, 0.0, np.zeros(3), limit, (), np.zeros((3, 0)), np.eye(3))
-    directions, values, _ = np.linalg.svd(vectors, full_matrices=True)
-    values = np.concatenate([values, np.zeros(3 - len(values))])
-    # Above the limit, far over all rounding, the singular values prove independence by themselves.
-    dimension = 3 if values[2] > limit else _exact_dimension(layout, thrusters)[-1]
-    values = np.where(np.arange(3) < dimension, values, 0.0)
-    borderline = bool(values[dimension - 1] <= limit)
-    seen = int(np.sum(values > layout.rounding)) if borderline else dimension
-    chosen = _strongest(vectors, seen)
-    return Decision(
-        rank=RANK_OF_DIMENSION[seen],
-        dimension=seen,
-        exact_rank=RANK_OF_DIMENSION[dimension],
-        borderline=borderline,
-        margin=float(values[2]),
-        singular_values=values,
-        tolerance=limit,
-        generators=tuple(layout.names[columns[k]] for k in chosen),
-        reached=directions[:, :seen],
-        missing=directions[:, seen:],
-    )
-
-
-def decide(layout: Layout, thrusters: tuple[int, ...], tolerance: float = TOLERANCE) -> Decision:
-    """Rank and margin of a subset (column numbers) of the thrusters of a layout."""
-    kept = _without_dust(layout, thrusters)
-    decision = _decide_set(layout, kept, tolerance)
-    if len(kept) < len(thrusters):
-        full = _decide_set(layout, thrusters, tolerance)
-        if full.rank != decision.rank:
-            return Decision(**{**vars(decision), "borderline": True, "exact_rank": full.rank})
-    return decision
+    @cached_property
+    def linear(self) -> LinearControllability | None:
+        """The system linearised in the orbit frame, None where that is no equilibrium."""
+        try:
+            return linear_controllability(
+                self.inertia, self.torque_axes, self.orbit_rate, tolerance=self.tolerance
+            )
+        except NoEquilibriumError:
+            return None
 
 
 def _direction(vector: Float[np.ndarray, "3"]) -> str:
@@ -235,7 +173,7 @@ def ranks_elsewhere(
     }
 
 
-def _closed_form(inertia: ArrayLike, layout: Layout) -> ClosedForm | None:
+def _closed_form(inertia: Numbers, layout: Layout) -> ClosedForm | None:
     live = [i for i, axis in enumerate(layout.integer_axes) if any(axis)]
     if len(live) == 1:
         return one_thruster_condition(inertia, layout.torque_axes[:, live])
@@ -245,19 +183,21 @@ def _closed_form(inertia: ArrayLike, layout: Layout) -> ClosedForm | None:
 
 
 def analyse(
-    inertia: ArrayLike,
-    torque_axes: ArrayLike,
+    inertia: Numbers,
+    torque_axes: Numbers,
     *,
-    disturbance: ArrayLike | None = None,
-    tolerance: float = TOLERANCE,
-    labels: tuple[str, ...] | None = None,
+    disturbance: Numbers | None = None,
+    orbit_rate: float | int = 0.0,
+    tolerance: float | int = TOLERANCE,
+    labels: Sequence[str] | None = None,
 ) -> Analysis:
     """Decide whether a spacecraft with these thrusters can be steered in attitude and rate.
 
     `inertia` (kg m²): (3,) principal moments or a symmetric (3, 3) matrix. `torque_axes`: (3, m),
     columns the torque directions of the working thrusters in body axes, each of either sign, any
-    length, any m. `disturbance` (3,) in N m: direction of T_d for `elsewhere`. The orbit rate is no
-    argument: with the exact (11) it cancels from every bracket.
+    length, any m. `disturbance` (3,) in N m: direction of T_d for `elsewhere`. `orbit_rate` (rad/s)
+    is for `linear` alone: with the exact (11) it cancels from every bracket and changes no rank.
+    `labels` name the thrusters in `generators` (default g1, g2, …).
 
     `tolerance`: a deciding singular value below it makes the verdict borderline. Singular values
     change no faster than the relative error of the data (times about ten), so the default 1e-6
@@ -296,11 +236,13 @@ def analyse(
         rounding=layout.rounding,
         exact_rank=decision.exact_rank,
         generators=decision.generators,
-        growth=_exact_dimension(layout, everyone),
+        growth=closure_growth(layout, everyone),
         reached=decision.reached,
         missing=decision.missing,
         closed_form=_closed_form(inertia, layout),
         physical=bool(moments[2] <= (moments[0] + moments[1]) * (1.0 + 1e-12)),
         inertia=layout.inertia,
+        torque_axes=layout.torque_axes,
         disturbance=torque,
+        orbit_rate=float(orbit_rate),
     )

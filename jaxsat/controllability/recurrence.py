@@ -52,7 +52,7 @@ class Trajectory(eqx.Module):
 
 @eqx.filter_jit
 def drift_trajectory(
-    field: VectorField, state: Float[Array, " d"], step: float | Array, count: int
+    field: VectorField, state: Float[Array, " d"], step: float | int | Array, count: int
 ) -> Trajectory:
     """`count` steps of the classical fourth-order Runge-Kutta method from a flat state.
 
@@ -74,7 +74,7 @@ def drift_trajectory(
     return Trajectory(step * jnp.arange(count + 1, dtype=state.dtype), states)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recurrence:
     """Distances from the start, and the times at which the state comes back.
 
@@ -94,8 +94,8 @@ def recurrence(
     field: VectorField,
     state: Float[Array, " d"],
     *,
-    radius: float = 0.1,
-    step: float,
+    radius: float | int = 0.1,
+    step: float | int,
     count: int,
 ) -> Recurrence:
     """Follow a drift from a state and look for its returns (Poisson stability).

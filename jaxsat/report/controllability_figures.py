@@ -56,8 +56,8 @@ def inertia_map(
     ):
         axes.plot(*np.transpose([start, end]), "w:", lw=1)
         outward = np.subtract(start, [0.5, height / 3])
-        place = np.add(start, 0.1 * outward / np.linalg.norm(outward))
-        axes.annotate(text, place, ha="center", va="center")
+        x, y = np.add(start, 0.1 * outward / np.linalg.norm(outward))
+        axes.annotate(text, (x, y), ha="center", va="center")
     for corner, text in (((0, 0), "rod along x"), ((1, 0), "rod along y")):
         axes.annotate(text, (corner[0], -0.07), ha="center", va="center")
     axes.annotate("rod along z", (0.5, height + 0.05), ha="center", va="center")

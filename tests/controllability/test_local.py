@@ -11,6 +11,7 @@ from scipy.linalg import expm, solve_continuous_are
 
 from jaxsat.controllability import (
     DriftField,
+    analyse,
     gramian,
     gramian_time_scales,
     linear_controllability,
@@ -205,3 +206,14 @@ def test_time_scales_equal_a_discretised_least_squares_problem():
         assert 0.4 < mean_square <= 1.01  # T⁻⁴ to T⁻⁶ over a grid that steps by 10 %
     # Roll turns yaw's rate through the orbit rate and that must be undone; pitch is apart.
     assert np.all(times[[0, 2, 5]] > 10 * times[1])
+
+
+def test_one_thruster_is_not_stlc_at_rest_yet_linear_in_orbit():
+    axis = np.array([[1.0], [2.0], [3.0]])
+    result = analyse(PAPER, axis, orbit_rate=ORBIT)
+    assert result.local.status == "disproved"
+    assert result.linear is not None
+    assert result.linear.rank == 6
+    tilted = np.diag(PAPER) + 5.0 * (1 - np.eye(3))
+    assert analyse(tilted, axis, orbit_rate=ORBIT).linear is None
+    assert analyse(tilted, axis).linear is not None

@@ -3,14 +3,16 @@
 import itertools
 import math
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxsat.controllability import analyse
+from jaxsat.controllability.decision import decide
 from jaxsat.controllability.layout import make_layout
-from jaxsat.controllability.rank import decide
 
 from .oracles import GibbsAlgebra, fraction_rank, rotated
 
@@ -363,3 +365,42 @@ def test_bad_options_are_refused():
 def test_unphysical_moments_are_flagged_not_refused():
     assert not analyse([1.0, 2.0, 9.0], np.eye(3)).physical
     assert analyse([3.0, 4.0, 7.0], np.eye(3)).physical
+
+
+def test_products_that_disagree_widen_the_rounding():
+    inertia = np.diag([5.0, 5.0, 7.0])
+    inertia[0, 1] = 1e-8
+    result = analyse(inertia, columns([X, [1, 1, 0]]))
+    assert result.rank == 5
+    r = random_rotation(np.random.default_rng(1))
+    rounded = r @ np.diag([5.0, 5.0, 7.0]) @ r.T
+    rounded[0, 2] *= 1 + 1e-8
+    result = analyse(rounded, r[:, :2])
+    assert (result.rank, result.borderline, result.exact_rank) == (5, True, 6)
+
+
+def test_arrays_of_jax_and_small_floats_are_accepted():
+    for dtype in (jnp.float64, jnp.float32, jnp.bfloat16):
+        result = analyse(jnp.asarray([9, 5, 7], dtype), jnp.eye(3, dtype=dtype)[:, :2])
+        assert (result.rank, result.margin > 0.2) == (6, True)
+    with pytest.raises(jax.errors.TracerArrayConversionError):
+        jax.jit(lambda axes: analyse([9, 5, 7], axes).rank)(jnp.eye(3))
+
+
+def test_tuples_lists_and_integers_are_accepted():
+    for make in (tuple, list, np.array):
+        result = analyse(
+            make([9, 5, 7]), make([(1, 0), (0, 1), (0, 0)]), orbit_rate=0, labels=["a", "b"]
+        )
+        assert result.generators == ("a", "b", "[[f,a],b]")
+
+
+@pytest.mark.parametrize("moments", [(1e-300, 1.0, 1.0), (1e-20, 1.0, 2.0), (1.0, 1e18, 1e18)])
+def test_condition_beyond_doubles_is_borderline_at_worst(moments):
+    for axes in ([X, Y], [Y, Z], [[1, 2, 3]], [X]):
+        result = analyse(moments, columns(axes))
+        integers = [int(m * 2.0**1020) if max(moments) < 8 else int(m) for m in moments]
+        whole = [[integers[i] * (i == j) for j in range(3)] for i in range(3)]
+        assert result.exact_rank == fraction_rank(whole, axes)
+        assert result.borderline or result.rank == result.exact_rank
+        assert np.all(np.isfinite(result.singular_values))
