@@ -75,7 +75,7 @@ def _decide_set(layout: Layout, thrusters: tuple[int, ...], tolerance: float) ->
     dimension = 3 if values[2] > limit else closure_growth(layout, thrusters)[-1]
     values = np.where(np.arange(3) < dimension, values, 0.0)
     borderline = bool(values[dimension - 1] <= limit)
-    seen = int(np.sum(values > layout.rounding)) if borderline else dimension
+    seen = max(1, int(np.sum(values > layout.rounding))) if borderline else dimension
     chosen = _strongest(vectors, seen)
     return Decision(
         rank=RANK_OF_DIMENSION[seen],
@@ -97,6 +97,6 @@ def decide(layout: Layout, thrusters: tuple[int, ...], tolerance: float = TOLERA
     decision = _decide_set(layout, kept, tolerance)
     if len(kept) < len(thrusters):
         full = _decide_set(layout, thrusters, tolerance)
-        if full.rank != decision.rank:
+        if full.exact_rank != decision.exact_rank:
             return replace(decision, borderline=True, exact_rank=full.exact_rank)
     return decision

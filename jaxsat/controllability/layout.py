@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
@@ -24,11 +25,10 @@ ROUNDING_UNITS = 128.0
 
 def _finite(name: str, values: Numbers) -> tuple[Float[np.ndarray, "..."], float]:
     given = np.asarray(values)
-    if given.dtype.kind == "V":  # bfloat16 and other small floats of JAX
-        given = given.astype(np.float32)
-    if given.dtype.kind not in "iuf":
+    small_float = given.dtype.kind == "V" and jnp.issubdtype(given.dtype, jnp.floating)
+    if given.dtype.kind not in "iuf" and not small_float:
         raise TypeError(f"Argument `{name}` must hold real numbers, but got dtype {given.dtype}")
-    eps = float(np.finfo(given.dtype).eps) if given.dtype.kind == "f" else 0.0
+    eps = 0.0 if given.dtype.kind in "iu" else float(jnp.finfo(given.dtype).eps)
     array = given.astype(np.float64)
     if not np.all(np.isfinite(array)):
         raise ValueError(f"Argument `{name}` must be finite, but got {array.tolist()}")
@@ -105,11 +105,8 @@ def _generating_vectors(
     second, third = [], []
     for i in range(count):
         h = exact.primitive(exact.torque_product(adjoint, axes[i], axes[i]))
-        size = (
-            float(np.linalg.norm(exact.relative_product(adjoint, axes[i], axes[i])))
-            if any(h)
-            else 0.0
-        )
+        relative = exact.relative_product(adjoint, axes[i], axes[i]) if live[i] else zero
+        size = float(np.linalg.norm(relative))
         second.append(size * exact.relative_product(adjoint, axes[i], h) if size else zero)
         third.append(size * exact.relative_product(adjoint, h, h) if size else zero)
     own = [frozenset((i,)) for i in range(count)]
