@@ -85,7 +85,7 @@ def test_simulate_writes_the_whole_folder(jaxsat, tmp_path):
 
 
 def test_summary_tells_when_it_settled(jaxsat):
-    """Undisturbed, the rate law has |ω| < 1e-3 rad/s before 5 s; 20 s of the other law are not enough."""
+    """Undisturbed, the rate law is at rest before 5 s; 20 s of the other law are not enough."""
     changes = ["--set", "simulation.duration_s=20"]
     calm = ["--set", "disturbance.amplitude_N_m=[0,0,0]"]
     _, out, _ = jaxsat("simulate", "paper-rate", *changes, *calm, "--out", "rate")
