@@ -9,8 +9,8 @@ from jaxsat.metrics import Tolerances, settling_time, within
 
 def is_within(dataset: xr.Dataset, tolerances: Tolerances | None = None) -> np.ndarray:
     """At which times attitude and relative rate are all within the tolerances."""
-    histories = (jnp.asarray(dataset[name].values) for name in ("w", "z", "relative_rate"))
-    return np.asarray(within(*histories, Tolerances() if tolerances is None else tolerances))
+    w, z, rate = (jnp.asarray(dataset[name].values) for name in ("w", "z", "relative_rate"))
+    return np.asarray(within(w, z, rate, Tolerances() if tolerances is None else tolerances))
 
 
 def time_to_settle(dataset: xr.Dataset, tolerances: Tolerances | None = None) -> float:
