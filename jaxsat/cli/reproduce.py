@@ -79,7 +79,7 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
 def _write(folder: Path, datasets: "dict[str, xr.Dataset]") -> "list[Claim]":
     from jaxsat.report.saving import save_figures
     from jaxsat.reproduction import judge, markdown_table, paper_figures
-    from jaxsat.results import save_trajectory
+    from jaxsat.results import save_dataset
 
     claims = judge(datasets)
     heading = (
@@ -88,7 +88,7 @@ def _write(folder: Path, datasets: "dict[str, xr.Dataset]") -> "list[Claim]":
     )
     (folder / "verdicts.md").write_text(heading + markdown_table(claims), encoding="utf-8")
     for name, dataset in datasets.items():
-        save_trajectory(dataset, folder / f"{name}.nc")
+        save_dataset(dataset, folder / f"{name}.nc")
     save_figures(paper_figures(datasets), folder)
     return claims
 

@@ -86,12 +86,12 @@ def _run(scenario: "Scenario") -> tuple["xr.Dataset", float]:
 def _write(folder: Path, scenario: "Scenario", dataset: "xr.Dataset") -> None:
     from jaxsat.report.figures import trajectory_figures
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import save_trajectory
+    from jaxsat.results import save_dataset
 
     (folder / "scenario.toml").write_text(dataset.attrs["scenario"], encoding="utf-8")
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
     (folder / "run.json").write_text(record + "\n", encoding="utf-8")
-    save_trajectory(dataset, folder / "trajectory.nc")
+    save_dataset(dataset, folder / "trajectory.nc")
     save_figures(trajectory_figures(dataset), folder)
 
 

@@ -1,6 +1,6 @@
 """Results as labelled arrays with units, and the folders that hold them."""
 
-from jaxsat.results.dataset import open_trajectory, save_trajectory, trajectory_dataset
+from jaxsat.results.dataset import open_trajectory, save_dataset, trajectory_dataset
 from jaxsat.results.folder import OutputError, OutputFolder
 from jaxsat.results.provenance import provenance
 from jaxsat.results.settling import is_within, time_at_rest, time_to_settle
@@ -11,7 +11,7 @@ __all__ = [
     "is_within",
     "open_trajectory",
     "provenance",
-    "save_trajectory",
+    "save_dataset",
     "time_at_rest",
     "time_to_settle",
     "trajectory_dataset",
