@@ -95,7 +95,7 @@ def margins_over_angles(
 
 def uncontrollable_single_directions(
     inertia: Float[np.ndarray, "3 3"], count: int = 361
-) -> tuple[Float[np.ndarray, "n 2"], ...]:
+) -> tuple[Float[np.ndarray, "_ 2"], ...]:
     """Curves and points (azimuth, elevation, rad) where a single thruster is not controllable.
 
     With moments J1 > J2 > J3: the two separatrix planes ω·n = 0,

@@ -82,7 +82,7 @@ def angle_map(
     elevations: Float[np.ndarray, " e"],
     margins: Float[np.ndarray, "e a"],
     *,
-    uncontrollable: Sequence[Float[np.ndarray, "n 2"]] = (),
+    uncontrollable: Sequence[Float[np.ndarray, "_ 2"]] = (),
     title: str = "Margin over thruster directions",
 ) -> Figure:
     """Margins over azimuth and elevation (rad in, degrees drawn).
