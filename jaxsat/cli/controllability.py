@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
 
 COLOURS = {"controllable": "green", "borderline": "yellow", "uncontrollable": "red"}
+ENERGY_FACTORS = (1.0, 2.0, 4.0, 8.0)
 MAP_STEPS = 450  # about 10⁵ bodies
 MAP_ANGLES = (361, 181)
 MOST_THRUSTERS = 8  # 256 cases; more make no table that a person reads
@@ -134,12 +135,20 @@ def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]"
         )
         figures["recurrence"] = recurrence_chart(found.times, found.distances, found.radius)
     if jnp.any(amplitude != 0):
-        search = energy_counterexample(inertia, omega, amplitude, frequency)
-        verdict = "refuted" if search.excess > 0 else "not refuted here, which proves nothing"
+        # A quicker start lets the torque do more work: the claim names no rate.
+        for factor in ENERGY_FACTORS:
+            search = energy_counterexample(inertia, factor * omega, amplitude, frequency)
+            if search.excess > 0:
+                break
+        phases = ", ".join(f"{phase:.2f}" for phase in search.phases)
         lines.append(
-            f"Claim (18), that the energy stays within C + Σa_i: {verdict}; worst phases found "
-            f"({', '.join(f'{x:.2f}' for x in search.phases)}) rad exceed it by "
-            f"{search.excess:.3g} J"
+            "Claim (18), that the energy stays within C + Σa_i: "
+            + (
+                f"refuted, at {factor:g} times the initial rates and phases ({phases}) rad the "
+                f"energy passes it by {search.excess:.3g} J"
+                if search.excess > 0
+                else "no counterexample found from this start, which proves nothing"
+            )
         )
         bound = energy_bound(inertia, search.energies[0], amplitude, jnp.asarray(search.times))
         figures["energy"] = energy_chart(

@@ -14,7 +14,6 @@ from jaxsat.controllability.closure import (
 )
 from jaxsat.controllability.energy import (
     EnergyCounterexample,
-    PeriodicTorque,
     energy_bound,
     energy_counterexample,
     energy_history,
@@ -75,7 +74,6 @@ __all__ = [
     "LinearControllability",
     "LocalControllability",
     "NoEquilibriumError",
-    "PeriodicTorque",
     "Recurrence",
     "Trajectory",
     "analyse",

@@ -13,17 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-
-class PeriodicTorque(eqx.Module):
-    """T_d of (2) with phases: a_i sin(Ω_i t + φ_i), N m."""
-
-    amplitude: Float[Array, "3"]
-    frequency: Float[Array, "3"]
-    phase: Float[Array, "3"]
-
-    def __call__(self, time: Float[Array, ""]) -> Float[Array, "3"]:
-        """Torque (N m) at a time (s)."""
-        return self.amplitude * jnp.sin(self.frequency * time + self.phase)
+from jaxsat.environment import PeriodicTorque
 
 
 def energy_history(
@@ -37,7 +27,7 @@ def energy_history(
     inverse = jnp.linalg.inv(inertia)
 
     def rate(time, w):
-        return inverse @ (torque(time) - jnp.cross(w, inertia @ w))
+        return inverse @ (torque.at(time) - jnp.cross(w, inertia @ w))
 
     def advance(w, k):
         time = k * step

@@ -17,20 +17,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsat.attitude import skew
+
 State = Float[Array, " n"]
 VectorField = Callable[[State], State]
-
-
-def skew(x: Float[Array, "3"]) -> Float[Array, "3 3"]:
-    """The usual cross matrix, skew(x) y = x × y (the paper's x^× is its negative)."""
-    zero = jnp.zeros_like(x[0])
-    return jnp.stack(
-        [
-            jnp.stack([zero, -x[2], x[1]]),
-            jnp.stack([x[2], zero, -x[0]]),
-            jnp.stack([-x[1], x[0], zero]),
-        ]
-    )
 
 
 def pack(

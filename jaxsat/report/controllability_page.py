@@ -24,6 +24,13 @@ def controllability_lines(analysis: Analysis, *, torque: float = 1.0) -> list[st
     ]
     if analysis.closed_form is not None:
         lines.insert(2, _closed_form(analysis))
+    if analysis.borderline:
+        lines.insert(
+            2,
+            f"Borderline: taken exactly as given the numbers have rank {analysis.exact_rank}, but "
+            f"the deciding value lies below {analysis.tolerance:.1e} (rounding of the input alone: "
+            f"{analysis.rounding:.1e})",
+        )
     if not analysis.physical:
         lines.append("Caution: no body has this inertia; one moment exceeds the sum of the others")
     return lines

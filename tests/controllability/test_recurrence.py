@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 from jaxsat.controllability import (
     DriftField,
-    PeriodicTorque,
     divergence,
     drift_trajectory,
     energy_bound,
@@ -17,6 +16,7 @@ from jaxsat.controllability import (
     pack,
     recurrence,
 )
+from jaxsat.environment import PeriodicTorque
 
 GENERAL = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])
 PAPER = np.diag([449.5, 264.6, 312.5])
@@ -34,7 +34,7 @@ def random_state(seed, time=None):
 @pytest.mark.parametrize("disturbed", [False, True])
 @pytest.mark.parametrize("orbit", ["exact", "small angle"])
 def test_drift_has_no_divergence(disturbed, orbit):
-    torque = PeriodicTorque(jnp.ones(3), FREQUENCY, jnp.zeros(3)) if disturbed else None
+    torque = PeriodicTorque(jnp.ones(3), FREQUENCY, jnp.zeros(3)).at if disturbed else None
     field = DriftField(jnp.asarray(GENERAL), disturbance=torque, orbit_rate=0.3, orbit=orbit)
     for seed in range(5):
         state = random_state(seed, 1.7 if disturbed else None)
