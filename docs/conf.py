@@ -14,3 +14,12 @@ html_title = "jaxsat"
 exclude_patterns = ["_build"]
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
+
+
+def _keep_bars(app, what, name, obj, options, lines):
+    """Docstrings write |w| for a length; reStructuredText would read a substitution."""
+    lines[:] = [line.replace("|", r"\|") for line in lines]
+
+
+def setup(app):
+    app.connect("autodoc-process-docstring", _keep_bars)
