@@ -3,7 +3,9 @@
 from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractController, Coast
 from jaxsat.control.internal_model import InternalModel, OscillatorState
 from jaxsat.control.rate import RateLaw
+from jaxsat.control.riccati import reachable_rank, regulator_gain
 from jaxsat.control.switching import AbstractSampledController, SwitchingLaw
+from jaxsat.control.terminal import OrbitalRegulator, linear_model
 from jaxsat.control.three_axis import ThreeAxisLaw
 
 __all__ = [
@@ -12,8 +14,12 @@ __all__ = [
     "AbstractSampledController",
     "Coast",
     "InternalModel",
+    "OrbitalRegulator",
     "OscillatorState",
     "RateLaw",
     "SwitchingLaw",
     "ThreeAxisLaw",
+    "linear_model",
+    "reachable_rank",
+    "regulator_gain",
 ]
