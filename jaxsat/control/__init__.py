@@ -1,6 +1,12 @@
 """Control laws: which torque to command, given the state."""
 
 from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractController, Coast
+from jaxsat.control.estimators import (
+    RecursiveLeastSquares,
+    RippleObserver,
+    ThirdAxis,
+    ThirdAxisEstimator,
+)
 from jaxsat.control.internal_model import InternalModel, OscillatorState
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.riccati import reachable_rank, regulator_gain
@@ -17,7 +23,11 @@ __all__ = [
     "OrbitalRegulator",
     "OscillatorState",
     "RateLaw",
+    "RecursiveLeastSquares",
+    "RippleObserver",
     "SwitchingLaw",
+    "ThirdAxis",
+    "ThirdAxisEstimator",
     "ThreeAxisLaw",
     "linear_model",
     "reachable_rank",
