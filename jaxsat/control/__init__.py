@@ -8,6 +8,13 @@ from jaxsat.control.estimators import (
     ThirdAxisEstimator,
 )
 from jaxsat.control.internal_model import InternalModel, OscillatorState
+from jaxsat.control.oscillatory import (
+    AbstractDemand,
+    MorinSamson,
+    Oscillator,
+    OscillatoryLaw,
+    TwoChannel,
+)
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.riccati import reachable_rank, regulator_gain
 from jaxsat.control.switching import AbstractSampledController, SwitchingLaw
@@ -17,11 +24,15 @@ from jaxsat.control.three_axis import ThreeAxisLaw
 __all__ = [
     "AbstractBacksteppingLaw",
     "AbstractController",
+    "AbstractDemand",
     "AbstractSampledController",
     "Coast",
     "InternalModel",
+    "MorinSamson",
     "OrbitalRegulator",
+    "Oscillator",
     "OscillatorState",
+    "OscillatoryLaw",
     "RateLaw",
     "RecursiveLeastSquares",
     "RippleObserver",
@@ -29,6 +40,7 @@ __all__ = [
     "ThirdAxis",
     "ThirdAxisEstimator",
     "ThreeAxisLaw",
+    "TwoChannel",
     "linear_model",
     "reachable_rank",
     "regulator_gain",
