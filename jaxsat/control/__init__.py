@@ -17,6 +17,7 @@ from jaxsat.control.oscillatory import (
 )
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.riccati import reachable_rank, regulator_gain
+from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
 from jaxsat.control.switching import AbstractSampledController, SwitchingLaw
 from jaxsat.control.terminal import OrbitalRegulator, linear_model
 from jaxsat.control.three_axis import ThreeAxisLaw
@@ -36,10 +37,12 @@ __all__ = [
     "RateLaw",
     "RecursiveLeastSquares",
     "RippleObserver",
+    "SlewPlanner",
     "SwitchingLaw",
     "ThirdAxis",
     "ThirdAxisEstimator",
     "ThreeAxisLaw",
+    "ThreeSlewLaw",
     "TwoChannel",
     "linear_model",
     "reachable_rank",
