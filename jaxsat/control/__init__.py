@@ -7,6 +7,7 @@ from jaxsat.control.estimators import (
     ThirdAxis,
     ThirdAxisEstimator,
 )
+from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
 from jaxsat.control.internal_model import InternalModel, OscillatorState
 from jaxsat.control.oscillatory import (
     AbstractDemand,
@@ -28,6 +29,8 @@ __all__ = [
     "AbstractDemand",
     "AbstractSampledController",
     "Coast",
+    "FiniteTimeRate",
+    "FiniteTimeRateLaw",
     "InternalModel",
     "MorinSamson",
     "OrbitalRegulator",
