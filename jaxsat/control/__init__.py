@@ -7,6 +7,7 @@ from jaxsat.control.estimators import (
     ThirdAxis,
     ThirdAxisEstimator,
 )
+from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
 from jaxsat.control.internal_model import InternalModel, OscillatorState
 from jaxsat.control.oscillatory import (
@@ -16,27 +17,33 @@ from jaxsat.control.oscillatory import (
     OscillatoryLaw,
     TwoChannel,
 )
+from jaxsat.control.presets import TUNED_LIMITS, oscillatory_settling, three_slew_settling
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.riccati import reachable_rank, regulator_gain
 from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
+from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.switching import AbstractSampledController, SwitchingLaw
 from jaxsat.control.terminal import OrbitalRegulator, linear_model
 from jaxsat.control.three_axis import ThreeAxisLaw
 
 __all__ = [
+    "TUNED_LIMITS",
     "AbstractBacksteppingLaw",
     "AbstractController",
     "AbstractDemand",
     "AbstractSampledController",
     "Coast",
+    "FineStage",
     "FiniteTimeRate",
     "FiniteTimeRateLaw",
+    "Handover",
     "InternalModel",
     "MorinSamson",
     "OrbitalRegulator",
     "Oscillator",
     "OscillatorState",
     "OscillatoryLaw",
+    "OscillatorySettling",
     "RateLaw",
     "RecursiveLeastSquares",
     "RippleObserver",
@@ -46,8 +53,11 @@ __all__ = [
     "ThirdAxisEstimator",
     "ThreeAxisLaw",
     "ThreeSlewLaw",
+    "ThreeSlewSettling",
     "TwoChannel",
     "linear_model",
+    "oscillatory_settling",
     "reachable_rank",
     "regulator_gain",
+    "three_slew_settling",
 ]
