@@ -40,7 +40,7 @@ VARIABLES = {
         ("driven_axis",), "rad s-1", "angular velocity less the reference of the control law"
     ),
     "lyapunov": _Variable((), "J", "Lyapunov function of the control law"),
-    "rate_law_active": _Variable((), "1", "1 while the rate law of a switching law is active"),
+    "mode": _Variable((), "1", "part of a switching law or supervisor that is active"),
 }
 
 
