@@ -1,6 +1,8 @@
 """The fine stage: oscillate until all is small, then the orbital regulator, with hysteresis."""
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,6 +22,8 @@ RealScalar = Float[Array, ""]
 
 OSCILLATING, REGULATING = 3, 4
 """Numbers of the two modes; a supervisor's earlier phases are 1 and 2."""
+
+FINE_MODES = {OSCILLATING: "oscillating", REGULATING: "regulating"}
 
 
 class Handover(eqx.Module):
@@ -130,6 +134,8 @@ class OscillatorySettling(AbstractSampledController):
 
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
+
+    mode_names: ClassVar[Mapping[int, str]] = MappingProxyType(FINE_MODES)
 
     fine: FineStage
     estimator: ThirdAxisEstimator

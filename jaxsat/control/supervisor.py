@@ -1,6 +1,8 @@
 """The quickest way that settles: stop, slew, then the fine stage."""
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.fine import OSCILLATING, REGULATING, FineMemory, FineStage
+from jaxsat.control.fine import FINE_MODES, OSCILLATING, REGULATING, FineMemory, FineStage
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.slews import Slewing, SlewPlanner
@@ -46,6 +48,10 @@ class ThreeSlewSettling(AbstractSampledController):
     |z| exceeds `lost_turn` (rad) or |ω3| exceeds `lost_rate` (rad/s) in the fine stage.
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
+
+    mode_names: ClassVar[Mapping[int, str]] = MappingProxyType(
+        {STOPPING: "stopping", SLEWING: "slewing", **FINE_MODES}
+    )
 
     rate_law: FiniteTimeRate
     planner: SlewPlanner
