@@ -1,6 +1,5 @@
 """The fine stage: oscillate until all is small, then the orbital regulator, with hysteresis."""
 
-from collections.abc import Mapping
 from types import MappingProxyType
 from typing import ClassVar, NamedTuple
 
@@ -13,7 +12,7 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.rate_tracking import clipped
-from jaxsat.control.switching import AbstractSampledController
+from jaxsat.control.switching import AbstractSampledController, ModeNames
 from jaxsat.control.terminal import OrbitalRegulator
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState
@@ -135,7 +134,7 @@ class OscillatorySettling(AbstractSampledController):
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
 
-    mode_names: ClassVar[Mapping[int, str]] = MappingProxyType(FINE_MODES)
+    mode_names: ClassVar[ModeNames] = MappingProxyType(FINE_MODES)
 
     fine: FineStage
     estimator: ThirdAxisEstimator

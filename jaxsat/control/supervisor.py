@@ -1,6 +1,5 @@
 """The quickest way that settles: stop, slew, then the fine stage."""
 
-from collections.abc import Mapping
 from types import MappingProxyType
 from typing import ClassVar, NamedTuple
 
@@ -15,7 +14,7 @@ from jaxsat.control.fine import FINE_MODES, OSCILLATING, REGULATING, FineMemory,
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.slews import Slewing, SlewPlanner
-from jaxsat.control.switching import AbstractSampledController
+from jaxsat.control.switching import AbstractSampledController, ModeNames
 from jaxsat.control.tilt import tilt_of
 from jaxsat.dynamics import PlantState
 
@@ -49,7 +48,7 @@ class ThreeSlewSettling(AbstractSampledController):
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
 
-    mode_names: ClassVar[Mapping[int, str]] = MappingProxyType(
+    mode_names: ClassVar[ModeNames] = MappingProxyType(
         {STOPPING: "stopping", SLEWING: "slewing", **FINE_MODES}
     )
 

@@ -20,12 +20,17 @@ from jaxsat.control.rate import RateLaw
 from jaxsat.control.three_axis import ThreeAxisLaw
 from jaxsat.dynamics import PlantState
 
+ModeNames = Mapping[int, str]
+"""What the numbers of a controller's modes mean."""
+
+ONE_MODE: ModeNames = MappingProxyType({0: "one law"})
+
 
 class AbstractSampledController(eqx.Module):
     """A controller that runs once every `period` seconds; its torque is held in between."""
 
     period: eqx.AbstractVar[Float[Array, ""]]
-    mode_names: eqx.AbstractClassVar[Mapping[int, str]]
+    mode_names: eqx.AbstractClassVar[ModeNames]
 
     @abc.abstractmethod
     def init(self, state: PlantState) -> Memory:
@@ -65,7 +70,7 @@ class SwitchingLaw(AbstractSampledController):
     reference jumps in slope where sat switches.
     """
 
-    mode_names: ClassVar[Mapping[int, str]] = MappingProxyType({0: "three-axis law", 1: "rate law"})
+    mode_names: ClassVar[ModeNames] = MappingProxyType({0: "three-axis law", 1: "rate law"})
 
     rate_law: RateLaw
     three_axis_law: ThreeAxisLaw
