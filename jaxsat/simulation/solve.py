@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from jaxsat.checks import as_float, concrete
 from jaxsat.dynamics import PlantState
-from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, LoopState, SampledLoop
+from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, SampledLoop, SampledState
 from jaxsat.simulation.methods import Method, default_method
 from jaxsat.simulation.trajectory import Outcome, Trajectory
 
@@ -121,11 +121,10 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit) -> Traject
     def one_period(carry, number):
         state, code = carry
         t = times[0] + number * loop.controller.period
-        torque, memory, signals = loop.sample(t, state)
-        plant = _hold(loop, solver, t, state.plant, torque)
-        code = jnp.where(_within((plant, memory), limit), code, int(Outcome.STATE_LIMIT))
+        torque, memory, signals = loop.sample(number, t, state)
+        following = SampledState(_after_period(loop, solver, t, state, torque), memory, torque)
+        code = jnp.where(_within((following.plant, memory), limit), code, int(Outcome.STATE_LIMIT))
         ended = code != int(Outcome.SUCCESS)
-        following = LoopState(plant, memory)
         following = jax.tree.map(lambda new, old: jnp.where(ended, old, new), following, state)
         blank = carry[1] != int(Outcome.SUCCESS)
         signals = jax.tree.map(lambda x: jnp.where(blank, jnp.nan, x), signals)
@@ -138,19 +137,25 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit) -> Traject
     return Trajectory(times, signals, before_last, code, jnp.array(samples * loop.substeps))
 
 
-def _hold(loop, solver, t, state, torque) -> PlantState:
-    """The plant after one period under a held torque."""
+def _after_period(loop, solver, t, state, torque) -> PlantState:
+    """The plant after one period, its held torques one after the other."""
+    plant = state.plant
+    for hold in loop.holds(state, torque):
+        plant = _after_hold(loop, solver, t + hold.begin, plant, hold)
+    return PlantState(plant.attitude.normalised(), plant.omega)
+
+
+def _after_hold(loop, solver, t, state, hold) -> PlantState:
     term = diffrax.ODETerm(loop.plant_rate)
-    step = loop.controller.period / loop.substeps
-    solver_state = solver.init(term, t, t + step, state, torque)
+    step = hold.length / loop.substeps
+    solver_state = solver.init(term, t, t + step, state, hold.torque)
 
     def substep(number, carry):
         current, inner = carry
         begin = t + number * step
         current, _, _, inner, _ = solver.step(
-            term, begin, begin + step, current, torque, inner, made_jump=False
+            term, begin, begin + step, current, hold.torque, inner, made_jump=False
         )
         return current, inner
 
-    end, _ = jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state))
-    return PlantState(end.attitude.normalised(), end.omega)
+    return jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state))[0]
