@@ -2,11 +2,16 @@
 
 from jaxsat.results.dataset import open_trajectory, save_trajectory, trajectory_dataset
 from jaxsat.results.folder import OutputError, OutputFolder
-from jaxsat.results.provenance import provenance
+from jaxsat.results.provenance import machine, provenance
+from jaxsat.results.store import Column, StudyStore, open_study
 
 __all__ = [
+    "Column",
     "OutputError",
     "OutputFolder",
+    "StudyStore",
+    "machine",
+    "open_study",
     "open_trajectory",
     "provenance",
     "save_trajectory",

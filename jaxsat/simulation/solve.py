@@ -68,7 +68,7 @@ def _run_continuous(loop, start, times, method, adjoint, limit) -> Trajectory:
         stepsize_controller=method.step_size,
         max_steps=method.max_steps,
         adjoint=adjoint,
-        event=diffrax.Event(lambda t, y, args, **_: ~_within(y, limit)),
+        event=diffrax.Event(lambda t, y, args, **_: ~all_within(y, limit)),
         throw=False,
     )
     signals, final = solution.ys
@@ -76,12 +76,12 @@ def _run_continuous(loop, start, times, method, adjoint, limit) -> Trajectory:
         times,
         jax.tree.map(_blank_unreached, signals),
         jax.tree.map(lambda x: x[0], final),
-        _code(solution.result),
+        outcome_code(solution.result),
         solution.stats["num_steps"],
     )
 
 
-def _within(state: PyTree, limit: Float[Array, ""]) -> Array:
+def all_within(state: PyTree, limit: Float[Array, ""]) -> Array:
     """Whether every entry is a number below the limit (NaN fails the comparison)."""
     return jnp.all(jnp.stack([jnp.all(jnp.abs(x) < limit) for x in jax.tree.leaves(state)]))
 
@@ -91,7 +91,8 @@ def _blank_unreached(values: Array) -> Array:
     return jnp.where(jnp.isinf(values), jnp.nan, values)
 
 
-def _code(result: diffrax.RESULTS) -> Int[Array, ""]:
+def outcome_code(result: diffrax.RESULTS) -> Int[Array, ""]:
+    """How a diffrax solve ended, as an `Outcome`."""
     known = {
         Outcome.STATE_LIMIT: diffrax.RESULTS.event_occurred,
         Outcome.MAX_STEPS: diffrax.RESULTS.max_steps_reached,
@@ -123,7 +124,9 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit) -> Traject
         t = times[0] + number * loop.controller.period
         torque, memory, signals = loop.sample(number, t, state)
         following = SampledState(_after_period(loop, solver, t, state, torque), memory, torque)
-        code = jnp.where(_within((following.plant, memory), limit), code, int(Outcome.STATE_LIMIT))
+        code = jnp.where(
+            all_within((following.plant, memory), limit), code, int(Outcome.STATE_LIMIT)
+        )
         ended = code != int(Outcome.SUCCESS)
         following = jax.tree.map(lambda new, old: jnp.where(ended, old, new), following, state)
         blank = carry[1] != int(Outcome.SUCCESS)
