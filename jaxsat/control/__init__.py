@@ -1,19 +1,63 @@
 """Control laws: which torque to command, given the state."""
 
 from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractController, Coast
+from jaxsat.control.estimators import (
+    RecursiveLeastSquares,
+    RippleObserver,
+    ThirdAxis,
+    ThirdAxisEstimator,
+)
+from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
+from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
 from jaxsat.control.internal_model import InternalModel, OscillatorState
+from jaxsat.control.oscillatory import (
+    AbstractDemand,
+    MorinSamson,
+    Oscillator,
+    OscillatoryLaw,
+    TwoChannel,
+)
+from jaxsat.control.presets import TUNED_LIMITS, oscillatory_settling, three_slew_settling
 from jaxsat.control.rate import RateLaw
+from jaxsat.control.riccati import reachable_rank, regulator_gain
+from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
+from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.switching import AbstractSampledController, SwitchingLaw
+from jaxsat.control.terminal import OrbitalRegulator, linear_model
 from jaxsat.control.three_axis import ThreeAxisLaw
 
 __all__ = [
+    "TUNED_LIMITS",
     "AbstractBacksteppingLaw",
     "AbstractController",
+    "AbstractDemand",
     "AbstractSampledController",
     "Coast",
+    "FineStage",
+    "FiniteTimeRate",
+    "FiniteTimeRateLaw",
+    "Handover",
     "InternalModel",
+    "MorinSamson",
+    "OrbitalRegulator",
+    "Oscillator",
     "OscillatorState",
+    "OscillatoryLaw",
+    "OscillatorySettling",
     "RateLaw",
+    "RecursiveLeastSquares",
+    "RippleObserver",
+    "SlewPlanner",
     "SwitchingLaw",
+    "ThirdAxis",
+    "ThirdAxisEstimator",
     "ThreeAxisLaw",
+    "ThreeSlewLaw",
+    "ThreeSlewSettling",
+    "TwoChannel",
+    "linear_model",
+    "oscillatory_settling",
+    "reachable_rank",
+    "regulator_gain",
+    "three_slew_settling",
 ]

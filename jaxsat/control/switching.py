@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, concrete, require_positive
 from jaxsat.control.controller import Memory
@@ -37,6 +37,10 @@ class AbstractSampledController(eqx.Module):
     @abc.abstractmethod
     def rate_error(self, state: PlantState, memory: Memory) -> Float[Array, "2"]:
         """How far the rates are from the reference of the law that is active, rad/s."""
+
+    @abc.abstractmethod
+    def mode(self, memory: Memory) -> Int[Array, ""]:
+        """Which part of the controller is at work, by a number that the controller explains."""
 
 
 class SwitchingMemory(NamedTuple):
@@ -114,6 +118,10 @@ class SwitchingLaw(AbstractSampledController):
     def rate_error(self, state: PlantState, memory: SwitchingMemory) -> Float[Array, "2"]:
         """η of the active law, rad/s."""
         return state.omega[:2] - self._reference(state, memory.rate_law_active)
+
+    def mode(self, memory: SwitchingMemory) -> Int[Array, ""]:
+        """1 while the rate law is active, 0 while the three-axis law is."""
+        return memory.rate_law_active.astype(int)
 
     def _reference(self, state: PlantState, rate_law_active: Bool[Array, ""]) -> Float[Array, "2"]:
         return jnp.where(

@@ -158,7 +158,7 @@ def _angle_degrees(dataset: xr.Dataset) -> np.ndarray:
 
 def _shade_rate_law(dataset: xr.Dataset, axes: Axes) -> None:
     """Grey bands where the rate law of a switching controller is at work."""
-    active = dataset["rate_law_active"].values > 0.5
+    active = dataset["mode"].values > 0.5
     if not active.any():
         return
     axes.fill_between(

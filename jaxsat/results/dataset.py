@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from jaxsat.results.provenance import provenance
+from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Trajectory
 
 
@@ -40,7 +40,7 @@ VARIABLES = {
         ("driven_axis",), "rad s-1", "angular velocity less the reference of the control law"
     ),
     "lyapunov": _Variable((), "J", "Lyapunov function of the control law"),
-    "rate_law_active": _Variable((), "1", "1 while the rate law of a switching law is active"),
+    "mode": _Variable((), "1", "part of a switching law or supervisor that is active"),
 }
 
 
@@ -71,7 +71,7 @@ def trajectory_dataset(
     )
 
 
-def save_trajectory(dataset: xr.Dataset, path: Path) -> None:
+def save_dataset(dataset: xr.Dataset, path: Path) -> None:
     """Write a dataset as netCDF 4, compressed."""
     encoding = {name: {"zlib": True, "complevel": 4} for name in dataset.data_vars}
     dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
@@ -88,23 +88,15 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
 def _attributes(
     trajectory: Trajectory, title: str, scenario: str, seed: int | None
 ) -> dict[str, str | int]:
-    made_by = provenance()
     outcome = trajectory.outcome
     attributes: dict[str, str | int] = {
-        "Conventions": "CF-1.11",
         "title": title,
-        "source": f"jaxsat {made_by['versions']['jaxsat']}",
-        "history": f"{made_by['created']} simulated by jaxsat",
         "scenario": scenario,
         "outcome": outcome.name,
         "outcome_code": int(outcome),
         "outcome_explanation": outcome.explanation,
         "steps": int(trajectory.steps),
-        "platform": made_by["platform"],
-        "created": made_by["created"],
     }
     if seed is not None:
         attributes["seed"] = seed
-    return attributes | {
-        f"{name}_version": version for name, version in made_by["versions"].items()
-    }
+    return attributes | provenance_attributes()

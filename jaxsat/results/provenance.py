@@ -45,3 +45,17 @@ def _processor() -> str:
         return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
     except (OSError, StopIteration):
         return platform.processor() or platform.machine()
+
+
+def provenance_attributes() -> dict[str, str]:
+    """The same as flat text attributes of a dataset, in the words of the CF conventions."""
+    made_by = provenance()
+    versions = {f"{name}_version": version for name, version in made_by["versions"].items()}
+    return {
+        "Conventions": "CF-1.11",
+        "source": f"jaxsat {made_by['versions']['jaxsat']}",
+        "history": f"{made_by['created']} made by jaxsat",
+        "platform": made_by["platform"],
+        "created": made_by["created"],
+        **versions,
+    }

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -214,7 +213,7 @@ def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) ->
     return RigidBody(Spacecraft(as_float(inertia)), _orbit(relation, rate), known, held)
 
 
-def _periodic(amplitude: Sequence[float] | np.ndarray, table: DisturbanceTable) -> PeriodicTorque:
+def _periodic(amplitude: tuple[float, ...] | np.ndarray, table: DisturbanceTable) -> PeriodicTorque:
     return PeriodicTorque(
         as_float(amplitude), as_float(table.frequency_rad_s), as_float(table.phase_rad)
     )
@@ -252,11 +251,13 @@ def _switching_law(scenario: Scenario, table: SwitchingTable, model: RigidBody) 
         table.three_axis_slope_limit_rad_s2,
     )
     return SwitchingLaw(
-        _rate_law(table, model),
-        _three_axis_law(scenario, table, model),
-        as_float(table.upper_threshold_rad_s),
-        as_float(table.lower_threshold_rad_s),
-        as_float(table.period_s),
-        as_float(usual if rate_limit is None else rate_limit),
-        as_float(5 * usual if three_axis_limit is None else three_axis_limit),
+        rate_law=_rate_law(table, model),
+        three_axis_law=_three_axis_law(scenario, table, model),
+        upper_threshold=as_float(table.upper_threshold_rad_s),
+        lower_threshold=as_float(table.lower_threshold_rad_s),
+        period=as_float(table.period_s),
+        rate_slope_limit=as_float(usual if rate_limit is None else rate_limit),
+        three_axis_slope_limit=as_float(
+            5 * usual if three_axis_limit is None else three_axis_limit
+        ),
     )

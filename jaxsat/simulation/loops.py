@@ -271,11 +271,11 @@ def _signals(plant, controller, t, state, memory, torque) -> Signals:
 def _sampled_signals(loop, t, state, memory, torque) -> Signals:
     error = loop.controller.rate_error(state, memory)
     none = jnp.full((), jnp.nan, error.dtype)
-    mode = jnp.asarray(memory.rate_law_active, error.dtype)
+    mode = jnp.asarray(loop.controller.mode(memory), error.dtype)
     return _plant_signals(loop.plant, t, state, torque, error, none, mode)
 
 
-def _plant_signals(plant, t, state, torque, rate_error, lyapunov, rate_law_active) -> Signals:
+def _plant_signals(plant, t, state, torque, rate_error, lyapunov, mode) -> Signals:
     wz = state.attitude.as_wz()
     return Signals(
         w=wz.w,
@@ -287,5 +287,5 @@ def _plant_signals(plant, t, state, torque, rate_error, lyapunov, rate_law_activ
         disturbance=plant.disturbance_torque(t, state),
         rate_error=rate_error,
         lyapunov=lyapunov,
-        rate_law_active=rate_law_active,
+        mode=mode,
     )

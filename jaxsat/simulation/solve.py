@@ -1,5 +1,7 @@
 """`simulate`: one loop, one start, one result."""
 
+from typing import cast
+
 import diffrax
 import equinox as eqx
 import jax
@@ -11,7 +13,7 @@ from jaxsat.checks import as_float, concrete
 from jaxsat.dynamics import PlantState
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, SampledLoop, SampledState
 from jaxsat.simulation.methods import Method, default_method
-from jaxsat.simulation.trajectory import Outcome, Trajectory
+from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
 
 STATE_LIMIT = 1e6
 """A run ends when a state exceeds this: |w| then means upside down, a rate means divergence."""
@@ -71,7 +73,7 @@ def _run_continuous(loop, start, times, method, adjoint, limit) -> Trajectory:
         event=diffrax.Event(lambda t, y, args, **_: ~all_within(y, limit)),
         throw=False,
     )
-    signals, final = solution.ys
+    signals, final = cast(tuple[Signals, PyTree], solution.ys)
     return Trajectory(
         times,
         jax.tree.map(_blank_unreached, signals),

@@ -33,9 +33,9 @@ _EXPLANATIONS = {
 class Signals(eqx.Module):
     """Everything a person may want to see at one instant; body axes, SI units, angles in rad.
 
-    `torque` is what the thrusters make, `rate_error` is η of the active law, `rate_law_active`
-    tells which law of a switching controller is at work (1 for the rate law). With a leading axis
-    it is a history.
+    `torque` is what the thrusters make, `rate_error` is η of the active law, `mode` tells
+    which part of a sampled controller is at work, by its own numbers (zero for continuous ones).
+    With a leading axis it is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -47,7 +47,7 @@ class Signals(eqx.Module):
     disturbance: Float[Array, "*times 3"]
     rate_error: Float[Array, "*times 2"]
     lyapunov: Float[Array, "*times"]
-    rate_law_active: Float[Array, "*times"]
+    mode: Float[Array, "*times"]
 
 
 class Trajectory(eqx.Module):

@@ -25,7 +25,6 @@ INERTIA = (2.0, 3.0, 4.0)
 
 
 class Memory(NamedTuple):
-    rate_law_active: Float[Array, ""]
     heard: Float[Array, "3"]
 
 
@@ -36,14 +35,17 @@ class Damper(AbstractSampledController):
     gain: Float[Array, ""] = eqx.field(converter=as_float)
 
     def init(self, state):
-        return Memory(jnp.array(0.0), state.omega)
+        return Memory(state.omega)
 
     def step(self, t, state, memory):
         command = jnp.stack([-self.gain * state.omega[0], jnp.zeros(())])
-        return command, Memory(memory.rate_law_active, state.omega)
+        return command, Memory(state.omega)
 
     def rate_error(self, state, memory):
         return state.omega[:2]
+
+    def mode(self, memory):
+        return jnp.array(0)
 
 
 def damped(**options):

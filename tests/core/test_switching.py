@@ -63,9 +63,9 @@ def test_sampled_switching_against_the_oracle(relation, attitude):
     assert result.outcome is Outcome.SUCCESS
     np.testing.assert_allclose(run.omega, exact.omega[:601], atol=1e-7)
     np.testing.assert_allclose(run.w, exact.w[:601], atol=1e-7)
-    np.testing.assert_array_equal(run.rate_law_active[:600], exact.mode[:600])
+    np.testing.assert_array_equal(run.mode[:600], exact.mode[:600])
     np.testing.assert_allclose(run.torque[:600, :2], exact.torque[:600], atol=1e-5)
-    assert 0 < run.rate_law_active.mean() < 1
+    assert 0 < run.mode.mean() < 1
 
 
 def test_switching_ends_in_a_limit_cycle():

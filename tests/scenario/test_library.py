@@ -98,6 +98,6 @@ def test_switching_ends_in_a_limit_cycle():
     size = np.linalg.norm(np.asarray(trajectory.signals.omega)[500:], axis=1)
     assert 0.005 < size.mean() < 0.05
     assert size.max() < 0.1
-    active = np.asarray(trajectory.signals.rate_law_active)
+    active = np.asarray(trajectory.signals.mode)
     assert set(np.unique(active)) == {0.0, 1.0}
     assert np.abs(np.asarray(trajectory.signals.torque)).max() <= 5

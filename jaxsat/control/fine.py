@@ -1,0 +1,164 @@
+"""The fine stage: oscillate until all is small, then the orbital regulator, with hysteresis."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.checks import as_float, require_positive
+from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
+from jaxsat.control.rate_tracking import clipped
+from jaxsat.control.switching import AbstractSampledController
+from jaxsat.control.terminal import OrbitalRegulator
+from jaxsat.control.tilt import Tilt, tilt_of
+from jaxsat.dynamics import PlantState
+
+RealScalar = Float[Array, ""]
+
+OSCILLATING, REGULATING = 3, 4
+"""Numbers of the two modes; a supervisor's earlier phases are 1 and 2."""
+
+
+class Handover(eqx.Module):
+    """When the regulator takes over and when it hands back.
+
+    It takes over when |w| and |ẑ| are below `enter_angle`, the slow rate |s| is below
+    `enter_slow_rate` and |ω1|, |ω2 + ω0| are below `enter_rate`; it hands back when |w| exceeds
+    `leave_tilt`, |z| exceeds `leave_turn` or |ω3| exceeds `leave_rate` (rad, rad/s).
+    """
+
+    enter_slow_rate: RealScalar = eqx.field(converter=as_float)
+    enter_rate: RealScalar = eqx.field(converter=as_float)
+    enter_angle: RealScalar = eqx.field(converter=as_float, default=0.03)
+    leave_tilt: RealScalar = eqx.field(converter=as_float, default=0.04)
+    leave_turn: RealScalar = eqx.field(converter=as_float, default=0.045)
+    leave_rate: RealScalar = eqx.field(converter=as_float, default=1e-3)
+
+    def __check_init__(self):
+        for name in ("enter_slow_rate", "enter_rate", "enter_angle"):
+            require_positive(name, getattr(self, name))
+        for name in ("leave_tilt", "leave_turn", "leave_rate"):
+            require_positive(name, getattr(self, name))
+
+    def __call__(
+        self,
+        regulating: Bool[Array, ""],
+        tilt: Tilt,
+        slow: Slow,
+        omega: Float[Array, "3"],
+        orbit_rate: RealScalar,
+    ) -> Bool[Array, ""]:
+        """Whether the regulator is to work now, given whether it did."""
+        enter = (
+            (tilt.size < self.enter_angle)
+            & (jnp.abs(slow.turn) < self.enter_angle)
+            & (jnp.abs(slow.rate) < self.enter_slow_rate)
+            & (jnp.abs(omega[0]) < self.enter_rate)
+            & (jnp.abs(omega[1] + orbit_rate) < self.enter_rate)
+        )
+        leave = (
+            (tilt.size > self.leave_tilt)
+            | (jnp.abs(tilt.turn) > self.leave_turn)
+            | (jnp.abs(omega[2]) > self.leave_rate)
+        )
+        return jnp.where(regulating, ~leave, enter)
+
+
+class FineMemory(NamedTuple):
+    """The oscillation asked for last, and whether the regulator works."""
+
+    oscillation: Oscillation
+    regulating: Bool[Array, ""]
+
+
+class FineStage(eqx.Module):
+    """Oscillator and regulator with the hand-over between them.
+
+    `fade_lean` takes the correction of the turn for leaning axes away as the tilt grows, by the
+    factor max(0, 1 - |w|²).
+    """
+
+    oscillator: Oscillator
+    regulator: OrbitalRegulator
+    handover: Handover
+    fade_lean: bool = eqx.field(static=True, default=False)
+
+    def init(self, state: PlantState) -> FineMemory:
+        """At rest, oscillating."""
+        return FineMemory(self.oscillator.init(state), jnp.array(False))
+
+    def step(
+        self, clock: RealScalar, state: PlantState, third: ThirdAxis, memory: FineMemory
+    ) -> tuple[Float[Array, "2"], Float[Array, "2"], FineMemory]:
+        """The torque, not yet limited (N m), the rates asked for (rad/s), and the next memory."""
+        tilt = tilt_of(state.attitude)
+        if self.fade_lean:
+            third = third._replace(lean=third.lean * jnp.maximum(0.0, 1 - tilt.size**2))
+        slow = self.oscillator.slow(clock, tilt, third, memory.oscillation)
+        wanted = self.oscillator.oscillation(slow, third)
+        tracking = self.oscillator.tracking(clock, state, tilt, wanted)
+        regulating = self.handover(
+            memory.regulating, tilt, slow, state.omega, self.regulator.orbit_rate
+        )
+        lean = third.lean[0] * tilt.phi + third.lean[1] * tilt.theta
+        turn = tilt.turn - lean - third.turn_ripple
+        omega = state.omega.at[2].set(third.rate - third.rate_ripple)
+        command = jnp.where(
+            regulating,
+            self.regulator.torque(tilt, turn, omega),
+            self.oscillator.torque(state, tracking),
+        )
+        reference = jnp.where(regulating, state.omega[:2], tracking.rate)
+        at_rest = self.oscillator.init(state)
+        kept = jax.tree.map(lambda rest, x: jnp.where(regulating, rest, x), at_rest, wanted)
+        return command, reference, FineMemory(kept, regulating)
+
+
+class OscillatorySettlingMemory(NamedTuple):
+    """Memories of the stage and the estimator, and the rates asked for."""
+
+    fine: FineMemory
+    estimator: EstimatorMemory
+    reference: Float[Array, "2"]
+
+
+class OscillatorySettling(AbstractSampledController):
+    """Oscillates from any start until all is small, then regulates: all three axes settle.
+
+    `torque_limit` (N m) cuts the commands, `period` is in s.
+    """
+
+    fine: FineStage
+    estimator: ThirdAxisEstimator
+    torque_limit: RealScalar = eqx.field(converter=as_float)
+    period: RealScalar = eqx.field(converter=as_float, default=0.1)
+
+    def __check_init__(self):
+        require_positive("torque_limit", self.torque_limit)
+        require_positive("period", self.period)
+
+    def init(self, state: PlantState) -> OscillatorySettlingMemory:
+        """At rest, nothing estimated."""
+        return OscillatorySettlingMemory(
+            self.fine.init(state), self.estimator.init(state), jnp.zeros(2, state.omega.dtype)
+        )
+
+    def step(
+        self, t: RealScalar, state: PlantState, memory: OscillatorySettlingMemory
+    ) -> tuple[Float[Array, "2"], OscillatorySettlingMemory]:
+        """Estimate, then the fine stage."""
+        third, estimator = self.estimator.update(state, memory.estimator, self.period)
+        command, reference, fine = self.fine.step(t, state, third, memory.fine)
+        command = clipped(command, self.torque_limit)
+        return command, OscillatorySettlingMemory(fine, estimator, reference)
+
+    def rate_error(self, state: PlantState, memory: OscillatorySettlingMemory) -> Float[Array, "2"]:
+        """ω - ω_d while oscillating, zero while regulating, rad/s."""
+        return jnp.where(memory.fine.regulating, 0.0, state.omega[:2] - memory.reference)
+
+    def mode(self, memory: OscillatorySettlingMemory) -> Int[Array, ""]:
+        """3 while oscillating, 4 while regulating."""
+        return jnp.where(memory.fine.regulating, REGULATING, OSCILLATING)

@@ -1,0 +1,147 @@
+"""All three rates to zero in finite time with two torques of bounded size.
+
+The paper's reference (38) gives ω3 an exponential decay and asks for torques that grow without
+bound near ω3 = 0. With the cube root of |ω3| instead of the square root the references change
+at a constant rate, so that a constant torque follows them, and ω3 is gone after a finite time.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from jaxsat.checks import as_float, require_positive
+from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.oscillatory import Tracking
+from jaxsat.control.rate_tracking import clipped, tracking_torque
+from jaxsat.control.switching import AbstractSampledController
+from jaxsat.dynamics import PlantState, RigidBody
+
+RealScalar = Float[Array, ""]
+
+
+class Signs(NamedTuple):
+    """Signs (σ1, σ2) of the references, and the sign of ω3 that they were chosen for."""
+
+    sigma: Float[Array, "2"]
+    third: RealScalar
+
+
+class FiniteTimeRate(eqx.Module):
+    """ω1d = σ1 a g, ω2d = σ2 b g with g = max(|ω3| - ε, 0)^⅓ and σ1 σ2 = -sgn(ω3) sgn(c).
+
+    Once tracked, d|ω3|/dt = -|c| a b g², so |ω3| reaches ε after 3 g(0) / (|c| a b). The references
+    then change at a_i |c| a b / 3, and a³ = 3 η Tm J2 / (|c| J1²), b³ = 3 η Tm J1 / (|c| J2²) make
+    that a torque of η Tm about each axis. `torque_limit` is Tm (N m), `share` is η in (0, 1),
+    `rate_gain` (1/s) pulls the rates to their references, `dead_zone` is ε (rad/s).
+    """
+
+    model: RigidBody
+    torque_limit: RealScalar = eqx.field(converter=as_float)
+    share: RealScalar = eqx.field(converter=as_float)
+    rate_gain: RealScalar = eqx.field(converter=as_float)
+    dead_zone: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        for name in ("torque_limit", "share", "rate_gain", "dead_zone"):
+            require_positive(name, getattr(self, name))
+
+    def init(self, state: PlantState) -> Signs:
+        """No signs chosen yet."""
+        return Signs(jnp.zeros(2, state.omega.dtype), jnp.zeros_like(state.omega[2]))
+
+    def factors(self, c: RealScalar) -> Float[Array, "2"]:
+        """(a, b), rad^⅔ s^-⅔."""
+        j1, j2, _ = self.model.spacecraft.moments
+        base = 3 * self.share * self.torque_limit / jnp.abs(c)
+        return jnp.stack([jnp.cbrt(base * j2 / j1**2), jnp.cbrt(base * j1 / j2**2)])
+
+    def time_to_zero(self, omega3: RealScalar, c: RealScalar) -> RealScalar:
+        """Seconds until |ω3| has fallen to ε, once the references are tracked."""
+        a, b = self.factors(c)
+        return 3 * self._root(omega3) / (jnp.abs(c) * a * b)
+
+    def signs(self, third: ThirdAxis, omega: Float[Array, "3"], last: Signs) -> Signs:
+        """Of the two pairs, the nearer one by Σ J_i (ω_i - ω_id)²; kept until ω3 changes sign."""
+        j1, j2, _ = self.model.spacecraft.moments
+        a, b = self.factors(third.coupling)
+        side = jnp.where(third.rate < 0, -1.0, 1.0)
+        product = -side * jnp.where(third.coupling < 0, -1.0, 1.0)
+        nearer = j1 * a * omega[0] + product * j2 * b * omega[1] < 0
+        sigma1 = jnp.where(nearer, -1.0, 1.0)
+        chosen = Signs(jnp.stack([sigma1, product * sigma1]), side)
+        keep = side == last.third
+        return jax.tree.map(lambda old, new: jnp.where(keep, old, new), last, chosen)
+
+    def tracking(self, third: ThirdAxis, omega: Float[Array, "3"], signs: Signs) -> Tracking:
+        """The references and the derivatives that go with the present decay of ω3.
+
+        The decay is what the rates reached really give, at most the one asked for: feeding the
+        ideal one forward leaves the rates behind their references at large torques.
+        """
+        moments, c = self.model.spacecraft.moments[:2], third.coupling
+        slopes = signs.sigma * self.factors(c)
+        root = self._root(third.rate)
+        fastest = jnp.abs(c * slopes[0] * slopes[1]) * root**2
+        decay = jnp.clip(signs.third * c * omega[0] * omega[1], -fastest, 0.0)
+        square = jnp.where(root > 0, root**2, 1.0)
+        most = self.torque_limit / moments
+        derivative = jnp.clip(slopes * decay / (3 * square), -most, most)
+        return Tracking(slopes * root, derivative)
+
+    def torque(self, state: PlantState, tracking: Tracking) -> Float[Array, "2"]:
+        """The torque that tracks, not yet limited, N m."""
+        moments = self.model.spacecraft.moments
+        return tracking_torque(
+            moments, state.omega, tracking.rate, tracking.derivative, self.rate_gain
+        )
+
+    def _root(self, omega3: RealScalar) -> RealScalar:
+        excess = jnp.maximum(jnp.abs(omega3) - self.dead_zone, 0.0)
+        return jnp.where(excess > 0, jnp.cbrt(jnp.where(excess > 0, excess, 1.0)), 0.0)
+
+
+class FiniteTimeRateMemory(NamedTuple):
+    """The signs, the estimator's memory and the rates asked for."""
+
+    signs: Signs
+    estimator: EstimatorMemory
+    reference: Float[Array, "2"]
+
+
+class FiniteTimeRateLaw(AbstractSampledController):
+    """The finite-time law alone: stops the rotation from any rates; `period` is in s."""
+
+    law: FiniteTimeRate
+    estimator: ThirdAxisEstimator
+    period: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_positive("period", self.period)
+
+    def init(self, state: PlantState) -> FiniteTimeRateMemory:
+        """No signs chosen, nothing estimated."""
+        reference = jnp.zeros(2, state.omega.dtype)
+        return FiniteTimeRateMemory(self.law.init(state), self.estimator.init(state), reference)
+
+    def step(
+        self, t: RealScalar, state: PlantState, memory: FiniteTimeRateMemory
+    ) -> tuple[Float[Array, "2"], FiniteTimeRateMemory]:
+        """Estimate, signs, references, torque."""
+        del t
+        third, estimator = self.estimator.update(state, memory.estimator, self.period)
+        signs = self.law.signs(third, state.omega, memory.signs)
+        tracking = self.law.tracking(third, state.omega, signs)
+        command = clipped(self.law.torque(state, tracking), self.law.torque_limit)
+        return command, FiniteTimeRateMemory(signs, estimator, tracking.rate)
+
+    def rate_error(self, state: PlantState, memory: FiniteTimeRateMemory) -> Float[Array, "2"]:
+        """ω - ω_d, rad/s."""
+        return state.omega[:2] - memory.reference
+
+    def mode(self, memory: FiniteTimeRateMemory) -> Int[Array, ""]:
+        """Always 0: one law."""
+        del memory
+        return jnp.array(0)

@@ -1,0 +1,228 @@
+"""Steering the third axis by oscillating the first two: the oscillatory law.
+
+Two phase-locked oscillations of ω1 and ω2 have a mean product, and c ω1 ω2 moves ω3; the area
+that the tilt (φ, θ) sweeps moves the turn z. After Morin and Samson, IEEE Trans. Robotics and
+Automation 13(4), 1997; the derivation with the orbit's terms is in docs/laws.md.
+
+With ω - e ≈ (ρ S, (α S + β C) / ρ), e the orbit frame's rate in body axes, S = sin νt and
+C = cos νt, the slow rate s and slow turn ẑ (ω3 and z without their ripple) obey on average
+    ds/dt = c α / 2,    dẑ/dt = s - β / 2ν.
+A demand chooses (α, β) from (s, ẑ); the law tracks the rates that make them.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from jaxsat.checks import as_float, require_positive
+from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.rate_tracking import clipped, tracking_torque
+from jaxsat.control.switching import AbstractSampledController
+from jaxsat.control.tilt import Tilt, tilt_of
+from jaxsat.dynamics import PlantState, RigidBody
+
+RealScalar = Float[Array, ""]
+
+NO_AMPLITUDE = 1e-9
+"""Keeps the amplitude (rad/s) away from zero, where its root has no derivative."""
+
+
+class AbstractDemand(eqx.Module):
+    """Which oscillation to ask for, given the slow rate s (rad/s) and slow turn ẑ (rad)."""
+
+    @abc.abstractmethod
+    def __call__(
+        self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
+    ) -> tuple[RealScalar, RealScalar]:
+        """(α, β) in (rad/s)²; `coupling` is c, `frequency` ν in rad/s."""
+
+
+class MorinSamson(AbstractDemand):
+    """The product of the rates alone: d²ẑ/dt² + 2ζ k3 dẑ/dt + k3² ẑ = 0 on average."""
+
+    k3: RealScalar = eqx.field(converter=as_float)
+    damping: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_positive("k3", self.k3)
+        require_positive("damping", self.damping)
+
+    def __call__(
+        self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
+    ) -> tuple[RealScalar, RealScalar]:
+        """α = -(2 / c)(k3² ẑ + 2ζ k3 s), β = 0."""
+        del frequency
+        alpha = -2 / coupling * (self.k3**2 * turn + 2 * self.damping * self.k3 * rate)
+        return alpha, jnp.zeros_like(alpha)
+
+
+class TwoChannel(AbstractDemand):
+    """Product and area: ds/dt = -k3 s and dẑ/dt = -kz ẑ on average, each on its own channel."""
+
+    k3: RealScalar = eqx.field(converter=as_float)
+    kz: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_positive("k3", self.k3)
+        require_positive("kz", self.kz)
+
+    def __call__(
+        self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
+    ) -> tuple[RealScalar, RealScalar]:
+        """α = -(2 / c) k3 s, β = 2ν (kz ẑ + s)."""
+        return -2 / coupling * self.k3 * rate, 2 * frequency * (self.kz * turn + rate)
+
+
+class Oscillation(NamedTuple):
+    """The oscillation asked for last: α, β in (rad/s)², amplitude ρ in rad/s."""
+
+    alpha: RealScalar
+    beta: RealScalar
+    amplitude: RealScalar
+
+
+class Slow(NamedTuple):
+    """Slow rate s (rad/s) and slow turn ẑ (rad)."""
+
+    rate: RealScalar
+    turn: RealScalar
+
+
+class Tracking(NamedTuple):
+    """Rates to track (rad/s) and their derivatives (rad/s²), each of shape (2,)."""
+
+    rate: Float[Array, "2"]
+    derivative: Float[Array, "2"]
+
+
+class Oscillator(eqx.Module):
+    """From slow errors to rate references: the law without its estimator and torque limit.
+
+    `frequency` is ν (rad/s), `tilt_gain` k (1/s) pulls the tilt to its oscillation, `rate_gain`
+    kω (1/s) the rates to theirs. `largest_amplitude` is ρm (rad/s), and `ratio` r shares the
+    product out: ρ = √(h / r) about the first axis and h / ρ about the second, h = |(α, β)|.
+    """
+
+    model: RigidBody
+    demand: AbstractDemand
+    frequency: RealScalar = eqx.field(converter=as_float)
+    tilt_gain: RealScalar = eqx.field(converter=as_float)
+    rate_gain: RealScalar = eqx.field(converter=as_float)
+    largest_amplitude: RealScalar = eqx.field(converter=as_float)
+    ratio: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        for name in ("frequency", "tilt_gain", "rate_gain", "largest_amplitude", "ratio"):
+            require_positive(name, getattr(self, name))
+
+    def init(self, state: PlantState) -> Oscillation:
+        """At rest."""
+        zero = jnp.zeros_like(state.omega[0])
+        return Oscillation(zero, zero, zero + NO_AMPLITUDE)
+
+    def slow(self, clock: RealScalar, tilt: Tilt, third: ThirdAxis, last: Oscillation) -> Slow:
+        """s and ẑ: what remains of ω3 and z without the ripple of the oscillation asked for last.
+
+        The terms in ω0 are there because the body turns with the orbit frame: e couples ω1 and ω2
+        into ω3, and the tilt turns e away from the third axis.
+        """
+        nu, c, w0 = self.frequency, third.coupling, self.model.orbit.rate
+        alpha, beta, rho = last
+        sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
+        cos2, sin2 = 1 - 2 * sine**2, 2 * sine * cosine
+        turn_cos, turn_sin = jnp.cos(tilt.turn), jnp.sin(tilt.turn)
+        swing1, swing2 = rho * sine, (alpha * sine + beta * cosine) / rho
+
+        rate = third.rate - third.rate_ripple
+        rate = rate + c * w0 * (tilt.phi * turn_cos + tilt.theta * turn_sin)
+        rate = rate + c / (4 * nu) * (alpha * sin2 + beta * cos2)
+
+        turn = tilt.turn - third.lean[0] * tilt.phi - third.lean[1] * tilt.theta
+        turn = turn - third.turn_ripple
+        by_frame = (1 + c) * turn_cos * swing1 - (1 - c) * turn_sin * swing2
+        turn = turn - w0 / nu**2 * by_frame
+        turn = turn - c / (8 * nu**2) * (alpha * cos2 - beta * sin2)
+        return Slow(rate, turn)
+
+    def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
+        """What the demand asks for, scaled down so that h <= r ρm²."""
+        alpha, beta = self.demand(slow.rate, slow.turn, third.coupling, self.frequency)
+        size = jnp.sqrt(alpha**2 + beta**2 + NO_AMPLITUDE**4)
+        most = self.ratio * self.largest_amplitude**2
+        scale = most / jnp.maximum(size, most)
+        amplitude = jnp.sqrt(scale * size / self.ratio) + NO_AMPLITUDE
+        return Oscillation(scale * alpha, scale * beta, amplitude)
+
+    def tracking(
+        self, clock: RealScalar, state: PlantState, tilt: Tilt, wanted: Oscillation
+    ) -> Tracking:
+        """ω_d = e - k (tilt - its oscillation) + the oscillating rates, and dω_d/dt."""
+        nu, k, (alpha, beta, rho) = self.frequency, self.tilt_gain, wanted
+        sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
+        frame = self.model.orbit.frame_rate(state.attitude)[:2]
+        swing = jnp.stack([rho * sine, (alpha * sine + beta * cosine) / rho])
+        swing_rate = nu * jnp.stack([rho * cosine, (alpha * cosine - beta * sine) / rho])
+        swing_tilt = jnp.stack([-rho * cosine, (beta * sine - alpha * cosine) / rho]) / nu
+        pull = k * (jnp.stack([tilt.phi, tilt.theta]) - swing_tilt)
+        derivative = swing_rate - k * (state.omega[:2] - frame - swing)
+        return Tracking(frame - pull + swing, derivative)
+
+    def torque(self, state: PlantState, tracking: Tracking) -> Float[Array, "2"]:
+        """The torque that tracks, not yet limited, N m."""
+        moments = self.model.spacecraft.moments
+        return tracking_torque(
+            moments, state.omega, tracking.rate, tracking.derivative, self.rate_gain
+        )
+
+
+class OscillatoryMemory(NamedTuple):
+    """The oscillation asked for last, the estimator's memory and the rates asked for."""
+
+    oscillation: Oscillation
+    estimator: EstimatorMemory
+    reference: Float[Array, "2"]
+
+
+class OscillatoryLaw(AbstractSampledController):
+    """Oscillator and estimator alone, from any attitude, without an end game.
+
+    `torque_limit` (N m) cuts the commands, `period` is in s.
+    """
+
+    oscillator: Oscillator
+    estimator: ThirdAxisEstimator
+    torque_limit: RealScalar = eqx.field(converter=as_float)
+    period: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_positive("torque_limit", self.torque_limit)
+        require_positive("period", self.period)
+
+    def init(self, state: PlantState) -> OscillatoryMemory:
+        """No oscillation yet, nothing estimated."""
+        reference = jnp.zeros(2, state.omega.dtype)
+        return OscillatoryMemory(self.oscillator.init(state), self.estimator.init(state), reference)
+
+    def step(
+        self, t: RealScalar, state: PlantState, memory: OscillatoryMemory
+    ) -> tuple[Float[Array, "2"], OscillatoryMemory]:
+        """Estimate, slow errors, oscillation, torque."""
+        third, estimator = self.estimator.update(state, memory.estimator, self.period)
+        tilt = tilt_of(state.attitude)
+        slow = self.oscillator.slow(t, tilt, third, memory.oscillation)
+        wanted = self.oscillator.oscillation(slow, third)
+        tracking = self.oscillator.tracking(t, state, tilt, wanted)
+        command = clipped(self.oscillator.torque(state, tracking), self.torque_limit)
+        return command, OscillatoryMemory(wanted, estimator, tracking.rate)
+
+    def rate_error(self, state: PlantState, memory: OscillatoryMemory) -> Float[Array, "2"]:
+        """ω - ω_d, rad/s."""
+        return state.omega[:2] - memory.reference
+
+    def mode(self, memory: OscillatoryMemory) -> Int[Array, ""]:
+        """Always 0: one law."""
+        del memory
+        return jnp.array(0)

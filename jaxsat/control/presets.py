@@ -1,0 +1,121 @@
+"""Settling controllers with gains tuned for the paper's spacecraft, section 5.
+
+The gains were tuned for J = diag(449.5, 264.6, 312.5) kg m², ω0 = 0.0011 rad/s and the printed
+disturbance, at thrusters of 1, 5 and 20 N m, and a period of 0.1 s. Other spacecraft need gains of
+their own; the regulator's gain is computed from the model in any case.
+"""
+
+from typing import NamedTuple
+
+from jaxsat.control.estimators import RecursiveLeastSquares, RippleObserver, ThirdAxisEstimator
+from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
+from jaxsat.control.finite_time_rate import FiniteTimeRate
+from jaxsat.control.oscillatory import MorinSamson, Oscillator, TwoChannel
+from jaxsat.control.slews import SlewPlanner
+from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.control.terminal import OrbitalRegulator
+from jaxsat.dynamics import RigidBody
+
+
+class _Oscillation(NamedTuple):
+    frequency: float
+    tilt_gain: float
+    rate_gain: float
+    k3: float
+    turn: float  # damping of Morin-Samson, kz of the two channels
+    largest_amplitude: float
+    ratio: float
+    enter_slow_rate: float
+    enter_rate: float
+
+
+class _Approach(NamedTuple):
+    """Gains of the rate law and of the slews."""
+
+    rate: tuple[float, float, float]  # share, rate gain, dead zone
+    stopped_rate: float
+    slews: tuple[float, float, float, float, float]
+
+
+_MORIN_SAMSON = {
+    1.0: _Oscillation(0.0749, 0.0271, 0.89, 0.0287, 0.866, 0.266, 2.36, 2.24e-5, 9.0e-4),
+    5.0: _Oscillation(0.169, 0.0887, 0.245, 0.0491, 0.859, 0.099, 2.99, 3.58e-5, 1.09e-3),
+    20.0: _Oscillation(0.382, 1.59, 0.134, 0.130, 0.802, 0.404, 1.72, 3.11e-5, 1.54e-3),
+}
+_TWO_CHANNEL = {
+    1.0: _Oscillation(0.170, 1.36, 0.161, 0.113, 0.0494, 0.122, 1.02, 4e-5, 2.5e-3),
+    5.0: _Oscillation(0.287, 0.262, 0.454, 0.0925, 0.0713, 0.146, 1.24, 3e-5, 1.4e-3),
+    20.0: _Oscillation(0.382, 0.319, 6.03, 0.117, 0.159, 0.786, 1.07, 3e-5, 8e-4),
+}
+_APPROACH = {
+    1.0: _Approach((0.551, 10.0, 6e-5), 7.9e-3, (0.897, 2.58, 2.80, 4.0e-3, 1.14e-2)),
+    5.0: _Approach((0.779, 1.12, 3e-5), 4.7e-3, (0.791, 4.77, 2.34, 2.7e-3, 8.8e-4)),
+    20.0: _Approach((0.881, 0.795, 2e-5), 2.7e-3, (0.825, 7.32, 2.33, 2.0e-3, 6.4e-4)),
+}
+
+TUNED_LIMITS = tuple(_APPROACH)
+"""Torque limits (N m) for which there are gains."""
+
+
+def oscillatory_settling(
+    model: RigidBody, torque_limit: float | int, *, observe: bool = True, estimate: bool = True
+) -> OscillatorySettling:
+    """The Morin-Samson law with regulator; `observe` d3's ripple, `estimate` axes and inertia.
+
+    `model` is what the controller believes of the plant. Raises `ValueError` for a torque limit
+    without tuned gains.
+    """
+    gains = _gains(_MORIN_SAMSON, torque_limit)
+    demand = MorinSamson(gains.k3, gains.turn)
+    fine = _fine_stage(model, demand, gains, fade_lean=False)
+    estimator = _estimator(model, observe, estimate)
+    return OscillatorySettling(fine, estimator, torque_limit, 0.1)
+
+
+def three_slew_settling(
+    model: RigidBody, torque_limit: float | int, *, observe: bool = True, estimate: bool = True
+) -> ThreeSlewSettling:
+    """Rate law, three slews, two-channel law and regulator; arguments as above."""
+    gains = _gains(_TWO_CHANNEL, torque_limit)
+    approach = _gains(_APPROACH, torque_limit)
+    demand = TwoChannel(gains.k3, gains.turn)
+    return ThreeSlewSettling(
+        rate_law=FiniteTimeRate(model, torque_limit, *approach.rate),
+        planner=SlewPlanner(model, torque_limit, *approach.slews),
+        fine=_fine_stage(model, demand, gains, fade_lean=True),
+        estimator=_estimator(model, observe, estimate),
+        torque_limit=torque_limit,
+        stopped_rate=approach.stopped_rate,
+        period=0.1,
+    )
+
+
+def _gains(table, torque_limit):
+    if float(torque_limit) not in table:
+        raise ValueError(
+            f"Argument `torque_limit` must be one of {sorted(table)} N m, for which there are "
+            f"tuned gains, but got {torque_limit}."
+        )
+    return table[float(torque_limit)]
+
+
+def _fine_stage(model, demand, gains: _Oscillation, *, fade_lean: bool) -> FineStage:
+    oscillator = Oscillator(
+        model,
+        demand,
+        frequency=gains.frequency,
+        tilt_gain=gains.tilt_gain,
+        rate_gain=gains.rate_gain,
+        largest_amplitude=gains.largest_amplitude,
+        ratio=gains.ratio,
+    )
+    handover = Handover(gains.enter_slow_rate, gains.enter_rate)
+    return FineStage(oscillator, OrbitalRegulator.design(model), handover, fade_lean)
+
+
+def _estimator(model: RigidBody, observe: bool, estimate: bool) -> ThirdAxisEstimator:
+    return ThirdAxisEstimator(
+        model,
+        RippleObserver() if observe else None,
+        RecursiveLeastSquares() if estimate else None,
+    )

@@ -1,0 +1,254 @@
+"""Any rotation by three slews about the two driven axes.
+
+A rotation is R_i(a) R_j(b) R_i(c), i and j the two axes with a torque, taken about the body's own
+axes one after the other. With the body at rest before each slew, ω1 ω2 = 0 throughout and ω3
+stays what it was.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.checks import as_float, require_positive
+from jaxsat.control.rate_tracking import clipped, gyroscopic_torque
+from jaxsat.control.switching import AbstractSampledController
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.metrics import wrapped
+
+RealScalar = Float[Array, ""]
+
+TAIL = 3.0
+"""A leg ends exponentially: its planned duration has this many time constants more."""
+
+END_ITERATIONS = 3
+"""The needed rotation depends on its own duration, weakly: the orbit frame turns meanwhile."""
+
+
+def mirrored(q: Float[Array, "4"], along_x: Bool[Array, ""]) -> Float[Array, "4"]:
+    """Exchanges body axes x and y (and turns z round) unless the first slew is about x.
+
+    So every formula below is written for the order 1-2-1 alone.
+    """
+    q0, q1, q2, q3 = q
+    return jnp.where(along_x, q, jnp.stack([q0, q2, q1, -q3]))
+
+
+def three_slews(q: Float[Array, "4"]) -> Float[Array, "2 3"]:
+    """Angles (a, b, c) in [-π, π) with q = q_x(a) q_y(b) q_x(c), up to sign; both solutions.
+
+    cos(b/2) (cos, sin)((a + c)/2) = (q0, q1) and sin(b/2) (cos, sin)((a - c)/2) = (q2, q3).
+    """
+    q0, q1, q2, q3 = q
+    middle = 2 * jnp.arctan2(jnp.sqrt(q2**2 + q3**2), jnp.sqrt(q0**2 + q1**2))
+    total, difference = 2 * jnp.arctan2(q1, q0), 2 * jnp.arctan2(q3, q2)
+    opposite = difference + 2 * jnp.pi  # b < 0
+    first = jnp.stack([(total + difference) / 2, middle, (total - difference) / 2])
+    second = jnp.stack([(total + opposite) / 2, -middle, (total - opposite) / 2])
+    return wrapped(jnp.stack([first, second]))
+
+
+def two_slews(q: Float[Array, "4"]) -> Float[Array, "2"]:
+    """Angles (b, c) in [-π, π) whose q_y(b) q_x(c) is nearest to q: the exact least rotation left.
+
+    The scalar product with q is a sum of one cosine of (b + c)/2 and one of (b - c)/2, and each
+    is made as large as it can be.
+    """
+    q0, q1, q2, q3 = q
+    half_sum = jnp.arctan2(q1 + q2, q0 + q3)
+    half_difference = jnp.arctan2(q2 - q1, q0 - q3)
+    return wrapped(jnp.stack([half_sum + half_difference, half_sum - half_difference]))
+
+
+def one_slew(q: Float[Array, "4"]) -> RealScalar:
+    """The angle in [-π, π) about x nearest to q."""
+    return wrapped(2 * jnp.arctan2(q[1], q[0]))
+
+
+class Slewing(NamedTuple):
+    """The leg under way (0 to 2; 3 when all are done), its angle to go (rad), the order of axes.
+
+    `end` is the time (s) at which the last leg should be over, `last_rate` the leg's rate at the
+    last sample (rad/s).
+    """
+
+    leg: Int[Array, ""]
+    to_go: RealScalar
+    along_x: Bool[Array, ""]
+    end: RealScalar
+    last_rate: RealScalar
+
+
+class SlewPlanner(eqx.Module):
+    """Plans three slews to the orbit frame, and flies them one by one.
+
+    A leg follows the rate v(e) of its angle to go e: λ e near the end and the square root of a
+    constant deceleration α = η_s Tm / J before, joined smoothly at e0 = α / λ². `torque_limit` is
+    Tm (N m), `share` η_s, `approach` λ and `rate_gain` k_s in 1/s. A leg is over when the angle to
+    go is below `angle_tolerance` (rad) and its rate below `rate_tolerance` (rad/s).
+    """
+
+    model: RigidBody
+    torque_limit: RealScalar = eqx.field(converter=as_float)
+    share: RealScalar = eqx.field(converter=as_float)
+    approach: RealScalar = eqx.field(converter=as_float)
+    rate_gain: RealScalar = eqx.field(converter=as_float)
+    angle_tolerance: RealScalar = eqx.field(converter=as_float)
+    rate_tolerance: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        for name in (
+            "torque_limit",
+            "share",
+            "approach",
+            "rate_gain",
+            "angle_tolerance",
+            "rate_tolerance",
+        ):
+            require_positive(name, getattr(self, name))
+
+    def init(self, state: PlantState) -> Slewing:
+        """Nothing planned."""
+        zero = jnp.zeros_like(state.omega[0])
+        return Slewing(jnp.array(0), zero, jnp.array(True), zero, zero)
+
+    def needed(self, state: PlantState, ahead: RealScalar) -> Float[Array, "4"]:
+        """The rotation (quaternion) from the body to the orbit frame of `ahead` seconds later."""
+        q0, q1, q2, q3 = state.attitude.as_quaternion().q
+        half = -self.model.orbit.rate * ahead / 2
+        p0, p2 = jnp.cos(half), jnp.sin(half)
+        return jnp.stack(
+            [q0 * p0 + q2 * p2, -q1 * p0 + q3 * p2, q0 * p2 - q2 * p0, -q3 * p0 - q1 * p2]
+        )
+
+    def duration(self, angles: Float[Array, "*n 3"], along_x: Bool[Array, "*n"]) -> Array:
+        """Seconds that three legs take from rest to rest, their tails included."""
+        j1, j2, _ = self.model.spacecraft.moments
+        outer, inner = jnp.where(along_x, j1, j2), jnp.where(along_x, j2, j1)
+        size = jnp.abs(angles) + 1e-9  # its root has no derivative at zero
+        roots = jnp.sqrt(outer * size[..., 0]) + jnp.sqrt(outer * size[..., 2])
+        roots = roots + jnp.sqrt(inner * size[..., 1])
+        tails = 3 * TAIL / self.approach
+        return 2 * roots / jnp.sqrt(self.share * self.torque_limit) + tails
+
+    def plan(self, t: RealScalar, state: PlantState) -> Slewing:
+        """The quickest of the four ways to the orbit frame as it will be at their end."""
+        ahead = jnp.zeros_like(state.omega[0])
+        along_x = jnp.array([True, True, False, False])
+        angles = jnp.zeros((4, 3), state.omega.dtype)
+        best = jnp.array(0)
+        for _ in range(END_ITERATIONS):
+            q = self.needed(state, ahead)
+            ways = [three_slews(mirrored(q, jnp.array(first_x))) for first_x in (True, False)]
+            angles = jnp.concatenate(ways)
+            durations = self.duration(angles, along_x)
+            best = jnp.argmin(durations)
+            ahead = durations[best]
+        rate = jnp.where(along_x[best], state.omega[0], state.omega[1])
+        return Slewing(jnp.array(0), angles[best, 0], along_x[best], t + ahead, rate)
+
+    def advance(
+        self, t: RealScalar, state: PlantState, slewing: Slewing, period: RealScalar
+    ) -> Slewing:
+        """The angle to go `period` (s) later; at the end of a leg, the next from the attitude."""
+        axis_x = self._axis_is_x(slewing)
+        rate = jnp.where(axis_x, state.omega[0], state.omega[1])
+        to_go = slewing.to_go - period * (rate + slewing.last_rate) / 2
+        over = (jnp.abs(to_go) < self.angle_tolerance) & (jnp.abs(rate) < self.rate_tolerance)
+        flown = slewing._replace(to_go=to_go, last_rate=rate)
+        following = self._next_leg(t, state, slewing)
+        return jax.tree.map(lambda new, old: jnp.where(over, new, old), following, flown)
+
+    def reference(self, to_go: RealScalar, along_x: Bool[Array, ""]) -> tuple[Array, Array]:
+        """The leg's rate v (rad/s) for an angle to go, and dv/de (1/s)."""
+        j1, j2, _ = self.model.spacecraft.moments
+        deceleration = self.share * self.torque_limit / jnp.where(along_x, j1, j2)
+        join = deceleration / self.approach**2
+        size = jnp.abs(to_go)
+        root = jnp.sqrt(2 * deceleration * jnp.maximum(size - join / 2, join / 2))
+        linear = size <= join
+        rate = jnp.where(linear, self.approach * to_go, jnp.sign(to_go) * root)
+        return rate, jnp.where(linear, self.approach, deceleration / root)
+
+    def references(self, slewing: Slewing) -> Float[Array, "2"]:
+        """The rates of both axes that the leg under way asks for, rad/s."""
+        axis_x = self._axis_is_x(slewing)
+        rate = jnp.where(slewing.leg == 3, 0.0, self.reference(slewing.to_go, axis_x)[0])
+        return jnp.where(jnp.stack([axis_x, ~axis_x]), rate, 0.0)
+
+    def torque(self, state: PlantState, slewing: Slewing) -> Float[Array, "2"]:
+        """The torque of the leg under way, not yet limited, N m.
+
+        The profile's deceleration is fed forward only while the body follows it.
+        """
+        axis_x = self._axis_is_x(slewing)
+        rate = jnp.where(axis_x, state.omega[0], state.omega[1])
+        reference, slope = self.reference(slewing.to_go, axis_x)
+        follows = (reference * rate > 0) & (jnp.abs(rate) > jnp.abs(reference) / 2)
+        change = jnp.where(follows, -slope * rate, 0.0)
+        wanted = change + self.rate_gain * (reference - rate)
+        resting = -self.rate_gain * state.omega[:2]
+        driven = jnp.stack([axis_x, ~axis_x])
+        moments = self.model.spacecraft.moments
+        acceleration = jnp.where(driven, wanted, resting)
+        return moments[:2] * acceleration - gyroscopic_torque(moments, state.omega)
+
+    def _axis_is_x(self, slewing: Slewing) -> Bool[Array, ""]:
+        return slewing.along_x ^ (slewing.leg == 1)
+
+    def _next_leg(self, t: RealScalar, state: PlantState, slewing: Slewing) -> Slewing:
+        q = mirrored(self.needed(state, slewing.end - t), slewing.along_x)
+        second, third = two_slews(q)[0], one_slew(q)
+        following = slewing._replace(leg=jnp.minimum(slewing.leg + 1, 3))
+        axis_x = self._axis_is_x(following)
+        return following._replace(
+            to_go=jnp.where(slewing.leg == 0, second, third),
+            last_rate=jnp.where(axis_x, state.omega[0], state.omega[1]),
+        )
+
+
+class ThreeSlewMemory(NamedTuple):
+    """The slews, and whether they are planned."""
+
+    slewing: Slewing
+    planned: Bool[Array, ""]
+
+
+class ThreeSlewLaw(AbstractSampledController):
+    """The three slews alone: from rest in any attitude to rest in the orbit frame.
+
+    Afterwards it holds the first two rates at zero. `period` is in s.
+    """
+
+    planner: SlewPlanner
+    period: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_positive("period", self.period)
+
+    def init(self, state: PlantState) -> ThreeSlewMemory:
+        """Nothing planned."""
+        return ThreeSlewMemory(self.planner.init(state), jnp.array(False))
+
+    def step(
+        self, t: RealScalar, state: PlantState, memory: ThreeSlewMemory
+    ) -> tuple[Float[Array, "2"], ThreeSlewMemory]:
+        """Plan at the first sample, fly at every other."""
+        flown = self.planner.advance(t, state, memory.slewing, self.period)
+        done = memory.slewing.leg == 3
+        flown = jax.tree.map(lambda x, y: jnp.where(done, x, y), memory.slewing, flown)
+        plan = self.planner.plan(t, state)
+        slewing = jax.tree.map(lambda x, y: jnp.where(memory.planned, x, y), flown, plan)
+        stopped = slewing._replace(to_go=jnp.where(slewing.leg == 3, 0.0, slewing.to_go))
+        command = clipped(self.planner.torque(state, stopped), self.planner.torque_limit)
+        return command, ThreeSlewMemory(slewing, jnp.array(True))
+
+    def rate_error(self, state: PlantState, memory: ThreeSlewMemory) -> Float[Array, "2"]:
+        """Rates less those of the profile; before the first sample the rates, rad/s."""
+        return state.omega[:2] - self.planner.references(memory.slewing)
+
+    def mode(self, memory: ThreeSlewMemory) -> Int[Array, ""]:
+        """The leg under way, 0 to 2, and 3 when all are done."""
+        return memory.slewing.leg

@@ -1,0 +1,135 @@
+"""The quickest way that settles: stop, slew, then the fine stage."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.checks import as_float, require_positive
+from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.fine import OSCILLATING, REGULATING, FineMemory, FineStage
+from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
+from jaxsat.control.rate_tracking import clipped
+from jaxsat.control.slews import Slewing, SlewPlanner
+from jaxsat.control.switching import AbstractSampledController
+from jaxsat.control.tilt import tilt_of
+from jaxsat.dynamics import PlantState
+
+RealScalar = Float[Array, ""]
+
+STOPPING, SLEWING = 1, 2
+"""Numbers of the first two phases; the fine stage has modes 3 and 4."""
+
+STOPPED = 1.5
+"""The rate law's dead zone times this: below it ω3 counts as gone."""
+
+
+class SettlingMemory(NamedTuple):
+    """The phase (1 to 3), the memories of its parts, and when the fine stage began (s)."""
+
+    phase: Int[Array, ""]
+    signs: Signs
+    slewing: Slewing
+    fine: FineMemory
+    fine_since: RealScalar
+    estimator: EstimatorMemory
+    reference: Float[Array, "2"]
+
+
+class ThreeSlewSettling(AbstractSampledController):
+    """Settles all three axes in phases: finite-time rate law, three slews, fine stage.
+
+    The slews begin when |ω3| is below 1.5 times the rate law's dead zone and |ω1|, |ω2| are below
+    `stopped_rate` (rad/s), the fine stage when the third slew is over. It all begins again when
+    |z| exceeds `lost_turn` (rad) or |ω3| exceeds `lost_rate` (rad/s) in the fine stage.
+    `torque_limit` (N m) cuts the commands, `period` is in s.
+    """
+
+    rate_law: FiniteTimeRate
+    planner: SlewPlanner
+    fine: FineStage
+    estimator: ThirdAxisEstimator
+    torque_limit: RealScalar = eqx.field(converter=as_float)
+    stopped_rate: RealScalar = eqx.field(converter=as_float)
+    lost_turn: RealScalar = eqx.field(converter=as_float, default=1.0)
+    lost_rate: RealScalar = eqx.field(converter=as_float, default=0.05)
+    period: RealScalar = eqx.field(converter=as_float, default=0.1)
+
+    def __check_init__(self):
+        for name in ("torque_limit", "stopped_rate", "lost_turn", "lost_rate", "period"):
+            require_positive(name, getattr(self, name))
+
+    def init(self, state: PlantState) -> SettlingMemory:
+        """The first phase, nothing known yet."""
+        return SettlingMemory(
+            jnp.array(STOPPING),
+            self.rate_law.init(state),
+            self.planner.init(state),
+            self.fine.init(state),
+            jnp.zeros_like(state.omega[0]),
+            self.estimator.init(state),
+            jnp.zeros(2, state.omega.dtype),
+        )
+
+    def step(
+        self, t: RealScalar, state: PlantState, memory: SettlingMemory
+    ) -> tuple[Float[Array, "2"], SettlingMemory]:
+        """Estimate, choose the phase, run the three parts and take the one whose turn it is."""
+        third, estimator = self.estimator.update(state, memory.estimator, self.period)
+        slewing = self.planner.advance(t, state, memory.slewing, self.period)
+        phase = self._phase(memory.phase, state, third, slewing)
+        begun = phase != memory.phase
+        begins_fine = begun & (phase == OSCILLATING)
+        estimator = self.estimator.forget_ripple(estimator, begun & (phase != SLEWING))
+        plan = self.planner.plan(t, state)
+        slewing = _choose(begun & (phase == SLEWING), plan, slewing)
+        signs = _choose(begun & (phase == STOPPING), self.rate_law.init(state), memory.signs)
+        fine = _choose(begins_fine, self.fine.init(state), memory.fine)
+        fine_since = jnp.where(begins_fine, t, memory.fine_since)
+
+        signs = self.rate_law.signs(third, state.omega, signs)
+        tracking = self.rate_law.tracking(third, state.omega, signs)
+        fine_torque, fine_reference, fine = self.fine.step(t - fine_since, state, third, fine)
+        command = _by_phase(
+            phase,
+            self.rate_law.torque(state, tracking),
+            self.planner.torque(state, slewing),
+            fine_torque,
+        )
+        slew_reference = self.planner.references(slewing)
+        reference = _by_phase(phase, tracking.rate, slew_reference, fine_reference)
+        following = SettlingMemory(phase, signs, slewing, fine, fine_since, estimator, reference)
+        return clipped(command, self.torque_limit), following
+
+    def rate_error(self, state: PlantState, memory: SettlingMemory) -> Float[Array, "2"]:
+        """ω - ω_d of the phase, zero while the regulator works, rad/s."""
+        regulating = self.mode(memory) == REGULATING
+        return jnp.where(regulating, 0.0, state.omega[:2] - memory.reference)
+
+    def mode(self, memory: SettlingMemory) -> Int[Array, ""]:
+        """1 stopping, 2 slewing, 3 oscillating, 4 regulating."""
+        regulating = (memory.phase == OSCILLATING) & memory.fine.regulating
+        return jnp.where(regulating, REGULATING, memory.phase)
+
+    def _phase(
+        self, phase: Int[Array, ""], state: PlantState, third: ThirdAxis, slewing: Slewing
+    ) -> Int[Array, ""]:
+        still = jnp.max(jnp.abs(state.omega[:2])) < self.stopped_rate
+        stopped = still & (jnp.abs(third.rate) < STOPPED * self.rate_law.dead_zone)
+        turn = jnp.abs(tilt_of(state.attitude).turn)
+        lost = (turn > self.lost_turn) | (jnp.abs(state.omega[2]) > self.lost_rate)
+        after_stopping = jnp.where(stopped, SLEWING, STOPPING)
+        after_slewing = jnp.where(slewing.leg == 3, OSCILLATING, SLEWING)
+        after_fine = jnp.where(lost, STOPPING, OSCILLATING)
+        chosen = jnp.where(phase == SLEWING, after_slewing, after_fine)
+        return jnp.where(phase == STOPPING, after_stopping, chosen)
+
+
+def _choose(when: Bool[Array, ""], new, old):
+    return jax.tree.map(lambda x, y: jnp.where(when, x, y), new, old)
+
+
+def _by_phase(phase: Int[Array, ""], stopping, slewing, fine):
+    return jnp.where(phase == STOPPING, stopping, jnp.where(phase == SLEWING, slewing, fine))

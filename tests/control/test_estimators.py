@@ -1,0 +1,165 @@
+"""The ripple observer and the least squares, against exact solutions and batch algebra."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from control.cases import INERTIA, C, body
+from jaxsat.attitude import Quaternion
+from jaxsat.control import RecursiveLeastSquares, RippleObserver, ThirdAxisEstimator
+from jaxsat.control.estimators import Ripple
+from jaxsat.dynamics import PlantState
+
+PERIOD = 0.1
+AT_REST = jnp.zeros(3)
+
+
+def state(omega):
+    return PlantState(Quaternion([1.0, 0, 0, 0]), omega)
+
+
+def observe(observer, ripple, omega3):
+    ripple = observer.advance(ripple, jnp.zeros(()), jnp.array(PERIOD))
+    return observer.correct(ripple, AT_REST.at[2].set(omega3), jnp.array(PERIOD))
+
+
+def test_observer_poles():
+    """The error of the sampled observer dies out as exp(-λ t), three times over."""
+    observer = RippleObserver()
+
+    def error(vector):
+        return jnp.stack(observe(observer, Ripple(*vector), jnp.zeros(())))
+
+    polynomial = np.poly(np.asarray(jax.jacfwd(error)(jnp.zeros(3))))
+    np.testing.assert_allclose(polynomial, np.poly(np.full(3, np.exp(-0.05 * PERIOD))), rtol=1e-12)
+
+
+def test_observer_gains_become_the_continuous_ones():
+    lam, square, period = 0.05, 0.1**2, 1e-4
+    gains = np.array(RippleObserver().gains(jnp.array(period))) / period
+    np.testing.assert_allclose(
+        gains, [3 * lam, 3 * lam**2 - square, lam**3 - 3 * lam * square], rtol=1e-4
+    )
+
+
+def test_observer_finds_the_ripple():
+    """After 300 s the ripples are the zero-mean integrals of d3 / J3 = A sin(Ωt + φ)."""
+    observer, size, frequency, phase = RippleObserver(), 3.2e-6, 0.1, 0.4
+    times = PERIOD * np.arange(3001)
+    drift = 1e-5
+    rate = drift - size / frequency * (np.cos(frequency * times + phase) - np.cos(phase))
+    run = jax.jit(
+        lambda start: jax.lax.scan(
+            lambda ripple, omega3: (observe(observer, ripple, omega3), None), start, jnp.array(rate)
+        )[0]
+    )
+    ripple = run(observer.init(jnp.array(rate[0])))
+    angle = frequency * times[-1] + phase
+    rate_ripple, turn_ripple = observer.ripples(ripple)
+    assert rate_ripple == pytest.approx(-size / frequency * np.cos(angle), abs=1e-8)
+    assert turn_ripple == pytest.approx(-size / frequency**2 * np.sin(angle), abs=1e-7)
+    assert ripple.acceleration == pytest.approx(size * np.sin(angle), abs=1e-9)
+
+
+def test_observer_waits_while_the_rates_are_large():
+    """Then ω̂3 is the measured rate and the oscillation goes on by itself, exactly."""
+    observer = RippleObserver()
+    ripple = Ripple(jnp.array(0.1), jnp.array(2e-6), jnp.array(1e-7))
+    fast = jnp.array([0.03, 0.0, 0.2])
+    moved = observer.advance(ripple, jnp.zeros(()), jnp.array(PERIOD))
+    after = observer.correct(moved, fast, jnp.array(PERIOD))
+    turn = np.exp(-0.1j * PERIOD)
+    expected = (2e-6 + 1j * 1e-7 / 0.1) * turn
+    assert after.rate == 0.2
+    assert after.acceleration == pytest.approx(expected.real, rel=1e-12)
+    assert after.jerk == pytest.approx(0.1 * expected.imag, rel=1e-12)
+
+
+def test_recursive_least_squares_is_the_batch_solution():
+    """Against the normal equations with the prior, on data of no special form."""
+    fit_by = RecursiveLeastSquares(samples=1)
+    rng = np.random.default_rng(0)
+    omega = rng.normal(size=(40, 3)) * 0.05
+    products = rng.normal(size=(40, 2)) * 1e-2
+    products[0] = 0
+    update = jax.jit(lambda fit, w, p: fit_by.update(fit, w, p, jnp.array(C)))
+    fit = fit_by.init(jnp.array(omega[0]))
+    for rates, product in zip(omega, products, strict=True):
+        fit = update(fit, jnp.array(rates), jnp.array(product))
+    regressors = np.hstack([np.diff(omega[:, :2], axis=0), products[1:]])
+    values = np.diff(omega[:, 2]) - C * products[1:, 0]
+    information = np.diag(1 / np.array(fit_by.prior) ** 2)
+    information = information + regressors.T @ regressors / 2e-5**2
+    batch = np.linalg.solve(information, regressors.T @ values / 2e-5**2)
+    np.testing.assert_allclose(fit.estimate, batch, rtol=1e-7)
+    np.testing.assert_allclose(fit.covariance, np.linalg.inv(information), rtol=1e-5, atol=1e-16)
+
+
+def test_estimate_of_leaning_axes_and_products_of_inertia():
+    """Rates integrated by SciPy; ε = M3 M12⁻¹ with M = J⁻¹ A says how the third axis follows.
+
+    ε, δc and f are of first order in the dispersions, and so is what they leave out.
+    """
+    axes = np.array([[1.02, 0.004], [-0.006, 0.97], [0.01, -0.008]])
+    inertia = np.diag(INERTIA * [1.03, 0.98, 1.01])
+    inertia[0, 1] = inertia[1, 0] = 2.0
+    inertia[0, 2] = inertia[2, 0] = -3.0
+    inertia[1, 2] = inertia[2, 1] = 2.5
+    inverse = np.linalg.inv(inertia)
+
+    def rate(t, omega):
+        torque = axes @ [5 * np.sin(0.3 * t), 4 * np.sin(0.5 * t)]
+        return inverse @ (torque - np.cross(omega, inertia @ omega))
+
+    times = PERIOD * np.arange(601)
+    run = solve_ivp(rate, (0, 60), [0.02, -0.03, 0.001], t_eval=times, rtol=1e-10, atol=1e-13)
+    estimator = ThirdAxisEstimator(body(), None)
+    memory = estimator.init(state(run.y[:, 0]))
+    update = jax.jit(lambda m, w: estimator.update(state(w), m, jnp.array(PERIOD)))
+    for omega in run.y.T:
+        third, memory = update(memory, jnp.array(omega))
+    effect = inverse @ axes
+    lean = effect[2] @ np.linalg.inv(effect[:2])
+    np.testing.assert_allclose(third.lean, lean, atol=1e-3)
+    moments = np.diag(inertia)
+    assert float(third.coupling) == pytest.approx((moments[0] - moments[1]) / moments[2], abs=5e-3)
+    # -(ω × Jω) has J12 (ω2² - ω1²) about the third axis.
+    assert float(memory.fit.estimate[3]) == pytest.approx(-inertia[0, 1] / moments[2], abs=2e-3)
+
+
+def test_estimator_without_parts_believes_the_model():
+    third, _ = _run_once(ThirdAxisEstimator(body(), None, None))
+    assert third.rate == 0.3
+    assert float(third.coupling) == pytest.approx(C)
+    assert not np.any(third.lean)
+    assert third.rate_ripple == third.turn_ripple == 0
+
+
+def test_forgetting():
+    estimator = ThirdAxisEstimator(body())
+    _, memory = _run_once(estimator)
+    ripple = memory.ripple._replace(acceleration=jnp.array(1.0), jerk=jnp.array(2.0))
+    memory = memory._replace(ripple=ripple)
+    assert estimator.forget_ripple(memory, jnp.array(False)).ripple == ripple
+    forgotten = estimator.forget_ripple(memory, jnp.array(True)).ripple
+    assert forgotten == (ripple.rate, 0.0, 0.0)
+
+
+def _run_once(estimator):
+    now = state(jnp.array([0.1, 0.2, 0.3]))
+    return estimator.update(now, estimator.init(now), jnp.array(PERIOD))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: RippleObserver(pole=0.0), "`pole` must be positive"),
+        (lambda: RecursiveLeastSquares(noise=-1.0), "`noise` must be positive"),
+        (lambda: RecursiveLeastSquares(samples=0), "`samples` must be at least 1"),
+    ],
+)
+def test_impossible_estimators_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

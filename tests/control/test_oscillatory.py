@@ -1,0 +1,219 @@
+"""The oscillatory law: averaged equations against exact motion, closed loop against both."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from control.cases import ORBIT_RATE, C, actuators, body
+from jaxsat.attitude import WZ, Quaternion
+from jaxsat.control import (
+    MorinSamson,
+    Oscillator,
+    OscillatoryLaw,
+    ThirdAxis,
+    ThirdAxisEstimator,
+    TwoChannel,
+)
+from jaxsat.control.oscillatory import Oscillation, Slow
+from jaxsat.control.tilt import tilt_of
+from jaxsat.dynamics import PlantState
+from jaxsat.simulation import SampledLoop, simulate
+
+NU = 0.3
+DEMANDS = {"morin-samson": MorinSamson(0.01, 0.85), "two-channel": TwoChannel(0.02, 0.012)}
+
+
+def oscillator(demand="morin-samson", orbit_rate=ORBIT_RATE, **options):
+    gains = {"frequency": NU, "tilt_gain": 0.5, "rate_gain": 2.0}
+    limits = {"largest_amplitude": 0.1, "ratio": 2.0}
+    model = body(orbit_rate=orbit_rate)
+    return Oscillator(model, DEMANDS[demand], **{**gains, **limits, **options})
+
+
+def known(omega3):
+    zero = jnp.zeros_like(omega3)
+    return ThirdAxis(omega3, jnp.zeros(2), jnp.array(C), zero, zero)
+
+
+def drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, slow_turn):
+    """(36) and dω3/dt = c ω1 ω2 by SciPy, the rates relative to the orbit frame prescribed.
+
+    Starts on the oscillation, so that s and ẑ begin at `slow_rate` and `slow_turn`.
+    """
+    periods, samples = 12, 50
+
+    def relative(t):
+        s, c = np.sin(NU * t), np.cos(NU * t)
+        return rho * s, (alpha * s + beta * c) / rho
+
+    def rate(t, y):
+        w1, w2, z, omega3 = y
+        tilt = np.array(
+            [
+                [1 + w1**2 - w2**2, 2 * w1 * w2],
+                [2 * w1 * w2, 1 - w1**2 + w2**2],
+                [2 * w2, -2 * w1],
+            ]
+        ) / (1 + w1**2 + w2**2)
+        frame = -orbit_rate * tilt @ [np.sin(z), np.cos(z)]
+        r1, r2 = relative(t)
+        r3 = omega3 - frame[2]
+        return [
+            r3 * w2 + (1 + w1**2 - w2**2) * r1 / 2 + w1 * w2 * r2,
+            -r3 * w1 + (1 - w1**2 + w2**2) * r2 / 2 + w1 * w2 * r1,
+            r3 + w1 * r2 - w2 * r1,
+            C * (r1 + frame[0]) * (r2 + frame[1]),
+        ]
+
+    phi, theta = -rho / NU, -alpha / (NU * rho)
+    root = np.sqrt(4 - phi**2 - theta**2)  # |w|² = |(φ, θ)|² / (4 - |(φ, θ)|²)
+    turn = slow_turn + C * alpha / (8 * NU**2)
+    turn = turn - (1 - C) * orbit_rate / NU**2 * np.sin(turn) * beta / rho
+    by_frame = C * orbit_rate * (phi * np.cos(turn) + theta * np.sin(turn))
+    omega3 = slow_rate - C * beta / (4 * NU) - by_frame
+    times = np.linspace(0, 2 * np.pi * periods / NU, periods * samples + 1)
+    start = [phi / root, theta / root, turn, omega3]
+    return times, solve_ivp(rate, times[[0, -1]], start, t_eval=times, rtol=1e-9, atol=1e-13).y.T
+
+
+@pytest.mark.parametrize(("orbit_rate", "begin"), [(0.0, 0.1), (ORBIT_RATE, 0.1), (ORBIT_RATE, -2)])
+@pytest.mark.parametrize(("alpha", "beta"), [(4e-5, 0.0), (-2e-5, 6e-5)])
+def test_averaged_equations(alpha, beta, orbit_rate, begin):
+    """s and ẑ are free of ripple and drift at cα/2 + c ω0² sin z cos z and s - β/2ν."""
+    rho, slow_rate = 0.006, 1e-4
+    times, states = drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, begin)
+    law = oscillator(orbit_rate=orbit_rate)
+    last = Oscillation(jnp.array(alpha), jnp.array(beta), jnp.array(rho))
+
+    @jax.jit
+    @jax.vmap
+    def slow(t, y):
+        return law.slow(t, tilt_of(WZ(y[:2], y[2])), known(y[3]), last)
+
+    found = slow(jnp.array(times), jnp.array(states))
+    rate, turn = solve_ivp(
+        lambda t, y: [
+            C * alpha / 2 + C * orbit_rate**2 * np.sin(2 * y[1]) / 2,
+            y[0] - beta / (2 * NU),
+        ],
+        times[[0, -1]],
+        [slow_rate, begin],
+        t_eval=times,
+        rtol=1e-9,
+    ).y
+    ripple = np.std(states[:, 3] - np.polyval(np.polyfit(times, states[:, 3], 1), times))
+    assert np.abs(found.rate - rate).max() < 0.15 * ripple
+    moved = np.abs(turn - begin).max()
+    assert moved > 0.01
+    assert np.abs(found.turn - turn).max() < 0.02 * moved + 1e-4
+
+
+@pytest.mark.parametrize("demand", list(DEMANDS))
+def test_closed_loop_follows_the_averaged_equations(demand):
+    """A free body from z = 0.05: ẑ(t) by the whole loop against the linear equation solved."""
+    law = oscillator(demand, largest_amplitude=1.0)
+    model = law.model
+    controller = OscillatoryLaw(law, ThirdAxisEstimator(model, None, None), jnp.inf, 0.02)
+    loop = SampledLoop(model, controller, actuators())
+    start = PlantState(WZ([0.0, 0.0], 0.05), [0.0, -ORBIT_RATE, 0.0])
+    times = jnp.linspace(0, 400, 401)
+    run = simulate(loop, start, times).signals
+    if demand == "morin-samson":
+        system = np.array([[0, -(0.01**2)], [1, 0]]) + np.array([[-2 * 0.85 * 0.01, 0], [0, 0]])
+    else:
+        system = np.diag([-0.02, -0.012])
+    # After the oscillation has started up, from what it is then.
+    begin = 60
+    window = 21  # a period of the oscillation is 20.9 s
+    mean = np.convolve(np.asarray(run.z), np.ones(window) / window, "same")
+    mean_rate = np.convolve(np.asarray(run.omega[:, 2]), np.ones(window) / window, "same")
+    at = np.asarray(times)[begin:-window]
+    exact = solve_ivp(
+        lambda t, y: system @ y,
+        (at[0], at[-1]),
+        [mean_rate[begin], mean[begin]],
+        t_eval=at,
+        rtol=1e-8,
+        atol=1e-12,
+    ).y[1]
+    assert np.abs(mean[begin]) > 0.01
+    np.testing.assert_allclose(mean[begin:-window], exact, atol=0.05 * np.abs(exact).max())
+    assert np.abs(exact[-1]) < 0.2 * np.abs(exact[0])
+
+
+def test_demand_is_cut_at_the_largest_amplitude():
+    """h <= r ρm², the direction kept, the amplitudes then ρm and r ρm."""
+    law = oscillator("two-channel")
+    for rate, turn in ((1.0, -2.0), (1e-7, 1e-6)):
+        wanted = law.oscillation(_slow(rate, turn), known(jnp.zeros(())))
+        raw = law.demand(jnp.array(rate), jnp.array(turn), jnp.array(C), jnp.array(NU))
+        size, most = np.hypot(*raw), 2.0 * 0.1**2
+        reached = np.hypot(wanted.alpha, wanted.beta)
+        assert reached == pytest.approx(min(size, most), rel=1e-6)
+        np.testing.assert_allclose(wanted.alpha * raw[1], wanted.beta * raw[0], rtol=1e-9)
+        assert reached / wanted.amplitude**2 == pytest.approx(2.0, rel=1e-3)
+    assert law.oscillation(_slow(1.0, 1.0), known(jnp.zeros(()))).amplitude < 0.1 + 1e-8
+
+
+def test_tilt_is_finite_upside_down_and_agrees_with_wz():
+    tilt = tilt_of(Quaternion([0.0, 0.6, 0.8, 0.0]))
+    assert np.all(np.isfinite(tilt))
+    near = tilt_of(Quaternion([0.0, 0.6, 0.8, 1e-9]))
+    assert np.hypot(near.phi, near.theta) == pytest.approx(2.0, abs=1e-6)
+    wz = WZ([0.4, -1.3], 2.1)
+    tilt = tilt_of(wz)
+    norm = np.hypot(0.4, 1.3)
+    np.testing.assert_allclose(
+        tilt, [0.8 / np.hypot(1, norm), -2.6 / np.hypot(1, norm), 2.1, norm], rtol=1e-12
+    )
+
+
+def test_gradient_with_respect_to_gains():
+    """Reverse derivative of the state after 30 s against central differences."""
+    start = PlantState(WZ([0.05, -0.02], 0.1).as_quaternion(), [0.001, -0.002, 0.0004])
+    times = jnp.linspace(0, 30, 4)
+    fields = ("frequency", "tilt_gain", "rate_gain", "ratio")
+
+    def outcome(gains):
+        law = oscillator(**dict(zip(fields, gains, strict=True)))
+        estimator = ThirdAxisEstimator(law.model)
+        controller = OscillatoryLaw(law, estimator, jnp.array(50.0), 0.1)
+        final = simulate(SampledLoop(law.model, controller, actuators()), start, times).signals
+        return jnp.stack([final.z[-1], final.omega[-1, 2], final.w[-1, 0]])
+
+    gains = jnp.array([NU, 0.5, 2.0, 2.0])
+    derivative = np.asarray(jax.jacrev(outcome)(gains))
+    for k in range(len(fields)):
+        step = jnp.zeros(4).at[k].set(1e-5)
+        difference = (outcome(gains + step) - outcome(gains - step)) / 2e-5
+        np.testing.assert_allclose(derivative[:, k], difference, rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("field", ["frequency", "tilt_gain", "ratio"])
+def test_impossible_gains_are_refused(field):
+    with pytest.raises(ValueError, match=f"`{field}` must be positive"):
+        oscillator(**{field: 0.0})
+
+
+def _slow(rate, turn):
+    return Slow(jnp.array(rate), jnp.array(turn))
+
+
+def test_new_gains_compile_nothing():
+    """Numbers are leaves: a second law runs in the first one's program."""
+    traced = []
+
+    @eqx.filter_jit
+    def first_step(law, state):
+        traced.append(None)
+        controller = OscillatoryLaw(law, ThirdAxisEstimator(law.model), jnp.inf, 0.1)
+        return controller.step(jnp.zeros(()), state, controller.init(state))[0]
+
+    state = PlantState(WZ([0.1, 0.1], 0.1), [0.0, 0.0, 0.01])
+    first = first_step(oscillator(), state)
+    second = first_step(oscillator(tilt_gain=0.7), state)
+    assert len(traced) == 1
+    assert not np.allclose(first, second)

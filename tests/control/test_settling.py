@@ -1,0 +1,104 @@
+"""The whole controllers: the paper's spacecraft settles on three axes with two torques."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from control.cases import ORBIT_RATE, actuators, body, paper_disturbance
+from jaxsat.attitude import WZ
+from jaxsat.control import oscillatory_settling, three_slew_settling
+from jaxsat.dynamics import PlantState
+from jaxsat.metrics import Tolerances, settling_time, within
+from jaxsat.simulation import SampledLoop, simulate
+
+MAKERS = {"oscillatory": oscillatory_settling, "three-slew": three_slew_settling}
+
+
+def paper_start():
+    return PlantState(WZ([-1.0, 1.0], 1.27).as_quaternion(), [0.1, -0.11, 0.0])
+
+
+def flight(name, limit, horizon, start=None, **options):
+    controller = MAKERS[name](body(), limit, **options)
+    loop = SampledLoop(body(disturbance=paper_disturbance()), controller, actuators(limit), 1)
+    times = 0.1 * jnp.arange(round(horizon * 10) + 1)
+    return times, simulate(loop, paper_start() if start is None else start, times).signals
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "limit", "latest"), [("oscillatory", 5.0, 260), ("three-slew", 5.0, 130)]
+)
+def test_paper_start_settles(name, limit, latest):
+    """All axes stay within the tolerances to the end; torque within the limit; phases in order."""
+    times, run = flight(name, limit, 600)
+    good = within(run.w, run.z, run.relative_rate, Tolerances())
+    assert settling_time(times, good) < latest
+    assert jnp.abs(run.torque).max() <= limit
+    assert np.all(run.torque[:, 2] == 0)
+    modes = np.asarray(run.mode)
+    order = modes[np.flatnonzero(np.diff(modes, prepend=-1))]
+    assert list(order) == {"oscillatory": [3, 4], "three-slew": [1, 2, 3, 4]}[name]
+    # d3 leaves a ripple of a3 / (J3 Ω) that nothing can remove; it is all that is left of ω3.
+    late = np.asarray(run.omega[4000:, 2])
+    assert 1e-5 < np.std(late) < 6e-5
+
+
+def test_modes_change_with_hysteresis():
+    """The regulator comes in below the inner thresholds and goes only beyond the outer ones."""
+    controller = oscillatory_settling(body(), 5.0)
+    step = eqx.filter_jit(controller.step)
+
+    def mode(z, begin):
+        state = PlantState(WZ([0.0, 0.0], z), [0.0, -ORBIT_RATE, 0.0])
+        memory = controller.init(state)
+        memory = memory._replace(fine=memory.fine._replace(regulating=jnp.array(begin)))
+        return int(controller.mode(step(jnp.zeros(()), state, memory)[1]))
+
+    assert mode(0.029, False) == 4
+    assert mode(0.031, False) == 3
+    assert mode(0.044, True) == 4
+    assert mode(0.046, True) == 3
+
+
+def test_a_lost_attitude_begins_again():
+    controller = three_slew_settling(body(), 5.0)
+    step = eqx.filter_jit(controller.step)
+
+    def phase(z, omega3):
+        state = PlantState(WZ([0.0, 0.0], z), [0.0, -ORBIT_RATE, omega3])
+        memory = controller.init(state)._replace(phase=jnp.array(3))
+        return int(step(jnp.zeros(()), state, memory)[1].phase)
+
+    assert phase(0.9, 0.04) == 3
+    assert phase(1.1, 0.0) == 1
+    assert phase(0.0, -0.06) == 1
+
+
+@pytest.mark.parametrize("name", list(MAKERS))
+def test_gains_are_leaves_and_batches_agree_with_single_runs(name):
+    """vmap over gains and starts equals the loop over them; new numbers compile nothing."""
+    controller = MAKERS[name](body(), 5.0)
+    where = lambda law: law.fine.oscillator.frequency  # noqa: E731
+    traced = []
+
+    def first_torque(frequency, omega):
+        traced.append(None)
+        law = eqx.tree_at(where, controller, frequency)
+        state = PlantState(WZ([0.01, 0.02], 0.03), omega)
+        command, memory = law.step(jnp.zeros(()), state, law.init(state))
+        return law.step(jnp.array(0.1), state, memory)[0] + command
+
+    frequencies = jnp.array([0.15, 0.2, 0.3])
+    rates = jnp.array([[0.01, 0.02, 0.003], [0.0, 0.0, 1e-5], [0.02, -0.1, -0.04]])
+    single = jax.jit(first_torque)
+    one_by_one = [single(f, w) for f, w in zip(frequencies, rates, strict=True)]
+    assert len(traced) == 1
+    np.testing.assert_allclose(jax.vmap(first_torque)(frequencies, rates), one_by_one, rtol=1e-12)
+
+
+def test_limits_without_gains_are_refused():
+    with pytest.raises(ValueError, match=r"must be one of \[1.0, 5.0, 20.0\]"):
+        oscillatory_settling(body(), 3.0)
