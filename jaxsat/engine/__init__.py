@@ -1,5 +1,6 @@
 """Engines: how many copies of a closed loop are run at once, and what comes out of each."""
 
+from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.interface import AbstractEngine, Replay
 from jaxsat.engine.program import AbstractCopies, Copy, Program, program_of
 from jaxsat.engine.progress import Outputs, RunningCost
@@ -16,5 +17,6 @@ __all__ = [
     "Replay",
     "RunningCost",
     "ScanEngine",
+    "Tolerance",
     "program_of",
 ]

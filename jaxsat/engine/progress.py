@@ -57,7 +57,8 @@ class Progress(NamedTuple):
     """A trajectory that is under way.
 
     `settled_from` is the time (s) since which the tolerances have been met, infinite while they
-    are not; `ended_at` the time up to which the state is good.
+    are not; `ended_at` the time up to which the state is good. `step` (s) is the next to be tried
+    and `steps` the number of those tried, where steps are adaptive.
     """
 
     state: PyTree
@@ -66,6 +67,8 @@ class Progress(NamedTuple):
     settled_from: Float[Array, ""]
     ended_at: Float[Array, ""]
     code: Int[Array, ""]
+    step: Float[Array, ""]
+    steps: Int[Array, ""]
 
 
 class Outputs(NamedTuple):
@@ -89,11 +92,13 @@ class Outputs(NamedTuple):
     drawn: dict[str, Array]
 
 
-def begun(state: PyTree, omega: Float[Array, "3"], possible) -> Progress:
+def begun(state: PyTree, omega: Float[Array, "3"], possible, step=0.0) -> Progress:
     """Progress at time zero; a case that cannot exist has ended there."""
     zero = jnp.zeros((), omega.dtype)
     code = jnp.where(possible, int(Outcome.SUCCESS), int(Outcome.IMPOSSIBLE_CASE))
-    return Progress(state, Integrals(zero, zero), zero, zero + jnp.inf, zero, code)
+    integrals = Integrals(zero, zero)
+    nothing = jnp.array(0)
+    return Progress(state, integrals, zero, zero + jnp.inf, zero, code, zero + step, nothing)
 
 
 def looked_at(

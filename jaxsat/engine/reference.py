@@ -42,13 +42,16 @@ class ReferenceEngine(AbstractEngine):
 
     def identity(self) -> dict[str, Any]:
         """The width, and the method with its numbers."""
-        numbers = [float(x) for x in jax.tree.leaves(self.method)]
-        return {
-            "name": "diffrax",
-            "width": self.width,
-            "method": str(jax.tree.structure(self.method)),
-            "method_numbers": numbers,
+        if self.method is None:
+            return {"name": "diffrax", "width": self.width, "method": None}
+        numbers = jax.tree.leaves(eqx.filter(self.method, eqx.is_array))
+        method = {
+            "solver": type(self.method.solver).__name__,
+            "steps": type(self.method.step_size).__name__,
+            "numbers": [float(x) for x in numbers],
+            "max_steps": self.method.max_steps,
         }
+        return {"name": "diffrax", "width": self.width, "method": method}
 
     def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
         """Outputs of one block."""

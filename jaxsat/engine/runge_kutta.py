@@ -37,6 +37,24 @@ def explicit_step(
     return _combined(state, step, tableau.b_sol, rates)
 
 
+def step_with_error(
+    tableau: diffrax.ButcherTableau,
+    rate: Callable[[Float[Array, ""], PyTree], PyTree],
+    t: Float[Array, ""],
+    step: Float[Array, ""],
+    state: PyTree,
+) -> tuple[PyTree, PyTree]:
+    """The state after one step and the embedded estimate of its error, from all stages."""
+    rows = [np.zeros(0), *tableau.a_lower]
+    nodes = [0.0, *tableau.c]
+    rates: dict[int, PyTree] = {}
+    for stage, row in enumerate(rows):
+        rates[stage] = rate(t + nodes[stage] * step, _combined(state, step, row, rates))
+    after = _combined(state, step, tableau.b_sol, rates)
+    nothing = jax.tree.map(lambda x: x * 0, state)
+    return after, _combined(nothing, step, tableau.b_error, rates)
+
+
 def _needed_stages(tableau: diffrax.ButcherTableau) -> set[int]:
     needed = {stage for stage, weight in enumerate(tableau.b_sol) if weight != 0}
     for stage in range(len(tableau.b_sol) - 1, 0, -1):

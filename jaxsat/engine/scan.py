@@ -1,4 +1,4 @@
-"""A plain loop over intervals at fixed steps, compiled once for any horizon.
+"""A plain loop over intervals, compiled once for any horizon.
 
 Runs of any length are pieces of one compiled loop with the number of intervals as an input, so a
 replay that stops at every interval goes through the same machine code as the run did.
@@ -14,6 +14,7 @@ from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array, Int, PyTree
 
 from jaxsat.dynamics import PlantState
+from jaxsat.engine.adaptive import Tolerance, advance_adaptively
 from jaxsat.engine.interface import AbstractEngine
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
@@ -27,17 +28,18 @@ CASES = "cases"
 
 
 class ScanEngine(AbstractEngine):
-    """Fixed steps with the tableau of an explicit Runge-Kutta solver of diffrax.
+    """A loop of our own around the tableau of an explicit Runge-Kutta solver of diffrax.
 
     A sampled loop takes its own `substeps` in each period, any other loop `substeps` of the engine
-    in each interval. With `devices` above one, every block is `width` cases on each of that many
-    local devices.
+    in each interval, or, with a `tolerance`, steps of whatever length meets it. With `devices`
+    above one, every block is `lanes` cases on each of that many local devices.
     """
 
     solver: diffrax.AbstractSolver = diffrax.Tsit5()
     substeps: int = eqx.field(static=True, default=20)
     lanes: int = eqx.field(static=True, default=64)
     devices: int = eqx.field(static=True, default=1)
+    tolerance: Tolerance | None = None
 
     def __check_init__(self):
         tableau_of(self.solver)
@@ -55,7 +57,11 @@ class ScanEngine(AbstractEngine):
     def identity(self) -> dict[str, Any]:
         """Solver, steps and lanes; on how many devices they are does not matter."""
         solver = type(self.solver).__name__
-        return {"name": "scan", "solver": solver, "substeps": self.substeps, "lanes": self.lanes}
+        fixed = {"name": "scan", "solver": solver, "substeps": self.substeps, "lanes": self.lanes}
+        if self.tolerance is None:
+            return fixed
+        numbers = [float(x) for x in jax.tree.leaves(self.tolerance)]
+        return fixed | {"tolerance": [*numbers, self.tolerance.max_steps]}
 
     def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
         """Outputs of one block."""
@@ -83,15 +89,19 @@ class ScanEngine(AbstractEngine):
 
 def begin_one(engine: ScanEngine, program: Program, case: PyTree, gains: PyTree) -> Progress:
     """Progress of one trajectory at time zero."""
-    del engine
     copy = program.copies(case, gains)
-    return begun(copy.loop.start(copy.start), copy.start.omega, copy.possible)
+    step = 0.0 if engine.tolerance is None else engine.tolerance.first_step
+    return begun(copy.loop.start(copy.start), copy.start.omega, copy.possible, step)
 
 
 def advance_one(engine, program, case, gains, progress, first, count) -> Progress:
     """Progress of one trajectory after `count` intervals from number `first` on."""
     loop = program.copies(case, gains).loop
     tableau = tableau_of(engine.solver)
+    if engine.tolerance is not None and not isinstance(loop, SampledLoop):
+        return advance_adaptively(
+            engine.solver, engine.tolerance, program, loop, progress, first, count
+        )
 
     def interval(number, progress):
         t = number * program.interval

@@ -7,7 +7,7 @@ import pytest
 from jaxsat.scenario import build, dump, library, load
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, SampledLoop
 
-NAMES = ["free-third-rate", "paper-rate", "paper-three-axis", "switching"]
+NAMES = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]
 
 
 def test_names():
@@ -33,6 +33,7 @@ def test_scenario_says_what_it_is(name):
 @pytest.mark.parametrize(
     ("name", "loop"),
     [
+        ("benchmark-three-axis", ErrorCoordinateLoop),
         ("free-third-rate", ErrorCoordinateLoop),
         ("paper-rate", ContinuousLoop),
         ("paper-three-axis", ErrorCoordinateLoop),
