@@ -36,6 +36,7 @@ def montecarlo(
     chunk: int = 256,
     until_ci: str | None = None,
     case: int | None = None,
+    figures: Path | None = None,
     elsewhere: Annotated[bool, Parameter(negative="")] = False,
     quiet: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -70,6 +71,9 @@ def montecarlo(
         Stop once the settled fraction is known to within this, such as 0.5%.
     case
         Compute this case alone again and write its whole trajectory.
+    figures
+        Folder for figures: settling times, where it settles, convergence, fans of attitude and
+        rates.
     elsewhere
         Go on with a store that was begun with other versions or on another processor.
     quiet
@@ -89,14 +93,18 @@ def montecarlo(
         return _one_case(chosen, study, case, out or Path(f"jaxsat-{stem}-{case}"), quiet)
     target = out or Path(f"jaxsat-{stem}.zarr")
     counted = _run(study, target, workers or os.cpu_count() or 1, rule, elsewhere, quiet)
-    if not quiet:
-        from jaxsat.montecarlo import summarise
-        from jaxsat.results import open_study
 
-        summary = summarise(open_study(target), counted)
+    from jaxsat.montecarlo import summarise
+    from jaxsat.results import open_study
+
+    dataset = open_study(target)
+    summary = summarise(dataset, counted)
+    if figures is not None:
+        _write_figures(figures, chosen.title, study, dataset, summary)
+    if not quiet:
         for line in summary_lines(summary):
             console().print(line)
-        console().print(f"written          {target}")
+        console().print(f"written          {target}{f' and {figures}' if figures else ''}")
     return SUCCESS
 
 
@@ -179,6 +187,44 @@ def progress_text(progress: "StudyProgress") -> str:
         f"{progress.done} of {progress.count} cases, {progress.rate:.1f} a second, "
         f"{left:.0f} s left, {progress.fraction_settled:.1%} settled"
     )
+
+
+def _write_figures(
+    folder: Path, title: str, study: "Study", dataset: "xr.Dataset", summary: "Summary"
+) -> None:
+    import numpy as np
+
+    from jaxsat.report.saving import save_figures
+    from jaxsat.report.study_figures import fan_chart, study_figures
+    from jaxsat.results import OutputError, OutputFolder
+
+    def write() -> None:
+        count = summary.count
+        drawn = {}
+        for name in study.copies.dispersions.names:
+            values = np.asarray(dataset[f"drawn_{name}"])[:count]
+            several = values.shape[1] > 1
+            drawn |= {f"{name}[{i + 1}]" if several else name: x for i, x in enumerate(values.T)}
+        ranked = [entry.name for entry in summary.settling_sensitivity]
+        axes = (ranked[0], ranked[1]) if len(ranked) > 1 else None
+        figures = study_figures(
+            {"settling_time": np.asarray(dataset["settling_time"])[:count]}, drawn, axes, title
+        )
+        numbers = np.arange(min(count, study.engine.width))
+        signals = study.engine.histories(study.program, study.cases(numbers), study.gains)
+        times = np.arange(study.program.intervals + 1) * float(study.program.interval)
+        attitude = np.concatenate([signals.w, signals.z[:, :, None]], axis=2)
+        labels = ("w1", "w2", "z")
+        figures["attitude-fan"] = fan_chart(times, attitude, labels, "1, rad", f"{title}: attitude")
+        labels = ("ω1", "ω2", "ω3")
+        figures["rates-fan"] = fan_chart(times, signals.omega, labels, "rad/s", f"{title}: rates")
+        with OutputFolder(folder, overwrite=True) as made:
+            save_figures(figures, made.path)
+
+    try:
+        interruptibly(write)
+    except OutputError as error:
+        raise UserMistake(str(error)) from None
 
 
 def _one_case(scenario: "Scenario", study: "Study", number: int, target: Path, quiet: bool) -> int:

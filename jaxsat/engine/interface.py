@@ -72,6 +72,15 @@ class AbstractEngine(eqx.Module):
         times = np.arange(program.intervals + 1) * float(program.interval)
         return Replay(outputs, times, signals)
 
+    def histories(self, program: Program, cases: PyTree, gains: PyTree = None) -> Signals:
+        """Signals (cases, times) of at most `width` cases."""
+        cases = jax.tree.map(np.asarray, cases)
+        count = len(jax.tree.leaves(cases)[0])
+        if not 1 <= count <= self.width:
+            raise ValueError(f"There must be 1 to {self.width} cases, but got {count}.")
+        signals = self.replay_block(program, jax.tree.map(self._padded, cases), gains)[1]
+        return jax.tree.map(lambda x: np.asarray(x[:count]), signals)
+
     def _in_blocks(self, run, program: Program, cases: PyTree, gains: PyTree):
         cases = jax.tree.map(np.asarray, cases)
         count = len(jax.tree.leaves(cases)[0])
