@@ -3,6 +3,7 @@
 import datetime
 import importlib.metadata
 import platform
+from pathlib import Path
 from typing import Any
 
 import jaxsat
@@ -19,6 +20,31 @@ def provenance() -> dict[str, Any]:
         "platform": platform.platform(),
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
+
+
+def machine() -> dict[str, Any]:
+    """What the bits of a result may depend on besides its inputs: versions, processor, precision.
+
+    Only on equal machines in this sense are two runs of one study held to equal bits.
+    """
+    import jax
+
+    return {
+        "versions": {k: v for k, v in provenance()["versions"].items() if k != "python"},
+        "processor": _processor(),
+        "backend": jax.default_backend(),
+        "device": jax.local_devices()[0].device_kind,
+        "double_precision": bool(jax.config.jax_enable_x64),
+    }
+
+
+def _processor() -> str:
+    """The processor's name; on Linux that of its model, which `platform` does not tell."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
 
 
 def provenance_attributes() -> dict[str, str]:

@@ -37,6 +37,7 @@ from jaxsat.environment import (
     SumOfDisturbances,
     circular_orbit_rate,
 )
+from jaxsat.noise import key_of_seed
 from jaxsat.scenario.control_tables import (
     CoastTable,
     ModelTable,
@@ -47,6 +48,7 @@ from jaxsat.scenario.control_tables import (
     ThreeSlewTable,
 )
 from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.layout import working_thrusters
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import DisturbanceTable
@@ -63,7 +65,7 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import SMALLEST_STEP
-from jaxsat.vehicle import Actuators, Spacecraft
+from jaxsat.vehicle import Actuators, Sensors, Spacecraft
 
 SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
     "euler": diffrax.Euler,
@@ -111,7 +113,8 @@ def build_loop(scenario: Scenario) -> AbstractLoop:
     plant, controller = build_plant(scenario), build_controller(scenario)
     if isinstance(controller, AbstractSampledController):
         substeps = scenario.simulation.solver.substeps or DEFAULT_SUBSTEPS
-        return SampledLoop(plant, controller, build_actuators(scenario), substeps)
+        sensors, delay = build_sampling(scenario)
+        return SampledLoop(plant, controller, build_actuators(scenario), substeps, sensors, delay)
     if uses_error_coordinates(flattened(scenario)):
         return ErrorCoordinateLoop(plant, cast(RateLaw | ThreeAxisLaw, controller))
     return ContinuousLoop(plant, controller, build_actuators(scenario))
@@ -155,6 +158,22 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
     if isinstance(control, ThreeAxisTable):
         return _three_axis_law(scenario, control, model)
     return _switching_law(scenario, control, model)
+
+
+def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
+    """Sensors and delay; None for those that are perfect in every case."""
+    table, dispersion = scenario.sampling or SamplingTable(), scenario.dispersion
+    noises = (table.rate_noise_rad_s, table.attitude_noise_rad)
+    dispersed = dispersion is not None and (
+        dispersion.rate_noise_rad_s is not None or dispersion.attitude_noise_rad is not None
+    )
+    key = key_of_seed(scenario.simulation.seed)
+    sensors = Sensors(as_float(noises[0]), as_float(noises[1]), key)
+    late = table.delay_s > 0 or (dispersion is not None and dispersion.delay_s is not None)
+    return (
+        sensors if any(noises) or dispersed else None,
+        as_float(table.delay_s) if late else None,
+    )
 
 
 def build_start(scenario: Scenario) -> PlantState:

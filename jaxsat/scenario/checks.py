@@ -267,3 +267,16 @@ def _no_fixed_steps_across_jumps(values):
             "large as the state; round it (saturation_width and tilt_width above 0) or leave the "
             f"torque unlimited, got {shown(steps if steps == 'fixed' else step)}",
         )
+
+
+@rule("control.law", "sampling.delay_s")
+def _sampling_has_a_sampled_law(law, delay):
+    del delay
+    if law != "switching":
+        yield at("sampling", f'must belong to a sampled law such as "switching", got "{law}"')
+
+
+@rule("control.period_s", "sampling.delay_s")
+def _delay_within_a_period(period, delay):
+    if delay > period:
+        yield at("sampling.delay_s", f"must be at most control.period_s, got {shown(delay)}")

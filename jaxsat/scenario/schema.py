@@ -15,6 +15,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
 from jaxsat.scenario.control_tables import ControlTable
+from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.quantities import Table, Text, choice
 from jaxsat.scenario.rules import broken_rules
@@ -43,6 +44,8 @@ class Scenario(Table):
     initial: InitialTable = choice("The state at the start")
     control: ControlTable = choice("The control law")
     simulation: SimulationTable = choice("How to integrate and what to save")
+    sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
+    dispersion: DispersionTable | None = choice("What a Monte-Carlo study disperses", None)
 
     @model_validator(mode="wrap")
     @classmethod

@@ -8,7 +8,7 @@ from jaxsat.results import time_to_settle, trajectory_dataset
 from jaxsat.scenario import ScenarioError, build, dump, library, load
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, SampledLoop
 
-PAPER = ["free-third-rate", "paper-rate", "paper-three-axis", "switching"]
+PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]
 SETTLING = ["two-torque-free", "two-torque-free-1", "two-torque-free-20"]
 NAMES = PAPER + SETTLING
 
@@ -36,6 +36,7 @@ def test_scenario_says_what_it_is(name):
 @pytest.mark.parametrize(
     ("name", "loop"),
     [
+        ("benchmark-three-axis", ErrorCoordinateLoop),
         ("free-third-rate", ErrorCoordinateLoop),
         ("paper-rate", ContinuousLoop),
         ("paper-three-axis", ErrorCoordinateLoop),
