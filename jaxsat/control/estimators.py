@@ -113,7 +113,7 @@ class Fit(NamedTuple):
     covariance: Float[Array, "8 8"]
     first_omega: Float[Array, "3"]
     products: Float[Array, "6"]
-    count: Int[Array, ""]
+    samples: Int[Array, ""]
 
 
 class RecursiveLeastSquares(eqx.Module):
@@ -156,7 +156,7 @@ class RecursiveLeastSquares(eqx.Module):
 
         `c` is the model's value, which δc is added to.
         """
-        products, count = fit.products + products, fit.count + 1
+        products, count = fit.products + products, fit.samples + 1
         change = omega - fit.first_omega
         regressor = jnp.concatenate([change[:2], products])
         projected = jnp.sum(fit.covariance * regressor[None, :], axis=1)
@@ -234,12 +234,12 @@ class ThirdAxisEstimator(eqx.Module):
         products = span * _mean_products(memory.omega, state.omega)
         errors = jnp.zeros(8, state.omega.dtype) if memory.fit is None else memory.fit.estimate
         ripple, fit = memory.ripple, memory.fit
-        if self.observer is not None:
+        if self.observer is not None and ripple is not None:
             known = jnp.concatenate([(state.omega - memory.omega)[:2], products])
             change = c * products[0] + jnp.sum(known * errors)
             ripple = self.observer.advance(ripple, change, span)
             ripple = self.observer.correct(ripple, state.omega, period)
-        if self.least_squares is not None:
+        if self.least_squares is not None and fit is not None:
             fit = self.least_squares.update(fit, state.omega, products, c)
             errors = fit.estimate
         following = EstimatorMemory(ripple, fit, state.omega, jnp.array(True))
