@@ -113,7 +113,7 @@ def _engine(
     suits = isinstance(loop, SampledLoop) or smooth
     fixed = table.solver.step_s is not None
     if name == "diffrax" or (name == "auto" and not (suits or fixed)):
-        return ReferenceEngine(run.method, width)
+        return ReferenceEngine(method=run.method, width=width)
     if not (suits or fixed):
         raise ValueError(
             "The scan engine must have a sampled or smooth loop, or simulation.solver.step_s; "
@@ -122,4 +122,6 @@ def _engine(
     step = table.solver.step_s or SMOOTH_STEP
     substeps = max(1, round(table.save_every_s / step))
     solver = SOLVERS[table.solver.name or "tsit5"]()
-    return ScanEngine(solver, substeps, width, devices)
+    return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
+        solver=solver, substeps=substeps, lanes=width, devices=devices
+    )
