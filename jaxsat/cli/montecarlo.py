@@ -59,7 +59,8 @@ def montecarlo(
     overrides
         KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
     engine
-        scan for sampled and smooth loops, diffrax for any.
+        scan, a plain loop of jaxsat's own, fastest; diffrax, the method of a single run; auto is
+        scan for sampled and smooth loops and diffrax for laws with corners.
     workers
         Chunks computed at once, each in a thread; as many as processors if left out.
     width
