@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.attitude import WZ, Quaternion
-from jaxsat.control import oscillatory_settling, three_slew_settling
+from jaxsat.control import RippleObserver, oscillatory_settling, three_slew_settling
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit, PeriodicTorque
 from jaxsat.metrics import Tolerances, wrapped
@@ -211,7 +211,13 @@ def main():
     rows = []
     for limit in args.limit or sorted(HORIZON):
         for name in LAWS if args.law == "all" else [args.law]:
-            law = LAWS[name](model, limit, ripple=args.ripple, estimate=not args.no_estimate)
+            law = LAWS[name](
+                model,
+                limit,
+                observe=args.ripple != "none",
+                estimate=not args.no_estimate,
+                ripple=RippleObserver() if args.ripple == "observer" else None,
+            )
             for level in args.level or list(LEVELS):
                 begin = time.perf_counter()
                 out = evaluate(law, args.seed, args.cases, level, limit)

@@ -1,8 +1,8 @@
 """Checks and conversions used where an object is made, and nowhere else."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Inexact
 
 
@@ -15,7 +15,7 @@ def as_float(value: ArrayLike | list | tuple) -> Inexact[Array, "..."]:
 
 def concrete(value: ArrayLike) -> np.ndarray | None:
     """The value as a NumPy array, or `None` while it is being traced (then nothing is checked)."""
-    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
+    return None if isinstance(value, Tracer) else np.asarray(value)
 
 
 def require_finite(name: str, value: ArrayLike) -> None:

@@ -8,6 +8,9 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 import jaxsat
+from jaxsat.cli.controllability import controllability
+from jaxsat.cli.montecarlo import montecarlo
+from jaxsat.cli.reproduce import reproduce
 from jaxsat.cli.scenarios import scenarios
 from jaxsat.cli.simulate import simulate
 from jaxsat.cli.terminal import (
@@ -28,6 +31,9 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 app.command(simulate)
+app.command(montecarlo)
+app.command(controllability)
+app.command(reproduce)
 app.command(scenarios)
 
 

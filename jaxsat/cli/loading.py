@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from jaxsat.cli.computing import use_double_precision
 from jaxsat.cli.terminal import UserMistake, report
 
 if TYPE_CHECKING:
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
 
 def load_or_explain(name_or_path: str, overrides: Sequence[str] = ()) -> "Scenario":
     """The scenario; raises `UserMistake` with every problem of it."""
+    use_double_precision()
     from jaxsat.scenario import ScenarioError, ScenarioWarning, load
 
     with warnings.catch_warnings(record=True) as caught:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
+from jaxsat.cli.computing import in_background, interruptibly
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.summary import failure_advice, print_summary
 from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, console, report
@@ -52,7 +52,6 @@ def simulate(
 
     try:
         with OutputFolder(target, overwrite=overwrite) as folder:
-            use_double_precision()
             with console(error=True).status(f"simulating {scenario}"):
                 in_background("jaxsat.report.figures")
                 dataset, seconds = interruptibly(lambda: _run(chosen))
@@ -61,7 +60,7 @@ def simulate(
     except OutputError as error:
         raise UserMistake(str(error)) from None
     if not quiet:
-        print_summary(dataset, scenario, seconds, target, files)
+        print_summary(dataset, scenario, chosen.control.law, seconds, target, files)
     if dataset.attrs["outcome_code"] == 0:
         return SUCCESS
     report(f"{failure_advice(dataset)}; what there is was written to {target}")
@@ -74,24 +73,28 @@ def _run(scenario: "Scenario") -> tuple["xr.Dataset", float]:
     from jaxsat.scenario import build, dump
 
     begin = time.perf_counter()
-    trajectory = build(scenario).simulate()
+    run = build(scenario)
+    trajectory = run.simulate()
     dataset = trajectory_dataset(
         trajectory,
         title=scenario.title,
         scenario=dump(scenario),
         seed=scenario.simulation.seed,
+        mode_names=run.mode_names,
     )
     return dataset, time.perf_counter() - begin
 
 
 def _write(folder: Path, scenario: "Scenario", dataset: "xr.Dataset") -> None:
-    from jaxsat.results import save_trajectory
+    from jaxsat.report.figures import trajectory_figures
+    from jaxsat.report.saving import save_figures
+    from jaxsat.results import save_dataset
 
     (folder / "scenario.toml").write_text(dataset.attrs["scenario"], encoding="utf-8")
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
     (folder / "run.json").write_text(record + "\n", encoding="utf-8")
-    save_trajectory(dataset, folder / "trajectory.nc")
-    _write_figures(folder, dataset)
+    save_dataset(dataset, folder / "trajectory.nc")
+    save_figures(trajectory_figures(dataset), folder)
 
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
@@ -105,15 +108,3 @@ def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
         "seed": scenario.simulation.seed,
         **provenance(),
     }
-
-
-def _write_figures(folder: Path, dataset: "xr.Dataset") -> None:
-    """Every figure as PNG and as SVG, without a date so that equal runs give equal files."""
-    from matplotlib import rc_context
-
-    from jaxsat.report.figures import trajectory_figures
-
-    with rc_context({"svg.hashsalt": "jaxsat"}):  # names inside the SVG are random otherwise
-        for name, figure in trajectory_figures(dataset).items():
-            figure.savefig(folder / f"{name}.png", metadata={"Software": None})
-            figure.savefig(folder / f"{name}.svg", metadata={"Date": None})

@@ -13,13 +13,19 @@ if TYPE_CHECKING:
 ADVICE = {
     "STATE_LIMIT": 'check gains and initial state, and use simulation.attitude = "quaternion" '
     "where the body turns upside down",
-    "MAX_STEPS": "raise simulation.solver.max_steps, loosen rtol and atol, or set min_step_s",
+    "MAX_STEPS": "in [simulation.solver], with adaptive steps, raise max_steps, loosen rtol and "
+    "atol, or set min_step_s; with fixed steps, raise step_s",
     "STEP_UNDERFLOW": "set simulation.solver.min_step_s to pass points where the law has a corner",
 }
 
 
 def print_summary(
-    dataset: "xr.Dataset", name: str, seconds: float, target: Path, files: Sequence[str]
+    dataset: "xr.Dataset",
+    name: str,
+    law: str,
+    seconds: float,
+    target: Path,
+    files: Sequence[str],
 ) -> None:
     """Outcome, settling time, final state and files of a run."""
     import numpy as np
@@ -34,11 +40,11 @@ def print_summary(
         "scenario": f"{dataset.attrs['title']} ({name})",
         "outcome": f"{dataset.attrs['outcome_explanation']} {at}; "
         f"{dataset.attrs['steps']} steps, {seconds:.1f} s with compilation",
-        "settled": settling_text(dataset),
+        "settled": settling_text(dataset, law),
         "attitude": f"w = {_numbers(final['w'])}, z = {float(final['z']):.4g} rad, "
         f"tilt {tilt:.3g} deg {at}",
         "rates": f"omega = {_numbers(final['omega'])} rad/s {at}",
-        "torque": f"peak |T| = {_numbers(peak)} N m",
+        "torque": f"peak |T| = {_numbers(peak)} N m at the saved times",
         "written": f"{target}: {', '.join(files)}",
     }
     width = max(map(len, rows))
@@ -46,26 +52,24 @@ def print_summary(
         console().print(f"{label:<{width}}  {text}")
 
 
-def settling_text(dataset: "xr.Dataset") -> str:
-    """When the spacecraft settled, and what that means."""
-    import jax
-    import numpy as np
+def settling_text(dataset: "xr.Dataset", law: str) -> str:
+    """When the spacecraft settled, and what that means: rates alone under the rate law."""
+    import math
 
-    from jaxsat.metrics import Tolerances, settling_time
+    from jaxsat.metrics import Tolerances
+    from jaxsat.results import time_at_rest, time_to_settle
 
     limits = Tolerances()
-    turn = np.angle(np.exp(1j * dataset["z"].values))
-    good = (
-        (np.linalg.norm(dataset["w"].values, axis=1) < limits.w)
-        & (np.abs(turn) < limits.z)
-        & (np.linalg.norm(dataset["relative_rate"].values, axis=1) < limits.relative_rate)
-    )
-    time = float(jax.jit(settling_time)(dataset["time"].values, good))
-    meaning = (
-        f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad, "
-        f"relative rate < {float(limits.relative_rate):g} rad/s to the end"
-    )
-    return f"from {time:g} s ({meaning})" if np.isfinite(time) else f"no ({meaning})"
+    if law == "rate":
+        time = time_at_rest(dataset, limits)
+        meaning = f"|omega| < {float(limits.relative_rate):g} rad/s to the end"
+    else:
+        time = time_to_settle(dataset, limits)
+        meaning = (
+            f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad, "
+            f"relative rate < {float(limits.relative_rate):g} rad/s to the end"
+        )
+    return f"from {time:g} s ({meaning})" if math.isfinite(time) else f"no ({meaning})"
 
 
 def failure_advice(dataset: "xr.Dataset") -> str:
@@ -76,8 +80,8 @@ def failure_advice(dataset: "xr.Dataset") -> str:
     reached = float(dataset["time"].values[good][-1]) if good.any() else 0.0
     outcome = dataset.attrs["outcome"]
     return (
-        f"the run ended early, after t = {reached:g} s: it "
-        f"{dataset.attrs['outcome_explanation']}; {ADVICE.get(outcome, 'try another solver')}"
+        f"the run ended early, after t = {reached:g} s ({dataset.attrs['outcome_explanation']}); "
+        f"{ADVICE[outcome]}"
     )
 
 

@@ -1,5 +1,6 @@
 """What the commands write to: plain where there is no terminal, never an encoding error."""
 
+import io
 import sys
 
 from rich.console import Console
@@ -28,7 +29,7 @@ class UserMistake(Exception):
 def make_streams_safe() -> None:
     """Let characters that a stream cannot encode appear as question marks."""
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
+        if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
 
 

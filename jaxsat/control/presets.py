@@ -5,20 +5,18 @@ disturbance, at thrusters of 1, 5 and 20 N m, and a period of 0.1 s. Other space
 their own; the regulator's gain is computed from the model in any case.
 """
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.oscillatory import MorinSamson, Oscillator, TwoChannel
-from jaxsat.control.ripple import RippleFilter, RippleObserver
+from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.terminal import OrbitalRegulator
 from jaxsat.dynamics import RigidBody
-
-RippleChoice = Literal["filter", "observer", "none"]
 
 
 class _Oscillation(NamedTuple):
@@ -57,6 +55,9 @@ _APPROACH = {
     20.0: _Approach((0.881, 0.795, 5e-5), 2.7e-3, (0.825, 7.32, 2.33, 2.0e-3, 6.4e-4)),
 }
 
+TUNED_PERIOD = 0.1
+"""Control period (s) for which the gains are tuned."""
+
 TUNED_LIMITS = tuple(_APPROACH)
 """Torque limits (N m) for which there are gains."""
 
@@ -65,28 +66,32 @@ def oscillatory_settling(
     model: RigidBody,
     torque_limit: float | int,
     *,
-    ripple: RippleChoice = "filter",
+    observe: bool = True,
     estimate: bool = True,
+    period: float = TUNED_PERIOD,
+    ripple: AbstractRippleEstimator | None = None,
 ) -> OscillatorySettling:
     """The Morin-Samson law with regulator.
 
-    `model` is what the controller believes of the plant, `ripple` how it estimates that of d3, and
-    `estimate` whether it estimates the errors of axes and inertia. Raises `ValueError` for a
-    torque limit without tuned gains.
+    `model` is what the controller believes of the plant. `observe` tells whether it estimates the
+    ripple of d3 (by `ripple`, a `RippleFilter` unless given), `estimate` whether it estimates the
+    errors of axes and inertia. Raises `ValueError` for a torque limit without tuned gains.
     """
     gains = _gains(_MORIN_SAMSON, torque_limit)
     demand = MorinSamson(gains.k3, gains.turn)
     fine = _fine_stage(model, demand, gains, fade_lean=False)
-    estimator = _estimator(model, ripple, estimate)
-    return OscillatorySettling(fine, estimator, torque_limit, 0.1)
+    estimator = _estimator(model, observe, estimate, ripple)
+    return OscillatorySettling(fine, estimator, torque_limit, period)
 
 
 def three_slew_settling(
     model: RigidBody,
     torque_limit: float | int,
     *,
-    ripple: RippleChoice = "filter",
+    observe: bool = True,
     estimate: bool = True,
+    period: float = TUNED_PERIOD,
+    ripple: AbstractRippleEstimator | None = None,
 ) -> ThreeSlewSettling:
     """Rate law, three slews, two-channel law and regulator; arguments as above."""
     gains = _gains(_TWO_CHANNEL, torque_limit)
@@ -96,10 +101,10 @@ def three_slew_settling(
         rate_law=FiniteTimeRate(model, torque_limit, *approach.rate),
         planner=SlewPlanner(model, torque_limit, *approach.slews),
         fine=_fine_stage(model, demand, gains, fade_lean=True),
-        estimator=_estimator(model, ripple, estimate),
+        estimator=_estimator(model, observe, estimate, ripple),
         torque_limit=torque_limit,
         stopped_rate=approach.stopped_rate,
-        period=0.1,
+        period=period,
     )
 
 
@@ -126,10 +131,8 @@ def _fine_stage(model, demand, gains: _Oscillation, *, fade_lean: bool) -> FineS
     return FineStage(oscillator, OrbitalRegulator.design(model), handover, fade_lean)
 
 
-def _estimator(model: RigidBody, ripple: RippleChoice, estimate: bool) -> ThirdAxisEstimator:
-    observers = {"filter": RippleFilter, "observer": RippleObserver, "none": lambda: None}
-    return ThirdAxisEstimator(
-        model,
-        observers[ripple](),
-        RecursiveLeastSquares() if estimate else None,
-    )
+def _estimator(
+    model: RigidBody, observe: bool, estimate: bool, ripple: AbstractRippleEstimator | None
+) -> ThirdAxisEstimator:
+    observer = (ripple or RippleFilter()) if observe else None
+    return ThirdAxisEstimator(model, observer, RecursiveLeastSquares() if estimate else None)

@@ -53,6 +53,10 @@ class PeriodicTorque(AbstractDisturbance):
     ) -> Float[Array, "3"]:
         """Equation (2)."""
         del attitude, inertia
+        return self.at(t)
+
+    def at(self, t: RealScalar) -> Float[Array, "3"]:
+        """Equation (2) at time `t` (s), N m."""
         return self.amplitude * jnp.sin(self.frequency * t + self.phase)
 
 

@@ -40,7 +40,7 @@ SETTINGS: Mapping[str, Any] = MappingProxyType(
 
 def panels(count: int, title: str, height: float = 2.1) -> tuple[Figure, list[Axes]]:
     """A figure with `count` panels above each other that share the time axis, and a title."""
-    with rc_context(dict(SETTINGS)):
+    with rc_context(dict[Any, Any](SETTINGS)):
         figure = Figure(figsize=(7.0, height * count + 0.7), layout="constrained")
         axes = figure.subplots(count, 1, squeeze=False)[:, 0]
         figure.suptitle(title, fontsize=10, fontweight="bold", x=0.01, ha="left")

@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from jaxsat.metrics import Tolerances, settling_time, within, wrapped
+from jaxsat.metrics import wrapped
+from jaxsat.results import is_within, time_to_settle
 
 SMALL_RATE = 1e-3
 """rad/s. A rate below this counts as zero, as in the definition of settled."""
@@ -118,19 +119,20 @@ def _final_rate(datasets: Datasets) -> Claim:
     final = np.array([0.0, -_scenario(dataset)["orbit"]["rate_rad_s"], 0.0])
     error = np.abs(dataset["omega"].values - final).max(axis=1)
     at_500 = float(error[np.searchsorted(dataset["time"], 500.0)])
-    late = float(error[dataset["time"].values > 900].max())
+    end = float(dataset["time"][-1])
+    late = float(error[dataset["time"].values > end - 100].max())
     return Claim(
         "(42), Fig. 5b",
         "The final rate is (0, -ω0, 0)",
-        f"largest component off by {at_500:.1e} rad/s at 500 s and by {late:.1e} from 900 s to "
-        "1000 s",
+        f"largest component off by {at_500:.1e} rad/s at 500 s and by {late:.1e} from "
+        f"{end - 100:.0f} s to {end:.0f} s",
         Verdict.HOLDS if late < SMALL_RATE else Verdict.FAILS,
     )
 
 
 def _attitude_settles(datasets: Datasets) -> Claim:
     held, free = datasets["three-axis"], datasets["free"]
-    times = [_settling_time(dataset) for dataset in (held, free)]
+    times = [time_to_settle(dataset) for dataset in (held, free)]
     at_500 = held.isel(time=int(np.searchsorted(held["time"], 500.0)))
     return Claim(
         "(42), Figs. 5-7",
@@ -139,7 +141,7 @@ def _attitude_settles(datasets: Datasets) -> Claim:
         f"{float(np.linalg.norm(at_500['w'])):.1e} and z = {float(at_500['z']):.1e} rad at 500 s; "
         f"third rate free: {_when(times[1])}",
         *_decide(
-            np.isfinite(times).all(),
+            bool(np.isfinite(times).all()),
             bool(np.isfinite(times[0])),
             "something else holds the third rate at zero",
         ),
@@ -189,13 +191,13 @@ def _attitude_changes_little(datasets: Datasets) -> Claim:
     small, exact = datasets["three-axis"], datasets["three-axis-exact"]
     scalar = np.abs(small["quaternion"][:, 0].values)
     angle = float(np.degrees(2 * np.arccos(np.clip(scalar, 0, 1))).max())
-    apart = float(np.abs(small["w"].values - exact["w"].values).max())
+    apart = float(np.abs(small["w"] - exact["w"]).max())
     return Claim(
         "(11)",
         "The attitude changes little, so C_bo may be replaced by the identity",
         f"the manoeuvre turns through {angle:.0f}°; with the exact relation w differs by up to "
-        f"{apart:.2g} on the way, {_when(_settling_time(exact))} "
-        f"(approximation: {_when(_settling_time(small))})",
+        f"{apart:.2g} on the way, {_when(time_to_settle(exact))} "
+        f"(approximation: {_when(time_to_settle(small))})",
         Verdict.HOLDS if angle < SMALL_ANGLE else Verdict.FAILS,
     )
 
@@ -220,12 +222,12 @@ def _switching_settles(datasets: Datasets) -> Claim:
     dataset = datasets["switching"]
     half = _last(dataset, float(dataset["time"][-1]) / 2)
     rate = np.linalg.norm(half["relative_rate"], axis=1)
-    inside = np.asarray(_within(half))
-    settled = np.isfinite(_settling_time(dataset))
+    inside = is_within(half)
+    settled = np.isfinite(time_to_settle(dataset))
     return Claim(
         "note in section 5",
         "Switching between (38) and (42) repeatedly reaches the stable range",
-        f"{_when(_settling_time(dataset))}; over the second half |w| up to "
+        f"{_when(time_to_settle(dataset))}; over the second half |w| up to "
         f"{float(np.linalg.norm(half['w'], axis=1).max()):.3f}, |z| up to "
         f"{float(np.abs(wrapped(jnp.asarray(half['z'].values))).max()):.4f} rad, |ω_r| between "
         f"{rate.min():.1e} and {rate.max():.1e} rad/s (median {np.median(rate):.1e}), "
@@ -258,15 +260,6 @@ def _last(dataset: xr.Dataset, span: float) -> xr.Dataset:
 
 def _worst_rate(dataset: xr.Dataset, span: float) -> float:
     return float(np.abs(_last(dataset, span)["omega"]).max())
-
-
-def _within(dataset: xr.Dataset):
-    histories = (jnp.asarray(dataset[name].values) for name in ("w", "z", "relative_rate"))
-    return within(*histories, Tolerances())
-
-
-def _settling_time(dataset: xr.Dataset) -> float:
-    return float(settling_time(jnp.asarray(dataset["time"].values), _within(dataset)))
 
 
 def _when(time: float) -> str:

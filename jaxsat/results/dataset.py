@@ -1,12 +1,13 @@
 """Trajectories as xarray datasets, in memory and as netCDF files."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from jaxsat.results.provenance import provenance
+from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Trajectory
 
 
@@ -45,12 +46,18 @@ VARIABLES = {
 
 
 def trajectory_dataset(
-    trajectory: Trajectory, *, title: str = "", scenario: str = "", seed: int | None = None
+    trajectory: Trajectory,
+    *,
+    title: str = "",
+    scenario: str = "",
+    seed: int | None = None,
+    mode_names: Mapping[int, str] | None = None,
 ) -> xr.Dataset:
     """The history of one run over `time` (s), body axes, with units as attributes.
 
     `scenario` is the scenario as TOML text. Global attributes hold it with the outcome, the seed
-    and what `provenance` tells. Values after the end of a failed run are NaN.
+    and what `provenance` tells; `mode_names` go to the attributes of `mode`. Values after the end
+    of a failed run are NaN.
     """
     variables = {
         name: xr.Variable(
@@ -60,6 +67,11 @@ def trajectory_dataset(
         )
         for name, label in VARIABLES.items()
     }
+    if mode_names:
+        variables["mode"].attrs |= {
+            "flag_values": np.array(list(mode_names), float),
+            "flag_meanings": " ".join(name.replace(" ", "_") for name in mode_names.values()),
+        }
     time = xr.Variable(
         "time", np.asarray(trajectory.times), {"units": "s", "long_name": "time since the start"}
     )
@@ -71,7 +83,7 @@ def trajectory_dataset(
     )
 
 
-def save_trajectory(dataset: xr.Dataset, path: Path) -> None:
+def save_dataset(dataset: xr.Dataset, path: Path) -> None:
     """Write a dataset as netCDF 4, compressed."""
     encoding = {name: {"zlib": True, "complevel": 4} for name in dataset.data_vars}
     dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
@@ -88,23 +100,15 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
 def _attributes(
     trajectory: Trajectory, title: str, scenario: str, seed: int | None
 ) -> dict[str, str | int]:
-    made_by = provenance()
     outcome = trajectory.outcome
     attributes: dict[str, str | int] = {
-        "Conventions": "CF-1.11",
         "title": title,
-        "source": f"jaxsat {made_by['versions']['jaxsat']}",
-        "history": f"{made_by['created']} simulated by jaxsat",
         "scenario": scenario,
         "outcome": outcome.name,
         "outcome_code": int(outcome),
         "outcome_explanation": outcome.explanation,
         "steps": int(trajectory.steps),
-        "platform": made_by["platform"],
-        "created": made_by["created"],
     }
     if seed is not None:
         attributes["seed"] = seed
-    return attributes | {
-        f"{name}_version": version for name, version in made_by["versions"].items()
-    }
+    return attributes | provenance_attributes()

@@ -1,5 +1,6 @@
 """An output folder that appears complete or not at all."""
 
+import contextlib
 import ctypes
 import json
 import os
@@ -38,7 +39,11 @@ class OutputFolder:
 
     def __enter__(self) -> "OutputFolder":
         """Make the temporary folder beside the target."""
-        _explain(self.target, self._make_temporary)
+        try:
+            _explain(self.target, self._make_temporary)
+        except BaseException:
+            self._remove_new_parents()
+            raise
         return self
 
     def __exit__(
@@ -53,9 +58,7 @@ class OutputFolder:
                 _explain(self.target, self._finish)
         finally:
             shutil.rmtree(self.path, ignore_errors=True)
-            for parent in self._new_parents:
-                if not any(parent.iterdir()):
-                    parent.rmdir()
+            self._remove_new_parents()
         if isinstance(error, OSError):
             raise OutputError(_reason(self.target, error)) from error
 
@@ -88,6 +91,12 @@ class OutputFolder:
         self.path = Path(tempfile.mkdtemp(prefix=prefix, dir=self.target.parent))
         usual = 0o777 & ~_umask()
         self.path.chmod(usual)  # mkdtemp keeps others out, which a result need not
+
+    def _remove_new_parents(self) -> None:
+        """Remove the parents that were made for a result which did not come."""
+        for parent in self._new_parents:
+            with contextlib.suppress(OSError):  # not empty, and then it stays
+                parent.rmdir()
 
     def _finish(self) -> None:
         written = sorted(entry.name for entry in self.path.iterdir())

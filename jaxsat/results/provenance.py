@@ -3,6 +3,7 @@
 import datetime
 import importlib.metadata
 import platform
+from pathlib import Path
 from typing import Any
 
 import jaxsat
@@ -18,4 +19,43 @@ def provenance() -> dict[str, Any]:
         "versions": versions,
         "platform": platform.platform(),
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    }
+
+
+def machine() -> dict[str, Any]:
+    """What the bits of a result may depend on besides its inputs: versions, processor, precision.
+
+    Only on equal machines in this sense are two runs of one study held to equal bits.
+    """
+    import jax
+
+    return {
+        "versions": {k: v for k, v in provenance()["versions"].items() if k != "python"},
+        "processor": _processor(),
+        "backend": jax.default_backend(),
+        "device": jax.local_devices()[0].device_kind,
+        "double_precision": bool(jax.config.jax_enable_x64),
+    }
+
+
+def _processor() -> str:
+    """The processor's name; on Linux that of its model, which `platform` does not tell."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def provenance_attributes() -> dict[str, str]:
+    """The same as flat text attributes of a dataset, in the words of the CF conventions."""
+    made_by = provenance()
+    versions = {f"{name}_version": version for name, version in made_by["versions"].items()}
+    return {
+        "Conventions": "CF-1.11",
+        "source": f"jaxsat {made_by['versions']['jaxsat']}",
+        "history": f"{made_by['created']} made by jaxsat",
+        "platform": made_by["platform"],
+        "created": made_by["created"],
+        **versions,
     }

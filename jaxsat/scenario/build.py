@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
@@ -15,11 +15,14 @@ from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_float
 from jaxsat.control import (
     AbstractController,
+    AbstractSampledController,
     Coast,
     InternalModel,
     RateLaw,
     SwitchingLaw,
     ThreeAxisLaw,
+    oscillatory_settling,
+    three_slew_settling,
 )
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import (
@@ -34,14 +37,18 @@ from jaxsat.environment import (
     SumOfDisturbances,
     circular_orbit_rate,
 )
+from jaxsat.noise import key_of_seed
 from jaxsat.scenario.control_tables import (
     CoastTable,
     ModelTable,
+    OscillatoryTable,
     RateTable,
     SwitchingTable,
     ThreeAxisTable,
+    ThreeSlewTable,
 )
 from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.layout import working_thrusters
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import DisturbanceTable
@@ -58,7 +65,7 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import SMALLEST_STEP
-from jaxsat.vehicle import Actuators, Spacecraft
+from jaxsat.vehicle import Actuators, Sensors, Spacecraft
 
 SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
     "euler": diffrax.Euler,
@@ -82,6 +89,11 @@ class Run:
     times: Float[Array, " times"]
     method: Method
 
+    @property
+    def mode_names(self) -> Mapping[int, str]:
+        """What the numbers of `mode` mean, for sampled laws; else empty."""
+        return self.loop.controller.mode_names if isinstance(self.loop, SampledLoop) else {}
+
     def simulate(self) -> Trajectory:
         """Run the loop."""
         return simulate(self.loop, self.start, self.times, method=self.method)
@@ -99,9 +111,10 @@ def build(scenario: Scenario) -> Run:
 def build_loop(scenario: Scenario) -> AbstractLoop:
     """Plant, controller and thrusters in the coordinates that the scenario asks for."""
     plant, controller = build_plant(scenario), build_controller(scenario)
-    if isinstance(controller, SwitchingLaw):
+    if isinstance(controller, AbstractSampledController):
         substeps = scenario.simulation.solver.substeps or DEFAULT_SUBSTEPS
-        return SampledLoop(plant, controller, build_actuators(scenario), substeps)
+        sensors, delay = build_sampling(scenario)
+        return SampledLoop(plant, controller, build_actuators(scenario), substeps, sensors, delay)
     if uses_error_coordinates(flattened(scenario)):
         return ErrorCoordinateLoop(plant, cast(RateLaw | ThreeAxisLaw, controller))
     return ContinuousLoop(plant, controller, build_actuators(scenario))
@@ -132,17 +145,35 @@ def build_actuators(scenario: Scenario) -> Actuators:
     return Actuators.of(thrusters, limit)
 
 
-def build_controller(scenario: Scenario) -> AbstractController | SwitchingLaw:
+def build_controller(scenario: Scenario) -> AbstractController | AbstractSampledController:
     """The control law with its own model of the plant."""
     control = scenario.control
     if isinstance(control, CoastTable):
         return Coast()
+    if isinstance(control, OscillatoryTable | ThreeSlewTable):
+        return _settling_law(scenario, control)
     model = _model(scenario, control.model, control.measured_disturbance)
     if isinstance(control, RateTable):
         return _rate_law(control, model)
     if isinstance(control, ThreeAxisTable):
         return _three_axis_law(scenario, control, model)
     return _switching_law(scenario, control, model)
+
+
+def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
+    """Sensors and delay; None for those that are perfect in every case."""
+    table, dispersion = scenario.sampling or SamplingTable(), scenario.dispersion
+    noises = (table.rate_noise_rad_s, table.attitude_noise_rad)
+    dispersed = dispersion is not None and (
+        dispersion.rate_noise_rad_s is not None or dispersion.attitude_noise_rad is not None
+    )
+    key = key_of_seed(scenario.simulation.seed)
+    sensors = Sensors(as_float(noises[0]), as_float(noises[1]), key)
+    late = table.delay_s > 0 or (dispersion is not None and dispersion.delay_s is not None)
+    return (
+        sensors if any(noises) or dispersed else None,
+        as_float(table.delay_s) if late else None,
+    )
 
 
 def build_start(scenario: Scenario) -> PlantState:
@@ -162,7 +193,7 @@ def build_times(scenario: Scenario) -> Float[Array, " times"]:
     """Times to save at from zero to the end, s; on the samples of a sampled law."""
     table = scenario.simulation
     unit, count = table.save_every_s, round(table.duration_s / table.save_every_s)
-    if not isinstance(scenario.control, SwitchingTable):
+    if not isinstance(scenario.control, SwitchingTable | OscillatoryTable | ThreeSlewTable):
         return jnp.asarray(np.arange(count + 1) * unit)
     period = scenario.control.period_s
     return jnp.asarray(np.arange(count + 1) * round(unit / period) * period)
@@ -214,7 +245,7 @@ def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) ->
     return RigidBody(Spacecraft(as_float(inertia)), _orbit(relation, rate), known, held)
 
 
-def _periodic(amplitude: Sequence[float] | np.ndarray, table: DisturbanceTable) -> PeriodicTorque:
+def _periodic(amplitude: tuple[float, ...] | np.ndarray, table: DisturbanceTable) -> PeriodicTorque:
     return PeriodicTorque(
         as_float(amplitude), as_float(table.frequency_rad_s), as_float(table.phase_rad)
     )
@@ -243,6 +274,20 @@ def _three_axis_law(
     )
 
 
+def _settling_law(
+    scenario: Scenario, table: OscillatoryTable | ThreeSlewTable
+) -> AbstractSampledController:
+    model = _model(scenario, table.model, (False, False, False))
+    settling = oscillatory_settling if isinstance(table, OscillatoryTable) else three_slew_settling
+    return settling(
+        model,
+        cast(float, scenario.spacecraft.torque_limit_N_m),
+        observe=table.observe_ripple,
+        estimate=table.estimate_axes,
+        period=table.period_s,
+    )
+
+
 def _switching_law(scenario: Scenario, table: SwitchingTable, model: RigidBody) -> SwitchingLaw:
     limit = scenario.spacecraft.torque_limit_N_m
     moments = np.diag(np.asarray(model.spacecraft.inertia))[:2]
@@ -252,11 +297,13 @@ def _switching_law(scenario: Scenario, table: SwitchingTable, model: RigidBody) 
         table.three_axis_slope_limit_rad_s2,
     )
     return SwitchingLaw(
-        _rate_law(table, model),
-        _three_axis_law(scenario, table, model),
-        as_float(table.upper_threshold_rad_s),
-        as_float(table.lower_threshold_rad_s),
-        as_float(table.period_s),
-        as_float(usual if rate_limit is None else rate_limit),
-        as_float(5 * usual if three_axis_limit is None else three_axis_limit),
+        rate_law=_rate_law(table, model),
+        three_axis_law=_three_axis_law(scenario, table, model),
+        upper_threshold=as_float(table.upper_threshold_rad_s),
+        lower_threshold=as_float(table.lower_threshold_rad_s),
+        period=as_float(table.period_s),
+        rate_slope_limit=as_float(usual if rate_limit is None else rate_limit),
+        three_axis_slope_limit=as_float(
+            5 * usual if three_axis_limit is None else three_axis_limit
+        ),
     )

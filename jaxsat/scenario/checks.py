@@ -4,18 +4,17 @@ Every rule names the keys that it reads and is applied wherever all of these are
 themselves, so that one mistake hides no other.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-
+from jaxsat.control import TUNED_LIMITS
+from jaxsat.scenario.control_tables import SAMPLED_LAWS, SETTLING_LAWS
 from jaxsat.scenario.coordinates import (
     ERROR_COORDINATE_KEYS,
-    Values,
     error_coordinate_obstacle,
     is_printed_three_axis,
     uses_error_coordinates,
 )
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.layout import working_thrusters
+from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.wording import shown
 from jaxsat.simulation.solve import STATE_LIMIT
 from jaxsat.vehicle import allocation
@@ -23,55 +22,6 @@ from jaxsat.vehicle import allocation
 MAX_SAMPLES = 10_000_000
 ROUNDING = 1e-9
 """How far a time may be from a whole multiple, relative to itself."""
-
-
-Check = Callable[..., Iterator[Issue]]
-
-
-@dataclass(frozen=True)
-class Rule:
-    """A check and the dotted keys without which it is not applied."""
-
-    keys: tuple[str, ...]
-    check: Callable[[Values], Iterator[Issue]]
-
-
-RULES: list[Rule] = []
-
-
-def rule(*keys: str) -> Callable[[Check], Check]:
-    """Register a check that takes the values of `keys` in this order."""
-
-    def register(check: Check) -> Check:
-        RULES.append(Rule(keys, lambda values: check(*(values[key] for key in keys))))
-        return check
-
-    return register
-
-
-def rule_over(*keys: str) -> Callable[[Check], Check]:
-    """Register a check that takes all values, and needs those of `keys`."""
-
-    def register(check: Check) -> Check:
-        RULES.append(Rule(keys, check))
-        return check
-
-    return register
-
-
-def broken_rules(values: Values) -> list[Issue]:
-    """Issues from every rule whose keys all have valid values."""
-    found: list[Issue] = []
-    for entry in RULES:
-        if all(key in values for key in entry.keys):
-            involved = tuple(tuple(key.split(".")) for key in entry.keys)
-            for issue in entry.check(values):
-                found.append(Issue(issue.location, issue.message, involved, issue.missing))
-    return found
-
-
-def _at(key: str, message: str, missing: bool = False) -> Issue:
-    return Issue(tuple(key.split(".")), message, (), missing)
 
 
 @rule("spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")
@@ -92,7 +42,7 @@ def _law_has_two_torques(law, axes, failed):
         allocation(working_thrusters(axes, failed))
     except ValueError as error:
         key = "failed_thrusters" if failed else "thruster_torque_axes"
-        yield _at(
+        yield at(
             f"spacecraft.{key}",
             f"must leave thrusters that the law can use, got {len(axes) - len(set(failed))} of "
             f"{len(axes)}: {str(error).rstrip('.')}",
@@ -112,11 +62,9 @@ def _held_rate_starts_at_zero(third_rate, omega):
 @rule("orbit.rate_rad_s", "orbit.altitude_km")
 def _one_orbit(rate, altitude):
     if rate is None and altitude is None:
-        yield _at("orbit.rate_rad_s", "must be given in rad/s, or altitude_km, got neither", True)
+        yield at("orbit.rate_rad_s", "must be given in rad/s, or altitude_km, got neither", True)
     if rate is not None and altitude is not None:
-        yield _at(
-            "orbit.altitude_km", f"must not be given beside rate_rad_s, got {shown(altitude)}"
-        )
+        yield at("orbit.altitude_km", f"must not be given beside rate_rad_s, got {shown(altitude)}")
 
 
 @rule("initial.w", "initial.z_rad", "initial.quaternion")
@@ -124,15 +72,15 @@ def _one_attitude(w, z, quaternion):
     if quaternion is not None:
         for name, value in (("w", w), ("z_rad", z)):
             if value is not None:
-                yield _at(
+                yield at(
                     f"initial.{name}", f"must not be given beside quaternion, got {shown(value)}"
                 )
     elif w is None and z is None:
-        yield _at("initial.w", "must be given with z_rad, or quaternion, got neither", True)
+        yield at("initial.w", "must be given with z_rad, or quaternion, got neither", True)
     elif w is None:
-        yield _at("initial.w", "must be given beside z_rad, got nothing", True)
+        yield at("initial.w", "must be given beside z_rad, got nothing", True)
     elif z is None:
-        yield _at("initial.z_rad", "must be given in rad beside w, got nothing", True)
+        yield at("initial.z_rad", "must be given in rad beside w, got nothing", True)
 
 
 @rule("initial.w", "initial.omega_rad_s", "initial.z_rad")
@@ -141,7 +89,7 @@ def _state_below_its_limit(w, omega, z):
         size = max(map(abs, value if isinstance(value, tuple) else (value or 0,)), default=0)
         if size >= STATE_LIMIT:
             why = " (|w| without bound is upside down)" if name == "w" else ""
-            yield _at(f"initial.{name}", f"must be below {STATE_LIMIT:g}{why}, got {shown(value)}")
+            yield at(f"initial.{name}", f"must be below {STATE_LIMIT:g}{why}, got {shown(value)}")
 
 
 @rule("initial.quaternion", "simulation.attitude", "control.law")
@@ -151,7 +99,7 @@ def _not_upside_down(quaternion, attitude, law):
     cosine = quaternion[0] ** 2 + quaternion[3] ** 2  # of half the tilt, squared
     if cosine < 1 / STATE_LIMIT**2 and (attitude == "wz" or law in ("three-axis", "switching")):
         by = "simulation.attitude" if attitude == "wz" else "control.law"
-        yield _at(
+        yield at(
             "initial.quaternion",
             "must not be upside down, where the (w, z) that "
             f"{by} = {shown(attitude if attitude == 'wz' else law)} works in are singular, "
@@ -166,7 +114,7 @@ def _not_upside_down(quaternion, attitude, law):
 )
 def _internal_model_has_a_frequency(on, frequency, disturbance):
     if on and frequency is None and min(disturbance[:2]) <= 0:
-        yield _at(
+        yield at(
             "control.internal_model_frequency_rad_s",
             "must be given in rad/s while internal_model is true and disturbance.frequency_rad_s "
             f"is not positive about x and y, got nothing beside {shown(disturbance)}",
@@ -177,7 +125,7 @@ def _internal_model_has_a_frequency(on, frequency, disturbance):
 @rule("control.lower_threshold_rad_s", "control.upper_threshold_rad_s")
 def _thresholds_in_order(lower, upper):
     if lower > upper:
-        yield _at(
+        yield at(
             "control.lower_threshold_rad_s",
             f"must not exceed upper_threshold_rad_s = {shown(upper)}, got {shown(lower)}",
         )
@@ -193,7 +141,7 @@ def _slopes_are_limited(limit, rate, three_axis):
         return
     for name, value in (("rate", rate), ("three_axis", three_axis)):
         if value is None:
-            yield _at(
+            yield at(
                 f"control.{name}_slope_limit_rad_s2",
                 "must be given in rad/s² while spacecraft.torque_limit_N_m is left out, "
                 "got nothing",
@@ -204,13 +152,13 @@ def _slopes_are_limited(limit, rate, three_axis):
 @rule("simulation.duration_s", "simulation.save_every_s")
 def _whole_number_of_samples(duration, save_every):
     if duration / save_every > MAX_SAMPLES:
-        yield _at(
+        yield at(
             "simulation.save_every_s",
             f"must leave at most {MAX_SAMPLES:.0e} saved samples, got {shown(save_every)} s in "
             f"{shown(duration)} s",
         )
     elif not is_multiple(duration, save_every):
-        yield _at(
+        yield at(
             "simulation.duration_s",
             f"must be a multiple of save_every_s = {shown(save_every)}, got {shown(duration)}",
         )
@@ -219,13 +167,13 @@ def _whole_number_of_samples(duration, save_every):
 @rule("control.period_s", "simulation.save_every_s", "simulation.duration_s")
 def _samples_fall_on_periods(period, save_every, duration):
     if duration / period > MAX_SAMPLES:
-        yield _at(
+        yield at(
             "control.period_s",
             f"must leave at most {MAX_SAMPLES:.0e} periods, got {shown(period)} s in "
             f"{shown(duration)} s",
         )
     elif not is_multiple(save_every, period):
-        yield _at(
+        yield at(
             "simulation.save_every_s",
             f"must be a multiple of control.period_s = {shown(period)}, got {shown(save_every)}",
         )
@@ -241,9 +189,20 @@ def is_multiple(whole: float, part: float) -> bool:
 def _error_coordinates_hold(values):
     obstacle = error_coordinate_obstacle(values)
     if values["simulation.coordinates"] == "error" and obstacle:
-        yield _at(
+        yield at(
             "simulation.coordinates",
             f'must be "auto" or "torque" because {obstacle}, got "error"',
+        )
+
+
+@rule("control.law", "spacecraft.torque_limit_N_m")
+def _gains_are_tuned_for_the_limit(law, limit):
+    if law in SETTLING_LAWS and limit not in TUNED_LIMITS:
+        yield at(
+            "spacecraft.torque_limit_N_m",
+            f"must be one of {', '.join(f'{tuned:g}' for tuned in TUNED_LIMITS)} N m under the law "
+            f'"{law}", for which there are tuned gains, got '
+            + ("nothing" if limit is None else shown(limit)),
         )
 
 
@@ -257,7 +216,7 @@ def _solver_keys_fit(values):
     law = values["control.law"]
     solver = {key: values.get(f"simulation.solver.{key}") for key in SOLVER_KEYS}
     given = [key for key in SOLVER_KEYS if solver[key] is not None]
-    sampled = law == "switching"
+    sampled = law in SAMPLED_LAWS
     fixed = solver["steps"] == "fixed" or (solver["steps"] is None and "step_s" in given)
     if sampled:
         misfits = [key for key in given if key != "substeps"]
@@ -270,10 +229,10 @@ def _solver_keys_fit(values):
         misfits, why = [key for key in given if key in FIXED_KEYS], "the steps are adaptive"
     for key in misfits:
         message = f"must be left out because {why}, got {shown(solver[key])}"
-        yield _at(f"simulation.solver.{key}", message)
+        yield at(f"simulation.solver.{key}", message)
     if fixed and "step_s" not in given and not sampled:
         message = "must be given in s with fixed steps, got nothing"
-        yield _at("simulation.solver.step_s", message, True)
+        yield at("simulation.solver.step_s", message, True)
 
 
 @rule(
@@ -281,8 +240,8 @@ def _solver_keys_fit(values):
 )
 def _euler_has_no_error_estimate(name, steps, step, law):
     adaptive = steps == "adaptive" or (steps is None and step is None)
-    if name == "euler" and adaptive and law != "switching":
-        yield _at(
+    if name == "euler" and adaptive and law not in SAMPLED_LAWS:
+        yield at(
             "simulation.solver.name",
             'must be a solver with an error estimate while steps are adaptive, got "euler"',
         )
@@ -301,10 +260,23 @@ def _no_fixed_steps_across_jumps(values):
     if steps != "fixed" and (steps == "adaptive" or step is None):
         return
     if is_printed_three_axis(values) and not uses_error_coordinates(values):
-        yield _at(
+        yield at(
             f"simulation.solver.{'steps' if steps == 'fixed' else 'step_s'}",
             "must be left to adaptive steps: at torque level the printed law (42) holds the "
             "derivative of a saturation that jumps, and fixed steps of any size give errors as "
             "large as the state; round it (saturation_width and tilt_width above 0) or leave the "
             f"torque unlimited, got {shown(steps if steps == 'fixed' else step)}",
         )
+
+
+@rule("control.law", "sampling.delay_s")
+def _sampling_has_a_sampled_law(law, delay):
+    del delay
+    if law != "switching":
+        yield at("sampling", f'must belong to a sampled law such as "switching", got "{law}"')
+
+
+@rule("control.period_s", "sampling.delay_s")
+def _delay_within_a_period(period, delay):
+    if delay > period:
+        yield at("sampling.delay_s", f"must be at most control.period_s, got {shown(delay)}")

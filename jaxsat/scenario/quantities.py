@@ -1,5 +1,6 @@
 """Kinds of values that scenario keys hold, and how a key is declared together with its unit."""
 
+import math
 from typing import Annotated, Any
 
 import jax.numpy as jnp
@@ -50,14 +51,15 @@ PositiveOrPair = Annotated[
 ]
 
 
-def _no_zero_row(rows: tuple) -> tuple:
+def _directions(rows: tuple) -> tuple:
     for number, row in enumerate(rows, 1):
-        if not any(row):
-            raise ValueError(f"must have no zero row, got one for thruster {number}")
+        if not 0 < sum(entry * entry for entry in row) < math.inf:
+            found = "a zero row" if not any(row) else "one that is none"
+            raise ValueError(f"must have a direction in every row, got {found} as row {number}")
     return rows
 
 
-TorqueAxes = Annotated[tuple[Vector3, ...], Len(1, 1000), AfterValidator(_no_zero_row)]
+TorqueAxes = Annotated[tuple[Vector3, ...], Len(1, 1000), AfterValidator(_directions)]
 
 UNIT_LENGTH_TOLERANCE = 1e-6
 

@@ -10,12 +10,15 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from jaxsat.scenario.checks import broken_rules
+from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
 from jaxsat.scenario.control_tables import ControlTable
+from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.quantities import Table, Text, choice
+from jaxsat.scenario.rules import broken_rules
 from jaxsat.scenario.tables import (
     DisturbanceTable,
     InitialTable,
@@ -41,6 +44,8 @@ class Scenario(Table):
     initial: InitialTable = choice("The state at the start")
     control: ControlTable = choice("The control law")
     simulation: SimulationTable = choice("How to integrate and what to save")
+    sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
+    dispersion: DispersionTable | None = choice("What a Monte-Carlo study disperses", None)
 
     @model_validator(mode="wrap")
     @classmethod
@@ -82,11 +87,7 @@ def readable_values(table: type[BaseModel], data: Any, prefix: str = "") -> dict
         if not present and field.is_required():
             continue
         try:
-            value = (
-                TypeAdapter(Annotated[field.annotation, field]).validate_python(data[name])
-                if present
-                else field.get_default()
-            )
+            value = _validated(field, data[name]) if present else field.get_default()
         except ValidationError:
             inner = table_at(table, data, (name,))
             if inner is not None and isinstance(data[name], Mapping):
@@ -97,6 +98,12 @@ def readable_values(table: type[BaseModel], data: Any, prefix: str = "") -> dict
         else:
             values[prefix + name] = value
     return values
+
+
+def _validated(field: FieldInfo, value: Any) -> Any:
+    """One field's value by itself, with the bounds that its declaration adds to its type."""
+    kind = Annotated[field.annotation, field]  # pyright: ignore
+    return TypeAdapter(kind).validate_python(value)  # pyright: ignore
 
 
 def _error_details(issue: Issue) -> InitErrorDetails:

@@ -56,15 +56,22 @@ def known_location(data: Any, raw: Location, missing: bool) -> Location:
     parts: list[str | int] = []
     for position, part in enumerate(raw):
         last = position == len(raw) - 1
-        known = isinstance(data, Mapping) and part in data
-        if isinstance(data, list | tuple):
-            known = isinstance(part, int) and part < len(data)
-        if known:
-            data = data[part]
+        found, inner = _entry(data, part)
+        if found:
+            data = inner
         elif not (missing and last):
             continue
         parts.append(part)
     return tuple(parts)
+
+
+def _entry(data: Any, part: str | int) -> tuple[bool, Any]:
+    """Whether a table or list has this key or position, and what is there."""
+    if isinstance(data, Mapping) and part in data:
+        return True, data[part]
+    if isinstance(data, list | tuple) and isinstance(part, int) and part < len(data):
+        return True, data[part]
+    return False, None
 
 
 def issue_of(root: type[BaseModel], data: Any, error: Mapping[str, Any]) -> Issue | None:

@@ -12,15 +12,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from jaxsat.attitude import AbstractAttitude
-from jaxsat.checks import concrete
+from jaxsat.checks import as_float, concrete, require_positive
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController, AbstractSampledController
 from jaxsat.control.controller import Memory
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.vehicle import Actuators
+from jaxsat.vehicle import Actuators, Sensors
 
 
 class AbstractLoop(eqx.Module):
@@ -163,32 +163,90 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         return jax.jvp(self.law.reference_rate, (state,), (unit,))[1]
 
 
+def _as_delay(value: ArrayLike | None) -> Float[Array, ""] | None:
+    return None if value is None else as_float(value)
+
+
+class SampledState(NamedTuple):
+    """State of the plant, memory of its controller, and the torque (N m) now being made."""
+
+    plant: PlantState
+    memory: Memory
+    torque: Float[Array, "3"]
+
+
+class Hold(NamedTuple):
+    """A time during which the torque (N m) stays: `begin` and `length` in s, from the sample on."""
+
+    begin: Float[Array, ""]
+    length: Float[Array, ""]
+    torque: Float[Array, "3"]
+
+
 class SampledLoop(AbstractLoop):
     """Plant and thrusters under a sampled controller whose torque is held between samples.
 
-    The plant is integrated over each period in `substeps` equal steps.
+    The plant is integrated over each period in `substeps` equal steps. `sensors` stand between the
+    true state and what the controller is told; None tells it the truth. A `delay` (s, at most one
+    period) is the time the controller takes to compute: for so long after each sample the
+    thrusters go on with what they did; None is a loop without. Each part of a delayed period is
+    integrated in `substeps` steps of its own.
     """
 
     plant: RigidBody
     controller: AbstractSampledController
     actuators: Actuators
     substeps: int = eqx.field(static=True, default=4)
+    sensors: Sensors | None = None
+    delay: Float[Array, ""] | None = eqx.field(converter=_as_delay, default=None)
 
     def __check_init__(self):
         if self.substeps < 1:
             raise ValueError(f"Argument `substeps` must be at least 1, but got {self.substeps}.")
+        if self.delay is None:
+            return
+        require_positive("delay", self.delay, zero_allowed=True)
+        delay, period = concrete(self.delay), concrete(self.controller.period)
+        if delay is not None and period is not None and not delay <= period:
+            raise ValueError(
+                f"Argument `delay` must not exceed the period {period} s, but got {delay} s."
+            )
 
-    def start(self, state: PlantState) -> LoopState:
-        """The plant's state and the controller's first memory."""
-        return LoopState(state, self.controller.init(state))
+    def start(self, state: PlantState) -> SampledState:
+        """The plant's state, the controller's first memory for what is measured, and no torque."""
+        measured = self.measured(jnp.array(0), state)
+        return SampledState(state, self.controller.init(measured), jnp.zeros_like(state.omega))
+
+    def measured(self, number: Int[Array, ""], state: PlantState) -> PlantState:
+        """What the controller is told at sample `number` of the run when the truth is `state`."""
+        if self.sensors is None:
+            return state
+        return PlantState(*self.sensors(number, state.attitude, state.omega))
 
     def sample(
-        self, t: Float[Array, ""], state: LoopState
+        self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState
     ) -> tuple[Float[Array, "3"], Memory, Signals]:
-        """One run of the controller: the torque to hold, its next memory, and what to save."""
-        command, memory = self.controller.step(t, state.plant, state.memory)
+        """One run of the controller, sample `number` of the run at time `t` (s).
+
+        Gives the torque that follows from it (N m), its next memory, and the signals of the truth
+        at this instant.
+        """
+        command, memory = self.controller.step(t, self.measured(number, state.plant), state.memory)
         torque = self.actuators(command)
-        return torque, memory, _sampled_signals(self, t, state.plant, memory, torque)
+        acting = torque
+        if self.delay is not None:
+            acting = jnp.where(self.delay > 0, state.torque, torque)
+        return torque, memory, _sampled_signals(self, t, state.plant, memory, acting)
+
+    def holds(self, state: SampledState, torque: Float[Array, "3"]) -> tuple[Hold, ...]:
+        """The parts of a period that begins in `state` and whose sample asked for `torque`."""
+        period = self.controller.period
+        if self.delay is None:
+            return (Hold(jnp.zeros_like(period), period, torque),)
+        return (
+            Hold(jnp.zeros_like(period), self.delay, state.torque),
+            Hold(self.delay, period - self.delay, torque),
+        )
 
     def plant_rate(
         self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]

@@ -1,5 +1,7 @@
 """`simulate`: one loop, one start, one result."""
 
+from typing import cast
+
 import diffrax
 import equinox as eqx
 import jax
@@ -9,9 +11,9 @@ from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from jaxsat.checks import as_float, concrete
 from jaxsat.dynamics import PlantState
-from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, LoopState, SampledLoop
+from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, SampledLoop, SampledState
 from jaxsat.simulation.methods import Method, default_method
-from jaxsat.simulation.trajectory import Outcome, Trajectory
+from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
 
 STATE_LIMIT = 1e6
 """A run ends when a state exceeds this: |w| then means upside down, a rate means divergence."""
@@ -68,20 +70,20 @@ def _run_continuous(loop, start, times, method, adjoint, limit) -> Trajectory:
         stepsize_controller=method.step_size,
         max_steps=method.max_steps,
         adjoint=adjoint,
-        event=diffrax.Event(lambda t, y, args, **_: ~_within(y, limit)),
+        event=diffrax.Event(lambda t, y, args, **_: ~all_within(y, limit)),
         throw=False,
     )
-    signals, final = solution.ys
+    signals, final = cast(tuple[Signals, PyTree], solution.ys)
     return Trajectory(
         times,
         jax.tree.map(_blank_unreached, signals),
         jax.tree.map(lambda x: x[0], final),
-        _code(solution.result),
+        outcome_code(solution.result),
         solution.stats["num_steps"],
     )
 
 
-def _within(state: PyTree, limit: Float[Array, ""]) -> Array:
+def all_within(state: PyTree, limit: Float[Array, ""]) -> Array:
     """Whether every entry is a number below the limit (NaN fails the comparison)."""
     return jnp.all(jnp.stack([jnp.all(jnp.abs(x) < limit) for x in jax.tree.leaves(state)]))
 
@@ -91,7 +93,8 @@ def _blank_unreached(values: Array) -> Array:
     return jnp.where(jnp.isinf(values), jnp.nan, values)
 
 
-def _code(result: diffrax.RESULTS) -> Int[Array, ""]:
+def outcome_code(result: diffrax.RESULTS) -> Int[Array, ""]:
+    """How a diffrax solve ended, as an `Outcome`."""
     known = {
         Outcome.STATE_LIMIT: diffrax.RESULTS.event_occurred,
         Outcome.MAX_STEPS: diffrax.RESULTS.max_steps_reached,
@@ -121,11 +124,12 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit) -> Traject
     def one_period(carry, number):
         state, code = carry
         t = times[0] + number * loop.controller.period
-        torque, memory, signals = loop.sample(t, state)
-        plant = _hold(loop, solver, t, state.plant, torque)
-        code = jnp.where(_within((plant, memory), limit), code, int(Outcome.STATE_LIMIT))
+        torque, memory, signals = loop.sample(number, t, state)
+        following = SampledState(_after_period(loop, solver, t, state, torque), memory, torque)
+        code = jnp.where(
+            all_within((following.plant, memory), limit), code, int(Outcome.STATE_LIMIT)
+        )
         ended = code != int(Outcome.SUCCESS)
-        following = LoopState(plant, memory)
         following = jax.tree.map(lambda new, old: jnp.where(ended, old, new), following, state)
         blank = carry[1] != int(Outcome.SUCCESS)
         signals = jax.tree.map(lambda x: jnp.where(blank, jnp.nan, x), signals)
@@ -138,19 +142,25 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit) -> Traject
     return Trajectory(times, signals, before_last, code, jnp.array(samples * loop.substeps))
 
 
-def _hold(loop, solver, t, state, torque) -> PlantState:
-    """The plant after one period under a held torque."""
+def _after_period(loop, solver, t, state, torque) -> PlantState:
+    """The plant after one period, its held torques one after the other."""
+    plant = state.plant
+    for hold in loop.holds(state, torque):
+        plant = _after_hold(loop, solver, t + hold.begin, plant, hold)
+    return PlantState(plant.attitude.normalised(), plant.omega)
+
+
+def _after_hold(loop, solver, t, state, hold) -> PlantState:
     term = diffrax.ODETerm(loop.plant_rate)
-    step = loop.controller.period / loop.substeps
-    solver_state = solver.init(term, t, t + step, state, torque)
+    step = hold.length / loop.substeps
+    solver_state = solver.init(term, t, t + step, state, hold.torque)
 
     def substep(number, carry):
         current, inner = carry
         begin = t + number * step
         current, _, _, inner, _ = solver.step(
-            term, begin, begin + step, current, torque, inner, made_jump=False
+            term, begin, begin + step, current, hold.torque, inner, made_jump=False
         )
         return current, inner
 
-    end, _ = jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state))
-    return PlantState(end.attitude.normalised(), end.omega)
+    return jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state))[0]

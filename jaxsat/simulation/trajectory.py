@@ -13,6 +13,7 @@ class Outcome(enum.IntEnum):
     STATE_LIMIT = 1
     MAX_STEPS = 2
     STEP_UNDERFLOW = 3
+    IMPOSSIBLE_CASE = 4
 
     @property
     def explanation(self) -> str:
@@ -25,6 +26,7 @@ _EXPLANATIONS = {
     Outcome.STATE_LIMIT: "a state passed its limit or was no number",
     Outcome.MAX_STEPS: "used up its number of steps",
     Outcome.STEP_UNDERFLOW: "needed a step below the smallest that time can resolve",
+    Outcome.IMPOSSIBLE_CASE: "never began: its dispersions found no inertia that a body can have",
 }
 
 

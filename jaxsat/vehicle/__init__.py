@@ -1,6 +1,7 @@
 """The spacecraft: its inertia, its thrusters and what is left of them after failures."""
 
 from jaxsat.vehicle.actuators import Actuators
+from jaxsat.vehicle.sensors import Sensors
 from jaxsat.vehicle.spacecraft import Spacecraft
 from jaxsat.vehicle.thrusters import (
     Thrusters,
@@ -11,6 +12,7 @@ from jaxsat.vehicle.thrusters import (
 
 __all__ = [
     "Actuators",
+    "Sensors",
     "Spacecraft",
     "Thrusters",
     "allocation",

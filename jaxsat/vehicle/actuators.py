@@ -12,7 +12,8 @@ class Actuators(eqx.Module):
     """Thrusters that turn a commanded torque (u1, u2) about body x and y into a body torque.
 
     `torque_axes` (3, m) are the directions of the working thrusters' torques, `thrust_map` (m, 2)
-    shares the command among them, and `limit` (N m, may be infinite) bounds each thruster.
+    shares the command among them, and `limit` (N m, may be infinite) bounds each thruster. The
+    map belongs to whoever allocates: `misaligned` changes the true axes and leaves it as it is.
     """
 
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
@@ -30,7 +31,28 @@ class Actuators(eqx.Module):
         """
         return Actuators(thrusters.torque_axes, allocation(thrusters), limit)
 
+    def misaligned(
+        self, angles: Float[Array, "m 2"], gain_errors: Float[Array, " m"]
+    ) -> "Actuators":
+        """These thrusters as they are mounted, while the command is shared as if they were ideal.
+
+        `angles` (rad) turn each torque axis towards two fixed directions across it (their tangents
+        are taken as small), and thruster j makes 1 + `gain_errors`[j] of the torque it should.
+        """
+        across = jnp.stack([_across(axis) for axis in self.torque_axes.T])  # (m, 2, 3)
+        axes = self.torque_axes.T + jnp.sum(angles[:, :, None] * across, axis=1)
+        axes = axes / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))
+        return Actuators((axes * (1 + gain_errors[:, None])).T, self.thrust_map, self.limit)
+
     def __call__(self, command: Float[Array, "2"]) -> Float[Array, "3"]:
         """The body torque, N m, each thruster clipped at its limit: T of equation (5)."""
         thrust = jnp.clip(self.thrust_map @ command, -self.limit, self.limit)
         return self.torque_axes @ thrust
+
+
+def _across(axis: Float[Array, "3"]) -> Float[Array, "2 3"]:
+    """Two directions perpendicular to a unit vector and to each other."""
+    least = jnp.eye(3, dtype=axis.dtype)[jnp.argmin(jnp.abs(axis))]
+    first = jnp.cross(axis, least)
+    first = first / jnp.sqrt(jnp.sum(first**2))
+    return jnp.stack([first, jnp.cross(axis, first)])

@@ -84,6 +84,23 @@ def test_simulate_writes_the_whole_folder(jaxsat, tmp_path):
     assert "jaxsat-paper-three-axis: attitude.png" in out
 
 
+def test_summary_tells_when_it_settled(jaxsat):
+    """Undisturbed, the rate law has |ω| < 1e-3 rad/s after a few seconds."""
+    changes = ["--set", "simulation.duration_s=20"]
+    calm = ["--set", "disturbance.amplitude_N_m=[0,0,0]"]
+    _, out, _ = jaxsat("simulate", "paper-rate", *changes, *calm, "--out", "rate")
+    (line,) = [line for line in out.splitlines() if line.startswith("settled")]
+    dataset = open_trajectory("rate")
+    size = np.linalg.norm(dataset["omega"], axis=1)
+    settled = float(dataset["time"][np.flatnonzero(size >= 1e-3)[-1] + 1])
+    assert 2 < settled < 8
+    assert line == f"settled   from {settled:g} s (|omega| < 0.001 rad/s to the end)"
+    _, out, _ = jaxsat("simulate", "paper-three-axis", *changes, "--out", "three-axis")
+    assert (
+        "settled   no (|w| < 0.05, |z| < 0.05 rad, relative rate < 0.001 rad/s to the end)" in out
+    )
+
+
 def test_equal_runs_give_equal_figures(jaxsat, tmp_path):
     for name in ("one", "two"):
         assert jaxsat("simulate", "switching", *SHORT, "--out", name, "--quiet") == (0, "", "")
@@ -109,7 +126,7 @@ def test_failed_run_is_written_and_exits_1(jaxsat, tmp_path):
     status, out, err = jaxsat("simulate", "paper-three-axis", *changes, "--out", "out")
     assert status == 1
     assert "used up its number of steps" in out
-    assert "raise simulation.solver.max_steps" in err
+    assert "raise max_steps" in err
     dataset = open_trajectory(tmp_path / "out")
     assert dataset.attrs["outcome"] == "MAX_STEPS"
     assert np.isnan(dataset["omega"].values[-1]).all()

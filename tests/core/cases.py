@@ -42,8 +42,11 @@ PAPER_RATE = {
 ORBITS = {"exact": ExactOrbit, "small-angle": SmallAngleOrbit}
 
 
+UNLIMITED = Actuators.of(Thrusters(jnp.eye(3)).without([3]))
+
+
 def actuators(limit=jnp.inf):
-    return Actuators.of(Thrusters(jnp.eye(3)).without([3]), limit)
+    return Actuators(UNLIMITED.torque_axes, UNLIMITED.thrust_map, limit)
 
 
 def bodies(case, measured=(False, False, False)):

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from jaxsat.results import open_trajectory, save_trajectory, trajectory_dataset
+from jaxsat.results import open_trajectory, save_dataset, trajectory_dataset
 from jaxsat.results.dataset import VARIABLES
 from jaxsat.scenario import build, dump, load
 
@@ -54,7 +54,7 @@ def test_says_what_made_it(dataset):
 
 def test_netcdf_round_trip(run, dataset, tmp_path):
     scenario, _ = run
-    save_trajectory(dataset, tmp_path / "trajectory.nc")
+    save_dataset(dataset, tmp_path / "trajectory.nc")
     for place in (tmp_path, tmp_path / "trajectory.nc"):
         again = open_trajectory(place)
         assert again.identical(dataset)

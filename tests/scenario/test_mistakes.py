@@ -97,7 +97,9 @@ BROKEN = [
     ("  [0, 1, 0],", '  [0, "up", 0],', [
         (6, "spacecraft.thruster_torque_axes", 'must be a number, got "up" as entry 2 of row 2')]),
     ("  [0, 1, 0],", "  [0, 0, 0],", [
-        (4, "spacecraft.thruster_torque_axes", "must have no zero row, got one for thruster 2")]),
+        (4, "spacecraft.thruster_torque_axes", "in every row, got a zero row as row 2")]),
+    ("  [0, 1, 0],", "  [0, 1e-200, 0],", [
+        (4, "spacecraft.thruster_torque_axes", "got one that is none as row 2")]),
     ("  [0, 1, 0],", "  [1, 0, 0],", [
         (9, "spacecraft.failed_thrusters", "independent torques about body axes x and y")]),
     ("failed_thrusters = [3]", "failed_thrusters = [4]", [
@@ -338,7 +340,7 @@ def test_not_toml(content, line, message, tmp_path):
     ("name", "message"),
     [
         ("paper-rats", "or a TOML file, got neither, did you mean paper-rate?"),
-        ("nothing-like-it", "(free-third-rate, paper-rate, paper-three-axis, switching)"),
+        ("nothing-like-it", "paper-rate, paper-three-axis, switching, two-torque-free"),
         ("missing.toml", "must be a file that exists"),
         ("paper-rate.toml", "(jaxsat has a scenario paper-rate)"),
         (".", "got a folder"),

@@ -1,0 +1,249 @@
+"""`jaxsat controllability`: can what is left of the thrusters still steer the spacecraft?"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.terminal import SUCCESS, UserMistake, console
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from jaxsat.controllability import Analysis, FailureCase
+    from jaxsat.scenario import Scenario
+
+COLOURS = {"controllable": "green", "borderline": "yellow", "uncontrollable": "red"}
+ENERGY_FACTORS = (1.0, 2.0, 4.0, 8.0)
+MAP_STEPS = 450  # about 10⁵ bodies
+MAP_ANGLES = (361, 181)
+MOST_THRUSTERS = 8  # 256 cases; more make no table that a person reads
+
+
+def controllability(
+    scenario: str,
+    /,
+    *,
+    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+    out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    quiet: Annotated[bool, Parameter(negative="")] = False,
+    drift: Annotated[bool, Parameter(negative="")] = False,
+    tolerance: float = 1e-6,
+) -> int:
+    """Say whether the spacecraft of a scenario can be steered, now and after every failure.
+
+    Parameters
+    ----------
+    scenario
+        A name from `jaxsat scenarios list`, or a TOML file.
+    overrides
+        KEY=VALUE to put in place of what the scenario says, such as
+        spacecraft.failed_thrusters=[2,3]; may be given several times.
+    out
+        Folder to write tables, maps and the page to; nothing is written if left out.
+    overwrite
+        Replace the folder if jaxsat wrote it before.
+    quiet
+        Print nothing unless something is wrong.
+    drift
+        Also follow the drift: recurrence, and the energy claim (18). Takes a few seconds.
+    tolerance
+        Margins below this are called borderline; take the relative error of your inertia.
+    """
+    if not 0 < tolerance < 1:
+        raise UserMistake(f"--tolerance: must lie between 0 and 1, got {tolerance}")
+    chosen = load_or_explain(scenario, overrides)
+    use_double_precision()
+    analysis, cases = interruptibly(lambda: _analyse(chosen, tolerance))
+    from jaxsat.report.controllability_page import controllability_lines
+
+    torque = chosen.spacecraft.torque_limit_N_m or 1.0
+    lines = controllability_lines(analysis, torque=torque)
+    found = interruptibly(lambda: _follow_drift(chosen)) if drift else ([], {})
+    if out is not None:
+        _write_folder(out, overwrite, chosen, analysis, cases, lines, found)
+    if not quiet:
+        _print(lines, cases, found[0])
+        if out is not None:
+            console().print(f"written to {out}")
+    return SUCCESS
+
+
+def _analyse(scenario: "Scenario", tolerance: float) -> "tuple[Analysis, tuple[FailureCase, ...]]":
+    import numpy as np
+
+    from jaxsat.controllability import analyse, failure_table
+    from jaxsat.scenario.build import orbit_rate
+
+    table = scenario.spacecraft
+    axes = np.array(table.thruster_torque_axes, float).T  # as given: exact numbers stay exact
+    count = axes.shape[1]
+    if count > MOST_THRUSTERS:
+        raise UserMistake(
+            f"spacecraft.thruster_torque_axes: must have at most {MOST_THRUSTERS} thrusters for a "
+            f"table of all failures, got {count}"
+        )
+    names = [f"g{number}" for number in range(1, count + 1)]
+    working = [i for i in range(count) if i + 1 not in table.failed_thrusters]
+    disturbance = scenario.disturbance.amplitude_N_m
+    analysis = analyse(
+        table.inertia_kg_m2,
+        axes[:, working],
+        disturbance=disturbance if any(disturbance) else None,
+        orbit_rate=orbit_rate(scenario),
+        tolerance=tolerance,
+        labels=[names[i] for i in working],
+    )
+    return analysis, failure_table(table.inertia_kg_m2, axes, names=names, tolerance=tolerance)
+
+
+def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]":
+    """What simulation says of the drift: lines for a person, and figures by file name."""
+    import jax.numpy as jnp
+    import numpy as np
+
+    from jaxsat.controllability import (
+        DriftField,
+        energy_bound,
+        energy_counterexample,
+        pack,
+        recurrence,
+    )
+    from jaxsat.report.controllability_figures import energy_chart, recurrence_chart
+    from jaxsat.scenario import build
+
+    plant = build(scenario).loop.plant
+    inertia, omega = plant.spacecraft.inertia, jnp.asarray(scenario.initial.omega_rad_s)
+    table = scenario.disturbance
+    amplitude, frequency = (
+        jnp.asarray(table.amplitude_N_m),
+        jnp.asarray(table.frequency_rad_s),
+    )
+    lines, figures = [], {}
+    if jnp.any(omega != 0):
+        found = recurrence(
+            DriftField(inertia), pack(jnp.eye(3), omega), radius=0.3, step=0.2, count=100_000
+        )
+        lines.append(
+            f"Recurrence without disturbance: {len(found.returns)} returns to within 0.3 of the "
+            f"start in {found.times[-1]:.0f} s. That almost every state returns is Poincaré's "
+            "theorem; a simulation only shows it."
+        )
+        figures["recurrence"] = recurrence_chart(found.times, found.distances, found.radius)
+    if jnp.any(amplitude != 0):
+        # A quicker start lets the torque do more work: the claim names no rate.
+        for factor in ENERGY_FACTORS:
+            search = energy_counterexample(inertia, factor * omega, amplitude, frequency)
+            if search.excess > 0:
+                break
+        phases = ", ".join(f"{phase:.2f}" for phase in search.phases)
+        lines.append(
+            "Claim (18), that the energy stays within C + Σa_i: "
+            + (
+                f"refuted, at {factor:g} times the initial rates and phases ({phases}) rad the "
+                f"energy passes it by {search.excess:.3g} J"
+                if search.excess > 0
+                else "no counterexample found from this start, which proves nothing"
+            )
+        )
+        bound = energy_bound(inertia, search.energies[0], amplitude, jnp.asarray(search.times))
+        figures["energy"] = energy_chart(
+            search.times, search.energies, search.claimed, np.asarray(bound)
+        )
+    return lines, figures
+
+
+def _write_folder(
+    out: Path,
+    overwrite: bool,
+    scenario: "Scenario",
+    analysis: "Analysis",
+    cases: "Sequence[FailureCase]",
+    lines: list[str],
+    drift: "tuple[list[str], dict[str, Figure]]",
+) -> None:
+    from jaxsat.controllability import failure_csv, failure_markdown
+    from jaxsat.report.controllability_page import controllability_page
+    from jaxsat.report.saving import save_figures
+    from jaxsat.results import OutputError, OutputFolder, save_dataset
+    from jaxsat.results.controllability import failure_dataset
+    from jaxsat.scenario import dump
+
+    def write(folder: Path) -> None:
+        text = dump(scenario)
+        title = f"Controllability: {scenario.title}"
+        page = controllability_page(title, lines, failure_markdown(cases), drift[0])
+        (folder / "scenario.toml").write_text(text, encoding="utf-8")
+        (folder / "controllability.md").write_text(page, encoding="utf-8")
+        (folder / "failures.csv").write_text(failure_csv(cases), encoding="utf-8")
+        dataset = failure_dataset(cases, analysis, title=title, scenario=text)
+        save_dataset(dataset, folder / "failures.nc")
+        save_figures({**_figures(analysis, cases), **drift[1]}, folder)
+
+    try:
+        with OutputFolder(out, overwrite=overwrite) as folder:
+            interruptibly(lambda: write(folder.path))
+    except OutputError as error:
+        raise UserMistake(str(error)) from None
+
+
+def _figures(analysis: "Analysis", cases: "Sequence[FailureCase]") -> "dict[str, Figure]":
+    """Margins of every failure, of every body shape, and of every direction of one thruster."""
+    import numpy as np
+
+    from jaxsat.controllability import (
+        angle_grid,
+        failure_records,
+        margins_over_angles,
+        margins_over_inertias,
+        physical_inertias,
+        uncontrollable_single_directions,
+    )
+    from jaxsat.report.controllability_figures import angle_map, failure_chart, inertia_map
+
+    figures = {"failures": failure_chart(failure_records(cases))}
+    inertia, axes = analysis.inertia, analysis.torque_axes
+    if axes.shape[1] == 0:
+        return figures
+    if np.array_equal(inertia, np.diag(np.diag(inertia))) and analysis.physical:
+        points, moments = physical_inertias(MAP_STEPS)
+        margins = np.asarray(margins_over_inertias(moments, axes))
+        figures["inertia-map"] = inertia_map(
+            points, margins, spacecraft=np.diag(inertia), title="Margin over all bodies"
+        )
+    azimuths, elevations = angle_grid(*MAP_ANGLES)
+    others = axes[:, 1:]
+    margins = np.asarray(margins_over_angles(inertia, azimuths, elevations, others))
+    alone = others.shape[1] == 0
+    figures["angle-map"] = angle_map(
+        azimuths,
+        elevations,
+        margins,
+        uncontrollable=uncontrollable_single_directions(inertia) if alone else (),
+        title="Margin as the first working thruster turns" + ("" if alone else ", others fixed"),
+    )
+    return figures
+
+
+def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from jaxsat.controllability import failure_records
+
+    for line in [*lines, *drift]:
+        console().print(line.replace("**", ""))
+    table = Table(pad_edge=False)
+    for heading in ("failed", "rank", "verdict", "margin", "lost"):
+        table.add_column(heading, justify="right" if heading in ("rank", "margin") else "left")
+    for record in failure_records(cases):
+        verdict = Text(str(record["verdict"]), style=COLOURS[str(record["verdict"])])
+        margin = f"{float(record['margin']):.3g}"
+        table.add_row(
+            str(record["failed"]), str(record["rank"]), verdict, margin, str(record["lost"])
+        )
+    console().print(table)

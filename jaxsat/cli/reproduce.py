@@ -1,0 +1,108 @@
+"""`jaxsat reproduce`: the paper's figures drawn again and its claims judged."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
+from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, console, report
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from jaxsat.reproduction import Claim
+
+COLOURS = {"HOLDS": "green", "ONLY_IF": "yellow", "FAILS": "red"}
+
+
+def reproduce(
+    *,
+    out: Path = Path("jaxsat-reproduction"),
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    quiet: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Simulate the paper's section 5, draw its Figs. 3-7 and judge each of its claims.
+
+    Parameters
+    ----------
+    out
+        Folder to write to.
+    overwrite
+        Replace the folder if jaxsat wrote it before.
+    quiet
+        Print nothing unless something is wrong.
+    """
+    from jaxsat.results import OutputError, OutputFolder
+
+    try:
+        with OutputFolder(out, overwrite=overwrite) as folder:
+            use_double_precision()
+            in_background("jaxsat.report.figures")
+            datasets = _simulate_all(quiet)
+            claims = interruptibly(lambda: _write(folder.path, datasets))
+    except OutputError as error:
+        raise UserMistake(str(error)) from None
+    if not quiet:
+        _print_verdicts(claims)
+        console().print(f"written to {out}: verdicts.md, figures (PNG, SVG), trajectories (netCDF)")
+    failed = [name for name, data in datasets.items() if data.attrs["outcome_code"] != 0]
+    if failed:
+        report(f"these runs ended early, so their claims say little: {', '.join(failed)}")
+        return FAILED_RUN
+    return SUCCESS
+
+
+def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
+    """Every run the claims need, by name, with a line a run."""
+    from jaxsat.reproduction import RUNS
+    from jaxsat.results import trajectory_dataset
+    from jaxsat.scenario import build, dump
+
+    datasets = {}
+    for number, (name, run) in enumerate(RUNS.items(), start=1):
+        if not quiet:
+            console(error=True).print(f"[{number}/{len(RUNS)}] {run.purpose}")
+        scenario = load_or_explain(run.scenario, run.overrides)
+        built = build(scenario)
+        trajectory = interruptibly(built.simulate)
+        datasets[name] = trajectory_dataset(
+            trajectory,
+            title=run.purpose,
+            scenario=dump(scenario),
+            seed=scenario.simulation.seed,
+            mode_names=built.mode_names,
+        )
+    return datasets
+
+
+def _write(folder: Path, datasets: "dict[str, xr.Dataset]") -> "list[Claim]":
+    from jaxsat.report.saving import save_figures
+    from jaxsat.reproduction import judge, markdown_table, paper_figures
+    from jaxsat.results import save_dataset
+
+    claims = judge(datasets)
+    heading = (
+        "# Claims of Wang, Jia, Jin, Xu, Acta Astronautica 83 (2013) 44-53, section 5\n\n"
+        "Found by `jaxsat reproduce`; every number comes from the runs in this folder.\n\n"
+    )
+    (folder / "verdicts.md").write_text(heading + markdown_table(claims), encoding="utf-8")
+    for name, dataset in datasets.items():
+        save_dataset(dataset, folder / f"{name}.nc")
+    save_figures(paper_figures(datasets), folder)
+    return claims
+
+
+def _print_verdicts(claims: "Sequence[Claim]") -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(show_lines=True, pad_edge=False, expand=True)
+    for heading, ratio in (("where", 2), ("claim", 4), ("found", 8), ("verdict", 4)):
+        table.add_column(heading, ratio=ratio, overflow="fold")
+    for claim in claims:
+        verdict = Text(claim.verdict_text, style=COLOURS[claim.verdict.name])
+        table.add_row(claim.source, claim.statement, claim.found, verdict)
+    console().print(table)

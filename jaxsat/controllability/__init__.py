@@ -1,0 +1,116 @@
+"""Controllability of a spacecraft from its inertia and torque axes alone."""
+
+from jaxsat.controllability.closed_forms import (
+    ClosedForm,
+    one_thruster_condition,
+    two_thruster_condition,
+)
+from jaxsat.controllability.closure import (
+    controllability_margin,
+    generating_vectors,
+    generator_names,
+    singular_values,
+    symmetric_product,
+)
+from jaxsat.controllability.energy import (
+    EnergyCounterexample,
+    energy_bound,
+    energy_counterexample,
+    energy_history,
+)
+from jaxsat.controllability.failures import (
+    FailureCase,
+    failure_arrays,
+    failure_csv,
+    failure_markdown,
+    failure_records,
+    failure_table,
+)
+from jaxsat.controllability.lie import (
+    ControlField,
+    DriftField,
+    LieBracket,
+    bracket_words,
+    control_fields,
+    lie_bracket,
+    pack,
+    tangent_matrix,
+    to_tangent,
+)
+from jaxsat.controllability.linear import (
+    LinearControllability,
+    NoEquilibriumError,
+    gramian,
+    gramian_time_scales,
+    linear_controllability,
+    lvlh_linearisation,
+)
+from jaxsat.controllability.local import LocalControllability, small_time_local_controllability
+from jaxsat.controllability.maps import (
+    angle_grid,
+    margins_over_angles,
+    margins_over_inertias,
+    physical_inertias,
+    uncontrollable_single_directions,
+)
+from jaxsat.controllability.pointwise import rank_at_state
+from jaxsat.controllability.rank import Analysis, analyse, ranks_elsewhere
+from jaxsat.controllability.recurrence import (
+    Recurrence,
+    Trajectory,
+    divergence,
+    drift_trajectory,
+    recurrence,
+)
+
+__all__ = [
+    "Analysis",
+    "ClosedForm",
+    "ControlField",
+    "DriftField",
+    "EnergyCounterexample",
+    "FailureCase",
+    "LieBracket",
+    "LinearControllability",
+    "LocalControllability",
+    "NoEquilibriumError",
+    "Recurrence",
+    "Trajectory",
+    "analyse",
+    "angle_grid",
+    "bracket_words",
+    "control_fields",
+    "controllability_margin",
+    "divergence",
+    "drift_trajectory",
+    "energy_bound",
+    "energy_counterexample",
+    "energy_history",
+    "failure_arrays",
+    "failure_csv",
+    "failure_markdown",
+    "failure_records",
+    "failure_table",
+    "generating_vectors",
+    "generator_names",
+    "gramian",
+    "gramian_time_scales",
+    "lie_bracket",
+    "linear_controllability",
+    "lvlh_linearisation",
+    "margins_over_angles",
+    "margins_over_inertias",
+    "one_thruster_condition",
+    "pack",
+    "physical_inertias",
+    "rank_at_state",
+    "ranks_elsewhere",
+    "recurrence",
+    "singular_values",
+    "small_time_local_controllability",
+    "symmetric_product",
+    "tangent_matrix",
+    "to_tangent",
+    "two_thruster_condition",
+    "uncontrollable_single_directions",
+]

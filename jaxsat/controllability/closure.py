@@ -1,0 +1,140 @@
+"""Generating vectors of the bracket closure, and their smallest singular value (the margin).
+
+S is the smallest space that contains every J⁻¹g and is closed under
+⟨x:y⟩ = J⁻¹(x^×Jy + y^×Jx) = [[f, x], y]. In three dimensions S is spanned by one fixed list:
+every g, every ⟨g:g'⟩, and with h = ⟨g:g⟩ every ⟨g:h⟩ and ⟨h:h⟩. (Three independent g span;
+a plane closes or grows in one round; a line grows to span{g, h} and then to span{g, h, ⟨g:h⟩,
+⟨h:h⟩}, or stops.) The list is kept in torque space (p = Jx) with unit g and relative products, so
+neither the unit of inertia nor the length of a torque axis changes a number.
+"""
+
+import itertools
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+def symmetric_product(
+    inertia: Float[Array, "3 3"], x: Float[Array, "3"], y: Float[Array, "3"]
+) -> Float[Array, "3"]:
+    """⟨x:y⟩ = J⁻¹(x^×Jy + y^×Jx), the rate part of [[f, x], y] (eqs. (21), (28), (31)).
+
+    x^× is the cross matrix of the paper, the negative of the usual one. Any unit of inertia; x and
+    y are accelerations in rad/s².
+    """
+    torque = jnp.cross(x, inertia @ y) + jnp.cross(y, inertia @ x)
+    return -jnp.linalg.solve(inertia, torque)
+
+
+def _length(vector: Float[Array, "3"]) -> Float[Array, ""]:
+    """Norm with derivative zero, not NaN, at the zero vector."""
+    square = vector @ vector
+    positive = square > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+
+
+def _ratio(vector: Float[Array, "3"], size: Float[Array, ""]) -> Float[Array, "3"]:
+    positive = size > 0
+    return jnp.where(positive, vector / jnp.where(positive, size, 1.0), 0.0)
+
+
+def relative_product(
+    inverse: Float[Array, "3 3"], p: Float[Array, "3"], q: Float[Array, "3"]
+) -> Float[Array, "3"]:
+    """J⟨J⁻¹p : J⁻¹q⟩ / (|J⁻¹p||q| + |J⁻¹q||p|), of length at most 1 (p, q torques)."""
+    x, y = inverse @ p, inverse @ q
+    product = -(jnp.cross(x, q) + jnp.cross(y, p))
+    return _ratio(product, _length(x) * _length(q) + _length(y) * _length(p))
+
+
+def generator_names(count: int, labels: tuple[str, ...] | None = None) -> tuple[str, ...]:
+    """Names of the brackets in the order of `generating_vectors`, for `count` thrusters."""
+    g = labels if labels is not None else tuple(f"g{i + 1}" for i in range(count))
+    pairs = itertools.combinations_with_replacement(range(count), 2)
+    h = [f"[[f,{name}],{name}]" for name in g]
+    return (
+        *g,
+        *(f"[[f,{g[i]}],{g[j]}]" for i, j in pairs),
+        *(f"[[f,{a}],{b}]" for a, b in zip(g, h, strict=True)),
+        *(f"[[f,{b}],{b}]" for b in h),
+    )
+
+
+def _adjugate(inertia: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+    a, b, c = inertia
+    return jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
+
+
+def generating_vectors(
+    inertia: Float[Array, "3 3"], torque_axes: Float[Array, "3 m"]
+) -> Float[Array, "3 k"]:
+    """The spanning list of J S, normalised; k = m + m(m+1)/2 + 2m columns of length at most 1.
+
+    `inertia` in any unit, symmetric positive definite; `torque_axes` of any lengths, a zero column
+    giving zero columns. ⟨g:h⟩ and ⟨h:h⟩ carry the relative size of h, which makes every column (and
+    so every singular value) a Lipschitz function of the layout. Pure JAX: jit, vmap and
+    differentiate it freely; the precision is that of the arguments.
+    """
+    inertia = inertia / jnp.max(jnp.abs(inertia))
+    inverse = _adjugate(inertia)
+    inverse = inverse / jnp.max(jnp.abs(inverse))
+    count = torque_axes.shape[1]
+    scale = jnp.max(jnp.abs(torque_axes), axis=0, keepdims=True)
+    scaled = torque_axes / jnp.where(scale > 0, scale, 1.0)
+    axes = [_ratio(column, _length(column)) for column in scaled.T]
+    pairs = itertools.combinations_with_replacement(range(count), 2)
+    products = {(i, j): relative_product(inverse, axes[i], axes[j]) for i, j in pairs}
+    sizes = [_length(products[i, i]) for i in range(count)]
+    units = [_ratio(products[i, i], sizes[i]) for i in range(count)]
+    second = [sizes[i] * relative_product(inverse, axes[i], units[i]) for i in range(count)]
+    third = [sizes[i] * relative_product(inverse, units[i], units[i]) for i in range(count)]
+    columns = [*axes, *products.values(), *second, *third]
+    return jnp.stack(columns, axis=1) if columns else jnp.zeros((3, 0), inertia.dtype)
+
+
+def _rotate(rows: list[Float[Array, " k"]], i: int, j: int) -> None:
+    """Make two rows orthogonal by a plane rotation (one-sided Jacobi)."""
+    a, b = rows[i], rows[j]
+    alpha, beta, gamma = a @ a, b @ b, a @ b
+    active = jnp.abs(gamma) > 0
+    tau = (beta - alpha) / (2.0 * jnp.where(active, gamma, 1.0))
+    sign = jnp.where(tau >= 0, 1.0, -1.0)
+    # Written to survive a huge tau: t -> 1 / (2 tau) without squaring an overflow.
+    large = jnp.abs(tau) > 1e6
+    safe = jnp.where(large, 1.0, tau)
+    root = jnp.where(large, jnp.abs(tau), jnp.sqrt(1.0 + safe * safe))
+    tangent = jnp.where(active, sign / (jnp.abs(tau) + root), 0.0)
+    cosine = 1.0 / jnp.sqrt(1.0 + tangent * tangent)
+    rows[i] = cosine * (a - tangent * b)
+    rows[j] = cosine * (b + tangent * a)
+
+
+def singular_values(vectors: Float[Array, "3 k"]) -> Float[Array, "3"]:
+    """The three singular values, largest first, by six sweeps of one-sided Jacobi.
+
+    Unrolled arithmetic without LAPACK: a vmapped map over 10⁵ layouts stays one fused loop, and a
+    small value keeps its absolute accuracy (it is not squared).
+    """
+    rows = [vectors[0], vectors[1], vectors[2]]
+    for _ in range(6):
+        for i, j in ((0, 1), (0, 2), (1, 2)):
+            _rotate(rows, i, j)
+    values = [jnp.sqrt(row @ row) for row in rows]
+    largest = jnp.maximum(jnp.maximum(values[0], values[1]), values[2])
+    smallest = jnp.minimum(jnp.minimum(values[0], values[1]), values[2])
+    middle = jnp.maximum(
+        jnp.maximum(jnp.minimum(values[0], values[1]), jnp.minimum(values[0], values[2])),
+        jnp.minimum(values[1], values[2]),
+    )
+    return jnp.stack([largest, middle, smallest])
+
+
+def controllability_margin(
+    inertia: Float[Array, "3 3"], torque_axes: Float[Array, "3 m"]
+) -> Float[Array, ""]:
+    """Smallest singular value of the generating vectors: 0 on the uncontrollable set.
+
+    Pure JAX, for maps; `analyse` gives the same number with the exact decision beside it. Parallel
+    columns count twice here (at most a factor √2 for a pair), once in `analyse`.
+    """
+    return singular_values(generating_vectors(inertia, torque_axes))[2]

@@ -1,0 +1,203 @@
+"""Linear controllability about the equilibrium in the orbit frame, and how long it takes.
+
+State (δθ, δω): small rotation from the orbit frame (rad, body axes) and rate error (rad/s), with
+the exact orbit term in (11). At ω0 = 0 each thruster moves its own axis only; the orbit rate
+couples roll and yaw through the gyroscopic torque of the orbital rotation.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
+
+
+class NoEquilibriumError(ValueError):
+    """The orbit frame is no equilibrium: the body y axis is not a principal axis."""
+
+
+def _skew(x: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
+
+
+def lvlh_linearisation(
+    inertia: Numbers, torque_axes: Numbers, orbit_rate: float | int
+) -> tuple[Float[np.ndarray, "6 6"], Float[np.ndarray, "6 m"]]:
+    """A and B of d(δθ, δω)/dt = A (δθ, δω) + B u about R = I, ω = (0, −ω0, 0).
+
+    `inertia` (3,) or (3, 3) in kg m², `torque_axes` (3, m) in N m per unit command, `orbit_rate` in
+    rad/s. With ω_r = ω − Rω_e and R ≈ I − skew(δθ): δθ̇ = δω + skew(δθ)ω_e = δω − ω_e × δθ, and
+    δω̇ = J⁻¹(skew(Jω_e) − skew(ω_e)J) δω. No gravity gradient (the paper has none).
+    Raises NoEquilibriumError (a ValueError) unless the body y axis is a principal axis.
+    """
+    layout = make_layout(inertia, torque_axes)
+    matrix = layout.inertia
+    orbital = np.array([0.0, -float(orbit_rate), 0.0])
+    if not np.isfinite(orbit_rate):
+        raise ValueError(f"Argument `orbit_rate` must be finite, but got {orbit_rate}")
+    scale = np.max(np.abs(matrix))
+    if orbit_rate and max(abs(matrix[0, 1]), abs(matrix[2, 1])) > 1e-9 * scale:
+        raise NoEquilibriumError(
+            "Argument `inertia` must have the body y axis as a principal axis for an equilibrium "
+            f"in the orbit frame, but got products {matrix[0, 1]} and {matrix[1, 2]}"
+        )
+    state = np.zeros((6, 6))
+    state[:3, :3] = -_skew(orbital)
+    state[:3, 3:] = np.eye(3)
+    state[3:, 3:] = np.linalg.solve(matrix, _skew(matrix @ orbital) - _skew(orbital) @ matrix)
+    torque = np.linalg.solve(matrix, layout.torque_axes)
+    return state, np.concatenate([np.zeros_like(torque), torque])
+
+
+@dataclass(frozen=True, eq=False)
+class LinearControllability:
+    """Rank of the linear system, its margin and its matrices.
+
+    `margin` is the least singular value of [A − λI, B] over the eigenvalues λ (Popov-Belevitch-
+    Hautus), in units of time 1/ω0 with unit columns of J B/|J|: zero if not controllable.
+    `borderline`: the value that decided lies between rounding and `tolerance`.
+    """
+
+    rank: int
+    controllable: bool
+    borderline: bool
+    margin: float
+    state_matrix: Float[np.ndarray, "6 6"]
+    input_matrix: Float[np.ndarray, "6 m"]
+
+
+def _staircase(
+    state: Float[np.ndarray, "6 6"], inputs: Float[np.ndarray, "6 m"], noise: float
+) -> tuple[int, float]:
+    """Dimension of the reachable space and the smallest size that was taken for a direction."""
+    basis, smallest = np.zeros((6, 0)), np.inf
+    block = inputs
+    while block.size and basis.shape[1] < 6:
+        for _ in range(2):  # twice is enough for orthogonality to rounding
+            block = block - basis @ (basis.T @ block)
+        directions, values, _ = np.linalg.svd(block, full_matrices=False)
+        found = values > noise
+        if not np.any(found):
+            break
+        smallest = min(smallest, float(np.min(values[found])))
+        block = directions[:, found]
+        basis = np.concatenate([basis, block], axis=1)
+        block = state @ block
+    return basis.shape[1], smallest
+
+
+def linear_controllability(
+    inertia: Numbers,
+    torque_axes: Numbers,
+    orbit_rate: float | int,
+    *,
+    tolerance: float | int = TOLERANCE,
+) -> LinearControllability:
+    """Linear controllability about the orbit frame: thrusters on x and y give rank 6 for ω0 ≠ 0 and
+    J1 ≠ J2, rank 5 for J1 = J2, rank 4 for ω0 = 0.
+
+    `inertia` (3,) or (3, 3) in kg m², `torque_axes` (3, m), `orbit_rate` in rad/s. Sufficient for
+    controllability close to the equilibrium, not necessary: the nonlinear rank can be 6 where this
+    one is not. Raises ValueError as `lvlh_linearisation`.
+    """
+    state, inputs = lvlh_linearisation(inertia, torque_axes, orbit_rate)
+    layout = make_layout(inertia, torque_axes)
+    rate = abs(float(orbit_rate)) or 1.0
+    # Time in 1/ω0: rates divided by ω0; each command scaled to a unit column.
+    scaled = np.diag([1.0] * 3 + [1.0 / rate] * 3) @ state @ np.diag([1.0] * 3 + [rate] * 3) / rate
+    lengths = np.linalg.norm(inputs, axis=0)
+    unit = inputs[:, lengths > 0] / lengths[lengths > 0]
+    rank, smallest = _staircase(scaled, unit, layout.rounding)
+    eigenvalues = np.linalg.eigvals(scaled)
+    margins = [
+        np.linalg.svd(np.concatenate([scaled - value * np.eye(6), unit], axis=1))[1][5]
+        for value in eigenvalues
+    ]
+    limit = max(tolerance, layout.rounding)
+    return LinearControllability(
+        rank=rank,
+        controllable=rank == 6,
+        borderline=bool(smallest <= limit),
+        margin=float(min(margins)) if rank == 6 else 0.0,
+        state_matrix=state,
+        input_matrix=inputs,
+    )
+
+
+def _exponential(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    """Matrix exponential by scaling and squaring of a Taylor series (small matrices)."""
+    squarings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(matrix, 1), 1e-300)))) + 3)
+    step = matrix / 2.0**squarings
+    term = total = np.eye(matrix.shape[0])
+    for k in range(1, 17):
+        term = term @ step / k
+        total = total + term
+    for _ in range(squarings):
+        total = total @ total
+    return total
+
+
+def gramian(
+    state_matrix: Float[np.ndarray, "n n"],
+    input_matrix: Float[np.ndarray, "n m"],
+    horizon: float | int,
+) -> Float[np.ndarray, "n n"]:
+    """Controllability Gramian ∫₀ᵀ e^{−As} B Bᵀ e^{−Aᵀs} ds over `horizon` in s.
+
+    x'W⁻¹x is then the least ∫|u|²dt that takes the *error* x to zero in that time. Van Loan's block
+    exponential.
+    """
+    size = state_matrix.shape[0]
+    block = np.zeros((2 * size, 2 * size))
+    block[:size, :size] = state_matrix
+    block[:size, size:] = input_matrix @ input_matrix.T
+    block[size:, size:] = -state_matrix.T
+    power = _exponential(block * horizon)
+    # power = [[e^{AT}, M], [0, e^{−AᵀT}]], M = ∫ e^{A(T−s)} BBᵀ e^{−Aᵀs} ds = e^{AT} W.
+    found = np.linalg.solve(power[:size, :size], power[:size, size:])
+    return 0.5 * (found + found.T)
+
+
+def gramian_time_scales(
+    linear: LinearControllability,
+    *,
+    errors: Sequence[float] = (0.0175, 0.0175, 0.0175, 1e-3, 1e-3, 1e-3),
+    rms_command: float | int = 1.0,
+    longest: float | int = 1e6,
+) -> Float[np.ndarray, "6"]:
+    """Time (s) in which each single error can be removed with this root-mean-square command.
+
+    `errors`: angles (rad) and rates (rad/s) about body x, y, z, removed one at a time by the
+    least-energy command, all six states zero at the end; `rms_command` in the units of the torque
+    axes (N m for unit axes). The times come from a grid with steps of 10 %; NaN where more than
+    `longest` seconds are needed or the error cannot be removed at all. Pitch answers in seconds;
+    roll and yaw, which only the orbit rate couples, take minutes.
+    """
+    found = np.full(6, np.nan)
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    for horizon in np.geomspace(1e-2, longest, 200):
+        # Time in units of the horizon keeps all entries near one.
+        stretch = np.array([1.0] * 3 + [horizon] * 3)
+        state = stretch[:, None] * linear.state_matrix / stretch * horizon
+        if np.linalg.norm(state, 1) > 100.0:
+            break  # many revolutions: 64 nodes no longer resolve them
+        inputs = stretch[:, None] * linear.input_matrix * horizon
+        # A factor of the Gramian: its singular values are not squared.
+        factor = np.concatenate(
+            [
+                np.sqrt(0.5 * w) * _exponential(-0.5 * (x + 1.0) * state) @ inputs
+                for x, w in zip(nodes, weights, strict=True)
+            ],
+            axis=1,
+        )
+        directions, values, _ = np.linalg.svd(factor, full_matrices=False)
+        solid = values > 1e-13 * values[:1]
+        for k in (int(k) for k in np.flatnonzero(np.isnan(found))):
+            parts = directions[k] * (stretch[k] * errors[k])
+            if np.linalg.norm(parts[~solid]) > 1e-11 * np.linalg.norm(parts):
+                continue
+            if np.sum((parts[solid] / values[solid]) ** 2) <= rms_command**2:
+                found[k] = horizon
+    return found

@@ -1,0 +1,122 @@
+"""Margin maps over all inertias of a body and over thruster directions."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat.controllability.closure import controllability_margin
+
+
+def physical_inertias(steps: int) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 3"]]:
+    """A triangular grid over every shape of body: plane coordinates and principal moments.
+
+    The second moments of mass p ≥ 0, Σp = 1 fill a triangle; J_i = 1 − p_i (so ΣJ = 2) are then
+    exactly the moments with each at most the sum of the other two. Corners are rods, edges flat
+    plates, the centre is a sphere. Bodies with a zero moment (the corners) are left out.
+    `steps` divides each edge (at least 2, else ValueError); about steps²/2 points.
+    """
+    if steps < 2:
+        raise ValueError(f"Argument `steps` must be at least 2, but got {steps}")
+    i, j = np.meshgrid(np.arange(steps + 1), np.arange(steps + 1), indexing="ij")
+    inside = (i + j <= steps) & (i < steps) & (j < steps) & (i + j > 0)
+    p1, p2 = i[inside] / steps, j[inside] / steps
+    second = np.stack([p1, p2, (steps - i[inside] - j[inside]) / steps], axis=1)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
+    return second @ corners, 1.0 - second
+
+
+@jax.jit
+def _over_inertias(
+    moments: Float[Array, "n 3"], torque_axes: Float[Array, "3 m"]
+) -> Float[Array, " n"]:
+    return jax.vmap(lambda row: controllability_margin(jnp.diag(row), torque_axes))(moments)
+
+
+def margins_over_inertias(
+    moments: Float[np.ndarray, "n 3"] | Float[Array, "n 3"],
+    torque_axes: Float[np.ndarray, "3 m"] | Float[Array, "3 m"],
+) -> Float[Array, " n"]:
+    """Controllability margin of each row of principal moments (any unit), fixed torque axes.
+
+    Jitted and vmapped; in the precision JAX is set to (64-bit for margins below 1e-5).
+    """
+    return _over_inertias(jnp.asarray(moments), jnp.asarray(torque_axes))
+
+
+def direction(
+    azimuth: Float[Array, ""] | float, elevation: Float[Array, ""] | float
+) -> Float[Array, "3"]:
+    """Unit vector at azimuth (from body x towards y) and elevation (towards z), rad."""
+    return jnp.stack(
+        [
+            jnp.cos(elevation) * jnp.cos(azimuth),
+            jnp.cos(elevation) * jnp.sin(azimuth),
+            jnp.sin(elevation) * jnp.ones_like(azimuth),
+        ]
+    )
+
+
+def angle_grid(
+    azimuths: int, elevations: int
+) -> tuple[Float[np.ndarray, " a"], Float[np.ndarray, " e"]]:
+    """Azimuths in [−π, π] and elevations in [−π/2, π/2], both ends included."""
+    return np.linspace(-np.pi, np.pi, azimuths), np.linspace(-np.pi / 2, np.pi / 2, elevations)
+
+
+@jax.jit
+def _over_angles(
+    inertia: Float[Array, "3 3"],
+    others: Float[Array, "3 k"],
+    azimuths: Float[Array, " a"],
+    elevations: Float[Array, " e"],
+) -> Float[Array, "e a"]:
+    def margin(elevation, azimuth):
+        axis = direction(azimuth, elevation)[:, None]
+        return controllability_margin(inertia, jnp.concatenate([axis, others], axis=1))
+
+    return jax.vmap(jax.vmap(margin, (None, 0)), (0, None))(elevations, azimuths)
+
+
+def margins_over_angles(
+    inertia: Float[np.ndarray, "3 3"] | Float[Array, "3 3"],
+    azimuths: Float[np.ndarray, " a"] | Float[Array, " a"],
+    elevations: Float[np.ndarray, " e"] | Float[Array, " e"],
+    other_axes: Float[np.ndarray, "3 k"] | Float[Array, "3 k"] | None = None,
+) -> Float[Array, "e a"]:
+    """Margin with one thruster turned to each azimuth and elevation (rad), the others fixed.
+
+    `inertia` (3, 3) in any unit; `other_axes` (3, k) or None for a single thruster.
+    """
+    others = jnp.zeros((3, 0)) if other_axes is None else jnp.asarray(other_axes)
+    grid = jnp.asarray(azimuths), jnp.asarray(elevations)
+    return _over_angles(jnp.asarray(inertia), others, *grid)
+
+
+def uncontrollable_single_directions(
+    inertia: Float[np.ndarray, "3 3"], count: int = 361
+) -> tuple[Float[np.ndarray, "_ 2"], ...]:
+    """Curves and points (azimuth, elevation, rad) where a single thruster is not controllable.
+
+    With moments J1 > J2 > J3: the two separatrix planes ω·n = 0,
+    n = (√(J1(J1−J2)), 0, ±√(J3(J2−J3))), which the free body never leaves, seen as torques Jω
+    (great circles, rank 5 along them), and both ends of the three principal axes (rank 2).
+    Two equal moments merge both planes into the equator; a sphere has no curve to draw (every
+    direction is uncontrollable).
+    """
+    moments, axes = np.linalg.eigh(inertia)
+    (j3, j2, j1), (e3, e2, e1) = moments, axes.T
+    curves = []
+    if j1 - j3 > 1e-12 * j1:
+        for sign in (1.0, -1.0):
+            tilt = np.sqrt(j1 * max(j1 - j2, 0.0)), sign * np.sqrt(j3 * max(j2 - j3, 0.0))
+            # Torque plane: normal J⁻¹n; it holds e2 and the direction across.
+            normal = tilt[0] / j1 * e1 + tilt[1] / j3 * e3
+            across = np.cross(normal / np.linalg.norm(normal), e2)
+            angle = np.linspace(0.0, 2.0 * np.pi, count)[:, None]
+            curves.append(np.cos(angle) * e2 + np.sin(angle) * across)
+    curves += [end * axis[None, :] for axis in (e1, e2, e3) for end in (1.0, -1.0)]
+    return tuple(
+        np.stack([np.arctan2(p[:, 1], p[:, 0]), np.arcsin(np.clip(p[:, 2], -1, 1))], axis=1)
+        for p in curves
+    )

@@ -1,0 +1,248 @@
+"""The Lie algebra rank condition of a layout, with everything that belongs beside the rank."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.controllability.closed_forms import (
+    ClosedForm,
+    one_thruster_condition,
+    two_thruster_condition,
+)
+from jaxsat.controllability.decision import (
+    RANK_OF_DIMENSION,
+    Decision,
+    closure_growth,
+    decide,
+)
+from jaxsat.controllability.layout import TOLERANCE, Layout, Numbers, make_layout
+from jaxsat.controllability.linear import (
+    LinearControllability,
+    NoEquilibriumError,
+    linear_controllability,
+)
+from jaxsat.controllability.local import LocalControllability, small_time_local_controllability
+from jaxsat.controllability.pointwise import rank_at_state
+
+# Directions in no special position, for "moving" and "disturbed" states.
+_MOVING = np.array([0.6180, -0.5291, 0.8437])
+_DISTURBED = np.array([0.7071, 0.4142, -0.5773])
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """What `analyse` found.
+
+    - `rank`: 0, 2, 5 or 6, the smallest over all states, drift not counted.
+    - `controllable`: rank 6.
+    - `borderline`: the smallest singular value that is not exactly zero lies below `tolerance`, so
+      rounding or the last digits of the data decide; `rank` then counts values above `rounding`.
+    - `margin`: smallest singular value of the normalised generating vectors (0 to about 1), zero
+      if and only if the numbers as given are not controllable.
+    - `verdict`: one sentence.
+    - `singular_values`: all three, largest first; exact zeros are zeros.
+    - `exact_rank`: the rank of the numbers exactly as given, whatever the margin.
+    - `generators`: brackets that span S, the strongest of the list.
+    - `growth`: dimension of the closure after each round, ending when a round adds nothing.
+    - `reached`, `missing`: orthonormal body torque directions inside and outside J S.
+    - `closed_form`: (25) for two thrusters, (35) for one, else None.
+    - `physical`: no principal moment exceeds the sum of the other two.
+    - `elsewhere`, `local`, `linear`: ranks at other states, small-time local controllability at
+      rest, linear controllability in the orbit frame; computed when first asked for.
+    """
+
+    rank: int
+    controllable: bool
+    borderline: bool
+    margin: float
+    verdict: str
+    singular_values: Float[np.ndarray, "3"]
+    tolerance: float
+    rounding: float
+    exact_rank: int
+    generators: tuple[str, ...]
+    growth: tuple[int, ...]
+    reached: Float[np.ndarray, "3 d"]
+    missing: Float[np.ndarray, "3 e"]
+    closed_form: ClosedForm | None
+    physical: bool
+    inertia: Float[np.ndarray, "3 3"]
+    torque_axes: Float[np.ndarray, "3 m"]
+    disturbance: Float[np.ndarray, "3"] | None
+    orbit_rate: float
+
+    @cached_property
+    def elsewhere(self) -> dict[str, int]:
+        """How the rank rises with motion and with T_d; see `ranks_elsewhere`."""
+        return ranks_elsewhere(self.inertia, self.reached, self.disturbance)
+
+    @cached_property
+    def local(self) -> LocalControllability:
+        """Small-time local controllability at rest; see `small_time_local_controllability`."""
+        return small_time_local_controllability(
+            self.inertia, self.torque_axes, tolerance=self.tolerance
+        )
+
+    @cached_property
+    def linear(self) -> LinearControllability | None:
+        """The system linearised in the orbit frame, None where that is no equilibrium."""
+        try:
+            return linear_controllability(
+                self.inertia, self.torque_axes, self.orbit_rate, tolerance=self.tolerance
+            )
+        except NoEquilibriumError:
+            return None
+
+
+def _direction(vector: Float[np.ndarray, "3"]) -> str:
+    vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
+    return "(" + ", ".join(f"{entry + 0.0:.3f}" for entry in vector) + ")"
+
+
+def _verdict(decision: Decision, count: int) -> str:
+    names = ", ".join(decision.generators)
+    if decision.borderline and decision.exact_rank != decision.rank:
+        return (
+            f"Borderline: rank {decision.rank} of 6 to rounding, although the numbers exactly as "
+            f"given have rank {decision.exact_rank}; treat as not controllable."
+        )
+    if decision.borderline:
+        smallest = decision.singular_values[decision.dimension - 1]
+        return (
+            f"Borderline: rank {decision.rank} of 6 for the numbers as given, but the singular "
+            f"value that decides, {smallest:.1e}, is below the tolerance {decision.tolerance:.0e}."
+        )
+    if decision.rank == 6:
+        return f"Controllable: rank 6 of 6, margin {decision.margin:.3g}, from {names} and [f,·]."
+    if decision.rank == 5:
+        return (
+            "Not controllable: rank 5 of 6 at rest; no torque or bracket acts along the body "
+            f"torque direction {_direction(decision.missing[:, 0])}."
+        )
+    if decision.rank == 2:
+        return (
+            "Not controllable: rank 2 of 6 at rest; only the rotation about the principal axis "
+            f"{_direction(decision.reached[:, 0])} can be commanded."
+        )
+    reason = "no thrusters" if count == 0 else "every torque axis is zero"
+    return f"Not controllable: rank 0 of 6, {reason}."
+
+
+def ranks_elsewhere(
+    inertia: Float[np.ndarray, "3 3"],
+    reached: Float[np.ndarray, "3 d"],
+    disturbance: Float[np.ndarray, "3"] | None = None,
+) -> dict[str, int]:
+    """How the rank rises with motion and with T_d, as a lower bound from brackets to depth 7.
+
+    `inertia` in kg m²; `reached` spans J S (body torques); `disturbance` in N m, only its direction
+    matters (default: a direction in no special position). "at rest" has T_d = 0; a moving state is
+    one in no special position; "drift counted" adds f itself to the span.
+    """
+    if reached.shape[1] == 3:
+        moving = (6, 6, 6, 6, 6)
+    else:
+        scale = float(np.max(np.abs(inertia)))
+        accelerations = np.linalg.solve(inertia / scale, reached)
+        torque = _DISTURBED if disturbance is None else disturbance
+        torque = torque / np.max(np.abs(torque))
+        still = np.zeros(3)
+        cases = [
+            (_MOVING, still, False),
+            (_MOVING, still, True),
+            (still, torque, False),
+            (_MOVING, torque, False),
+            (_MOVING, torque, True),
+        ]
+        moving = tuple(
+            rank_at_state(
+                inertia, accelerations, omega=omega, disturbance=push, count_drift=counted
+            )
+            for omega, push, counted in cases
+        )
+    return {
+        "at rest": RANK_OF_DIMENSION[reached.shape[1]],
+        "moving": moving[0],
+        "moving, drift counted": moving[1],
+        "at rest, disturbed": moving[2],
+        "moving, disturbed": moving[3],
+        "moving, disturbed, drift counted": moving[4],
+    }
+
+
+def _closed_form(inertia: Numbers, layout: Layout) -> ClosedForm | None:
+    live = [i for i, axis in enumerate(layout.integer_axes) if any(axis)]
+    if len(live) == 1:
+        return one_thruster_condition(inertia, layout.torque_axes[:, live])
+    if len(live) == 2:
+        return two_thruster_condition(inertia, layout.torque_axes[:, live])
+    return None
+
+
+def analyse(
+    inertia: Numbers,
+    torque_axes: Numbers,
+    *,
+    disturbance: Numbers | None = None,
+    orbit_rate: float | int = 0.0,
+    tolerance: float | int = TOLERANCE,
+    labels: Sequence[str] | None = None,
+) -> Analysis:
+    """Decide whether a spacecraft with these thrusters can be steered in attitude and rate.
+
+    `inertia` (kg m²): (3,) principal moments or a symmetric (3, 3) matrix. `torque_axes`: (3, m),
+    columns the torque directions of the working thrusters in body axes, each of either sign, any
+    length, any m. `disturbance` (3,) in N m: direction of T_d for `elsewhere`. `orbit_rate` (rad/s)
+    is for `linear` alone: with the exact (11) it cancels from every bracket and changes no rank.
+    `labels` name the thrusters in `generators` (default g1, g2, …).
+
+    `tolerance`: a deciding singular value below it makes the verdict borderline. Singular values
+    change no faster than the relative error of the data (times about ten), so the default 1e-6
+    covers what six printed digits or single-precision storage leave open; it lies far above what
+    rounded inputs can do (128 eps cond(J)), which replaces it when larger. Inertia known to a
+    percent calls for 1e-2. A small value need not mean that an uncontrollable layout is near: close
+    to two equal moments the margin of one thruster falls with a high power of the distance.
+
+    Conditions (13), (25), (35); brackets as in (20)-(33) with J⁻¹ restored. Works in NumPy and
+    integers, the same with JAX in 32-bit mode. Raises ValueError or TypeError for wrong shapes,
+    entries that are not finite, an inertia that is not symmetric positive definite, or a tolerance
+    outside (0, 1).
+    """
+    if not 0.0 < tolerance < 1.0:
+        raise ValueError(f"Argument `tolerance` must lie between 0 and 1, but got {tolerance}")
+    layout = make_layout(inertia, torque_axes, labels=labels)
+    torque = None
+    if disturbance is not None:
+        torque = np.asarray(disturbance, dtype=float)
+        if torque.shape != (3,) or not np.all(np.isfinite(torque)) or not np.any(torque):
+            raise ValueError(
+                "Argument `disturbance` must be three finite torques, not all zero, but got "
+                f"{torque.tolist()}"
+            )
+    everyone = tuple(range(len(layout.labels)))
+    decision = decide(layout, everyone, tolerance)
+    moments = np.linalg.eigvalsh(layout.inertia)
+    return Analysis(
+        rank=decision.rank,
+        controllable=decision.controllable,
+        borderline=decision.borderline,
+        margin=decision.margin,
+        verdict=_verdict(decision, len(everyone)),
+        singular_values=decision.singular_values,
+        tolerance=decision.tolerance,
+        rounding=layout.rounding,
+        exact_rank=decision.exact_rank,
+        generators=decision.generators,
+        growth=closure_growth(layout, everyone),
+        reached=decision.reached,
+        missing=decision.missing,
+        closed_form=_closed_form(inertia, layout),
+        physical=bool(moments[2] <= (moments[0] + moments[1]) * (1.0 + 1e-12)),
+        inertia=layout.inertia,
+        torque_axes=layout.torque_axes,
+        disturbance=torque,
+        orbit_rate=float(orbit_rate),
+    )

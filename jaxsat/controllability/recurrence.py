@@ -1,0 +1,132 @@
+"""The drift: divergence (16) and recurrence in simulation.
+
+Without disturbance energy is constant, the energy surface is compact and the flow keeps volume, so
+almost every state recurs (Poincaré): the drift is weakly positively Poisson stable. With T_d the
+volume is still kept, but nothing bounds the region (see `energy.py`), and the theorem is silent.
+"""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat.controllability.lie import VectorField
+
+
+def divergence(field: VectorField, state: Float[Array, " n"]) -> Float[Array, ""]:
+    """Divergence (1/s) of a field on SO(3) × R³ for the invariant volume, as in (16).
+
+    The trace of the derivative of the tangent coordinates along body rotations and rates; body
+    rotations keep the invariant volume, so this trace is the divergence.
+    """
+
+    def coordinates(step: Float[Array, "6"]) -> Float[Array, "6"]:
+        x, y, z = step[:3]
+        zero = jnp.zeros_like(x)
+        turn = jnp.stack(
+            [jnp.stack([zero, -z, y]), jnp.stack([z, zero, -x]), jnp.stack([-y, x, zero])]
+        )
+        # exp(−turn) to first order: enough for one derivative at zero.
+        attitude = state[:9].reshape(3, 3) - turn @ state[:9].reshape(3, 3)
+        moved = jnp.concatenate([attitude.reshape(9), state[9:12] + step[3:], state[12:]])
+        velocity = field(moved)
+        rate = velocity[:9].reshape(3, 3)
+        # Coordinates at the moved point, whose attitude is orthogonal to first order only.
+        inverse = state[:9].reshape(3, 3).T + state[:9].reshape(3, 3).T @ turn
+        spin = -rate @ inverse
+        a = jnp.stack([spin[2, 1], spin[0, 2], spin[1, 0]])
+        return jnp.concatenate([a, velocity[9:12]])
+
+    return jnp.trace(jax.jacfwd(coordinates)(jnp.zeros(6, state.dtype)))
+
+
+class Trajectory(eqx.Module):
+    """States (n, 12 or 13) at times (n,) in s."""
+
+    times: Float[Array, " n"]
+    states: Float[Array, "n d"]
+
+
+@eqx.filter_jit
+def drift_trajectory(
+    field: VectorField, state: Float[Array, " d"], step: float | int | Array, count: int
+) -> Trajectory:
+    """`count` steps of the classical fourth-order Runge-Kutta method from a flat state.
+
+    `step` in s. The attitude matrix is integrated as it is; `recurrence` reports how far it ends
+    from orthogonal.
+    """
+    step = jnp.asarray(step, state.dtype)
+
+    def advance(x, _):
+        k1 = field(x)
+        k2 = field(x + 0.5 * step * k1)
+        k3 = field(x + 0.5 * step * k2)
+        k4 = field(x + step * k3)
+        new = x + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        return new, new
+
+    _, states = jax.lax.scan(advance, state, None, length=count)
+    states = jnp.concatenate([state[None], states])
+    return Trajectory(step * jnp.arange(count + 1, dtype=state.dtype), states)
+
+
+@dataclass(frozen=True, eq=False)
+class Recurrence:
+    """Distances from the start, and the times at which the state comes back.
+
+    `distances` (n,): the rotation angle (rad) and the rate error divided by the initial rate, as a
+    Euclidean norm. `returns`: times (s) of entering the neighbourhood `radius` again after having
+    left it to twice the radius. `drift`: how far the attitude matrices are from orthogonal.
+    """
+
+    times: Float[np.ndarray, " n"]
+    distances: Float[np.ndarray, " n"]
+    radius: float
+    returns: Float[np.ndarray, " r"]
+    drift: float
+
+
+def recurrence(
+    field: VectorField,
+    state: Float[Array, " d"],
+    *,
+    radius: float | int = 0.1,
+    step: float | int,
+    count: int,
+) -> Recurrence:
+    """Follow a drift from a state and look for its returns (Poisson stability).
+
+    A simulation shows returns; that almost all states return is Poincaré's theorem, for T_d = 0.
+    `radius` dimensionless, `step` in s. Raises ValueError for a start at rest, which never leaves.
+    """
+    speed = float(np.linalg.norm(np.asarray(state[9:12])))
+    if speed == 0.0:
+        raise ValueError("Argument `state` must have a body rate other than zero, but got zero")
+    path = drift_trajectory(field, state, step, count)
+    states = np.asarray(path.states)
+    attitudes = states[:, :9].reshape(-1, 3, 3)
+    start = np.asarray(state)
+    # |R − R0| = 2√2 sin(angle/2) keeps small angles accurate.
+    chord = np.linalg.norm(attitudes - start[:9].reshape(3, 3), axis=(1, 2))
+    angles = 2.0 * np.arcsin(np.minimum(chord / np.sqrt(8.0), 1.0))
+    rates = np.linalg.norm(states[:, 9:12] - start[9:12], axis=1) / speed
+    distances = np.hypot(angles, rates)
+    returns, away = [], False
+    for time, distance in zip(np.asarray(path.times), distances, strict=True):
+        if away and distance < radius:
+            returns.append(float(time))
+            away = False
+        away = away or distance > 2.0 * radius
+    some = attitudes[:: max(1, count // 100)]
+    products = np.einsum("nij,nkj->nik", some, some)
+    return Recurrence(
+        times=np.asarray(path.times),
+        distances=distances,
+        radius=radius,
+        returns=np.array(returns),
+        drift=float(np.max(np.abs(products - np.eye(3)))),
+    )

@@ -1,0 +1,22 @@
+"""Engines: how many copies of a closed loop are run at once, and what comes out of each."""
+
+from jaxsat.engine.adaptive import Tolerance
+from jaxsat.engine.interface import AbstractEngine, Replay
+from jaxsat.engine.program import AbstractCopies, Copy, Program, program_of
+from jaxsat.engine.progress import Outputs, RunningCost
+from jaxsat.engine.reference import ReferenceEngine
+from jaxsat.engine.scan import ScanEngine
+
+__all__ = [
+    "AbstractCopies",
+    "AbstractEngine",
+    "Copy",
+    "Outputs",
+    "Program",
+    "ReferenceEngine",
+    "Replay",
+    "RunningCost",
+    "ScanEngine",
+    "Tolerance",
+    "program_of",
+]

@@ -1,0 +1,98 @@
+"""What every engine offers."""
+
+import abc
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PyTree
+
+from jaxsat.engine.program import Program
+from jaxsat.engine.progress import Outputs
+from jaxsat.simulation import Signals
+
+
+class Replay(NamedTuple):
+    """One case again: its outputs, and its signals at the instants `times` (s)."""
+
+    outputs: Outputs
+    times: Float[Array, " times"]
+    signals: Signals
+
+
+class AbstractEngine(eqx.Module):
+    """Runs a program for many cases, `width` at a time.
+
+    Cases go through one compiled program of that width, the last ones padded, so that the bits of
+    a case depend neither on how many others there are nor on which.
+    """
+
+    width: eqx.AbstractVar[int]
+
+    @abc.abstractmethod
+    def identity(self) -> dict[str, Any]:
+        """What of the engine the bits of a case depend on, as plain data."""
+
+    @abc.abstractmethod
+    def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
+        """Outputs of exactly `width` cases."""
+
+    @abc.abstractmethod
+    def replay_block(
+        self, program: Program, cases: PyTree, gains: PyTree
+    ) -> tuple[Outputs, Signals]:
+        """Outputs and signals (times after cases) of exactly `width` cases."""
+
+    @abc.abstractmethod
+    def block_gradient(self, program: Program, cases: PyTree, gains: PyTree) -> PyTree:
+        """Derivatives of the costs of exactly `width` cases."""
+
+    def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
+        """Outputs of all cases, which are the entries of `cases` along the leading axis.
+
+        Returns NumPy arrays. Nothing is raised where a case fails: see `Outputs.code`.
+        """
+        return self._in_blocks(self.run_block, program, cases, gains)
+
+    def gradient(self, program: Program, cases: PyTree, gains: PyTree) -> PyTree:
+        """Derivative of each case's cost by `gains`, shaped like `gains` after the cases' axis.
+
+        Forward mode. Where a law jumps in slope the derivative of the smooth pieces is given, which
+        is not that of the cost: see `jaxsat.smooth`.
+        """
+        return self._in_blocks(self.block_gradient, program, cases, gains)
+
+    def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
+        """One case (no leading axis) again, with its history and the same bits as before."""
+        cases = jax.tree.map(lambda x: jnp.stack([x] * self.width), case)
+        outputs, signals = self.replay_block(program, cases, gains)
+        outputs, signals = jax.tree.map(lambda x: np.asarray(x[0]), (outputs, signals))
+        times = np.arange(program.intervals + 1) * float(program.interval)
+        return Replay(outputs, times, signals)
+
+    def histories(self, program: Program, cases: PyTree, gains: PyTree = None) -> Signals:
+        """Signals (cases, times) of at most `width` cases."""
+        cases = jax.tree.map(np.asarray, cases)
+        count = len(jax.tree.leaves(cases)[0])
+        if not 1 <= count <= self.width:
+            raise ValueError(f"There must be 1 to {self.width} cases, but got {count}.")
+        signals = self.replay_block(program, jax.tree.map(self._padded, cases), gains)[1]
+        return jax.tree.map(lambda x: np.asarray(x[:count]), signals)
+
+    def _in_blocks(self, run, program: Program, cases: PyTree, gains: PyTree):
+        cases = jax.tree.map(np.asarray, cases)
+        count = len(jax.tree.leaves(cases)[0])
+        if not count:
+            raise ValueError("Argument `cases` must hold at least one case, but got none.")
+        blocks = []
+        for first in range(0, count, self.width):
+            block = jax.tree.map(lambda x: x[first : first + self.width], cases)  # noqa: B023
+            found = run(program, jax.tree.map(self._padded, block), gains)
+            blocks.append(jax.tree.map(np.asarray, found))
+        return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *blocks)
+
+    def _padded(self, block: np.ndarray) -> Array:
+        missing = self.width - len(block)
+        return jnp.asarray(np.concatenate([block, np.repeat(block[:1], missing, axis=0)]))

@@ -1,0 +1,82 @@
+"""What an engine runs: a program for one trajectory, made anew for every case."""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+from jaxtyping import Array, Bool, Float, PyTree
+
+from jaxsat.checks import as_float, concrete, require_positive
+from jaxsat.dynamics import PlantState
+from jaxsat.engine.progress import RunningCost
+from jaxsat.metrics import Tolerances
+from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.simulation.solve import STATE_LIMIT
+
+
+class Copy(NamedTuple):
+    """A case made: its loop and start, what was drawn for it by name, and whether it can exist."""
+
+    loop: AbstractLoop
+    start: PlantState
+    drawn: dict[str, Array]
+    possible: Bool[Array, ""]
+
+
+class AbstractCopies(eqx.Module):
+    """How the copy of a closed loop that is one case is made."""
+
+    @abc.abstractmethod
+    def __call__(self, case: PyTree, gains: PyTree) -> Copy:
+        """The copy for one case, with `gains` in place of some of its controller's numbers."""
+
+
+class Program(eqx.Module):
+    """One trajectory from zero to the end, and what is to be known of it.
+
+    The state is looked at every `interval` seconds, `intervals` times after the start: that is
+    where settling, the peak rate and divergence (an entry beyond `state_limit`) are judged.
+    A sampled loop is looked at at its samples.
+    """
+
+    copies: AbstractCopies
+    interval: Float[Array, ""] = eqx.field(converter=as_float)
+    intervals: int = eqx.field(static=True)
+    tolerances: Tolerances = eqx.field(default_factory=Tolerances)
+    cost: RunningCost = eqx.field(default_factory=RunningCost)
+    state_limit: Float[Array, ""] = eqx.field(converter=as_float, default=STATE_LIMIT)
+
+    def __check_init__(self):
+        require_positive("interval", self.interval)
+        if self.intervals < 1:
+            raise ValueError(f"Argument `intervals` must be at least 1, but got {self.intervals}.")
+
+    @property
+    def duration(self) -> Float[Array, ""]:
+        """The time of the whole trajectory, s."""
+        return self.interval * self.intervals
+
+
+def program_of(
+    copies: AbstractCopies,
+    loop: AbstractLoop,
+    duration: float,
+    interval: float = 1.0,
+    *,
+    tolerances: Tolerances | None = None,
+    cost: RunningCost | None = None,
+) -> Program:
+    """The program that runs copies of a loop like `loop` for `duration` seconds.
+
+    A sampled loop is looked at at its own samples, any other every `interval` seconds. Raises
+    `ValueError` where the duration is not a whole number of these.
+    """
+    if isinstance(loop, SampledLoop):
+        interval = float(concrete(loop.controller.period))
+    count = round(duration / interval)
+    if count < 1 or abs(count * interval - duration) > 1e-6 * interval:
+        raise ValueError(
+            f"Argument `duration` must be a whole number of intervals of {interval} s, "
+            f"but got {duration} s."
+        )
+    return Program(copies, interval, count, tolerances or Tolerances(), cost or RunningCost())

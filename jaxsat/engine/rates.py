@@ -1,0 +1,50 @@
+"""What an integrator sees of a loop whose cost and effort are integrated along with it."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from jaxsat.dynamics import PlantState
+from jaxsat.engine.program import Program
+from jaxsat.engine.progress import Integrals
+from jaxsat.simulation import (
+    AbstractContinuousLoop,
+    AbstractLoop,
+    ErrorCoordinateLoop,
+    SampledLoop,
+    Signals,
+)
+
+
+def plant_state(loop: AbstractLoop, state: PyTree) -> PlantState:
+    """The plant's part of any loop's state."""
+    return loop.plant_state(state) if isinstance(loop, ErrorCoordinateLoop) else state.plant
+
+
+def augmented_rate(program: Program, loop: AbstractContinuousLoop):
+    """Right-hand side for a loop's state together with its integrals."""
+
+    def rate(t, both):
+        state, _ = both
+        signals = loop.signals(t, state)
+        return loop(t, state, None), _integrands(program, signals)
+
+    return rate
+
+
+def held_rate(program: Program, loop: SampledLoop, torque: Float[Array, "3"]):
+    """Right-hand side for the plant under a held torque, together with the integrals."""
+
+    def rate(t, both):
+        state, _ = both
+        wz = state.attitude.as_wz()
+        cost = program.cost(wz.w, wz.z, loop.plant.relative_rate(state), torque)
+        effort = jnp.sum(jnp.abs(torque))
+        return loop.plant_rate(t, state, torque), Integrals(cost, effort)
+
+    return rate
+
+
+def _integrands(program: Program, signals: Signals) -> Integrals:
+    torque = signals.torque
+    cost = program.cost(signals.w, signals.z, signals.relative_rate, torque)
+    return Integrals(cost, jnp.sum(jnp.abs(torque)))

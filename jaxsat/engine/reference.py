@@ -1,0 +1,206 @@
+"""diffrax over a block of cases: any solver, adaptive steps, every loop. The reference."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from jaxsat.dynamics import PlantState
+from jaxsat.engine.interface import AbstractEngine
+from jaxsat.engine.program import Copy, Program
+from jaxsat.engine.progress import SETTLED_BEFORE, Integrals, Outputs
+from jaxsat.engine.rates import augmented_rate, held_rate, plant_state
+from jaxsat.metrics import settling_time, within
+from jaxsat.simulation import (
+    AbstractContinuousLoop,
+    Method,
+    Outcome,
+    SampledLoop,
+    Signals,
+    default_method,
+)
+from jaxsat.simulation.loops import SampledState
+from jaxsat.simulation.solve import all_within, outcome_code
+
+
+class ReferenceEngine(AbstractEngine):
+    """`diffeqsolve`, vmapped over the cases of a block.
+
+    `method` is what suits the loop unless given; a sampled loop takes its solver with equal steps,
+    `substeps` in each period. Adaptive steps run a block at the pace of its slowest case.
+    """
+
+    method: Method | None = None
+    width: int = eqx.field(static=True, default=32)
+
+    def __check_init__(self):
+        if self.width < 1:
+            raise ValueError(f"Argument `width` must be at least 1, but got {self.width}.")
+
+    def identity(self) -> dict[str, Any]:
+        """The width, and the method with its numbers."""
+        if self.method is None:
+            return {"name": "diffrax", "width": self.width, "method": None}
+        numbers = jax.tree.leaves(eqx.filter(self.method, eqx.is_array))
+        method = {
+            "solver": type(self.method.solver).__name__,
+            "steps": type(self.method.step_size).__name__,
+            "numbers": [float(x) for x in numbers],
+            "max_steps": self.method.max_steps,
+        }
+        return {"name": "diffrax", "width": self.width, "method": method}
+
+    def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
+        """Outputs of one block."""
+        return _run(self, program, cases, gains)[0]
+
+    def replay_block(
+        self, program: Program, cases: PyTree, gains: PyTree
+    ) -> tuple[Outputs, Signals]:
+        """Outputs and history of one block, both from the program that runs blocks."""
+        return _run(self, program, cases, gains)
+
+    def block_gradient(self, program: Program, cases: PyTree, gains: PyTree) -> PyTree:
+        """Derivatives of the costs of one block."""
+        return _gradient(self, program, cases, gains)
+
+
+@eqx.filter_jit
+def _run(engine, program, cases, gains):
+    def one(case):
+        adjoint = diffrax.RecursiveCheckpointAdjoint()
+        return _one(engine, program, program.copies(case, gains), adjoint)
+
+    return jax.vmap(one)(cases)
+
+
+@eqx.filter_jit
+def _gradient(engine, program, cases, gains):
+    def cost(gains, case):
+        copy = program.copies(case, gains)
+        return _one(engine, program, copy, diffrax.ForwardMode())[0].cost
+
+    return jax.vmap(lambda case: jax.jacfwd(cost)(gains, case))(cases)
+
+
+def _one(engine, program: Program, copy: Copy, adjoint) -> tuple[Outputs, Signals]:
+    method = default_method(copy.loop) if engine.method is None else engine.method
+    if isinstance(copy.loop, SampledLoop):
+        return _sampled(program, copy, method.solver, adjoint)
+    return _continuous(program, copy, method, adjoint)
+
+
+def _continuous(program: Program, copy: Copy, method: Method, adjoint):
+    loop = copy.loop
+    if not isinstance(loop, AbstractContinuousLoop):
+        raise TypeError(f"A loop must be one of jaxsat.simulation, but got {type(loop)}.")
+    times = jnp.arange(program.intervals + 1) * program.interval
+    zero = jnp.zeros((), times.dtype)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(lambda t, both, args: augmented_rate(program, loop)(t, both)),
+        method.solver,
+        t0=times[0],
+        t1=times[-1],
+        dt0=method.first_step,
+        y0=(loop.start(copy.start), Integrals(zero, zero)),
+        saveat=diffrax.SaveAt(
+            subs=[
+                diffrax.SubSaveAt(ts=times, fn=lambda t, both, args: loop.signals(t, both[0])),
+                diffrax.SubSaveAt(t1=True),
+            ]
+        ),
+        stepsize_controller=method.step_size,
+        max_steps=method.max_steps,
+        adjoint=adjoint,
+        event=diffrax.Event(lambda t, y, args, **_: ~all_within(y[0], program.state_limit)),
+        throw=False,
+    )
+    signals, final = solution.ys
+    signals = jax.tree.map(lambda x: jnp.where(jnp.isinf(x), jnp.nan, x), signals)
+    state, integrals = jax.tree.map(lambda x: x[0], final)
+    code = outcome_code(solution.result)
+    plant = plant_state(loop, state)
+    return _outputs(program, copy, plant, integrals, signals, code), signals
+
+
+def _sampled(program: Program, copy: Copy, solver, adjoint):
+    loop = copy.loop
+
+    def period(carry, number):
+        state, integrals, code = carry
+        t = number * program.interval
+        torque, memory, signals = loop.sample(number, t, state)
+        both = (state.plant, integrals)
+        for hold in loop.holds(state, torque):
+            both = _held(program, loop, solver, adjoint, t + hold.begin, hold, both)
+        plant = PlantState(both[0].attitude.normalised(), both[0].omega)
+        fine = all_within((plant, memory), program.state_limit)
+        after = (SampledState(plant, memory, torque), both[1])
+        new_code = jnp.where(fine, code, int(Outcome.STATE_LIMIT))
+        ended = new_code != int(Outcome.SUCCESS)
+        kept = jax.tree.map(lambda x, y: jnp.where(ended, y, x), after, (state, integrals))
+        blank = code != int(Outcome.SUCCESS)
+        signals = jax.tree.map(lambda x: jnp.where(blank, jnp.nan, x), signals)
+        return (*kept, new_code), signals
+
+    start = loop.start(copy.start)
+    zero = jnp.zeros((), start.plant.omega.dtype)
+    first = (start, Integrals(zero, zero), jnp.array(int(Outcome.SUCCESS)))
+    carry, signals = jax.lax.scan(period, first, jnp.arange(program.intervals))
+    (state, integrals, code), (_, last) = carry, period(carry, jnp.array(program.intervals))
+    signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
+    return _outputs(program, copy, state.plant, integrals, signals, code), signals
+
+
+def _held(program, loop, solver, adjoint, begin, hold, both):
+    """Equal steps, counted out by a time of their own so that a hold of no length is none."""
+    rate = held_rate(program, loop, hold.torque)
+    step = hold.length / loop.substeps
+
+    def scaled(number, both, args):
+        slope = rate(begin + number * step, both)
+        return jax.tree.map(lambda x: x * step, slope)
+
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(scaled),
+        solver,
+        t0=0.0,
+        t1=float(loop.substeps),
+        dt0=1.0,
+        y0=both,
+        stepsize_controller=diffrax.ConstantStepSize(),
+        max_steps=loop.substeps + 1,
+        adjoint=adjoint,
+        throw=False,
+    )
+    return jax.tree.map(lambda x: x[0], solution.ys)
+
+
+def _outputs(program, copy, plant, integrals, signals: Signals, code) -> Outputs:
+    times = jnp.arange(program.intervals + 1) * program.interval
+    code = jnp.where(copy.possible, code, int(Outcome.IMPOSSIBLE_CASE))
+    success = code == int(Outcome.SUCCESS)
+    good = within(signals.w, signals.z, signals.relative_rate, program.tolerances)
+    settled = settling_time(times, good, SETTLED_BEFORE)
+    rates = jnp.sqrt(jnp.sum(signals.omega**2, axis=1))
+    reached = jnp.sum(jnp.isfinite(rates)) - 1
+
+    def kept(value):
+        return jnp.where(success, value, jnp.nan)
+
+    return Outputs(
+        code=code,
+        settling_time=jnp.where(success, settled, jnp.inf),
+        effort=kept(integrals.effort),
+        cost=kept(integrals.cost),
+        peak_rate=kept(jnp.max(rates)),
+        ended_at=jnp.where(copy.possible, reached * program.interval, 0.0),
+        w=kept(plant.attitude.as_wz().w),
+        z=kept(plant.attitude.as_wz().z),
+        quaternion=kept(plant.attitude.as_quaternion().q),
+        omega=kept(plant.omega),
+        drawn=copy.drawn,
+    )

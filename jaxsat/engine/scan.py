@@ -1,0 +1,252 @@
+"""A plain loop over intervals, compiled once for any horizon.
+
+Runs of any length are pieces of one compiled loop with the number of intervals as an input, so a
+replay that stops at every interval goes through the same machine code as the run did.
+"""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.sharding import Mesh, PartitionSpec
+from jaxtyping import Array, Int, PyTree
+
+from jaxsat.dynamics import PlantState
+from jaxsat.engine.adaptive import Tolerance, advance_adaptively
+from jaxsat.engine.interface import AbstractEngine
+from jaxsat.engine.program import Program
+from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
+from jaxsat.engine.rates import augmented_rate, held_rate, plant_state
+from jaxsat.engine.runge_kutta import explicit_step, tableau_of
+from jaxsat.simulation import Outcome, SampledLoop, Signals
+from jaxsat.simulation.loops import SampledState
+from jaxsat.simulation.solve import all_within
+
+CASES = "cases"
+
+
+class ScanEngine(AbstractEngine):
+    """A loop of our own around the tableau of an explicit Runge-Kutta solver of diffrax.
+
+    A sampled loop takes its own `substeps` in each period, any other loop `substeps` of the engine
+    in each interval, or, with a `tolerance`, steps of whatever length meets it. With `devices`
+    above one, every block is `lanes` cases on each of that many local devices.
+    """
+
+    solver: diffrax.AbstractSolver = diffrax.Tsit5()
+    substeps: int = eqx.field(static=True, default=20)
+    lanes: int = eqx.field(static=True, default=64)
+    devices: int = eqx.field(static=True, default=1)
+    tolerance: Tolerance | None = None
+
+    def __check_init__(self):
+        tableau_of(self.solver)
+        for name in ("substeps", "lanes", "devices"):
+            if getattr(self, name) < 1:
+                raise ValueError(
+                    f"Argument `{name}` must be at least 1, but got {getattr(self, name)}."
+                )
+
+    @property
+    def width(self) -> int:
+        """How many cases a block has."""
+        return self.lanes * self.devices
+
+    def identity(self) -> dict[str, Any]:
+        """Solver, steps and lanes; on how many devices they are does not matter."""
+        solver = type(self.solver).__name__
+        fixed = {"name": "scan", "solver": solver, "substeps": self.substeps, "lanes": self.lanes}
+        if self.tolerance is None:
+            return fixed
+        numbers = [float(x) for x in jax.tree.leaves(self.tolerance)]
+        return fixed | {"tolerance": [*numbers, self.tolerance.max_steps]}
+
+    def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
+        """Outputs of one block."""
+        progress = _begin(self, program, cases, gains)
+        progress = _advance(self, program, cases, gains, progress, 0, program.intervals)
+        return _finish(self, program, cases, gains, progress)
+
+    def replay_block(
+        self, program: Program, cases: PyTree, gains: PyTree
+    ) -> tuple[Outputs, Signals]:
+        """Outputs of one block, stopped at every interval to be observed."""
+        progress = _begin(self, program, cases, gains)
+        history = []
+        for number in range(program.intervals):
+            history.append(_observe(self, program, cases, gains, progress, number))
+            progress = _advance(self, program, cases, gains, progress, number, 1)
+        history.append(_observe(self, program, cases, gains, progress, program.intervals))
+        signals = jax.tree.map(lambda *parts: jnp.stack(parts, axis=1), *history)
+        return _finish(self, program, cases, gains, progress), signals
+
+    def block_gradient(self, program: Program, cases: PyTree, gains: PyTree) -> PyTree:
+        """Derivatives of the costs of one block."""
+        return _gradient(self, program, cases, gains, program.intervals)
+
+
+def begin_one(engine: ScanEngine, program: Program, case: PyTree, gains: PyTree) -> Progress:
+    """Progress of one trajectory at time zero."""
+    copy = program.copies(case, gains)
+    step = 0.0 if engine.tolerance is None else engine.tolerance.first_step
+    return begun(copy.loop.start(copy.start), copy.start.omega, copy.possible, step)
+
+
+def advance_one(engine, program, case, gains, progress, first, count) -> Progress:
+    """Progress of one trajectory after `count` intervals from number `first` on."""
+    loop = program.copies(case, gains).loop
+    tableau = tableau_of(engine.solver)
+    if engine.tolerance is not None and not isinstance(loop, SampledLoop):
+        return advance_adaptively(
+            engine.solver, engine.tolerance, program, loop, progress, first, count
+        )
+
+    def interval(number, progress):
+        t = number * program.interval
+        if isinstance(loop, SampledLoop):
+            seen, state, integrals = _sampled_interval(tableau, program, loop, number, t, progress)
+        else:
+            seen, state, integrals = _continuous_interval(
+                tableau, engine.substeps, program, loop, t, progress
+            )
+        return _unless_ended(program, progress, seen, state, integrals, t)
+
+    return jax.lax.fori_loop(first, first + count, interval, progress)
+
+
+def finish_one(engine, program, case, gains, progress) -> Outputs:
+    """Outputs of one trajectory that has gone through all its intervals."""
+    del engine
+    copy = program.copies(case, gains)
+    signals = _signals(copy.loop, program, jnp.array(program.intervals), progress.state)
+    seen = looked_at(progress, program.duration, signals, program.tolerances)
+    plant = plant_state(copy.loop, progress.state)
+    return outputs_of(seen, plant, program.duration, copy.drawn)
+
+
+def observe_one(engine, program, case, gains, progress, number) -> Signals:
+    """Signals at the beginning of interval `number`; NaN after the end of a failed run."""
+    del engine
+    loop = program.copies(case, gains).loop
+    signals = _signals(loop, program, number, progress.state)
+    ended = progress.code != int(Outcome.SUCCESS)
+    return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), signals)
+
+
+def _sampled_interval(tableau, program, loop, number, t, progress):
+    torque, memory, signals = loop.sample(number, t, progress.state)
+    seen = looked_at(progress, t, signals, program.tolerances)
+    both = (progress.state.plant, progress.integrals)
+    for hold in loop.holds(progress.state, torque):
+        rate = held_rate(program, loop, hold.torque)
+        both = _steps(tableau, rate, t + hold.begin, hold.length, loop.substeps, both)
+    plant, integrals = both
+    plant = PlantState(plant.attitude.normalised(), plant.omega)
+    return seen, SampledState(plant, memory, torque), integrals
+
+
+def _continuous_interval(tableau, substeps, program, loop, t, progress):
+    seen = looked_at(progress, t, loop.signals(t, progress.state), program.tolerances)
+    rate = augmented_rate(program, loop)
+    both = (progress.state, progress.integrals)
+    state, integrals = _steps(tableau, rate, t, program.interval, substeps, both)
+    return seen, state, integrals
+
+
+def _steps(tableau, rate, t, length, count: int, state):
+    step = length / count
+    if count == 1:
+        return explicit_step(tableau, rate, t, step, state)
+
+    def one(number, state):
+        return explicit_step(tableau, rate, t + number * step, step, state)
+
+    return jax.lax.fori_loop(0, count, one, state)
+
+
+def _unless_ended(program, before, seen, state, integrals, t) -> Progress:
+    """The next progress, or the last good one where the case has ended or now ends."""
+    judged = (state.plant, state.memory) if isinstance(state, SampledState) else state
+    fine = all_within((judged, integrals.cost * 0), program.state_limit)
+    running = before.code == int(Outcome.SUCCESS)
+    code = jnp.where(running & ~fine, int(Outcome.STATE_LIMIT), before.code)
+    after = seen._replace(
+        state=state, integrals=integrals, ended_at=t + program.interval, code=code
+    )
+    kept = before._replace(code=code)
+    return jax.tree.map(lambda new, old: jnp.where(running & fine, new, old), after, kept)
+
+
+def _signals(loop, program, number: Int[Array, ""], state) -> Signals:
+    t = number * program.interval
+    if isinstance(loop, SampledLoop):
+        return loop.sample(number, t, state)[2]
+    return loop.signals(t, state)
+
+
+def _over_cases(engine, one, *per_case):
+    """`one` for a block: vmapped, and shared out where there are several devices."""
+    many = jax.vmap(one)
+    if engine.devices == 1:
+        return many(*per_case)
+    mesh = Mesh(jax.local_devices()[: engine.devices], (CASES,))
+    specs = PartitionSpec(CASES)
+    shared = jax.shard_map(many, mesh=mesh, in_specs=specs, out_specs=specs, check_vma=False)
+    return shared(*per_case)
+
+
+@eqx.filter_jit
+def _begin(engine, program, cases, gains):
+    return _over_cases(engine, lambda case: begin_one(engine, program, case, gains), cases)
+
+
+@eqx.filter_jit
+def _advance_jit(engine, program, cases, gains, progress, first, count):
+    def one(case, progress):
+        return advance_one(engine, program, case, gains, progress, first, count)
+
+    return _over_cases(engine, one, cases, progress)
+
+
+def _advance(engine, program, cases, gains, progress, first: int, count: int):
+    bounds = (jnp.array(first), jnp.array(count))
+    return _advance_jit(engine, _any_length(program), cases, gains, progress, *bounds)
+
+
+def _any_length(program: Program) -> Program:
+    """The program with a length that says nothing: the compiled loop takes it as an input."""
+    rest = (program.interval, 1, program.tolerances, program.cost, program.state_limit)
+    return Program(program.copies, *rest)
+
+
+@eqx.filter_jit
+def _finish(engine, program, cases, gains, progress):
+    def one(case, progress):
+        return finish_one(engine, program, case, gains, progress)
+
+    return _over_cases(engine, one, cases, progress)
+
+
+@eqx.filter_jit
+def _observe_jit(engine, program, cases, gains, progress, number):
+    def one(case, progress):
+        return observe_one(engine, program, case, gains, progress, number)
+
+    return _over_cases(engine, one, cases, progress)
+
+
+def _observe(engine, program, cases, gains, progress, number: int):
+    return _observe_jit(engine, _any_length(program), cases, gains, progress, jnp.array(number))
+
+
+@eqx.filter_jit
+def _gradient(engine, program, cases, gains, intervals: int):
+    def cost(gains, case):
+        progress = begin_one(engine, program, case, gains)
+        bounds = (jnp.array(0), jnp.array(intervals))
+        progress = advance_one(engine, program, case, gains, progress, *bounds)
+        return progress.integrals.cost
+
+    return _over_cases(engine, lambda case: jax.jacfwd(cost)(gains, case), cases)

@@ -1,0 +1,58 @@
+"""Monte-Carlo studies: dispersions, designs, ensembles."""
+
+from jaxsat.montecarlo.designs import AbstractDesign, Independent, LatinHypercube, Sobol
+from jaxsat.montecarlo.dispersions import Dispersed, Dispersions, StudyCase, with_gains
+from jaxsat.montecarlo.distributions import (
+    AbstractDistribution,
+    Discrete,
+    Normal,
+    RandomAttitude,
+    TruncatedNormal,
+    Uniform,
+)
+from jaxsat.montecarlo.ensemble import Study, StudyProgress, run_study
+from jaxsat.montecarlo.executors import AbstractExecutor, Serial, Threads
+from jaxsat.montecarlo.quantities import QUANTITIES
+from jaxsat.montecarlo.statistics import (
+    Interval,
+    Sensitivity,
+    StopRule,
+    first_order_index,
+    percentile,
+    sensitivity,
+    wilson,
+)
+from jaxsat.montecarlo.summary import Summary, summarise
+
+__all__ = [
+    "QUANTITIES",
+    "AbstractDesign",
+    "AbstractDistribution",
+    "AbstractExecutor",
+    "Discrete",
+    "Dispersed",
+    "Dispersions",
+    "Independent",
+    "Interval",
+    "LatinHypercube",
+    "Normal",
+    "RandomAttitude",
+    "Sensitivity",
+    "Serial",
+    "Sobol",
+    "StopRule",
+    "Study",
+    "StudyCase",
+    "StudyProgress",
+    "Summary",
+    "Threads",
+    "TruncatedNormal",
+    "Uniform",
+    "first_order_index",
+    "percentile",
+    "run_study",
+    "sensitivity",
+    "summarise",
+    "wilson",
+    "with_gains",
+]

@@ -1,0 +1,150 @@
+"""Designs: where in the unit cube the cases of a study lie.
+
+Every named quantity has coordinates of its own. Point `i` depends on the seed, `i` and the names
+alone (and, for Latin hypercubes, on the study's size), whatever else is asked for beside it.
+"""
+
+import abc
+import functools
+import warnings
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.stats import qmc
+
+from jaxsat import noise
+
+LARGEST_CASE = 2**32 - 1
+_BITS = 52
+
+
+class AbstractDesign(eqx.Module):
+    """A rule for points in the open unit cube."""
+
+    seed: eqx.AbstractVar[int]
+
+    @abc.abstractmethod
+    def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
+        """Points (cases, dimensions) of the cases `numbers`, the coordinates name by name."""
+
+
+class Independent(AbstractDesign):
+    """Independent draws; the case and the name are folded into the seed's key."""
+
+    seed: int = eqx.field(static=True)
+
+    def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
+        """Uniform draws."""
+        _require_numbers(numbers)
+        words, key = jnp.asarray(numbers, jnp.uint32), noise.key_of_seed(self.seed)
+        columns = [
+            np.asarray(_independent(key, words, noise.name_number(name), count))
+            for name, count in dimensions.items()
+        ]
+        return _joined(columns, len(numbers))
+
+
+class Sobol(AbstractDesign):
+    """Points of the Sobol sequence, each coordinate shifted digit by digit at random.
+
+    The shift comes from the seed and the name. A quantity added to a study may change which
+    coordinate of the sequence the others take.
+    """
+
+    seed: int = eqx.field(static=True)
+
+    def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
+        """The points of SciPy's sequence, shifted; fast where `numbers` go up one by one."""
+        _require_numbers(numbers, 2**30 - 1)
+        total = sum(dimensions.values())
+        if not total or not len(numbers):
+            return np.zeros((len(numbers), total))
+        breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
+        runs = np.split(np.asarray(numbers, dtype=np.int64), breaks)
+        plain = np.concatenate([_sobol_run(total, int(run[0]), len(run)) for run in runs])
+        shifts = [_shift(self.seed, name, count) for name, count in dimensions.items()]
+        whole = (plain * 2.0**_BITS).astype(np.uint64) ^ np.concatenate(shifts)[None, :]
+        return _inside(whole)
+
+
+class LatinHypercube(AbstractDesign):
+    """One case in each of `size` equal slices of every coordinate, SciPy's `LatinHypercube`.
+
+    The size is part of a case's identity. The coordinates of all cases are kept in memory.
+    """
+
+    seed: int = eqx.field(static=True)
+    size: int = eqx.field(static=True)
+
+    def __check_init__(self):
+        if self.size < 1:
+            raise ValueError(f"Argument `size` must be at least 1, but got {self.size}.")
+
+    def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
+        """Rows of the hypercube; raises `ValueError` for a case beyond its size."""
+        _require_numbers(numbers, self.size - 1)
+        columns = [
+            _hypercube(self.seed, name, count, self.size)[np.asarray(numbers)]
+            for name, count in dimensions.items()
+        ]
+        return _joined(columns, len(numbers))
+
+
+@functools.partial(jax.jit, static_argnums=3)
+def _independent(key, numbers, name, count):
+    def one(number):
+        own = noise.fold_in(noise.fold_in(key, number), name)
+        return open_uniform(own, count)
+
+    return jax.vmap(one)(numbers)
+
+
+def open_uniform(key: noise.Key, count: int):
+    """Uniform draws that are neither 0 nor 1: the middles of the cells of `noise.uniform`."""
+    draws = noise.uniform(key, count)
+    return draws + jnp.finfo(draws.dtype).epsneg
+
+
+@functools.lru_cache(maxsize=64)
+def _hypercube(seed: int, name: str, count: int, size: int) -> np.ndarray:
+    generator = np.random.Generator(np.random.Philox(_name_seed(seed, name)))
+    draws = qmc.LatinHypercube(count, rng=generator).random(size)
+    return np.clip(draws, 2.0**-53, 1 - 2.0**-53)
+
+
+def _sobol_run(dimension: int, first: int, count: int) -> np.ndarray:
+    sequence = qmc.Sobol(dimension, scramble=False)
+    if first:
+        sequence.fast_forward(first)
+    # a run is a piece of the study's sequence, which SciPy cannot know
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "The balance properties", UserWarning)
+        return sequence.random(count)
+
+
+def _shift(seed: int, name: str, count: int) -> np.ndarray:
+    generator = np.random.Generator(np.random.Philox(_name_seed(seed, name)))
+    return generator.integers(0, 2**_BITS, size=count, dtype=np.uint64)
+
+
+def _name_seed(seed: int, name: str) -> list[int]:
+    return [seed, noise.name_number(name)]
+
+
+def _inside(whole: np.ndarray) -> np.ndarray:
+    return (whole.astype(np.float64) + 0.5) / 2.0**_BITS
+
+
+def _joined(columns: list[np.ndarray], count: int) -> np.ndarray:
+    return np.concatenate([np.zeros((count, 0)), *columns], axis=1)
+
+
+def _require_numbers(numbers: np.ndarray, largest: int = LARGEST_CASE) -> None:
+    numbers = np.asarray(numbers)
+    if len(numbers) and not (numbers.min() >= 0 and numbers.max() <= largest):
+        raise ValueError(
+            f"Case numbers must be from 0 to {largest}, but got {numbers.min()} to {numbers.max()}."
+        )

@@ -1,0 +1,198 @@
+"""From a nominal closed loop to the dispersed copy that is one case of a study."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, UInt32
+
+from jaxsat import noise
+from jaxsat.dynamics import PlantState
+from jaxsat.engine import AbstractCopies, Copy
+from jaxsat.montecarlo.designs import open_uniform
+from jaxsat.montecarlo.distributions import AbstractDistribution, RandomAttitude
+from jaxsat.montecarlo.quantities import (
+    QUANTITIES,
+    Setting,
+    controller_of,
+    follow_frequency,
+    possible_inertia,
+)
+from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.vehicle import Sensors, Spacecraft
+
+ATTEMPTS = 32
+"""Inertias drawn at most before a case is given up as impossible."""
+
+BODY = ("inertia", "products_of_inertia")
+BELIEF = ("model_inertia",)
+EXCLUSIVE = (
+    ("attitude", "tilt"),
+    ("attitude", "tilt_direction"),
+    ("attitude", "turn"),
+    ("omega", "rate_error"),
+)
+
+
+class Dispersions(eqx.Module):
+    """Distributions by the name of what they disperse; see `QUANTITIES` for the names.
+
+    With `frequency_known` the law's internal model follows the dispersed disturbance frequency.
+    """
+
+    distributions: dict[str, AbstractDistribution]
+    frequency_known: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self):
+        unknown = sorted(set(self.distributions) - set(QUANTITIES))
+        if unknown:
+            raise ValueError(
+                f"Dispersed quantities must be among {', '.join(QUANTITIES)}, but got {unknown}."
+            )
+        for one, other in EXCLUSIVE:
+            if one in self.distributions and other in self.distributions:
+                raise ValueError(f"`{one}` and `{other}` must not both be dispersed.")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The dispersed names in the order in which they are applied."""
+        return tuple(name for name in QUANTITIES if name in self.distributions)
+
+    def check(self, loop: AbstractLoop) -> None:
+        """Raise `ValueError` for a quantity that the loop does not have or of another size."""
+        for name in self.names:
+            quantity, distribution = QUANTITIES[name], self.distributions[name]
+            obstacle = quantity.obstacle(loop)
+            if obstacle is not None:
+                raise ValueError(f"`{name}` must not be dispersed here: {obstacle}.")
+            if (name == "attitude") != isinstance(distribution, RandomAttitude):
+                raise ValueError(
+                    "RandomAttitude must be the distribution of `attitude` and of nothing else, "
+                    f"but `{name}` has {type(distribution).__name__}."
+                )
+            size, given = quantity.size(loop), distribution.components()
+            if given not in (None, size):
+                raise ValueError(f"`{name}` must have {size} components, but got {given}.")
+
+    def dimensions(self, loop: AbstractLoop) -> dict[str, int]:
+        """How many unit coordinates each name takes."""
+        return {
+            name: self.distributions[name].dimension(QUANTITIES[name].size(loop))
+            for name in self.names
+        }
+
+
+class StudyCase(NamedTuple):
+    """Which case of a study, and its point in the unit cube."""
+
+    number: UInt32[Array, "*n"]
+    point: Float[Array, "*n dimension"]
+
+
+class Dispersed(AbstractCopies):
+    """The cases of a study: a nominal loop and start, dispersed.
+
+    `key` is that of the study's seed. Called with a case it gives that case's copy; numbers in
+    `gains`, by dotted name inside the controller, displace those of the nominal one. Where the
+    inertia drawn is not that of a possible body, inertia and products are drawn again from keys of
+    their own; a case that finds none in `ATTEMPTS` draws counts as impossible.
+    """
+
+    loop: AbstractLoop
+    start: PlantState
+    dispersions: Dispersions
+    key: UInt32[Array, "2"]
+
+    def __init__(self, loop: AbstractLoop, start: PlantState, dispersions: Dispersions, seed: int):
+        dispersions.check(loop)
+        self.loop = _with_sensor_key(loop, jnp.zeros(2, jnp.uint32))
+        self.start = start
+        self.dispersions = dispersions
+        self.key = noise.key_of_seed(seed)
+
+    def dimensions(self) -> dict[str, int]:
+        """How many unit coordinates each name takes."""
+        return self.dispersions.dimensions(self.loop)
+
+    def __call__(self, case: StudyCase, gains: dict[str, Array] | None = None) -> Copy:
+        """The copy of one case."""
+        own_key = noise.fold_in(self.key, case.number)
+        drawn, possible = self._drawn(case.point, own_key)
+        setting = Setting(with_gains(self.loop, gains), self.start, self.loop)
+        for name in self.dispersions.names:
+            setting = QUANTITIES[name].apply(setting, drawn[name])
+        loop = setting.loop
+        if self.dispersions.frequency_known:
+            loop = follow_frequency(loop)
+        sensor_key = noise.fold_in(own_key, noise.name_number("sensor noise"))
+        return Copy(_with_sensor_key(loop, sensor_key), setting.start, drawn, possible)
+
+    def _drawn(self, point: Float[Array, " dimension"], own_key: noise.Key):
+        dimensions = self.dimensions()
+        ends = np.cumsum([0, *dimensions.values()])
+        spans = zip(dimensions, ends, ends[1:], strict=False)
+        coordinates = {name: point[begin:end] for name, begin, end in spans}
+        drawn = {
+            name: self.dispersions.distributions[name].quantile(coordinates[name])
+            for name in dimensions
+        }
+        possible = jnp.array(True)
+        for group, inertia_of in ((BODY, _body_inertia), (BELIEF, _believed_inertia)):
+            names = [name for name in group if name in drawn]
+            if names:
+                redrawn, fine = self._possible(names, coordinates, own_key, inertia_of)
+                drawn |= redrawn
+                possible = possible & fine
+        return drawn, possible
+
+    def _possible(self, names, coordinates, own_key, inertia_of):
+        """The first of several draws of `names` that makes a possible body."""
+
+        def draw(attempt):
+            values = {}
+            for name in names:
+                fresh = noise.fold_in(noise.fold_in(own_key, noise.name_number(name)), attempt)
+                given = coordinates[name]
+                u = jnp.where(attempt == 0, given, open_uniform(fresh, len(given)))
+                values[name] = self.dispersions.distributions[name].quantile(u)
+            setting = Setting(self.loop, self.start, self.loop)
+            for name in names:
+                setting = QUANTITIES[name].apply(setting, values[name])
+            return values, possible_inertia(inertia_of(setting.loop))
+
+        values, fine = jax.vmap(draw)(jnp.arange(ATTEMPTS))
+        first = jnp.argmax(fine)
+        return jax.tree.map(lambda x: x[first], values), jnp.any(fine)
+
+
+def with_gains(loop: AbstractLoop, gains: dict[str, Array] | None) -> AbstractLoop:
+    """The loop with other numbers at dotted names inside its controller.
+
+    Raises `AttributeError` for a name that the controller does not have.
+    """
+    for name, value in (gains or {}).items():
+        loop = eqx.tree_at(lambda loop, name=name: _inside(controller_of(loop), name), loop, value)
+    return loop
+
+
+def _inside(tree, name: str):
+    for part in name.split("."):
+        tree = getattr(tree, part)
+    return tree
+
+
+def _body_inertia(loop: AbstractLoop) -> Float[Array, "3 3"]:
+    return loop.plant.spacecraft.inertia
+
+
+def _believed_inertia(loop: AbstractLoop) -> Float[Array, "3 3"]:
+    parts = jax.tree.leaves(controller_of(loop), is_leaf=lambda part: isinstance(part, Spacecraft))
+    return next(part.inertia for part in parts if isinstance(part, Spacecraft))
+
+
+def _with_sensor_key(loop: AbstractLoop, key: noise.Key) -> AbstractLoop:
+    if isinstance(loop, SampledLoop) and isinstance(loop.sensors, Sensors):
+        return eqx.tree_at(lambda loop: loop.sensors.key, loop, key)
+    return loop

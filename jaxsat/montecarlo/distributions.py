@@ -1,0 +1,170 @@
+"""Distributions, each by its quantile function, so that any design of points can drive them."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import ndtr, ndtri
+from jaxtyping import Array, Float
+
+from jaxsat.checks import as_float, concrete, require_finite, require_positive
+
+
+class AbstractDistribution(eqx.Module):
+    """A distribution of independent components.
+
+    Parameters are one number for all components or one for each.
+    """
+
+    @abc.abstractmethod
+    def quantile(self, u: Float[Array, " dimension"]) -> Float[Array, " size"]:
+        """The values at coordinates `u` in the open unit cube."""
+
+    @abc.abstractmethod
+    def components(self) -> int | None:
+        """How many components the parameters are given for; None where any number will do."""
+
+    def dimension(self, size: int) -> int:
+        """How many unit coordinates `size` components take."""
+        return size
+
+
+class Uniform(AbstractDistribution):
+    """Equally likely everywhere between `low` and `high`."""
+
+    low: Float[Array, "*n"] = eqx.field(converter=as_float)
+    high: Float[Array, "*n"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        for name in ("low", "high"):
+            require_finite(name, getattr(self, name))
+        _require_order("low", self.low, "high", self.high)
+
+    def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
+        """low + (high - low) u."""
+        return self.low + (self.high - self.low) * u
+
+    def components(self) -> int | None:
+        """Those of the bounds."""
+        return _components(self.low, self.high)
+
+
+class Normal(AbstractDistribution):
+    """Gaussian with `mean` and standard deviation `sigma`."""
+
+    mean: Float[Array, "*n"] = eqx.field(converter=as_float)
+    sigma: Float[Array, "*n"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_finite("mean", self.mean)
+        require_finite("sigma", self.sigma)
+        require_positive("sigma", self.sigma, zero_allowed=True)
+
+    def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
+        """The Gaussian quantile."""
+        return self.mean + self.sigma * ndtri(u)
+
+    def components(self) -> int | None:
+        """Those of mean and deviation."""
+        return _components(self.mean, self.sigma)
+
+
+class TruncatedNormal(AbstractDistribution):
+    """Gaussian with `mean` and `sigma` before truncation, given that it is in [`low`, `high`]."""
+
+    mean: Float[Array, "*n"] = eqx.field(converter=as_float)
+    sigma: Float[Array, "*n"] = eqx.field(converter=as_float)
+    low: Float[Array, "*n"] = eqx.field(converter=as_float)
+    high: Float[Array, "*n"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_finite("mean", self.mean)
+        require_positive("sigma", self.sigma)
+        _require_order("low", self.low, "high", self.high)
+
+    def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
+        """The quantile in the lower half of the Gaussian, where its tail keeps its digits."""
+        low, high = (self.low - self.mean) / self.sigma, (self.high - self.mean) / self.sigma
+        mirrored = low + high > 0
+        lower = jnp.where(mirrored, -high, low)
+        upper = jnp.where(mirrored, -low, high)
+        u = jnp.where(mirrored, 1 - u, u)
+        below, above = ndtr(lower), ndtr(upper)
+        x = jnp.clip(ndtri(below + u * (above - below)), lower, upper)
+        return self.mean + self.sigma * jnp.where(mirrored, -x, x)
+
+    def components(self) -> int | None:
+        """Those of the parameters."""
+        return _components(self.mean, self.sigma, self.low, self.high)
+
+
+class Discrete(AbstractDistribution):
+    """Each component one of `values`, with probabilities in the proportion of `weights`."""
+
+    values: Float[Array, " k"] = eqx.field(converter=as_float)
+    weights: Float[Array, " k"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_finite("values", self.values)
+        require_positive("weights", self.weights, zero_allowed=True)
+        known = concrete(self.weights)
+        if known is not None and not known.sum() > 0:
+            raise ValueError(f"Argument `weights` must not all be zero, but got {known.tolist()}.")
+
+    def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
+        """The value whose share of the unit interval u is in."""
+        bounds = jnp.cumsum(self.weights / jnp.sum(self.weights))[:-1]
+        return self.values[jnp.sum(u[:, None] >= bounds[None, :], axis=1)]
+
+    def components(self) -> int | None:
+        """Any number."""
+        return None
+
+
+class RandomAttitude(AbstractDistribution):
+    """A rotation uniform over all rotations, as a unit quaternion, scalar first.
+
+    K. Shoemake, Uniform random rotations, Graphics Gems III, 1992.
+    """
+
+    def quantile(self, u: Float[Array, "3"]) -> Float[Array, "4"]:
+        """The quaternion of three unit coordinates."""
+        near, far = jnp.sqrt(1 - u[0]), jnp.sqrt(u[0])
+        first, second = 2 * jnp.pi * u[1], 2 * jnp.pi * u[2]
+        return jnp.stack(
+            [
+                near * jnp.sin(first),
+                near * jnp.cos(first),
+                far * jnp.sin(second),
+                far * jnp.cos(second),
+            ]
+        )
+
+    def components(self) -> int | None:
+        """Four."""
+        return 4
+
+    def dimension(self, size: int) -> int:
+        """Three."""
+        del size
+        return 3
+
+
+def _components(*parameters: Float[Array, "..."]) -> int | None:
+    shapes = {np.shape(parameter) for parameter in parameters} - {()}
+    if len(shapes) > 1 or any(len(shape) > 1 for shape in shapes):
+        raise ValueError(
+            "Parameters of a distribution must be numbers or lists of one length, "
+            f"but got shapes {sorted(shapes)}."
+        )
+    return shapes.pop()[0] if shapes else None
+
+
+def _require_order(low_name, low, high_name, high) -> None:
+    known = concrete(low), concrete(high)
+    if all(value is not None for value in known) and not np.all(known[0] <= known[1]):
+        raise ValueError(
+            f"Argument `{low_name}` must not exceed `{high_name}`, "
+            f"but got {known[0].tolist()} and {known[1].tolist()}."
+        )

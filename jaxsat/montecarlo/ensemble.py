@@ -1,0 +1,224 @@
+"""A study: n dispersed copies of a closed loop, computed in chunks into a store."""
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsat.engine import AbstractEngine, Outputs, Program, Replay
+from jaxsat.montecarlo.designs import AbstractDesign, LatinHypercube
+from jaxsat.montecarlo.dispersions import Dispersed, StudyCase
+from jaxsat.montecarlo.executors import AbstractExecutor, Serial
+from jaxsat.montecarlo.quantities import QUANTITIES
+from jaxsat.montecarlo.statistics import StopRule
+from jaxsat.results import Column, StudyStore
+
+DRAWN = "drawn_"
+"""Prefix of the columns that hold what was drawn for a case."""
+
+COLUMNS = {
+    "code": Column((), "int8", "1", "how the case ended, 0 for its end"),
+    "settling_time": Column((), "float64", "s", "settling time, infinite if not settled"),
+    "effort": Column((), "float64", "N m s", "integral of the sum of the torques' sizes"),
+    "cost": Column((), "float64", "1", "integral of the running cost"),
+    "peak_rate": Column((), "float64", "rad s-1", "largest angular velocity seen"),
+    "ended_at": Column((), "float64", "s", "time up to which the case was computed"),
+    "w": Column((2,), "float64", "1", "final tilt relative to the orbit frame"),
+    "z": Column((), "float64", "rad", "final turn about the third axis"),
+    "quaternion": Column((4,), "float64", "1", "final attitude, orbit to body frame, scalar first"),
+    "omega": Column((3,), "float64", "rad s-1", "final inertial angular velocity in body axes"),
+}
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is computed: a program over dispersed copies, a design, an engine, n cases.
+
+    `description` is plain data that, with seed, design, engine and program, tells studies apart in
+    a store: the scenario and its dispersions. Raises `ValueError` where the design has another
+    seed or size than the study.
+    """
+
+    program: Program
+    design: AbstractDesign
+    engine: AbstractEngine
+    count: int
+    chunk: int = 256
+    gains: Mapping[str, Any] | None = None
+    description: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self):
+        if not isinstance(self.program.copies, Dispersed):
+            raise TypeError("Argument `program` must run dispersed copies.")
+        for name in ("count", "chunk"):
+            if getattr(self, name) < 1:
+                raise ValueError(
+                    f"Argument `{name}` must be at least 1, but got {getattr(self, name)}."
+                )
+        if isinstance(self.design, LatinHypercube) and self.design.size != self.count:
+            raise ValueError(
+                f"A Latin hypercube must have the study's size {self.count}, "
+                f"but got {self.design.size}."
+            )
+
+    @property
+    def copies(self) -> Dispersed:
+        """How a case is made."""
+        return self.program.copies  # pyright: ignore[reportReturnType]
+
+    def cases(self, numbers: np.ndarray) -> StudyCase:
+        """The cases of these numbers, as the engine takes them."""
+        points = self.design.points(numbers, self.copies.dimensions())
+        return StudyCase(np.asarray(numbers).astype(np.uint32), points)
+
+    def evaluate(self, numbers: np.ndarray) -> Outputs:
+        """Outputs of these cases."""
+        return self.engine.evaluate(self.program, self.cases(numbers), self.gains)
+
+    def replay(self, number: int) -> Replay:
+        """One case again, with its history and the bits that it has in any study."""
+        case = jax.tree.map(lambda x: jnp.asarray(x[0]), self.cases(np.array([number])))
+        return self.engine.replay(self.program, case, self.gains)
+
+    def columns(self) -> dict[str, Column]:
+        """What a case has in a store."""
+        drawn = {
+            DRAWN + name: Column(
+                (QUANTITIES[name].size(self.copies.loop),),
+                "float64",
+                QUANTITIES[name].unit,
+                QUANTITIES[name].meaning,
+            )
+            for name in self.copies.dispersions.names
+        }
+        return COLUMNS | drawn
+
+    def identity(self) -> dict[str, Any]:
+        """All that the numbers of a case depend on. The count is part of it only where it must."""
+        return {
+            **self.description,
+            "design": type(self.design).__name__,
+            "seed": self.design.seed,
+            "size": self.count if isinstance(self.design, LatinHypercube) else None,
+            "engine": self.engine.identity(),
+            "program": _plain(self.program),
+            "gains": {name: np.asarray(g).tolist() for name, g in (self.gains or {}).items()},
+        }
+
+
+@dataclass(frozen=True)
+class StudyProgress:
+    """How far a study is: cases done and to do, those settled, and the pace of this run."""
+
+    done: int
+    count: int
+    settled: int
+    rate: float
+
+    @property
+    def seconds_left(self) -> float:
+        """At the pace so far."""
+        return (self.count - self.done) / self.rate if self.rate > 0 else float("inf")
+
+    @property
+    def fraction_settled(self) -> float:
+        """Of the cases done."""
+        return self.settled / self.done if self.done else float("nan")
+
+
+def run_study(
+    study: Study,
+    path: str | Path,
+    *,
+    executor: AbstractExecutor | None = None,
+    until: StopRule | None = None,
+    report: Callable[[StudyProgress], None] | None = None,
+    elsewhere: bool = False,
+) -> int:
+    """Compute what a store at `path` lacks of a study; gives the number of cases that count.
+
+    With a stop rule these are the chunks from the first on up to where the rule is met, which does
+    not depend on the order in which they are computed. `elsewhere` lets a store be continued with
+    other versions or on another processor. Raises `OutputError` where the store cannot be used,
+    and `ValueError` for a stop rule over a Latin hypercube, whose size is fixed.
+    """
+    if until is not None and isinstance(study.design, LatinHypercube):
+        raise ValueError("A stop rule must have independent or Sobol draws, not a Latin hypercube.")
+    executor = Serial() if executor is None else executor
+    identity, columns = study.identity(), study.columns()
+    with StudyStore(
+        path, identity, columns, study.count, study.chunk, elsewhere=elsewhere
+    ) as store:
+        ledger = _Ledger(store, study.count, until)
+        begin, before = time.perf_counter(), ledger.done
+        results = executor.run(
+            lambda chunk: _by_column(study.evaluate(store.numbers(chunk))), ledger.wanted()
+        )
+        for chunk, values in results:
+            store.write(chunk, values)
+            ledger.add(chunk, values["settling_time"])
+            if report is not None:
+                pace = (ledger.done - before) / (time.perf_counter() - begin)
+                report(StudyProgress(ledger.done, study.count, ledger.settled, pace))
+        return ledger.counted
+
+
+class _Ledger:
+    """Which chunks are done, and how many of the cases from the first on count."""
+
+    def __init__(self, store: StudyStore, count: int, until: StopRule | None):
+        self._store, self._until = store, until
+        self._limit = count
+        self._chunks = -(-count // store.chunk)
+        pending = set(store.pending().tolist())
+        self._pending = [chunk for chunk in range(self._chunks) if chunk in pending]
+        self._settled: dict[int, tuple[int, int]] = {}
+        self.done = self.settled = self.counted = 0
+        self._counted_settled = self._next = 0
+        self._met = False
+        for chunk in range(self._chunks):
+            if chunk not in pending:
+                self.add(chunk, store.values(chunk, ["settling_time"])["settling_time"])
+
+    def wanted(self) -> Iterator[int]:
+        """The chunks to compute, until the rule is met."""
+        for chunk in self._pending:
+            if self._met:
+                return
+            yield chunk
+
+    def add(self, chunk: int, settling_time: np.ndarray) -> None:
+        """One more chunk is done."""
+        share = (len(settling_time), int(np.isfinite(settling_time).sum()))
+        self._settled[chunk] = share
+        self.done += share[0]
+        self.settled += share[1]
+        while not self._met and self._next in self._settled:
+            cases, settled = self._settled.pop(self._next)
+            self._next += 1
+            self.counted += cases
+            self._counted_settled += settled
+            if self._until is not None:
+                self._met = self._until.met(self._counted_settled, self.counted)
+        self.counted = min(self.counted, self._limit)
+
+
+def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
+    named = outputs._asdict()
+    drawn = named.pop("drawn")
+    return {**named, **{DRAWN + name: values for name, values in drawn.items()}}
+
+
+def _plain(tree: Any) -> Any:
+    """Numbers and kinds of a module as plain data, for telling studies apart."""
+    arrays, structure = jax.tree.flatten(tree)
+    return {
+        "numbers": [np.asarray(array).tolist() for array in arrays],
+        "structure": hashlib.sha256(str(structure).encode()).hexdigest(),
+    }

@@ -1,0 +1,81 @@
+"""The summary of a study, from its store or from its columns."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from jaxsat.montecarlo.ensemble import DRAWN
+from jaxsat.montecarlo.statistics import Interval, Sensitivity, percentile, sensitivity, wilson
+from jaxsat.results.store import DONE
+from jaxsat.simulation import Outcome
+
+PERCENTS = (50.0, 90.0, 99.0)
+UNSETTLED = "unsettled"
+
+
+class Summary(NamedTuple):
+    """What a study found.
+
+    `settled` is a fraction; `settling_time` (s, of the settled cases) and `effort` (N m s, of the
+    cases that reached their end) are by percent, empty where there are none. `outcomes` counts the
+    cases by how they ended, `worst` lists case numbers, those that failed first. The rankings say
+    which dispersion matters for the cost and for settling at all.
+    """
+
+    count: int
+    settled: Interval
+    settling_time: dict[float, Interval]
+    effort: dict[float, Interval]
+    outcomes: dict[str, int]
+    worst: list[int]
+    cost_sensitivity: list[Sensitivity]
+    settling_sensitivity: list[Sensitivity]
+
+
+def summarise(
+    dataset: xr.Dataset | Mapping[str, np.ndarray], count: int | None = None, worst: int = 10
+) -> Summary:
+    """The summary of the done cases among the first `count` (all unless given)."""
+    columns = {name: np.asarray(dataset[name])[:count] for name in dataset if name != "status"}
+    numbers = np.arange(len(columns["code"]))
+    if "status" in dataset:
+        done = np.asarray(dataset["status"])[:count] == DONE
+        numbers, columns = numbers[done], {name: x[done] for name, x in columns.items()}
+    if not len(numbers):
+        raise ValueError("A summary must have at least one case that is done, but got none.")
+    settled = np.isfinite(columns["settling_time"])
+    success = columns["code"] == int(Outcome.SUCCESS)
+    drawn = {n.removeprefix(DRAWN): x for n, x in columns.items() if n.startswith(DRAWN)}
+    return Summary(
+        count=len(numbers),
+        settled=wilson(int(settled.sum()), len(numbers)),
+        settling_time=_percentiles(columns["settling_time"][settled]),
+        effort=_percentiles(columns["effort"][success]),
+        outcomes=_outcomes(columns["code"], settled),
+        worst=numbers[_badness(columns)[:worst]].tolist(),
+        cost_sensitivity=sensitivity(drawn, columns["cost"]),
+        settling_sensitivity=sensitivity(drawn, settled.astype(float)),
+    )
+
+
+def _percentiles(values: np.ndarray) -> dict[float, Interval]:
+    return {percent: percentile(values, percent) for percent in PERCENTS} if len(values) else {}
+
+
+def _outcomes(codes: np.ndarray, settled: np.ndarray) -> dict[str, int]:
+    counts = {"settled": int(settled.sum())}
+    counts[UNSETTLED] = int(((codes == int(Outcome.SUCCESS)) & ~settled).sum())
+    for outcome in Outcome:
+        number = int((codes == int(outcome)).sum())
+        if outcome is not Outcome.SUCCESS and number:
+            counts[outcome.name.lower()] = number
+    return counts
+
+
+def _badness(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Places from the worst on: failed, then not settled, then slow; the dearer the worse."""
+    failed = columns["code"] != int(Outcome.SUCCESS)
+    cost = np.nan_to_num(columns["cost"], nan=np.inf)
+    return np.lexsort((-cost, -columns["settling_time"], ~failed))

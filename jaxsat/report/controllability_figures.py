@@ -1,0 +1,202 @@
+"""Figures of the controllability analysis: data in, Figure out.
+
+Lightness alone carries the values (cividis), the uncontrollable set is hatched or outlined, so the
+figures read in grey and with any colour vision.
+"""
+
+from collections.abc import Sequence
+
+import matplotlib.tri as mtri
+import numpy as np
+from jaxtyping import Float
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+_FLOOR = 1e-3  # margins below share the darkest shade
+_MARK = "#d55e00"
+
+
+def _shades(figure: Figure, axes, image) -> None:
+    bar = figure.colorbar(image, ax=axes, extend="min", shrink=0.85)
+    bar.set_label("controllability margin (smallest singular value)")
+
+
+def _norm(margins: Float[np.ndarray, "..."]) -> LogNorm:
+    return LogNorm(_FLOOR, max(float(np.max(margins)), 10 * _FLOOR))
+
+
+def inertia_map(
+    points: Float[np.ndarray, "n 2"],
+    margins: Float[np.ndarray, " n"],
+    *,
+    spacecraft: Float[np.ndarray, "3"] | None = None,
+    title: str = "Margin over all bodies",
+) -> Figure:
+    """Margins over the triangle of physical inertias (`physical_inertias` gives `points`).
+
+    The uncontrollable set (margin 0 to rounding, or between grid points) is where shades are
+    darkest; points at exactly zero are outlined in orange. `spacecraft` (3,) marks moments.
+    """
+    figure = Figure(figsize=(7.0, 5.6), layout="constrained")
+    axes = figure.add_subplot()
+    mesh = mtri.Triangulation(points[:, 0], points[:, 1])
+    shown = np.maximum(margins, _FLOOR)
+    image = axes.tripcolor(
+        mesh, shown, shading="gouraud", cmap="cividis", norm=_norm(shown), rasterized=True
+    )
+    zero = margins <= 1e-9
+    if np.any(zero):
+        axes.plot(*points[zero].T, ".", color=_MARK, ms=2.5, label="uncontrollable")
+    height = np.sqrt(0.75)
+    axes.plot([0, 1, 0.5, 0], [0, 0, height, 0], "k-", lw=1)
+    for start, end, text in (
+        ((0.5, 0.0), (0.5, height), "$J_1 = J_2$"),
+        ((0.75, height / 2), (0.0, 0.0), "$J_2 = J_3$"),
+        ((0.25, height / 2), (1.0, 0.0), "$J_1 = J_3$"),
+    ):
+        axes.plot(*np.transpose([start, end]), "w:", lw=1)
+        outward = np.subtract(start, [0.5, height / 3])
+        x, y = np.add(start, 0.1 * outward / np.linalg.norm(outward))
+        axes.annotate(text, (x, y), ha="center", va="center")
+    for corner, text in (((0, 0), "rod along x"), ((1, 0), "rod along y")):
+        axes.annotate(text, (corner[0], -0.07), ha="center", va="center")
+    axes.annotate("rod along z", (0.5, height + 0.05), ha="center", va="center")
+    if spacecraft is not None:
+        moments = np.asarray(spacecraft, dtype=float)
+        second = 1.0 - 2.0 * moments / moments.sum()
+        place = second @ np.array([[0.0, 0.0], [1.0, 0.0], [0.5, height]])
+        axes.plot(*place, "D", mfc="white", mec="black", ms=7, ls="none", label="this spacecraft")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper left", frameon=False)
+    axes.set_aspect("equal")
+    axes.set_xlim(-0.12, 1.12)
+    axes.set_ylim(-0.13, height + 0.1)
+    axes.set_axis_off()
+    axes.set_title(f"{title}\nedges: flat plates, centre: sphere")
+    _shades(figure, axes, image)
+    return figure
+
+
+def angle_map(
+    azimuths: Float[np.ndarray, " a"],
+    elevations: Float[np.ndarray, " e"],
+    margins: Float[np.ndarray, "e a"],
+    *,
+    uncontrollable: Sequence[Float[np.ndarray, "_ 2"]] = (),
+    title: str = "Margin over thruster directions",
+) -> Figure:
+    """Margins over azimuth and elevation (rad in, degrees drawn).
+
+    `uncontrollable`: curves or points (azimuth, elevation) in rad known to be uncontrollable,
+    drawn over the map.
+    """
+    figure = Figure(figsize=(7.5, 4.4), layout="constrained")
+    axes = figure.add_subplot()
+    shown = np.maximum(margins, _FLOOR)
+    image = axes.pcolormesh(
+        np.degrees(azimuths),
+        np.degrees(elevations),
+        shown,
+        shading="nearest",
+        cmap="cividis",
+        norm=_norm(shown),
+        rasterized=True,
+    )
+    for k, curve in enumerate(uncontrollable):
+        degrees = np.degrees(curve).T
+        style = {"ls": "none", "marker": "o", "mfc": "none", "ms": 7} if len(curve) == 1 else {}
+        # No line across the map where a curve leaves at 180 degrees or passes a pole.
+        if len(curve) > 1:
+            jump = np.abs(np.diff(degrees[0])) > 60
+            degrees = np.insert(degrees, np.flatnonzero(jump) + 1, np.nan, axis=1)
+        label = "uncontrollable" if k == 0 else None
+        axes.plot(*degrees, color=_MARK, lw=1.2, label=label, **style)
+    if uncontrollable:
+        axes.legend(loc="upper right", framealpha=0.9)
+    axes.set_xlabel("azimuth of the torque axis (deg, body x towards y)")
+    axes.set_ylabel("elevation (deg, towards z)")
+    axes.set_xticks(np.arange(-180, 181, 60))
+    axes.set_yticks(np.arange(-90, 91, 30))
+    axes.set_title(title)
+    _shades(figure, axes, image)
+    return figure
+
+
+def failure_chart(records: Sequence[dict]) -> Figure:
+    """Margins of every failure case as bars (`failure_records` gives `records`).
+
+    Hatching marks borderline, a cross uncontrollable cases, so no colour is needed.
+    """
+    figure = Figure(figsize=(7.5, 1.2 + 0.32 * len(records)), layout="constrained")
+    axes = figure.add_subplot()
+    rows = np.arange(len(records))
+    looks = {
+        "controllable": ("#0072b2", ""),
+        "borderline": ("#e8c468", "///"),
+        "uncontrollable": ("none", ""),
+    }
+    for verdict, (colour, hatch) in looks.items():
+        chosen = [k for k, record in enumerate(records) if record["verdict"] == verdict]
+        widths = [float(records[k]["margin"]) for k in chosen]
+        if chosen and verdict != "uncontrollable":
+            axes.barh(chosen, widths, color=colour, hatch=hatch, edgecolor="k", label=verdict)
+        elif chosen:
+            axes.plot(np.zeros(len(chosen)), chosen, "x", color=_MARK, ms=8, mew=2, label=verdict)
+    for row, record in zip(rows, records, strict=True):
+        axes.annotate(
+            f"rank {record['rank']}: lost {record['lost']}",
+            (float(record["margin"]), row),
+            xytext=(8, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
+        )
+    axes.set_yticks(rows, [f"failed: {record['failed']}" for record in records])
+    axes.invert_yaxis()
+    axes.set_xlim(-0.03, 2.0)
+    axes.set_xticks(np.arange(0.0, 1.3, 0.25))
+    axes.set_xlabel("controllability margin (smallest singular value)")
+    axes.legend(loc="lower right", frameon=False)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    return figure
+
+
+def recurrence_chart(
+    times: Float[np.ndarray, " n"],
+    distances: Float[np.ndarray, " n"],
+    radius: float,
+) -> Figure:
+    """Distance from the start against time, with the neighbourhood that is to be re-entered.
+
+    `times` in s; `distances` and `radius` as `recurrence` defines them (dimensionless).
+    """
+    figure = Figure(figsize=(7.5, 3.6), layout="constrained")
+    axes = figure.add_subplot()
+    axes.semilogy(times, np.maximum(distances, 1e-6), color="#0072b2", lw=0.6)
+    axes.axhline(radius, color="k", ls="--", lw=1, label=f"neighbourhood, {radius:g}")
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("distance from the start (1)")
+    axes.legend(loc="lower right", framealpha=0.9)
+    return figure
+
+
+def energy_chart(
+    times: Float[np.ndarray, " n"],
+    energies: Float[np.ndarray, " n"],
+    claimed: float,
+    bound: Float[np.ndarray, " n"],
+) -> Figure:
+    """Rotational energy (J) against the claimed bound (18) and the one that holds."""
+    figure = Figure(figsize=(7.5, 3.6), layout="constrained")
+    axes = figure.add_subplot()
+    axes.plot(times, energies, color="#0072b2", label="energy under $T_d$")
+    axes.axhline(claimed, color=_MARK, ls="--", label="claim (18): $C + \\Sigma a_i$")
+    axes.plot(times, bound, color="k", ls=":", label="bound that holds")
+    top = max(claimed, float(np.max(energies)))
+    low = min(float(np.min(energies)), claimed)
+    axes.set_ylim(low - 0.1 * (top - low), top + 0.6 * (top - low))
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("rotational energy (J)")
+    axes.legend(loc="upper left", framealpha=0.9)
+    return figure

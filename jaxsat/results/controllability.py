@@ -1,0 +1,39 @@
+"""The table of all failures as a labelled dataset."""
+
+from collections.abc import Sequence
+
+import xarray as xr
+
+from jaxsat.controllability import Analysis, FailureCase, failure_arrays
+from jaxsat.results.provenance import provenance_attributes
+
+
+def failure_dataset(
+    cases: Sequence[FailureCase], analysis: Analysis, *, title: str, scenario: str
+) -> xr.Dataset:
+    """Every failure case with rank, margin and what is lost; the analysis in the attributes."""
+    names = cases[0].working  # the first case has no failure
+    arrays = failure_arrays(cases, names)
+    meaning = {
+        "failed": "whether the thruster has failed",
+        "rank": "rank of the Lie algebra at rest, 6 at most",
+        "controllable": "rank 6",
+        "borderline": "the margin is too small to be sure",
+        "margin": "smallest singular value of the normalised generating vectors",
+        "directions": "torque directions available without the drift",
+        "lost": "what the failure takes away",
+    }
+    variables = {}
+    for name, values in arrays.items():
+        dimensions = ("case", "thruster")[: values.ndim]
+        attributes = {"long_name": meaning[name]} | ({"units": "1"} if name == "margin" else {})
+        variables[name] = (dimensions, values, attributes)
+    attributes = {
+        "title": title,
+        "scenario": scenario,
+        "verdict": analysis.verdict,
+        "rank": analysis.rank,
+        "margin": analysis.margin,
+        **provenance_attributes(),
+    }
+    return xr.Dataset(variables, {"thruster": list(names)}, attributes)

@@ -1,0 +1,245 @@
+"""The results of a study on disk: a Zarr store made in full at the start and filled chunk by chunk.
+
+Every case has a status, written after the case's results; the status is the ledger from which a
+broken-off study goes on. Files are replaced whole, so killing a run loses at most the chunks that
+it was working on.
+"""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+import zarr
+
+from jaxsat.results.folder import OutputError
+from jaxsat.results.locking import lock_folder
+from jaxsat.results.provenance import machine, provenance
+
+FORMAT = 1
+PENDING, DONE = 0, 1
+CASE = "case"
+
+
+class Column(NamedTuple):
+    """How one result of a case is stored: shape and type of one case's value, and its label."""
+
+    shape: tuple[int, ...]
+    dtype: str
+    units: str
+    long_name: str
+
+
+class StudyStore:
+    """A study's results, open for writing by this process alone.
+
+    `identity` is all that the numbers depend on, as plain data; `columns` says what a case has.
+    A folder that is not there is made; one that holds the same study is continued, if need be
+    with more cases. Raises `OutputError` for a folder that holds another study or anything else,
+    that another process writes to, or (unless `elsewhere`) that was begun with other versions or
+    on another processor, where the bits may differ.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        identity: Mapping[str, Any],
+        columns: Mapping[str, Column],
+        count: int,
+        chunk: int,
+        *,
+        elsewhere: bool = False,
+    ):
+        self.path = Path(path)
+        self._identity = json.loads(json.dumps(identity))
+        self._columns = dict(columns)
+        if os.path.lexists(self.path) and not self._is_empty():
+            self._lock = lock_folder(self.path)
+            try:
+                self._continue(count, elsewhere)
+            except BaseException:
+                self._lock.close()
+                raise
+        else:
+            self._make(count, chunk)
+            self._lock = lock_folder(self.path)
+            self._open()
+
+    def __enter__(self) -> "StudyStore":
+        """The store itself."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Let other processes write."""
+        self.close()
+
+    def close(self) -> None:
+        """Let other processes write."""
+        self._lock.close()
+
+    @property
+    def count(self) -> int:
+        """How many cases there is room for."""
+        return self._group["status"].shape[0]
+
+    @property
+    def chunk(self) -> int:
+        """Cases in a chunk; the last may have fewer."""
+        return self._group["status"].chunks[0]
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+        return -(-self.count // self.chunk)
+
+    def numbers(self, chunk: int) -> np.ndarray:
+        """The cases of a chunk."""
+        first = chunk * self.chunk
+        return np.arange(first, min(first + self.chunk, self.count))
+
+    def pending(self) -> np.ndarray:
+        """The chunks that are not done."""
+        done = np.asarray(self._group["status"][:]) == DONE
+        return np.unique(np.flatnonzero(~done) // self.chunk)
+
+    def write(self, chunk: int, values: Mapping[str, np.ndarray]) -> None:
+        """Keep the results of a chunk, column by column, then mark it done."""
+        numbers = self.numbers(chunk)
+        place = slice(int(numbers[0]), int(numbers[-1]) + 1)
+        if set(values) != set(self._columns):
+            missing = sorted(set(values) ^ set(self._columns))
+            raise ValueError(f"Argument `values` must have the store's columns; see {missing}.")
+        try:
+            for name, column in self._columns.items():
+                self._group[name][place] = np.asarray(values[name], column.dtype)
+            self._group["status"][place] = np.full(len(numbers), DONE, np.uint8)
+        except OSError as error:
+            raise OutputError(
+                f"{self.path} cannot be written: {error.strerror or error}. What is in it is good; "
+                "make room and run the same study again to go on."
+            ) from error
+
+    def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
+        """Some columns of a chunk, as stored."""
+        numbers = self.numbers(chunk)
+        place = slice(int(numbers[0]), int(numbers[-1]) + 1)
+        return {name: np.asarray(self._group[name][place]) for name in names}
+
+    def _is_empty(self) -> bool:
+        return self.path.is_dir() and not any(self.path.iterdir())
+
+    def _make(self, count: int, chunk: int) -> None:
+        """Beside the target, then in its place at once: there is never half a store."""
+        if count < 1 or chunk < 1:
+            raise ValueError(f"Cases and chunk must be at least 1, but got {count} and {chunk}.")
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            prefix = f".{self.path.name}.partial-"
+            made = Path(tempfile.mkdtemp(prefix=prefix, dir=self.path.parent))
+            try:
+                _make_arrays(made, self._columns, count, chunk, self._identity)
+                made.chmod(0o755)
+                made.rename(self.path)
+            finally:
+                shutil.rmtree(made, ignore_errors=True)
+        except OSError as error:
+            raise OutputError(f"{self.path} cannot be made: {error.strerror or error}.") from error
+
+    def _open(self) -> None:
+        try:
+            self._group = zarr.open_group(self.path, mode="r+")
+        except (OSError, ValueError, KeyError) as error:
+            raise OutputError(f"{self.path} is no store of jaxsat; give another folder.") from error
+        if self._group.attrs.get("jaxsat_format") != FORMAT:
+            raise OutputError(f"{self.path} is no store of jaxsat; give another folder.")
+
+    def _continue(self, count: int, elsewhere: bool) -> None:
+        if not self.path.is_dir():
+            raise OutputError(f"{self.path} is a file; give another folder.")
+        self._open()
+        other = differences(self._group.attrs["identity"], self._identity)
+        if other:
+            raise OutputError(
+                f"{self.path} holds another study ({'; '.join(other)}); give another folder."
+            )
+        runs = list(self._group.attrs["runs"])
+        other = differences(runs[-1]["machine"], machine())
+        if other and not elsewhere:
+            raise OutputError(
+                f"{self.path} was written under other conditions ({'; '.join(other)}), so its "
+                "results may differ in their last bits from those to come; allow that explicitly "
+                "or give another folder."
+            )
+        if other:
+            self._group.attrs["runs"] = [*runs, _record()]
+        if count > self.count:
+            for array in [*self._columns, "status"]:
+                whole = self._group[array]
+                whole.resize((count, *whole.shape[1:]))
+
+
+def open_study(path: str | Path) -> xr.Dataset:
+    """The results of a study as a dataset over `case`, read when used; `status` is 1 where done.
+
+    The attributes `identity` and `runs` are JSON.
+    """
+    dataset = xr.open_zarr(path, consolidated=False, chunks=None, decode_times=False)
+    for name in ("identity", "runs"):
+        dataset.attrs[name] = json.dumps(dataset.attrs[name])
+    return dataset
+
+
+def differences(old: Any, new: Any, name: str = "") -> list[str]:
+    """Where two nests of plain data differ, one clause for each place."""
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        keys = sorted(set(old) | set(new))
+        below = [
+            differences(old.get(key), new.get(key), f"{name}.{key}" if name else key)
+            for key in keys
+        ]
+        return [clause for clauses in below for clause in clauses]
+    if old == new:
+        return []
+    return [f"{name}: {_short(old)} there, {_short(new)} here"]
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def _record() -> dict[str, Any]:
+    return {"machine": machine(), **provenance()}
+
+
+def _make_arrays(path: Path, columns: Mapping[str, Column], count: int, chunk: int, identity):
+    group = zarr.create_group(path, zarr_format=3)
+    group.attrs.update(
+        {
+            "Conventions": "CF-1.11",
+            "jaxsat_format": FORMAT,
+            "identity": identity,
+            "runs": [_record()],
+        }
+    )
+    _make_array(group, "status", Column((), "uint8", "1", "1 where the case is done"), count, chunk)
+    for name, column in columns.items():
+        _make_array(group, name, column, count, chunk)
+
+
+def _make_array(group: zarr.Group, name: str, column: Column, count: int, chunk: int) -> None:
+    floating = np.issubdtype(np.dtype(column.dtype), np.floating)
+    group.create_array(
+        name,
+        shape=(count, *column.shape),
+        chunks=(chunk, *column.shape),
+        dtype=column.dtype,
+        fill_value=np.nan if floating else 0,
+        dimension_names=(CASE, *(f"{name}_{axis}" for axis in range(len(column.shape)))),
+        attributes={"units": column.units, "long_name": column.long_name},
+    )

@@ -1,0 +1,125 @@
+"""From a scenario with a `[dispersion]` table to a Monte-Carlo study."""
+
+from typing import Any, Literal
+
+import numpy as np
+
+from jaxsat.checks import as_float
+from jaxsat.engine import AbstractEngine, ReferenceEngine, ScanEngine, program_of
+from jaxsat.montecarlo import (
+    QUANTITIES,
+    AbstractDesign,
+    AbstractDistribution,
+    Discrete,
+    Dispersed,
+    Dispersions,
+    Independent,
+    LatinHypercube,
+    Normal,
+    RandomAttitude,
+    Sobol,
+    Study,
+    TruncatedNormal,
+    Uniform,
+)
+from jaxsat.scenario.build import SOLVERS, Run, build
+from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
+from jaxsat.scenario.schema import Scenario
+from jaxsat.simulation import ContinuousLoop, SampledLoop
+
+EngineName = Literal["auto", "scan", "diffrax"]
+SMOOTH_STEP = 0.01
+"""Seconds; steps of the scan engine for a smooth loop whose scenario names none."""
+
+_KINDS = {
+    "uniform": Uniform,
+    "normal": Normal,
+    "truncated-normal": TruncatedNormal,
+    "discrete": Discrete,
+    "random-attitude": RandomAttitude,
+}
+_SUFFIXES = {"rad/s": "_rad_s", "rad": "_rad", "N m": "_N_m", "s": "_s", "1": ""}
+
+
+def build_study(
+    scenario: Scenario,
+    count: int,
+    *,
+    seed: int | None = None,
+    engine: EngineName = "auto",
+    width: int = 64,
+    chunk: int = 256,
+    devices: int = 1,
+) -> Study:
+    """The study of `count` cases that a scenario describes, with its own seed unless given.
+
+    `engine` "scan" takes fixed steps and suits sampled and smooth loops, "diffrax" any loop, and
+    "auto" is "scan" where it suits. Raises `ValueError` where the scenario disperses nothing or
+    something that its loop does not have, or where the engine does not suit.
+    """
+    if scenario.dispersion is None:
+        raise ValueError("The scenario must have a [dispersion] table, but got none.")
+    run = build(scenario)
+    seed = scenario.simulation.seed if seed is None else seed
+    copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
+    table = scenario.simulation
+    program = program_of(copies, run.loop, table.duration_s, table.save_every_s)
+    return Study(
+        program,
+        _design(scenario.dispersion, seed, count),
+        _engine(scenario, run, engine, width, devices),
+        count,
+        chunk,
+        description={"scenario": _numbers(scenario)},
+    )
+
+
+def _numbers(scenario: Scenario) -> dict[str, Any]:
+    """The scenario without what no number depends on, and without the seed, which a study has."""
+    data = scenario.model_dump(mode="json", exclude={"title", "description"})
+    del data["simulation"]["seed"]
+    return data
+
+
+def dispersion_key(name: str) -> str:
+    """The key of a quantity in the `[dispersion]` table: its name and unit."""
+    return name + _SUFFIXES[QUANTITIES[name].unit]
+
+
+def build_dispersions(table: DispersionTable) -> Dispersions:
+    """The distributions of a `[dispersion]` table by name."""
+    tables = {name: getattr(table, dispersion_key(name)) for name in QUANTITIES}
+    given = {name: _distribution(entry) for name, entry in tables.items() if entry is not None}
+    return Dispersions(given, table.frequency_known)
+
+
+def _distribution(table: DistributionTable) -> AbstractDistribution:
+    kind = table.distribution
+    parameters = [as_float(np.asarray(getattr(table, name))) for name in PARAMETERS[kind]]
+    return _KINDS[kind](*parameters)
+
+
+def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
+    if table.design == "sobol":
+        return Sobol(seed)
+    return LatinHypercube(seed, count) if table.design == "latin-hypercube" else Independent(seed)
+
+
+def _engine(
+    scenario: Scenario, run: Run, name: EngineName, width: int, devices: int
+) -> AbstractEngine:
+    loop, table = run.loop, scenario.simulation
+    smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
+    suits = isinstance(loop, SampledLoop) or smooth
+    fixed = table.solver.step_s is not None
+    if name == "diffrax" or (name == "auto" and not (suits or fixed)):
+        return ReferenceEngine(run.method, width)
+    if not (suits or fixed):
+        raise ValueError(
+            "The scan engine must have a sampled or smooth loop, or simulation.solver.step_s; "
+            "take the engine diffrax for a law with corners."
+        )
+    step = table.solver.step_s or SMOOTH_STEP
+    substeps = max(1, round(table.save_every_s / step))
+    solver = SOLVERS[table.solver.name or "tsit5"]()
+    return ScanEngine(solver, substeps, width, devices)

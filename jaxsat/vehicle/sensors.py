@@ -1,0 +1,55 @@
+"""What a sampled controller is told of the state."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, UInt32
+
+from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
+from jaxsat.checks import as_float, require_positive
+from jaxsat.noise import sample_noise
+
+
+def _as_key(value) -> UInt32[Array, "2"]:
+    return jnp.asarray(value, jnp.uint32)
+
+
+class Sensors(eqx.Module):
+    """White Gaussian noise on what is measured, independent on each axis and at each sample.
+
+    `rate_noise` (rad/s) is the standard deviation on each component of ω. `attitude_noise` (rad) is
+    that of each component of a small rotation, in body axes, between the true attitude and the
+    measured one. The noise is a function of `key` (two 32-bit words) and of the sample's number.
+    """
+
+    rate_noise: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    attitude_noise: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    key: UInt32[Array, "2"] = eqx.field(converter=_as_key, default=(0, 0))
+
+    def __check_init__(self):
+        for name in ("rate_noise", "attitude_noise"):
+            require_positive(name, getattr(self, name), zero_allowed=True)
+
+    def __call__(
+        self, sample: Int[Array, ""], attitude: AbstractAttitude, omega: Float[Array, "3"]
+    ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
+        """The measured attitude, in the parameters of the true one, and the measured ω, rad/s."""
+        noise = sample_noise(self.key, sample, 6, omega.dtype)
+        turned = turned_slightly(attitude, self.attitude_noise * noise[3:])
+        return turned, omega + self.rate_noise * noise[:3]
+
+
+def turned_slightly(attitude: AbstractAttitude, rotation: Float[Array, "3"]) -> AbstractAttitude:
+    """The attitude after a small rotation of the body (rad, body axes), in the same parameters.
+
+    The angle turned is 2 arctan(|rotation| / 2), |rotation| to third order. A turn z stays within
+    π of what it was.
+    """
+    true = attitude.as_quaternion()
+    turned = Quaternion(true.q + true.rate(rotation).q).normalised()
+    if isinstance(attitude, Quaternion):
+        return turned
+    if isinstance(attitude, WZ):
+        wz = turned.as_wz()
+        change = jnp.mod(wz.z - attitude.z + jnp.pi, 2 * jnp.pi) - jnp.pi
+        return WZ(wz.w, attitude.z + change)
+    return turned.as_dcm()

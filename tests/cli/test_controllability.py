@@ -1,0 +1,68 @@
+"""`jaxsat controllability` and `jaxsat reproduce` as a user meets them."""
+
+import csv
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from jaxsat.cli import main
+
+
+def run(capsys, *tokens):
+    with pytest.raises(SystemExit) as ended:
+        main(tokens)
+    out, err = capsys.readouterr()
+    return ended.value.code, out, err
+
+
+@pytest.mark.slow
+def test_controllability_writes_tables_maps_and_a_page(capsys, tmp_path):
+    folder = tmp_path / "out"
+    status, out, _ = run(
+        capsys, "controllability", "paper-three-axis", "--out", str(folder), "--drift"
+    )
+    assert status == 0
+    assert "rank 6 of 6" in out
+    assert "Recurrence" in out
+    with (folder / "failures.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["rank"]) for row in rows] == [6, 6, 6, 6, 2, 2, 2, 0]
+    with xr.open_dataset(folder / "failures.nc", engine="h5netcdf") as dataset:
+        assert dataset.attrs["rank"] == 6
+        np.testing.assert_array_equal(dataset["failed"].sum("thruster"), [0, 1, 1, 1, 2, 2, 2, 3])
+    names = {file.name for file in folder.iterdir()}
+    assert {"controllability.md", "inertia-map.png", "angle-map.svg", "energy.png"} <= names
+
+
+def test_controllability_says_no_and_maybe(capsys):
+    command = ["controllability", "paper-three-axis", "--set"]
+    status, out, _ = run(capsys, *command, "spacecraft.inertia_kg_m2=[300, 300, 200]")
+    assert status == 0
+    assert "ot controllable" in out
+    status, out, _ = run(
+        capsys, *command, "spacecraft.inertia_kg_m2=[300, 300.000003, 200]", "--tolerance", "1e-5"
+    )
+    assert "orderline" in out
+
+
+@pytest.mark.parametrize(
+    "tokens",
+    [
+        ["controllability", "paper-three-axes"],
+        ["controllability", "paper-rate", "--tolerance", "2"],
+        ["controllability"],
+        ["reproduce", "--outt", "x"],
+    ],
+)
+def test_mistakes_exit_2(capsys, tokens):
+    status, _, err = run(capsys, *tokens)
+    assert status == 2
+    assert "Traceback" not in err
+
+
+def test_reproduce_refuses_before_it_computes(capsys, tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    status, _, err = run(capsys, "reproduce", "--out", str(tmp_path))
+    assert status == 2
+    assert str(tmp_path) in err

@@ -1,0 +1,172 @@
+"""What is between a sampled controller and the plant: noise, delay, misalignment."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array, Float
+from scipy.spatial.transform import Rotation
+
+from core.test_switching import CASE, start, switching_loop
+from jaxsat.attitude import WZ, Quaternion
+from jaxsat.checks import as_float
+from jaxsat.control import AbstractSampledController
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.environment import ExactOrbit
+from jaxsat.noise import key_of_seed, sample_noise
+from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.vehicle import Actuators, Sensors, Spacecraft, Thrusters
+from jaxsat.vehicle.sensors import turned_slightly
+
+INERTIA = (2.0, 3.0, 4.0)
+
+
+class Memory(NamedTuple):
+    heard: Float[Array, "3"]
+
+
+class Damper(AbstractSampledController):
+    """u1 = -gain ω1 from what is measured, which it remembers."""
+
+    period: Float[Array, ""] = eqx.field(converter=as_float)
+    gain: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def init(self, state):
+        return Memory(state.omega)
+
+    def step(self, t, state, memory):
+        command = jnp.stack([-self.gain * state.omega[0], jnp.zeros(())])
+        return command, Memory(state.omega)
+
+    def rate_error(self, state, memory):
+        return state.omega[:2]
+
+    def mode(self, memory):
+        return jnp.array(0)
+
+
+def damped(**options):
+    plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
+    thrusters = Actuators.of(Thrusters(jnp.eye(3)).without([3]))
+    return SampledLoop(plant, Damper(0.5, 0.7), thrusters, substeps=2, **options)
+
+
+SPIN = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.3, 0.0, 0.0])
+TIMES = np.arange(21) * 0.5
+
+
+@pytest.mark.parametrize("delay", [None, 0.0, 0.2, 0.35, 0.5])
+def test_delayed_rate_damping_has_its_exact_solution(delay):
+    """J1 ω1(k+1) = J1 ω1(k) - gain (d ω1(k-1) + (T - d) ω1(k)) with no torque before the start."""
+    run = simulate(damped(delay=delay), SPIN, TIMES).signals
+    wait, rates, before = delay or 0.0, [0.3], 0.0
+    for _ in range(20):
+        impulse = 0.7 * (wait * before + (0.5 - wait) * rates[-1])
+        before = rates[-1]
+        rates.append(before - impulse / INERTIA[0])
+    np.testing.assert_allclose(run.omega[:, 0], rates, rtol=1e-12)
+    late = 1 if wait else 0
+    torque = np.concatenate([np.zeros(late), -0.7 * np.array(rates)])[:21]
+    np.testing.assert_allclose(run.torque[:, 0], torque, atol=1e-12)
+
+
+@pytest.mark.parametrize("delay", [-0.1, 0.51])
+def test_an_impossible_delay_is_refused(delay):
+    with pytest.raises(ValueError, match="`delay` must"):
+        damped(delay=delay)
+
+
+def test_the_controller_hears_the_noise_and_the_signals_tell_the_truth():
+    key = key_of_seed(3)
+    run = simulate(damped(sensors=Sensors(0.01, 0.0, key)), SPIN, TIMES)
+    rates = [0.3]
+    for number in range(20):
+        heard = rates[-1] + 0.01 * float(sample_noise(key, jnp.array(number), 6)[0])
+        rates.append(rates[-1] - 0.5 * 0.7 * heard / INERTIA[0])
+    np.testing.assert_allclose(run.signals.omega[:, 0], rates, rtol=1e-12)
+    assert not np.allclose(run.final.memory.heard, run.final.plant.omega, atol=1e-5)
+
+
+def test_other_keys_give_other_noise_and_nothing_retraces():
+    traced = []
+
+    @jax.jit
+    def measure(sensors, number):
+        traced.append(1)
+        return sensors(number, SPIN.attitude, SPIN.omega)[1]
+
+    found = [
+        measure(Sensors(0.1, 0.1, key_of_seed(seed)), jnp.array(number))
+        for seed in (0, 1)
+        for number in (0, 1)
+    ]
+    assert len({tuple(map(float, value)) for value in found}) == 4
+    assert len(traced) == 1
+
+
+@pytest.mark.parametrize("kind", ["as_quaternion", "as_wz", "as_dcm"])
+def test_attitude_noise_is_a_small_rotation_of_the_body(kind):
+    """Against SciPy: C' = exp(-skew(rotation)) C."""
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        q = rng.normal(size=4)
+        attitude = getattr(Quaternion(q / np.linalg.norm(q)), kind)()
+        rotation = 1e-3 * rng.normal(size=3)
+        expected = Rotation.from_rotvec(-rotation).as_matrix() @ attitude.as_dcm().matrix
+        found = turned_slightly(attitude, jnp.array(rotation))
+        assert type(found) is type(attitude)
+        np.testing.assert_allclose(found.as_dcm().matrix, expected, atol=1e-9)
+
+
+def test_a_measured_turn_stays_near_the_true_one():
+    """z is not wrapped: 2π more than its principal value is kept."""
+    for z in (3.2, 12.0, -9.5):
+        found = turned_slightly(WZ([0.3, -0.2], z), jnp.array([1e-4, -1e-4, 2e-4]))
+        assert abs(float(found.z) - z) < 1e-3
+
+
+def test_sensor_noise_has_the_deviations_asked_for():
+    sensors = Sensors(1e-3, 2e-3, key_of_seed(5))
+    attitude = Quaternion([0.5, 0.5, -0.5, 0.5])
+
+    def errors(number):
+        measured, omega = sensors(number, attitude, SPIN.omega)
+        turn = measured.as_dcm().matrix @ attitude.as_dcm().matrix.T
+        return jnp.stack([turn[1, 2], turn[2, 0], turn[0, 1]]), omega - SPIN.omega
+
+    turns, rates = jax.vmap(errors)(jnp.arange(4000))
+    np.testing.assert_allclose(rates.std(axis=0), 1e-3, rtol=0.06)
+    np.testing.assert_allclose(turns.std(axis=0), 2e-3, rtol=0.06)
+    np.testing.assert_allclose(rates.mean(axis=0), 0, atol=6e-5)
+
+
+def test_misaligned_thrusters_make_a_torque_that_allocation_does_not_know():
+    ideal = Actuators.of(Thrusters([[1.0, 0.6], [0.0, 0.8], [0.0, 0.0]]), 5.0)
+    angles, gains = jnp.array([[0.01, -0.02], [0.03, 0.0]]), jnp.array([0.1, -0.05])
+    real = ideal.misaligned(angles, gains)
+    np.testing.assert_array_equal(real.thrust_map, ideal.thrust_map)
+    for j in range(2):
+        axis, true = ideal.torque_axes[:, j], real.torque_axes[:, j]
+        np.testing.assert_allclose(jnp.linalg.norm(true), 1 + gains[j], rtol=1e-12)
+        turned = np.arccos(float(axis @ true / jnp.linalg.norm(true)))
+        assert np.isclose(turned, np.linalg.norm(angles[j]), rtol=1e-3)
+    parasitic = real(jnp.array([1.0, 2.0])) - ideal(jnp.array([1.0, 2.0]))
+    assert abs(float(parasitic[2])) > 1e-3
+    same = ideal.misaligned(jnp.zeros((2, 2)), jnp.zeros(2))
+    np.testing.assert_allclose(same.torque_axes, ideal.torque_axes, rtol=1e-15)
+
+
+def test_a_noisy_delayed_misaligned_loop_is_the_plain_one_when_all_errors_are_zero():
+    plain = switching_loop(CASE)
+    full = SampledLoop(
+        plain.plant,
+        plain.controller,
+        plain.actuators.misaligned(jnp.zeros((2, 2)), jnp.zeros(2)),
+        sensors=Sensors(0.0, 0.0, key_of_seed(1)),
+        delay=0.0,
+    )
+    runs = [simulate(loop, start(), np.arange(51) * 0.1).signals for loop in (plain, full)]
+    np.testing.assert_allclose(runs[0].omega, runs[1].omega, atol=1e-11)

@@ -1,0 +1,222 @@
+"""One list of checks over every loop and engine."""
+
+from typing import NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from core.cases import PAPER_THREE_AXIS, actuators, bodies, three_axis_law, three_axis_start
+from core.test_switching import CASE, start, switching_loop
+from jaxsat.dynamics import PlantState
+from jaxsat.engine import AbstractCopies, Copy, ReferenceEngine, ScanEngine, program_of
+from jaxsat.metrics import Tolerances, settling_time, within
+from jaxsat.noise import key_of_seed
+from jaxsat.simulation import (
+    AbstractLoop,
+    ContinuousLoop,
+    ErrorCoordinateLoop,
+    Outcome,
+    SampledLoop,
+    adaptive,
+    fixed,
+    simulate,
+)
+from jaxsat.vehicle import Sensors
+
+LANES = 8
+WIDE = Tolerances(1.3, 1.3, 0.3)
+"""Loose enough for some of the short runs here to count as settled and some not."""
+
+
+class Kicked(AbstractCopies):
+    """A loop with another initial ω for every case, and another gain if asked."""
+
+    loop: AbstractLoop
+    start: PlantState
+
+    def __call__(self, case, gains):
+        loop = self.loop
+        if gains is not None:
+            where = self._gain_of
+            loop = eqx.tree_at(where, loop, gains * where(loop))
+        omega = self.start.omega + case
+        return Copy(loop, PlantState(self.start.attitude, omega), {"kick": case}, jnp.array(True))
+
+    @staticmethod
+    def _gain_of(loop):
+        law = loop.law if isinstance(loop, ErrorCoordinateLoop) else loop.controller
+        return getattr(law, "three_axis_law", law).k3
+
+
+class Example(NamedTuple):
+    copies: Kicked
+    duration: float
+    scan: ScanEngine
+    reference: ReferenceEngine
+    agreement: float
+
+
+def smooth_law():
+    case = {**PAPER_THREE_AXIS, "relation": "exact"}
+    return bodies(case)[0], three_axis_law(case, saturation_width=1.0, tilt_width=0.3)
+
+
+def sampled_example():
+    plain = switching_loop(CASE)
+    loop = SampledLoop(
+        plain.plant,
+        plain.controller,
+        plain.actuators.misaligned(jnp.full((2, 2), 0.01), jnp.array([0.05, -0.05])),
+        substeps=2,
+        sensors=Sensors(1e-5, 5e-5, key_of_seed(9)),
+        delay=0.03,
+    )
+    scan = ScanEngine(diffrax.Dopri5(), lanes=LANES)
+    reference = ReferenceEngine(fixed(0.1, diffrax.Dopri5()), width=LANES)
+    return Example(Kicked(loop, start()), 12.0, scan, reference, 1e-9)
+
+
+def continuous_example():
+    plant, law = smooth_law()
+    loop = ContinuousLoop(plant, law, actuators(3.0))
+    scan = ScanEngine(diffrax.Tsit5(), substeps=100, lanes=LANES)
+    reference = ReferenceEngine(adaptive(1e-10, 1e-10, diffrax.Tsit5()), width=LANES)
+    begin = three_axis_start(PAPER_THREE_AXIS)
+    return Example(Kicked(loop, begin), 12.0, scan, reference, 2e-5)
+
+
+def error_example():
+    plant, law = smooth_law()
+    begin = three_axis_start(PAPER_THREE_AXIS)
+    turned = PlantState(begin.attitude.as_quaternion(), begin.omega)
+    scan = ScanEngine(diffrax.Tsit5(), substeps=100, lanes=LANES)
+    reference = ReferenceEngine(adaptive(1e-10, 1e-10, diffrax.Tsit5()), width=LANES)
+    return Example(Kicked(ErrorCoordinateLoop(plant, law), turned), 12.0, scan, reference, 2e-5)
+
+
+EXAMPLES = {
+    "sampled": sampled_example,
+    "continuous": continuous_example,
+    "error": error_example,
+}
+KICKS = 0.02 * np.random.default_rng(1).normal(size=(11, 3)) * [1, 1, 0]
+
+
+@pytest.fixture(
+    scope="module",
+    params=["sampled", "continuous", pytest.param("error", marks=pytest.mark.slow)],
+)
+def example(request):
+    return EXAMPLES[request.param]()
+
+
+def program(example, duration=None):
+    loop = example.copies.loop
+    return program_of(example.copies, loop, duration or example.duration, tolerances=WIDE)
+
+
+@pytest.fixture(scope="module")
+def found(example):
+    return example.scan.evaluate(program(example), KICKS)
+
+
+def same_bits(one, other):
+    for x, y in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+def test_engines_agree(example, found):
+    expected = example.reference.evaluate(program(example), KICKS)
+    assert np.all(found.code == 0)
+    for name in ("w", "z", "quaternion", "omega", "cost", "effort", "peak_rate"):
+        values = getattr(expected, name)
+        corners = name == "effort" and example.agreement > 1e-6  # |u| has some, a hold has none
+        tolerance = np.abs(values).max() * (1e-4 if corners else example.agreement)
+        np.testing.assert_allclose(getattr(found, name), values, atol=tolerance, err_msg=name)
+    np.testing.assert_array_equal(found.settling_time, expected.settling_time)
+    np.testing.assert_array_equal(found.ended_at, expected.ended_at)
+    np.testing.assert_array_equal(found.drawn["kick"], KICKS)
+
+
+def test_bits_depend_on_no_other_case(example, found):
+    """Not on the number of cases, their order or what is beside them."""
+    prog, order = program(example), np.random.default_rng(2).permutation(11)
+    for numbers in (order, [4], range(3, 11), [6, 6, 1]):
+        numbers = np.array(numbers)
+        some = example.scan.evaluate(prog, KICKS[numbers])
+        same_bits(some, jax.tree.map(lambda x, n=numbers: x[n], found))
+
+
+def test_a_diverging_case_is_coded_and_changes_no_other(example, found):
+    kicks = np.array(KICKS)
+    kicks[2], kicks[7] = np.nan, 1e7
+    mixed = example.scan.evaluate(program(example), kicks)
+    assert mixed.code[2] == mixed.code[7] == int(Outcome.STATE_LIMIT)
+    for name in ("cost", "effort", "z", "peak_rate"):
+        assert np.all(np.isnan(getattr(mixed, name)[[2, 7]]))
+    assert np.all(np.isinf(mixed.settling_time[[2, 7]]))
+    assert mixed.ended_at[2] == 0
+    others = np.delete(np.arange(11), [2, 7])
+    same_bits(*[jax.tree.map(lambda x: x[others], outputs) for outputs in (mixed, found)])
+
+
+def test_a_replay_has_the_same_bits_and_the_history_of_simulate(example, found):
+    replay = example.scan.replay(program(example), KICKS[3])
+    same_bits(replay.outputs, jax.tree.map(lambda x: x[3], found))
+    copy = example.copies(KICKS[3], None)
+    method = example.reference.method
+    run = simulate(copy.loop, copy.start, replay.times, method=method).signals
+    for name in ("w", "z", "omega", "torque", "relative_rate"):
+        values = getattr(run, name)
+        tolerance = 100 * example.agreement * np.abs(values).max()
+        np.testing.assert_allclose(getattr(replay.signals, name), values, atol=tolerance)
+    good = within(run.w, run.z, run.relative_rate, WIDE)
+    assert replay.outputs.settling_time == settling_time(jnp.array(replay.times), good)
+    rates = np.linalg.norm(run.omega, axis=1)
+    np.testing.assert_allclose(replay.outputs.peak_rate, rates.max(), rtol=1e-5)
+    np.testing.assert_array_equal(replay.signals.omega[-1], found.omega[3])
+
+
+def test_effort_of_a_sampled_loop_is_that_of_its_held_torques():
+    """Every period's torque is held 0.07 s, and 0.03 s of the next."""
+    example = sampled_example()
+    replay = example.scan.replay(program(example), KICKS[3])
+    torque = np.abs(replay.signals.torque).sum(axis=1)  # what is made until the delay is over
+    expected = 0.03 * torque[:-1].sum() + 0.07 * torque[1:].sum()
+    np.testing.assert_allclose(replay.outputs.effort, expected, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_gradient_against_central_differences(example):
+    """The reference's costs at shifted gains, against the derivative carried along."""
+    prog, gain, step = program(example), jnp.array(1.0), 1e-5
+    costs = [
+        example.reference.evaluate(prog, KICKS[:2], gain + shift).cost for shift in (step, -step)
+    ]
+    exact = (costs[0] - costs[1]) / (2 * step)
+    found = example.scan.gradient(prog, KICKS[:2], gain)
+    assert np.abs(exact).min() > 1e-3
+    np.testing.assert_allclose(found, exact, rtol=1e-3)
+
+
+def test_the_horizon_is_no_part_of_the_compiled_loop(example):
+    """Half the way twice gives the bits of the whole way: `replay` rests on it."""
+    longer, shorter = program(example), program(example, example.duration / 2)
+    half = example.scan.evaluate(shorter, KICKS[:3])
+    replay = example.scan.replay(longer, KICKS[1])
+    np.testing.assert_array_equal(half.omega[1], replay.signals.omega[len(replay.times) // 2])
+
+
+def test_an_unknown_duration_is_refused(example):
+    with pytest.raises(ValueError, match="whole number of intervals"):
+        program(example, 12.03)
+
+
+@pytest.mark.parametrize("solver", [diffrax.ImplicitEuler(), diffrax.SemiImplicitEuler()])
+def test_only_explicit_tableaus_are_taken(solver):
+    with pytest.raises(ValueError, match="explicit Runge-Kutta"):
+        ScanEngine(solver)

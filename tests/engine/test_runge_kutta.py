@@ -1,0 +1,42 @@
+"""The plain step against diffrax's own, and its order against an exact solution."""
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsat.engine.runge_kutta import explicit_step, tableau_of
+
+SOLVERS = [
+    diffrax.Heun(),
+    diffrax.Bosh3(),
+    diffrax.Tsit5(),
+    diffrax.Dopri5(),
+    diffrax.Dopri8(),
+]
+
+
+def rate(t, y):
+    return {"x": y["v"], "v": -4 * y["x"] + jnp.sin(t)}
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_step_is_that_of_diffrax(solver):
+    y, t, h = {"x": jnp.array(1.0), "v": jnp.array(-0.3)}, jnp.array(0.4), jnp.array(0.3)
+    term = diffrax.ODETerm(lambda t, y, args: rate(t, y))
+    state = solver.init(term, t, t + h, y, None)
+    expected = solver.step(term, t, t + h, y, None, state, made_jump=False)[0]
+    found = explicit_step(tableau_of(solver), rate, t, h, y)
+    for name in "xv":
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-14)
+
+
+@pytest.mark.parametrize(("solver", "order"), list(zip(SOLVERS, (2, 3, 5, 5, 8), strict=True)))
+def test_the_order_of_a_step(solver, order):
+    """x'' = -4 x + sin t has x = cos 2t + sin(t) / 3 from x = 1, v = 1/3."""
+    errors = []
+    for h in (0.4, 0.2):
+        y = {"x": jnp.array(1.0), "v": jnp.array(1 / 3)}
+        found = explicit_step(tableau_of(solver), rate, jnp.array(0.0), jnp.array(h), y)
+        errors.append(abs(float(found["x"]) - np.cos(2 * h) - np.sin(h) / 3))
+    assert np.log2(errors[0] / errors[1]) > order + 0.4

@@ -1,0 +1,225 @@
+"""Every dispersed name reaches the model, and only possible bodies are drawn."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from core.cases import PAPER_THREE_AXIS, bodies, three_axis_law, three_axis_loop, three_axis_start
+from core.test_switching import CASE, start, switching_loop
+from jaxsat import noise
+from jaxsat.attitude import Quaternion
+from jaxsat.control import InternalModel
+from jaxsat.montecarlo import (
+    QUANTITIES,
+    Dispersed,
+    Dispersions,
+    Independent,
+    Normal,
+    RandomAttitude,
+    StudyCase,
+    Uniform,
+    with_gains,
+)
+from jaxsat.montecarlo.quantities import possible_inertia
+from jaxsat.simulation import ContinuousLoop, SampledLoop
+from jaxsat.vehicle import Sensors
+
+J = np.array([449.5, 264.6, 312.5])
+
+
+def sampled():
+    plain = switching_loop(CASE, internal=InternalModel([0.7, 0.8]))
+    return SampledLoop(plain.plant, plain.controller, plain.actuators, sensors=Sensors(), delay=0.0)
+
+
+def backstepping():
+    plain = switching_loop(CASE)
+    return ContinuousLoop(
+        bodies(PAPER_THREE_AXIS)[0], three_axis_law(PAPER_THREE_AXIS), plain.actuators
+    )
+
+
+def copies_of(loop, count, seed=3, begin=None, known=False, **distributions):
+    dispersions = Dispersions(distributions, known)
+    study = Dispersed(loop, begin or start(), dispersions, seed)
+    numbers = np.arange(count)
+    points = Independent(seed).points(numbers, study.dimensions())
+    return eqx.filter_jit(jax.vmap(study))(
+        StudyCase(jnp.array(numbers, jnp.uint32), jnp.array(points))
+    )
+
+
+def models(loop):
+    law = loop.controller
+    return [law.rate_law.model, law.three_axis_law.model]
+
+
+def tilted(copy):
+    return jax.vmap(lambda a: a.as_wz())(copy.start.attitude)
+
+
+def axis_turns(copy):
+    """Components of each torque axis across its nominal one, as small angles."""
+    axes = copy.loop.actuators.torque_axes
+    return np.stack([axes[:, 1, 0], axes[:, 2, 0], axes[:, 2, 1], axes[:, 0, 1]], axis=1)
+
+
+REACHES = {
+    "inertia": lambda c: np.diagonal(c.loop.plant.spacecraft.inertia, axis1=1, axis2=2) / J - 1,
+    "products_of_inertia": lambda c: (
+        c.loop.plant.spacecraft.inertia[:, [0, 0, 1], [1, 2, 2]] / 264.6
+    ),
+    "torque_gain": lambda c: np.linalg.norm(c.loop.actuators.torque_axes, axis=1) - 1,
+    "disturbance_amplitude": lambda c: (
+        c.loop.plant.disturbance.amplitude / np.array([0.01, 0.02, 0.001]) - 1
+    ),
+    "disturbance_frequency": lambda c: (
+        c.loop.plant.disturbance.frequency / np.array([0.7, 0.8, 0.1]) - 1
+    ),
+    "disturbance_phase": lambda c: c.loop.plant.disturbance.phase,
+    "constant_torque": lambda c: c.loop.plant.disturbance.terms[1].torque,
+    "model_inertia": lambda c: (
+        np.diagonal(models(c.loop)[0].spacecraft.inertia, axis1=1, axis2=2) / J - 1
+    ),
+    "model_orbit_rate": lambda c: models(c.loop)[1].orbit.rate[:, None] / 0.0011 - 1,
+    "rate_noise": lambda c: c.loop.sensors.rate_noise[:, None],
+    "attitude_noise": lambda c: c.loop.sensors.attitude_noise[:, None],
+    "delay": lambda c: c.loop.delay[:, None],
+    "attitude": lambda c: c.start.attitude.q,
+    "tilt": lambda c: np.linalg.norm(tilted(c).w, axis=1)[:, None],
+    "tilt_direction": lambda c: jnp.arctan2(tilted(c).w[:, 1], tilted(c).w[:, 0])[:, None],
+    "turn": lambda c: tilted(c).z[:, None],
+    "omega": lambda c: c.start.omega,
+}
+OTHERWISE = {"misalignment", "attitude_error", "rate_error"}
+
+
+def test_every_quantity_has_its_test():
+    assert set(REACHES) | OTHERWISE == set(QUANTITIES)
+
+
+@pytest.mark.parametrize("name", REACHES)
+def test_a_dispersed_quantity_reaches_the_model(name):
+    distribution = RandomAttitude() if name == "attitude" else Uniform(0.01, 0.06)
+    copy = copies_of(sampled(), 5, **{name: distribution})
+    drawn = copy.drawn[name]
+    np.testing.assert_allclose(
+        REACHES[name](jax.tree.map(np.asarray, copy)), drawn, rtol=1e-9, atol=1e-12
+    )
+    assert len(np.unique(drawn)) == drawn.size
+    assert jnp.all(copy.possible)
+
+
+def test_misalignment_reaches_the_torque_axes():
+    copy = copies_of(sampled(), 5, misalignment=Uniform(-0.02, 0.02))
+    found = np.sort(np.abs(axis_turns(copy)), axis=1)
+    drawn = np.sort(np.abs(copy.drawn["misalignment"]), axis=1)
+    np.testing.assert_allclose(found, drawn, rtol=1e-3)
+    nominal = sampled().actuators.thrust_map
+    np.testing.assert_array_equal(copy.loop.actuators.thrust_map, jnp.stack([nominal] * 5))
+
+
+def test_an_attitude_error_is_a_rotation_vector():
+    copy = copies_of(sampled(), 5, attitude_error=Uniform(-1.5, 1.5))
+    nominal = np.asarray(start().attitude.as_dcm().matrix)
+    for q, rotation in zip(copy.start.attitude.q, copy.drawn["attitude_error"], strict=True):
+        expected = Rotation.from_rotvec(-np.asarray(rotation)).as_matrix() @ nominal
+        np.testing.assert_allclose(Quaternion(q).as_dcm().matrix, expected, atol=1e-12)
+
+
+def test_a_rate_error_counts_from_the_reference_at_the_dispersed_attitude():
+    loop, begin = backstepping(), three_axis_start(PAPER_THREE_AXIS)
+    ranges = {"rate_error": Uniform(-0.03, 0.03), "tilt": Uniform(0.5, 1.2)}
+    copy = copies_of(loop, 5, begin=begin, **ranges)
+    for i in range(5):
+        state = jax.tree.map(lambda x, i=i: x[i], copy.start)
+        error = loop.controller.rate_error(state)
+        np.testing.assert_allclose(error, copy.drawn["rate_error"][i], atol=1e-14)
+        assert 0.5 < jnp.linalg.norm(state.attitude.w) < 1.2
+
+
+def test_dispersions_add_up_and_leave_the_rest_alone():
+    ranges = {"inertia": Uniform(-0.1, 0.1), "model_inertia": Uniform(-0.1, 0.1)}
+    copy = copies_of(sampled(), 3, constant_torque=Uniform(-1.0, 1.0), **ranges)
+    for name in ("inertia", "model_inertia", "constant_torque"):
+        np.testing.assert_allclose(
+            REACHES[name](jax.tree.map(np.asarray, copy)), copy.drawn[name], rtol=1e-9, atol=1e-12
+        )
+    nominal = sampled()
+    np.testing.assert_array_equal(copy.loop.actuators.torque_axes[1], nominal.actuators.torque_axes)
+    periodic = copy.loop.plant.disturbance.terms[0]
+    np.testing.assert_array_equal(periodic.amplitude[1], nominal.plant.disturbance.amplitude)
+
+
+def test_the_internal_model_follows_the_frequency_only_if_asked():
+    for known in (True, False):
+        copy = copies_of(sampled(), 3, known=known, disturbance_frequency=Uniform(-0.2, 0.2))
+        believed = copy.loop.controller.three_axis_law.internal_model.frequency
+        true = copy.loop.plant.disturbance.frequency[:, :2]
+        assert bool(jnp.all(believed == true)) is known
+
+
+def test_every_case_has_a_sensor_key_of_its_own():
+    copy = copies_of(sampled(), 4, turn=Uniform(-1.0, 1.0))
+    keys = copy.loop.sensors.key
+    assert len({tuple(map(int, key)) for key in keys}) == 4
+    own = noise.fold_in(noise.key_of_seed(3), 2)
+    expected = noise.fold_in(own, noise.name_number("sensor noise"))
+    np.testing.assert_array_equal(keys[2], expected)
+
+
+def test_only_possible_bodies_are_drawn():
+    """From a spread that makes about a third of all draws impossible, against eigenvalues."""
+    ranges = {"inertia": Normal(0.0, 0.25), "products_of_inertia": Normal(0.0, 0.2)}
+    copy = copies_of(sampled(), 400, **ranges)
+    assert jnp.all(copy.possible)
+    inertia = np.asarray(copy.loop.plant.spacecraft.inertia)
+    low, middle, high = np.linalg.eigvalsh(inertia).T
+    assert np.all((low > 0) & (low + middle > high))
+    study = Dispersed(sampled(), start(), Dispersions(ranges), 3)
+    points = Independent(3).points(np.arange(400), study.dimensions())
+    first = jax.vmap(ranges["inertia"].quantile)(jnp.array(points[:, :3]))
+    kept = np.isclose(first, copy.drawn["inertia"]).all(axis=1)
+    assert 0.4 < kept.mean() < 0.95
+
+
+def test_possible_inertia_against_eigenvalues():
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        half = rng.normal(size=(3, 3))
+        inertia = half @ half.T + 0.1 * np.diag(rng.normal(size=3))
+        low, middle, high = np.linalg.eigvalsh(inertia)
+        assert bool(possible_inertia(jnp.array(inertia))) is bool(low > 0 and low + middle > high)
+
+
+def test_a_case_without_a_possible_body_says_so():
+    copy = copies_of(sampled(), 3, inertia=Uniform([2.0, -0.5, -0.5], [3.0, -0.4, -0.4]))
+    assert not jnp.any(copy.possible)
+
+
+def test_gains_displace_those_of_the_controller():
+    loop = with_gains(sampled(), {"three_axis_law.k3": jnp.array(0.3)})
+    assert loop.controller.three_axis_law.k3 == 0.3
+    assert loop.controller.three_axis_law.mu == sampled().controller.three_axis_law.mu
+
+
+@pytest.mark.parametrize(
+    ("loop", "distributions", "message"),
+    [
+        (sampled, {"inerta": Uniform(0.0, 1.0)}, "must be among"),
+        (sampled, {"omega": Uniform([0.0, 0.0], [1.0, 1.0])}, "must have 3 components"),
+        (sampled, {"omega": RandomAttitude()}, "RandomAttitude"),
+        (sampled, {"attitude": Uniform(0.0, 1.0)}, "RandomAttitude"),
+        (sampled, {"rate_error": Uniform(0.0, 1.0)}, "no reference rate"),
+        (backstepping, {"delay": Uniform(0.0, 0.1)}, "no delay"),
+        (backstepping, {"rate_noise": Uniform(0.0, 0.1)}, "sensors"),
+        (backstepping, {"omega": Uniform(0.0, 1.0), "rate_error": Uniform(0.0, 1.0)}, "both"),
+        (lambda: three_axis_loop(PAPER_THREE_AXIS), {"inertia": Uniform(0.0, 0.1)}, "ideal"),
+    ],
+)
+def test_what_cannot_be_dispersed_is_refused(loop, distributions, message):
+    with pytest.raises(ValueError, match=message):
+        Dispersed(loop(), start(), Dispersions(distributions), 0)

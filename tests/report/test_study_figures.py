@@ -1,0 +1,58 @@
+"""Figures of studies: what is drawn is what the numbers say."""
+
+import numpy as np
+
+from jaxsat.montecarlo import wilson
+from jaxsat.report.study_figures import (
+    convergence,
+    fan_chart,
+    settling_distribution,
+    study_figures,
+    success_map,
+)
+
+RNG = np.random.default_rng(0)
+
+
+def test_a_fan_chart_draws_median_and_bands():
+    values = RNG.normal(size=(200, 11, 2))
+    values[0, 5:] = np.nan
+    figure = fan_chart(np.arange(11.0), values, ("a", "b"), "m", "title")
+    first, second = figure.axes
+    np.testing.assert_allclose(first.lines[0].get_ydata(), np.nanmedian(values[:, :, 0], axis=0))
+    assert len(second.collections) == 3
+    top = first.collections[0].get_paths()[0].vertices[:, 1].max()
+    assert np.isclose(top, np.nanpercentile(values[:, :, 0], 99, axis=0).max())
+
+
+def test_the_settling_distribution_ends_at_the_fraction_settled():
+    times = np.concatenate([RNG.exponential(size=150), np.full(50, np.inf)])
+    counts, fraction = settling_distribution(times, "title").axes
+    assert fraction.lines[0].get_ydata()[-1] == 0.75
+    assert sum(patch.get_height() for patch in counts.patches) == 150
+    settling_distribution(np.full(3, np.inf), "nothing settles")
+
+
+def test_the_success_map_shows_fractions():
+    x, y = RNG.random((2, 4000))
+    figure = success_map(x, y, x > 0.5, ("x", "y"), "title")
+    shown = figure.axes[0].collections[0].get_array()
+    columns = np.nanmean(shown, axis=0)
+    assert columns[0] == 0
+    assert columns[-1] == 1
+
+
+def test_convergence_ends_at_the_wilson_interval():
+    settled = RNG.random(500) < 0.9
+    panel = convergence(settled, "title").axes[0]
+    found = wilson(int(settled.sum()), 500)
+    assert np.isclose(panel.lines[0].get_ydata()[-1], found.value)
+    edges = panel.collections[0].get_paths()[0].vertices
+    last = edges[edges[:, 0] == 500][:, 1]
+    np.testing.assert_allclose([last.min(), last.max()], [found.low, found.high])
+
+
+def test_the_figures_of_a_study():
+    times = RNG.exponential(size=50)
+    figures = study_figures({"settling_time": times}, {"a": times, "b": -times}, ("a", "b"), "t")
+    assert set(figures) == {"settling", "convergence", "success"}

@@ -1,0 +1,126 @@
+"""The store as a ledger: resumed, refused, broken off."""
+
+import errno
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from jaxsat.results import Column, OutputError, StudyStore, open_study
+from jaxsat.results import store as store_module
+
+COLUMNS = {
+    "cost": Column((), "float64", "1", "the cost"),
+    "omega": Column((3,), "float64", "rad s-1", "the rates"),
+    "code": Column((), "int8", "1", "how it ended"),
+}
+IDENTITY = {"seed": 1, "program": {"duration": 2.0}}
+
+
+def values(numbers):
+    return {
+        "cost": numbers * 0.1,
+        "omega": numbers[:, None] * np.ones(3),
+        "code": numbers % 2,
+    }
+
+
+def made(path, count=10, chunk=4, identity=IDENTITY, **options):
+    return StudyStore(path, identity, COLUMNS, count, chunk, **options)
+
+
+def test_a_store_is_filled_chunk_by_chunk(tmp_path):
+    with made(tmp_path / "s") as store:
+        assert (store.count, store.chunk, store.chunks) == (10, 4, 3)
+        np.testing.assert_array_equal(store.pending(), [0, 1, 2])
+        for chunk in (2, 0):
+            store.write(chunk, values(store.numbers(chunk)))
+        np.testing.assert_array_equal(store.pending(), [1])
+    dataset = open_study(tmp_path / "s")
+    np.testing.assert_array_equal(dataset["status"], [1, 1, 1, 1, 0, 0, 0, 0, 1, 1])
+    np.testing.assert_array_equal(dataset["cost"][8:], [0.8, 0.9])
+    assert np.all(np.isnan(dataset["omega"][4:8]))
+    assert dataset["cost"].dims == ("case",)
+    assert dataset["omega"].attrs["units"] == "rad s-1"
+    assert json.loads(dataset.attrs["identity"]) == IDENTITY
+    assert json.loads(dataset.attrs["runs"])[0]["versions"]["jaxsat"]
+
+
+def test_a_store_is_continued_and_grows(tmp_path):
+    with made(tmp_path / "s") as store:
+        store.write(0, values(store.numbers(0)))
+        store.write(2, values(store.numbers(2)))
+    with made(tmp_path / "s", count=13, chunk=100) as store:
+        assert (store.count, store.chunk) == (13, 4)
+        np.testing.assert_array_equal(store.pending(), [1, 2, 3])
+        np.testing.assert_array_equal(store.values(0, ["cost"])["cost"], np.arange(4) * 0.1)
+
+
+def test_another_study_is_refused(tmp_path):
+    made(tmp_path / "s").close()
+    other = {"seed": 2, "program": {"duration": 2.0}}
+    with pytest.raises(OutputError, match=r"another study \(seed: 1 there, 2 here\)"):
+        made(tmp_path / "s", identity=other)
+
+
+def test_what_is_no_store_is_refused(tmp_path):
+    (tmp_path / "s").mkdir()
+    (tmp_path / "s" / "mine.txt").write_text("mine")
+    (tmp_path / "f").write_text("a file")
+    for name in "sf":
+        with pytest.raises(OutputError, match=r"no store|is a file"):
+            made(tmp_path / name)
+    assert (tmp_path / "s" / "mine.txt").read_text() == "mine"
+
+
+def test_a_second_writer_is_refused(tmp_path):
+    code = (
+        "import sys; sys.path[:0] = sys.argv[2:]\n"
+        "from results.test_store import made\n"
+        "from jaxsat.results import OutputError\n"
+        "try:\n    made(sys.argv[1])\nexcept OutputError as error:\n    print(error)\n"
+    )
+    with made(tmp_path / "s"):
+        command = [sys.executable, "-c", code, str(tmp_path / "s"), *sys.path]
+        run = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert "another process" in run.stdout
+    made(tmp_path / "s").close()
+
+
+def test_other_conditions_are_told_and_must_be_allowed(tmp_path, monkeypatch):
+    made(tmp_path / "s").close()
+    here = store_module.machine()
+    there = {**here, "processor": "another", "versions": {**here["versions"], "jax": "0.0.1"}}
+    monkeypatch.setattr(store_module, "machine", lambda: there)
+    with pytest.raises(OutputError, match=r"processor: .* there, \"another\" here.*versions.jax"):
+        made(tmp_path / "s")
+    made(tmp_path / "s", elsewhere=True).close()
+    runs = json.loads(open_study(tmp_path / "s").attrs["runs"])
+    assert [run["machine"]["processor"] for run in runs] == [here["processor"], "another"]
+
+
+def test_a_full_disk_is_told_and_leaves_a_store_that_goes_on(tmp_path, monkeypatch):
+    import zarr
+
+    with made(tmp_path / "s") as store:
+        store.write(0, values(store.numbers(0)))
+        plain = zarr.Array.__setitem__
+
+        def full(self, *arguments):
+            if self.name == "/omega":
+                raise OSError(errno.ENOSPC, "No space left on device")
+            plain(self, *arguments)
+
+        monkeypatch.setattr(zarr.Array, "__setitem__", full)
+        with pytest.raises(OutputError, match=r"No space left on device.*go on"):
+            store.write(1, values(store.numbers(1)))
+        monkeypatch.undo()
+    with made(tmp_path / "s") as store:
+        np.testing.assert_array_equal(store.pending(), [1, 2])
+
+
+def test_a_store_cannot_lack_a_column(tmp_path):
+    with made(tmp_path / "s") as store, pytest.raises(ValueError, match="omega"):
+        store.write(0, {"cost": np.zeros(4), "code": np.zeros(4)})

@@ -1,0 +1,83 @@
+"""Studies from scenario files."""
+
+import numpy as np
+import pytest
+
+from jaxsat.engine import ReferenceEngine, ScanEngine
+from jaxsat.montecarlo import QUANTITIES, LatinHypercube, Sobol
+from jaxsat.scenario import ScenarioError, dump, load
+from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
+from jaxsat.scenario.study import _KINDS, build_dispersions, build_study, dispersion_key
+
+OMEGA = "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=[0.1, 0.2, 0.3]}"
+
+
+def test_every_quantity_has_a_key_and_every_distribution_its_kind():
+    keys = {dispersion_key(name) for name in QUANTITIES}
+    assert keys | {"design", "frequency_known"} == set(DispersionTable.model_fields)
+    assert set(PARAMETERS) == set(_KINDS)
+
+
+def test_distributions_hold_the_numbers_of_the_file():
+    scenario = load("switching", [OMEGA, "dispersion.inertia={distribution='normal', mean=0, "
+                                  "sigma=0.01}"])  # fmt: skip
+    found = build_dispersions(scenario.dispersion).distributions
+    assert set(found) == {"omega", "inertia"}
+    np.testing.assert_array_equal(found["omega"].high, [0.1, 0.2, 0.3])
+    assert found["inertia"].sigma == 0.01
+
+
+def test_a_scenario_with_dispersions_dumps_and_loads(tmp_path):
+    scenario = load("switching", [OMEGA, "sampling.delay_s=0.05", "dispersion.design=sobol"])
+    path = tmp_path / "again.toml"
+    path.write_text(dump(scenario), encoding="utf-8")
+    assert load(path) == scenario
+
+
+def test_sampling_and_design_reach_the_study():
+    overrides = [OMEGA, "sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5"]
+    study = build_study(load("switching", [*overrides, "dispersion.design=sobol"]), 7, seed=3)
+    loop = study.copies.loop
+    assert loop.delay == 0.05
+    assert loop.sensors.rate_noise == 1e-5
+    assert study.design == Sobol(3)
+    assert isinstance(study.engine, ScanEngine)
+    assert study.program.intervals == 20000
+    other = build_study(load("switching", [*overrides, "dispersion.design=latin-hypercube"]), 7)
+    assert other.design == LatinHypercube(0, 7)
+    assert other.identity()["scenario"]["sampling"]["delay_s"] == 0.05
+
+
+def test_engines_that_suit():
+    benchmark = load("benchmark-three-axis")
+    assert isinstance(build_study(benchmark, 4).engine, ReferenceEngine)
+    with pytest.raises(ValueError, match="take the engine diffrax"):
+        build_study(benchmark, 4, engine="scan")
+    stepped = load("benchmark-three-axis", ["simulation.solver.step_s=0.05"])
+    assert build_study(stepped, 4).engine.substeps == 20
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "message"),
+    [
+        ("switching", ["dispersion.turn_rad={distribution='uniform', low=0}"], "must have high"),
+        ("switching", ["dispersion.turn_rad={distribution='normal', mean=0, sigma=1, low=0}"],
+         "must not have low"),
+        ("switching", ["dispersion.turn_rad={distribution='gauss'}"], "must be one of"),
+        ("switching", ["dispersion.trun_rad={distribution='uniform'}"], "did you mean turn_rad"),
+        ("switching", ["sampling.delay_s=0.2"], "at most control.period_s"),
+        ("paper-rate", ["sampling.rate_noise_rad_s=0.2"], "sampled law"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_told(name, overrides, message):
+    with pytest.raises(ScenarioError, match=message):
+        load(name, overrides)
+
+
+def test_studies_without_sense_are_refused():
+    with pytest.raises(ValueError, match=r"\[dispersion\] table"):
+        build_study(load("switching"), 4)
+    with pytest.raises(ValueError, match="error coordinates"):
+        build_study(
+            load("benchmark-three-axis", ["dispersion.inertia={distribution='uniform', low=0, "
+                                          "high=0.1}"]), 4)  # fmt: skip
