@@ -37,6 +37,7 @@ class _Approach(NamedTuple):
     rate: tuple[float, float, float]  # share, rate gain, dead zone
     stopped_rate: float
     slews: tuple[float, float, float, float, float]
+    lost_rate: float = 0.05
 
 
 _MORIN_SAMSON = {
@@ -50,7 +51,7 @@ _TWO_CHANNEL = {
     20.0: _Oscillation(0.382, 0.319, 6.03, 0.117, 0.159, 0.786, 1.07, 3e-5, 1.2e-3),
 }
 _APPROACH = {
-    1.0: _Approach((0.551, 10.0, 6e-5), 7.9e-3, (0.897, 2.58, 2.80, 4.0e-3, 1.14e-2)),
+    1.0: _Approach((0.551, 10.0, 6e-5), 7.9e-3, (0.897, 2.58, 2.80, 4.0e-3, 1.14e-2), 2e-3),
     5.0: _Approach((0.779, 1.12, 3e-5), 4.7e-3, (0.791, 4.77, 2.34, 2.7e-3, 8.8e-4)),
     20.0: _Approach((0.881, 0.795, 5e-5), 2.7e-3, (0.825, 7.32, 2.33, 2.0e-3, 6.4e-4)),
 }
@@ -104,6 +105,7 @@ def three_slew_settling(
         estimator=_estimator(model, observe, estimate, ripple),
         torque_limit=torque_limit,
         stopped_rate=approach.stopped_rate,
+        lost_rate=approach.lost_rate,
         period=period,
     )
 
