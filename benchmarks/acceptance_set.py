@@ -7,6 +7,10 @@ random. A case has settled when |w| < 0.05, |z| < 0.05 rad and |ω - C (0, -ω0,
 hold from some time before 0.9 of the horizon to its end.
 """
 
+import argparse
+import json
+import time
+from pathlib import Path
 from typing import NamedTuple
 
 import equinox as eqx
@@ -15,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.attitude import WZ, Quaternion
+from jaxsat.control import RippleObserver, oscillatory_settling, three_slew_settling
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit, PeriodicTorque
 from jaxsat.metrics import Tolerances, wrapped
@@ -25,6 +30,9 @@ ORBIT_RATE = 0.0011
 AMPLITUDE, FREQUENCY = (0.01, 0.02, 0.001), (0.7, 0.8, 0.1)
 HORIZON = {1: 2000.0, 5: 1200.0, 20: 1000.0}
 PERIOD = 0.1
+
+
+LAWS = {"oscillatory": oscillatory_settling, "three-slew": three_slew_settling}
 
 
 class Level(NamedTuple):
@@ -179,9 +187,47 @@ def summary(out: Outcome) -> dict:
     return {
         "cases": len(times),
         "settled": settled / len(times),
-        "interval": [round(low, 4), round(high, 4)],
+        "interval": [round(float(low), 4), round(float(high), 4)],
         "t50": float(np.quantile(times, 0.5, method="inverted_cdf")),
         "t90": float(np.quantile(times, 0.9, method="inverted_cdf")),
         "effort": float(np.median(out.effort)),
         "peak_rate": float(np.max(out.peak_rate)),
     }
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--law", choices=[*LAWS, "all"], default="all")
+    parser.add_argument("--limit", type=int, choices=sorted(HORIZON), action="append")
+    parser.add_argument("--level", choices=list(LEVELS), action="append")
+    parser.add_argument("--cases", type=int, default=200)
+    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--ripple", choices=["filter", "observer", "none"], default="filter")
+    parser.add_argument("--no-estimate", action="store_true")
+    parser.add_argument("--out", type=Path)
+    args = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    model = RigidBody(Spacecraft(list(INERTIA)), ExactOrbit(ORBIT_RATE))
+    rows = []
+    for limit in args.limit or sorted(HORIZON):
+        for name in LAWS if args.law == "all" else [args.law]:
+            law = LAWS[name](
+                model,
+                limit,
+                observe=args.ripple != "none",
+                estimate=not args.no_estimate,
+                ripple=RippleObserver() if args.ripple == "observer" else None,
+            )
+            for level in args.level or list(LEVELS):
+                begin = time.perf_counter()
+                out = evaluate(law, args.seed, args.cases, level, limit)
+                row = {"limit": limit, "law": name, "level": level, **summary(out)}
+                row["seconds"] = round(time.perf_counter() - begin, 1)
+                rows.append(row)
+                print(json.dumps(row), flush=True)
+    if args.out:
+        args.out.write_text(json.dumps({"seed": args.seed, "rows": rows}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,15 +1,11 @@
 """Control laws: which torque to command, given the state."""
 
 from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractController, Coast
-from jaxsat.control.estimators import (
-    RecursiveLeastSquares,
-    RippleObserver,
-    ThirdAxis,
-    ThirdAxisEstimator,
-)
+from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
 from jaxsat.control.internal_model import InternalModel, OscillatorState
+from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.oscillatory import (
     AbstractDemand,
     MorinSamson,
@@ -20,6 +16,7 @@ from jaxsat.control.oscillatory import (
 from jaxsat.control.presets import TUNED_LIMITS, oscillatory_settling, three_slew_settling
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.riccati import reachable_rank, regulator_gain
+from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, RippleObserver
 from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.switching import AbstractSampledController, SwitchingLaw
@@ -31,6 +28,7 @@ __all__ = [
     "AbstractBacksteppingLaw",
     "AbstractController",
     "AbstractDemand",
+    "AbstractRippleEstimator",
     "AbstractSampledController",
     "Coast",
     "FineStage",
@@ -46,6 +44,7 @@ __all__ = [
     "OscillatorySettling",
     "RateLaw",
     "RecursiveLeastSquares",
+    "RippleFilter",
     "RippleObserver",
     "SlewPlanner",
     "SwitchingLaw",

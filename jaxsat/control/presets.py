@@ -7,10 +7,12 @@ their own; the regulator's gain is computed from the model in any case.
 
 from typing import NamedTuple
 
-from jaxsat.control.estimators import RecursiveLeastSquares, RippleObserver, ThirdAxisEstimator
+from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate
+from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.oscillatory import MorinSamson, Oscillator, TwoChannel
+from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.terminal import OrbitalRegulator
@@ -35,6 +37,7 @@ class _Approach(NamedTuple):
     rate: tuple[float, float, float]  # share, rate gain, dead zone
     stopped_rate: float
     slews: tuple[float, float, float, float, float]
+    lost_rate: float = 0.05
 
 
 _MORIN_SAMSON = {
@@ -45,12 +48,12 @@ _MORIN_SAMSON = {
 _TWO_CHANNEL = {
     1.0: _Oscillation(0.170, 1.36, 0.161, 0.113, 0.0494, 0.122, 1.02, 4e-5, 2.5e-3),
     5.0: _Oscillation(0.287, 0.262, 0.454, 0.0925, 0.0713, 0.146, 1.24, 3e-5, 1.4e-3),
-    20.0: _Oscillation(0.382, 0.319, 6.03, 0.117, 0.159, 0.786, 1.07, 3e-5, 8e-4),
+    20.0: _Oscillation(0.382, 0.319, 6.03, 0.117, 0.159, 0.786, 1.07, 3e-5, 1.2e-3),
 }
 _APPROACH = {
-    1.0: _Approach((0.551, 10.0, 6e-5), 7.9e-3, (0.897, 2.58, 2.80, 4.0e-3, 1.14e-2)),
+    1.0: _Approach((0.551, 10.0, 6e-5), 7.9e-3, (0.897, 2.58, 2.80, 4.0e-3, 1.14e-2), 2e-3),
     5.0: _Approach((0.779, 1.12, 3e-5), 4.7e-3, (0.791, 4.77, 2.34, 2.7e-3, 8.8e-4)),
-    20.0: _Approach((0.881, 0.795, 2e-5), 2.7e-3, (0.825, 7.32, 2.33, 2.0e-3, 6.4e-4)),
+    20.0: _Approach((0.881, 0.795, 5e-5), 2.7e-3, (0.825, 7.32, 2.33, 2.0e-3, 6.4e-4)),
 }
 
 TUNED_PERIOD = 0.1
@@ -67,16 +70,18 @@ def oscillatory_settling(
     observe: bool = True,
     estimate: bool = True,
     period: float = TUNED_PERIOD,
+    ripple: AbstractRippleEstimator | None = None,
 ) -> OscillatorySettling:
-    """The Morin-Samson law with regulator; `observe` d3's ripple, `estimate` axes and inertia.
+    """The Morin-Samson law with regulator.
 
-    `model` is what the controller believes of the plant. Raises `ValueError` for a torque limit
-    without tuned gains.
+    `model` is what the controller believes of the plant. `observe` tells whether it estimates the
+    ripple of d3 (by `ripple`, a `RippleFilter` unless given), `estimate` whether it estimates the
+    errors of axes and inertia. Raises `ValueError` for a torque limit without tuned gains.
     """
     gains = _gains(_MORIN_SAMSON, torque_limit)
     demand = MorinSamson(gains.k3, gains.turn)
     fine = _fine_stage(model, demand, gains, fade_lean=False)
-    estimator = _estimator(model, observe, estimate)
+    estimator = _estimator(model, observe, estimate, ripple)
     return OscillatorySettling(
         fine=fine, estimator=estimator, torque_limit=torque_limit, period=period
     )
@@ -89,6 +94,7 @@ def three_slew_settling(
     observe: bool = True,
     estimate: bool = True,
     period: float = TUNED_PERIOD,
+    ripple: AbstractRippleEstimator | None = None,
 ) -> ThreeSlewSettling:
     """Rate law, three slews, two-channel law and regulator; arguments as above."""
     gains = _gains(_TWO_CHANNEL, torque_limit)
@@ -98,9 +104,10 @@ def three_slew_settling(
         rate_law=FiniteTimeRate(model, torque_limit, *approach.rate),
         planner=SlewPlanner(model, torque_limit, *approach.slews),
         fine=_fine_stage(model, demand, gains, fade_lean=True),
-        estimator=_estimator(model, observe, estimate),
+        estimator=_estimator(model, observe, estimate, ripple),
         torque_limit=torque_limit,
         stopped_rate=approach.stopped_rate,
+        lost_rate=approach.lost_rate,
         period=period,
     )
 
@@ -128,9 +135,8 @@ def _fine_stage(model, demand, gains: _Oscillation, *, fade_lean: bool) -> FineS
     return FineStage(oscillator, OrbitalRegulator.design(model), handover, fade_lean)
 
 
-def _estimator(model: RigidBody, observe: bool, estimate: bool) -> ThirdAxisEstimator:
-    return ThirdAxisEstimator(
-        model,
-        RippleObserver() if observe else None,
-        RecursiveLeastSquares() if estimate else None,
-    )
+def _estimator(
+    model: RigidBody, observe: bool, estimate: bool, ripple: AbstractRippleEstimator | None
+) -> ThirdAxisEstimator:
+    observer = (ripple or RippleFilter()) if observe else None
+    return ThirdAxisEstimator(model, observer, RecursiveLeastSquares() if estimate else None)

@@ -8,8 +8,13 @@ from scipy.integrate import solve_ivp
 
 from control.cases import INERTIA, C, body
 from jaxsat.attitude import Quaternion
-from jaxsat.control import RecursiveLeastSquares, RippleObserver, ThirdAxisEstimator
-from jaxsat.control.estimators import Ripple
+from jaxsat.control import (
+    RecursiveLeastSquares,
+    RippleFilter,
+    RippleObserver,
+    ThirdAxisEstimator,
+)
+from jaxsat.control.ripple import Ripple
 from jaxsat.dynamics import PlantState
 
 PERIOD = 0.1
@@ -21,7 +26,7 @@ def state(omega):
 
 
 def observe(observer, ripple, omega3):
-    ripple = observer.advance(ripple, jnp.zeros(()), jnp.array(PERIOD))
+    ripple = observer.advance(ripple, AT_REST, jnp.zeros(()), jnp.array(PERIOD))
     return observer.correct(ripple, AT_REST.at[2].set(omega3), jnp.array(PERIOD))
 
 
@@ -57,10 +62,57 @@ def test_observer_finds_the_ripple():
     )
     ripple = run(observer.init(jnp.array(rate[0])))
     angle = frequency * times[-1] + phase
-    rate_ripple, turn_ripple = observer.ripples(ripple)
+    _, rate_ripple, turn_ripple = observer.believed(ripple, ripple.rate)
     assert rate_ripple == pytest.approx(-size / frequency * np.cos(angle), abs=1e-8)
     assert turn_ripple == pytest.approx(-size / frequency**2 * np.sin(angle), abs=1e-7)
     assert ripple.acceleration == pytest.approx(size * np.sin(angle), abs=1e-9)
+
+
+def test_filter_finds_the_ripple_sooner_and_through_noise():
+    """After 40 s with white noise as large as the ripple: against the truth and the observer."""
+    size, noise, frequency = 3.2e-5, 2e-5, 0.1
+    times = PERIOD * np.arange(401)
+    clean = 2e-5 + size * np.cos(frequency * times + 0.4)
+    filtering, watching = RippleFilter(noise=noise), RippleObserver()
+
+    def run(estimator, measured):
+        def one(memory, omega3):
+            omega = AT_REST.at[2].set(omega3)
+            memory = estimator.advance(memory, omega, jnp.zeros(()), jnp.array(PERIOD))
+            return estimator.correct(memory, omega, jnp.array(PERIOD)), None
+
+        memory = jax.lax.scan(one, estimator.init(measured[0]), measured)[0]
+        return jnp.stack(estimator.believed(memory, measured[-1]))
+
+    draws = jnp.array(np.random.default_rng(5).normal(size=(50, len(times))))
+    measured = jnp.array(clean)[None, :] + noise * draws
+    found = jax.vmap(lambda x: run(filtering, x))(measured)
+    angle = frequency * times[-1] + 0.4
+    expected = [clean[-1], size * np.cos(angle), size * np.sin(angle) / frequency]
+    np.testing.assert_allclose(found.mean(axis=0), expected, atol=3e-6, rtol=0.12)
+    watched = jax.vmap(lambda x: run(watching, x))(measured)
+    error = jnp.sqrt(jnp.mean((found - jnp.array(expected)[None, :]) ** 2, axis=0))
+    other = jnp.sqrt(jnp.mean((watched - jnp.array(expected)[None, :]) ** 2, axis=0))
+    assert error[0] < 0.5 * noise
+    assert jnp.all(error < 0.6 * other)
+
+
+def test_filter_is_the_batch_estimate():
+    """Without drift: weighted least squares for mean, ripple and quadrature at the end."""
+    filtering = RippleFilter(drift=1e-15)
+    omega3 = np.random.default_rng(1).normal(size=30) * 3e-5
+    memory = filtering.init(jnp.array(omega3[0]))
+    for value in omega3[1:]:
+        omega = AT_REST.at[2].set(value)
+        memory = filtering.advance(memory, omega, jnp.zeros(()), jnp.array(PERIOD))
+        memory = filtering.correct(memory, omega, jnp.array(PERIOD))
+    ago = 0.1 * PERIOD * np.arange(29, -1, -1)
+    rows = np.stack([np.ones(30), np.cos(ago), np.sin(ago)], axis=1) / 1e-5
+    # The prior on ripple and quadrature is the same at every angle.
+    prior = np.diag([0, 1 / 3e-5, 1 / 3e-5])
+    left, right = np.vstack([rows, prior]), np.hstack([omega3 / 1e-5, 0, 0, 0])
+    batch = np.linalg.lstsq(left, right, rcond=None)[0]
+    np.testing.assert_allclose(memory.state, batch, rtol=1e-6, atol=1e-12)
 
 
 def test_observer_waits_while_the_rates_are_large():
@@ -68,7 +120,7 @@ def test_observer_waits_while_the_rates_are_large():
     observer = RippleObserver()
     ripple = Ripple(jnp.array(0.1), jnp.array(2e-6), jnp.array(1e-7))
     fast = jnp.array([0.03, 0.0, 0.2])
-    moved = observer.advance(ripple, jnp.zeros(()), jnp.array(PERIOD))
+    moved = observer.advance(ripple, AT_REST, jnp.zeros(()), jnp.array(PERIOD))
     after = observer.correct(moved, fast, jnp.array(PERIOD))
     turn = np.exp(-0.1j * PERIOD)
     expected = (2e-6 + 1j * 1e-7 / 0.1) * turn

@@ -1,0 +1,80 @@
+"""Least squares for the errors of axes and inertia, through which torques reach the third axis."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from jaxsat.checks import as_float, require_positive
+
+RealScalar = Float[Array, ""]
+
+PRIOR = (0.03, 0.03, 0.08, 0.03, 0.03, 0.03, 0.003, 0.003)
+"""Standard deviations of ε1, ε2 and of the coefficients of Q."""
+
+
+class Fit(NamedTuple):
+    """Estimate (ε1, ε2, and six of Q), its covariance, and the sums of the present interval."""
+
+    estimate: Float[Array, "8"]
+    covariance: Float[Array, "8 8"]
+    first_omega: Float[Array, "3"]
+    products: Float[Array, "6"]
+    samples: Int[Array, ""]
+
+
+class RecursiveLeastSquares(eqx.Module):
+    """Recursive least squares for the errors of axes and inertia that reach the third axis.
+
+    Two torques along any two axes and any inertia give J dω/dt = -ω × Jω + A u, and u can be
+    eliminated: dω3/dt = ε1 dω1/dt + ε2 dω2/dt + Q(ω), exactly, Q quadratic. Over an interval of
+    `samples` control periods
+        Δω3 - c ∫ω1ω2 = ε1 Δω1 + ε2 Δω2 + ∫(Q - c ω1ω2) dt
+    is linear in ε and the six coefficients of Q - c ω1ω2, those of ω1ω2 (that is δc), ω1² - ω2²
+    (-J12 / J3 to first order), ω2ω3, ω1ω3, and two of second order, ω1² + ω2² and ω3². To first
+    order ε collects torque axes that lean towards the third body axis and J13, J23. `prior` are
+    the standard deviations believed at the start (shape (8,)), `noise` that of one Δω3 (rad/s).
+    """
+
+    prior: Float[Array, "8"] = eqx.field(converter=as_float, default=PRIOR)
+    noise: RealScalar = eqx.field(converter=as_float, default=2e-5)
+    samples: int = eqx.field(static=True, default=10)
+
+    def __check_init__(self):
+        require_positive("prior", self.prior)
+        require_positive("noise", self.noise)
+        if self.samples < 1:
+            raise ValueError(f"Argument `samples` must be at least 1, but got {self.samples}.")
+
+    def init(self, omega: Float[Array, "3"]) -> Fit:
+        """No error known yet."""
+        return Fit(
+            jnp.zeros(8, omega.dtype),
+            jnp.diag(self.prior**2).astype(omega.dtype),
+            omega,
+            jnp.zeros(6, omega.dtype),
+            jnp.array(-1),  # the first sample only begins the first interval
+        )
+
+    def update(
+        self, fit: Fit, omega: Float[Array, "3"], products: Float[Array, "6"], c: RealScalar
+    ) -> Fit:
+        """One sample more; `products` are the six integrals since the last sample.
+
+        `c` is the model's value, which δc is added to.
+        """
+        products, count = fit.products + products, fit.samples + 1
+        change = omega - fit.first_omega
+        regressor = jnp.concatenate([change[:2], products])
+        projected = jnp.sum(fit.covariance * regressor[None, :], axis=1)
+        gain = projected / (self.noise**2 + jnp.sum(regressor * projected))
+        residual = change[2] - c * products[0] - jnp.sum(regressor * fit.estimate)
+        full = count >= self.samples
+        return Fit(
+            fit.estimate + jnp.where(full, gain * residual, 0.0),
+            fit.covariance - jnp.where(full, gain[:, None] * projected[None, :], 0.0),
+            jnp.where(full, omega, fit.first_omega),
+            jnp.where(full, 0.0, products),
+            jnp.where(full, 0, count),
+        )

@@ -1,0 +1,225 @@
+"""The periodic d3 of (2) about the axis without a torque: what of ω3 and z not to chase.
+
+Nothing can cancel d3. It leaves a ripple of a3 / (J3 Ω) in ω3 and a3 / (J3 Ω²) in z, which a law
+that steers the third axis has to know in order to leave it alone.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from jaxsat.checks import as_float, require_positive
+
+RealScalar = Float[Array, ""]
+
+
+class ThirdRate(NamedTuple):
+    """ω3 (rad/s), and the zero-mean ripples of ω3 (rad/s) and of z (rad) within it."""
+
+    rate: RealScalar
+    rate_ripple: RealScalar
+    turn_ripple: RealScalar
+
+
+class AbstractRippleEstimator(eqx.Module):
+    """Estimates a sinusoidal d3 from the measured rates, sample by sample."""
+
+    @abc.abstractmethod
+    def init(self, omega3: RealScalar) -> PyTree:
+        """The memory when ω3 is all that is known."""
+
+    @abc.abstractmethod
+    def advance(
+        self, memory: PyTree, omega: Float[Array, "3"], change: RealScalar, period: RealScalar
+    ) -> PyTree:
+        """The prediction `period` (s) on; `change` is that of ω3 (rad/s) but for d3."""
+
+    @abc.abstractmethod
+    def correct(self, memory: PyTree, omega: Float[Array, "3"], period: RealScalar) -> PyTree:
+        """The prediction corrected by the measured `omega` (rad/s)."""
+
+    @abc.abstractmethod
+    def believed(self, memory: PyTree, omega3: RealScalar) -> ThirdRate:
+        """What a law should take for ω3 and its ripple, given the measured ω3."""
+
+    @abc.abstractmethod
+    def forget(self, memory: PyTree, when: Bool[Array, ""]) -> PyTree:
+        """Called where a new phase of a supervisor begins (`when`)."""
+
+
+class Ripple(NamedTuple):
+    """Estimate of ω3 (rad/s), of d3 / J3 (rad/s²) and of the latter's derivative (rad/s³)."""
+
+    rate: RealScalar
+    acceleration: RealScalar
+    jerk: RealScalar
+
+
+class RippleObserver(AbstractRippleEstimator):
+    """The paper's internal model (42) moved to the axis without a torque.
+
+    With n1 = d3 / J3 and n2 = dn1/dt, d²n1/dt² = -Ω² n1, and ε the error of the predicted ω3,
+        dω̂3/dt = c ω1 ω2 + n1 + 3λ ε,
+        dn1/dt = n2 + (3λ² - Ω²) ε,
+        dn2/dt = -Ω² n1 + (λ³ - 3λΩ²) ε,
+    whose three error poles are at -λ. It is sampled without approximation: the oscillation is
+    propagated exactly between samples, and the gains put the poles at exp(-λ period).
+    `frequency` is Ω and `pole` is λ, both in rad/s. Above `rate_limit` (rad/s) of ω1 or ω2 the
+    unknown part of c ω1 ω2 would be taken for a disturbance, so only the oscillation goes on.
+    """
+
+    frequency: RealScalar = eqx.field(converter=as_float, default=0.1)
+    pole: RealScalar = eqx.field(converter=as_float, default=0.05)
+    rate_limit: RealScalar = eqx.field(converter=as_float, default=0.02)
+
+    def __check_init__(self):
+        for name in ("frequency", "pole", "rate_limit"):
+            require_positive(name, getattr(self, name))
+
+    def init(self, omega3: RealScalar) -> Ripple:
+        """No disturbance known yet."""
+        return Ripple(omega3, jnp.zeros_like(omega3), jnp.zeros_like(omega3))
+
+    def advance(
+        self, ripple: Ripple, omega: Float[Array, "3"], change: RealScalar, period: RealScalar
+    ) -> Ripple:
+        """The prediction one `period` (s) on, exactly."""
+        del omega
+        cos, sin = jnp.cos(self.frequency * period), jnp.sin(self.frequency * period)
+        n1, n2 = ripple.acceleration, ripple.jerk
+        by_ripple = n1 * sin / self.frequency + n2 * (1 - cos) / self.frequency**2
+        return Ripple(
+            ripple.rate + change + by_ripple,
+            n1 * cos + n2 * sin / self.frequency,
+            n2 * cos - n1 * self.frequency * sin,
+        )
+
+    def correct(self, ripple: Ripple, omega: Float[Array, "3"], period: RealScalar) -> Ripple:
+        """The prediction corrected by the measured `omega` (rad/s), while ω1 and ω2 are small."""
+        slow = (jnp.abs(omega[0]) < self.rate_limit) & (jnp.abs(omega[1]) < self.rate_limit)
+        error = omega[2] - ripple.rate
+        gains = self.gains(period)
+        change = jnp.where(slow, error, 0.0)
+        return Ripple(
+            jnp.where(slow, ripple.rate + gains.rate * error, omega[2]),
+            ripple.acceleration + gains.acceleration * change,
+            ripple.jerk + gains.jerk * change,
+        )
+
+    def gains(self, period: RealScalar) -> Ripple:
+        """The sampled observer's gains, all three poles at exp(-λ period) exactly.
+
+        In modal form ω̂3 = m + Re ζ with m' = 0 and ζ' = iΩ ζ, so n1 = -Ω Im ζ and n2 = -Ω² Re ζ,
+        each gain is a residue of (z - p)³ over the open-loop polynomial. For short periods they
+        become the continuous gains times the period.
+        """
+        half = self.frequency * period / 2
+        rest = -jnp.expm1(-self.pole * period)  # 1 - p
+        real, imaginary = rest * jnp.cos(half), (2 - rest) * jnp.sin(half)
+        below = -2 * jnp.sin(half) * jnp.sin(2 * half)
+        oscillating = (real**3 - 3 * real * imaginary**2) / below
+        quadrature = (3 * real**2 * imaginary - imaginary**3) / below
+        constant = rest**3 / (4 * jnp.sin(half) ** 2)
+        return Ripple(
+            constant + oscillating,
+            -self.frequency * quadrature,
+            -(self.frequency**2) * oscillating,
+        )
+
+    def believed(self, ripple: Ripple, omega3: RealScalar) -> ThirdRate:
+        """The measured ω3, and the integrals of n1 without mean: -n2 / Ω² and -n1 / Ω²."""
+        square = self.frequency**2
+        return ThirdRate(omega3, -ripple.jerk / square, -ripple.acceleration / square)
+
+    def forget(self, ripple: Ripple, when: Bool[Array, ""]) -> Ripple:
+        """n1 = n2 = 0 where `when` holds."""
+        n1, n2 = jnp.where(when, 0.0, ripple.acceleration), jnp.where(when, 0.0, ripple.jerk)
+        return Ripple(ripple.rate, n1, n2)
+
+
+class RippleBelief(NamedTuple):
+    """Mean of ω3, the ripple and its quadrature, all rad/s, and their covariance."""
+
+    state: Float[Array, "3"]
+    covariance: Float[Array, "3 3"]
+
+
+class RippleFilter(AbstractRippleEstimator):
+    """The same model with gains that suit what is known: a Kalman filter.
+
+    At first it learns in a fraction of the disturbance's period, later it averages the noise of
+    the sensor away. Rates of ω1 and ω2 make it careful instead of being switched off: the
+    predicted ω3 is trusted to `product_error` |ω|², `lean_error` |ω| (without unit). `noise` is
+    the sensor's (rad/s), `amplitude` the ripple's expected size (rad/s), and `drift` the rate at
+    which the ripple may change by itself (rad/s per √s), which lets another frequency be followed.
+    """
+
+    frequency: RealScalar = eqx.field(converter=as_float, default=0.1)
+    noise: RealScalar = eqx.field(converter=as_float, default=1e-5)
+    amplitude: RealScalar = eqx.field(converter=as_float, default=3e-5)
+    drift: RealScalar = eqx.field(converter=as_float, default=2e-6)
+    product_error: RealScalar = eqx.field(converter=as_float, default=0.01)
+    lean_error: RealScalar = eqx.field(converter=as_float, default=0.003)
+
+    def __check_init__(self):
+        require_positive("frequency", self.frequency)
+        for name in ("noise", "amplitude", "drift", "product_error", "lean_error"):
+            require_positive(name, getattr(self, name))
+
+    def init(self, omega3: RealScalar) -> RippleBelief:
+        """The first measurement is mean plus ripple, and nothing more is known of the mean."""
+        zero, noise, size = jnp.zeros_like(omega3), self.noise**2, self.amplitude**2
+        covariance = jnp.stack(
+            [
+                jnp.stack([noise + size, -size, zero]),
+                jnp.stack([-size, size + zero, zero]),
+                jnp.stack([zero, zero, size + zero]),
+            ]
+        )
+        return RippleBelief(jnp.stack([omega3, zero, zero]), covariance)
+
+    def advance(
+        self, memory: RippleBelief, omega: Float[Array, "3"], change: RealScalar, period: RealScalar
+    ) -> RippleBelief:
+        """The mean moves by `change`, the ripple turns by Ω `period`, and both grow less sure."""
+        cos, sin = jnp.cos(self.frequency * period), jnp.sin(self.frequency * period)
+        one, zero = jnp.ones_like(cos), jnp.zeros_like(cos)
+        turn = jnp.stack(
+            [
+                jnp.stack([one, zero, zero]),
+                jnp.stack([zero, cos, -sin]),
+                jnp.stack([zero, sin, cos]),
+            ]
+        )
+        model_error = self.product_error * (omega[0] ** 2 + omega[1] ** 2)
+        spread = period * jnp.stack([model_error**2, self.drift**2, self.drift**2])
+        state = jnp.sum(turn * memory.state[None, :], axis=1).at[0].add(change)
+        covariance = turn @ memory.covariance @ turn.T + jnp.diag(spread)
+        return RippleBelief(state, covariance)
+
+    def correct(
+        self, memory: RippleBelief, omega: Float[Array, "3"], period: RealScalar
+    ) -> RippleBelief:
+        """The usual update by one measurement, the sum of mean and ripple."""
+        del period
+        size = omega[0] ** 2 + omega[1] ** 2
+        seen = memory.covariance[0] + memory.covariance[1]
+        variance = seen[0] + seen[1] + self.noise**2 + self.lean_error**2 * size
+        gain = seen / variance
+        error = omega[2] - memory.state[0] - memory.state[1]
+        covariance = memory.covariance - gain[:, None] * seen[None, :]
+        return RippleBelief(memory.state + gain * error, covariance)
+
+    def believed(self, memory: RippleBelief, omega3: RealScalar) -> ThirdRate:
+        """The filtered ω3; the ripple's integral is its quadrature over Ω."""
+        del omega3
+        mean, ripple, quadrature = memory.state
+        return ThirdRate(mean + ripple, ripple, quadrature / self.frequency)
+
+    def forget(self, memory: RippleBelief, when: Bool[Array, ""]) -> RippleBelief:
+        """Nothing to do: the covariance knows what the last phase was worth."""
+        del when
+        return memory
