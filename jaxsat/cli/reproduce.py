@@ -66,12 +66,14 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
         if not quiet:
             console(error=True).print(f"[{number}/{len(RUNS)}] {run.purpose}")
         scenario = load_or_explain(run.scenario, run.overrides)
-        trajectory = interruptibly(lambda scenario=scenario: build(scenario).simulate())
+        built = build(scenario)
+        trajectory = interruptibly(built.simulate)
         datasets[name] = trajectory_dataset(
             trajectory,
             title=run.purpose,
             scenario=dump(scenario),
             seed=scenario.simulation.seed,
+            mode_names=built.mode_names,
         )
     return datasets
 

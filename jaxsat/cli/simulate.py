@@ -73,12 +73,14 @@ def _run(scenario: "Scenario") -> tuple["xr.Dataset", float]:
     from jaxsat.scenario import build, dump
 
     begin = time.perf_counter()
-    trajectory = build(scenario).simulate()
+    run = build(scenario)
+    trajectory = run.simulate()
     dataset = trajectory_dataset(
         trajectory,
         title=scenario.title,
         scenario=dump(scenario),
         seed=scenario.simulation.seed,
+        mode_names=run.mode_names,
     )
     return dataset, time.perf_counter() - begin
 

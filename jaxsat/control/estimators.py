@@ -21,6 +21,9 @@ RealScalar = Float[Array, ""]
 LEAST_COUPLING = 0.2
 """A smaller |c + δc| than this is not believed: the laws divide by it."""
 
+PRIOR = (0.03, 0.03, 0.08, 0.03, 0.03, 0.03, 0.003, 0.003)
+"""Standard deviations of ε1, ε2 and of the coefficients of Q."""
+
 
 class Ripple(NamedTuple):
     """Estimate of ω3 (rad/s), of d3 / J3 (rad/s²) and of the latter's derivative (rad/s³)."""
@@ -104,26 +107,29 @@ class RippleObserver(eqx.Module):
 
 
 class Fit(NamedTuple):
-    """Estimate (ε1, ε2, δc, f), its covariance, and the sums of the present interval."""
+    """Estimate (ε1, ε2, and six of Q), its covariance, and the sums of the present interval."""
 
-    estimate: Float[Array, "4"]
-    covariance: Float[Array, "4 4"]
+    estimate: Float[Array, "8"]
+    covariance: Float[Array, "8 8"]
     first_omega: Float[Array, "3"]
-    products: Float[Array, "2"]
-    count: Int[Array, ""]
+    products: Float[Array, "6"]
+    samples: Int[Array, ""]
 
 
 class RecursiveLeastSquares(eqx.Module):
     """Recursive least squares for the errors of axes and inertia that reach the third axis.
 
-    Over an interval of `samples` control periods,
-        Δω3 - c ∫ω1ω2 = ε1 Δω1 + ε2 Δω2 + δc ∫ω1ω2 + f ∫(ω1² - ω2²),
-    where ε collects torque axes that lean towards the third body axis and the products of inertia
-    J13, J23, δc is the error of c = (J1 - J2) / J3 and f comes from J12. `prior` are the standard
-    deviations believed at the start (shape (4,)), `noise` that of one Δω3 (rad/s).
+    Two torques along any two axes and any inertia give J dω/dt = -ω × Jω + A u, and u can be
+    eliminated: dω3/dt = ε1 dω1/dt + ε2 dω2/dt + Q(ω), exactly, Q quadratic. Over an interval of
+    `samples` control periods
+        Δω3 - c ∫ω1ω2 = ε1 Δω1 + ε2 Δω2 + ∫(Q - c ω1ω2) dt
+    is linear in ε and the six coefficients of Q - c ω1ω2, those of ω1ω2 (that is δc), ω1² - ω2²
+    (-J12 / J3 to first order), ω2ω3, ω1ω3, and two of second order, ω1² + ω2² and ω3². To first
+    order ε collects torque axes that lean towards the third body axis and J13, J23. `prior` are
+    the standard deviations believed at the start (shape (8,)), `noise` that of one Δω3 (rad/s).
     """
 
-    prior: Float[Array, "4"] = eqx.field(converter=as_float, default=(0.03, 0.03, 0.08, 0.03))
+    prior: Float[Array, "8"] = eqx.field(converter=as_float, default=PRIOR)
     noise: RealScalar = eqx.field(converter=as_float, default=2e-5)
     samples: int = eqx.field(static=True, default=10)
 
@@ -136,21 +142,21 @@ class RecursiveLeastSquares(eqx.Module):
     def init(self, omega: Float[Array, "3"]) -> Fit:
         """No error known yet."""
         return Fit(
-            jnp.zeros(4, omega.dtype),
+            jnp.zeros(8, omega.dtype),
             jnp.diag(self.prior**2).astype(omega.dtype),
             omega,
-            jnp.zeros(2, omega.dtype),
+            jnp.zeros(6, omega.dtype),
             jnp.array(-1),  # the first sample only begins the first interval
         )
 
     def update(
-        self, fit: Fit, omega: Float[Array, "3"], products: Float[Array, "2"], c: RealScalar
+        self, fit: Fit, omega: Float[Array, "3"], products: Float[Array, "6"], c: RealScalar
     ) -> Fit:
-        """One sample more; `products` are ∫ω1ω2 and ∫(ω1² - ω2²) since the last sample.
+        """One sample more; `products` are the six integrals since the last sample.
 
         `c` is the model's value, which δc is added to.
         """
-        products, count = fit.products + products, fit.count + 1
+        products, count = fit.products + products, fit.samples + 1
         change = omega - fit.first_omega
         regressor = jnp.concatenate([change[:2], products])
         projected = jnp.sum(fit.covariance * regressor[None, :], axis=1)
@@ -226,14 +232,14 @@ class ThirdAxisEstimator(eqx.Module):
         memory = jax.tree.map(lambda x, y: jnp.where(started, x, y), memory, self.init(state))
         span = jnp.where(started, period, 0.0)
         products = span * _mean_products(memory.omega, state.omega)
-        errors = jnp.zeros(4, state.omega.dtype) if memory.fit is None else memory.fit.estimate
+        errors = jnp.zeros(8, state.omega.dtype) if memory.fit is None else memory.fit.estimate
         ripple, fit = memory.ripple, memory.fit
-        if self.observer is not None:
+        if self.observer is not None and ripple is not None:
             known = jnp.concatenate([(state.omega - memory.omega)[:2], products])
             change = c * products[0] + jnp.sum(known * errors)
             ripple = self.observer.advance(ripple, change, span)
             ripple = self.observer.correct(ripple, state.omega, period)
-        if self.least_squares is not None:
+        if self.least_squares is not None and fit is not None:
             fit = self.least_squares.update(fit, state.omega, products, c)
             errors = fit.estimate
         following = EstimatorMemory(ripple, fit, state.omega, jnp.array(True))
@@ -251,10 +257,13 @@ class ThirdAxisEstimator(eqx.Module):
         return ThirdAxis(omega3 - by_others, errors[:2], believed, *ripples)
 
 
-def _mean_products(before: Float[Array, "3"], after: Float[Array, "3"]) -> Float[Array, "2"]:
-    """Means of ω1ω2 and ω1² - ω2² over a period in which the rates change linearly."""
-    a1, a2, _ = before
-    b1, b2, _ = after
-    product = (2 * a1 * a2 + a1 * b2 + b1 * a2 + 2 * b1 * b2) / 6
-    squares = (a1**2 + a1 * b1 + b1**2 - a2**2 - a2 * b2 - b2**2) / 3
-    return jnp.stack([product, squares])
+def _mean_products(before: Float[Array, "3"], after: Float[Array, "3"]) -> Float[Array, "6"]:
+    """Means of the six products over a period in which the rates change linearly."""
+    middle = (before + after) / 2
+    # Simpson's rule, exact for squares of straight lines.
+    return (_products(before) + 4 * _products(middle) + _products(after)) / 6
+
+
+def _products(omega: Float[Array, "3"]) -> Float[Array, "6"]:
+    x, y, z = omega
+    return jnp.stack([x * y, x**2 - y**2, y * z, x * z, x**2 + y**2, z**2])

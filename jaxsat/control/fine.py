@@ -1,6 +1,7 @@
 """The fine stage: oscillate until all is small, then the orbital regulator, with hysteresis."""
 
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -11,7 +12,7 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.rate_tracking import clipped
-from jaxsat.control.switching import AbstractSampledController
+from jaxsat.control.switching import AbstractSampledController, ModeNames
 from jaxsat.control.terminal import OrbitalRegulator
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState
@@ -20,6 +21,8 @@ RealScalar = Float[Array, ""]
 
 OSCILLATING, REGULATING = 3, 4
 """Numbers of the two modes; a supervisor's earlier phases are 1 and 2."""
+
+FINE_MODES = {OSCILLATING: "oscillating", REGULATING: "regulating"}
 
 
 class Handover(eqx.Module):
@@ -130,6 +133,8 @@ class OscillatorySettling(AbstractSampledController):
 
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
+
+    mode_names: ClassVar[ModeNames] = MappingProxyType(FINE_MODES)
 
     fine: FineStage
     estimator: ThirdAxisEstimator

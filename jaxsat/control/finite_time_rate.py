@@ -5,7 +5,7 @@ bound near ω3 = 0. With the cube root of |ω3| instead of the square root the r
 at a constant rate, so that a constant torque follows them, and ω3 is gone after a finite time.
 """
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,7 +16,7 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.oscillatory import Tracking
 from jaxsat.control.rate_tracking import clipped, tracking_torque
-from jaxsat.control.switching import AbstractSampledController
+from jaxsat.control.switching import ONE_MODE, AbstractSampledController, ModeNames
 from jaxsat.dynamics import PlantState, RigidBody
 
 RealScalar = Float[Array, ""]
@@ -113,6 +113,8 @@ class FiniteTimeRateMemory(NamedTuple):
 
 class FiniteTimeRateLaw(AbstractSampledController):
     """The finite-time law alone: stops the rotation from any rates; `period` is in s."""
+
+    mode_names: ClassVar[ModeNames] = ONE_MODE
 
     law: FiniteTimeRate
     estimator: ThirdAxisEstimator

@@ -11,7 +11,7 @@ A demand chooses (α, β) from (s, ẑ); the law tracks the rates that make them
 """
 
 import abc
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,7 +20,7 @@ from jaxtyping import Array, Float, Int
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.rate_tracking import clipped, tracking_torque
-from jaxsat.control.switching import AbstractSampledController
+from jaxsat.control.switching import ONE_MODE, AbstractSampledController, ModeNames
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState, RigidBody
 
@@ -191,6 +191,8 @@ class OscillatoryLaw(AbstractSampledController):
 
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
+
+    mode_names: ClassVar[ModeNames] = ONE_MODE
 
     oscillator: Oscillator
     estimator: ThirdAxisEstimator

@@ -53,12 +53,20 @@ _APPROACH = {
     20.0: _Approach((0.881, 0.795, 2e-5), 2.7e-3, (0.825, 7.32, 2.33, 2.0e-3, 6.4e-4)),
 }
 
+TUNED_PERIOD = 0.1
+"""Control period (s) for which the gains are tuned."""
+
 TUNED_LIMITS = tuple(_APPROACH)
 """Torque limits (N m) for which there are gains."""
 
 
 def oscillatory_settling(
-    model: RigidBody, torque_limit: float | int, *, observe: bool = True, estimate: bool = True
+    model: RigidBody,
+    torque_limit: float | int,
+    *,
+    observe: bool = True,
+    estimate: bool = True,
+    period: float = TUNED_PERIOD,
 ) -> OscillatorySettling:
     """The Morin-Samson law with regulator; `observe` d3's ripple, `estimate` axes and inertia.
 
@@ -69,11 +77,18 @@ def oscillatory_settling(
     demand = MorinSamson(gains.k3, gains.turn)
     fine = _fine_stage(model, demand, gains, fade_lean=False)
     estimator = _estimator(model, observe, estimate)
-    return OscillatorySettling(fine, estimator, torque_limit, 0.1)
+    return OscillatorySettling(
+        fine=fine, estimator=estimator, torque_limit=torque_limit, period=period
+    )
 
 
 def three_slew_settling(
-    model: RigidBody, torque_limit: float | int, *, observe: bool = True, estimate: bool = True
+    model: RigidBody,
+    torque_limit: float | int,
+    *,
+    observe: bool = True,
+    estimate: bool = True,
+    period: float = TUNED_PERIOD,
 ) -> ThreeSlewSettling:
     """Rate law, three slews, two-channel law and regulator; arguments as above."""
     gains = _gains(_TWO_CHANNEL, torque_limit)
@@ -86,7 +101,7 @@ def three_slew_settling(
         estimator=_estimator(model, observe, estimate),
         torque_limit=torque_limit,
         stopped_rate=approach.stopped_rate,
-        period=0.1,
+        period=period,
     )
 
 

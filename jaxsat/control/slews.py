@@ -5,7 +5,8 @@ axes one after the other. With the body at rest before each slew, ω1 ω2 = 0 th
 stays what it was.
 """
 
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.rate_tracking import clipped, gyroscopic_torque
-from jaxsat.control.switching import AbstractSampledController
+from jaxsat.control.switching import AbstractSampledController, ModeNames
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.metrics import wrapped
 
@@ -221,6 +222,10 @@ class ThreeSlewLaw(AbstractSampledController):
 
     Afterwards it holds the first two rates at zero. `period` is in s.
     """
+
+    mode_names: ClassVar[ModeNames] = MappingProxyType(
+        {0: "first slew", 1: "second slew", 2: "third slew", 3: "slewed"}
+    )
 
     planner: SlewPlanner
     period: RealScalar = eqx.field(converter=as_float)

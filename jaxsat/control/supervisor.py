@@ -1,6 +1,7 @@
 """The quickest way that settles: stop, slew, then the fine stage."""
 
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,11 +10,11 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.fine import OSCILLATING, REGULATING, FineMemory, FineStage
+from jaxsat.control.fine import FINE_MODES, OSCILLATING, REGULATING, FineMemory, FineStage
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.slews import Slewing, SlewPlanner
-from jaxsat.control.switching import AbstractSampledController
+from jaxsat.control.switching import AbstractSampledController, ModeNames
 from jaxsat.control.tilt import tilt_of
 from jaxsat.dynamics import PlantState
 
@@ -46,6 +47,10 @@ class ThreeSlewSettling(AbstractSampledController):
     |z| exceeds `lost_turn` (rad) or |ω3| exceeds `lost_rate` (rad/s) in the fine stage.
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
+
+    mode_names: ClassVar[ModeNames] = MappingProxyType(
+        {STOPPING: "stopping", SLEWING: "slewing", **FINE_MODES}
+    )
 
     rate_law: FiniteTimeRate
     planner: SlewPlanner

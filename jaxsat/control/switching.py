@@ -6,7 +6,9 @@ the torque is held in between.
 """
 
 import abc
-from typing import NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,11 +20,17 @@ from jaxsat.control.rate import RateLaw
 from jaxsat.control.three_axis import ThreeAxisLaw
 from jaxsat.dynamics import PlantState
 
+ModeNames = Mapping[int, str]
+"""What the numbers of a controller's modes mean."""
+
+ONE_MODE: ModeNames = MappingProxyType({0: "one law"})
+
 
 class AbstractSampledController(eqx.Module):
     """A controller that runs once every `period` seconds; its torque is held in between."""
 
     period: eqx.AbstractVar[Float[Array, ""]]
+    mode_names: ClassVar[ModeNames]
 
     @abc.abstractmethod
     def init(self, state: PlantState) -> Memory:
@@ -61,6 +69,8 @@ class SwitchingLaw(AbstractSampledController):
     `rate_slope_limit` or `three_axis_slope_limit` (rad/s², shape (2,)), because the printed
     reference jumps in slope where sat switches.
     """
+
+    mode_names: ClassVar[ModeNames] = MappingProxyType({0: "three-axis law", 1: "rate law"})
 
     rate_law: RateLaw
     three_axis_law: ThreeAxisLaw

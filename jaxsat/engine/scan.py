@@ -50,7 +50,7 @@ class ScanEngine(AbstractEngine):
                 )
 
     @property
-    def width(self) -> int:
+    def width(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         """How many cases a block has."""
         return self.lanes * self.devices
 

@@ -3,6 +3,7 @@
 The datasets are those of `jaxsat.results.dataset`. No figure is shown or saved here.
 """
 
+import tomllib
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,7 +17,7 @@ Span = tuple[float, float]
 
 
 def trajectory_figures(dataset: xr.Dataset) -> dict[str, Figure]:
-    """The figures of one run by file name: attitude, rates, torque and, if known, Lyapunov."""
+    """The figures of one run by file name, those that its law gives something to show in."""
     figures = {
         "attitude": attitude_figure(dataset),
         "rates": rates_figure(dataset),
@@ -24,6 +25,8 @@ def trajectory_figures(dataset: xr.Dataset) -> dict[str, Figure]:
     }
     if np.isfinite(dataset["lyapunov"]).any():
         figures["lyapunov"] = lyapunov_figure(dataset)
+    if _mode_names(dataset):
+        figures["steering"] = steering_figure(dataset)
     return figures
 
 
@@ -37,7 +40,7 @@ def rates_figure(dataset: xr.Dataset, *, zoom: Span | None = None, title: str = 
     _lines(enlarged, part["time"], part["omega"], labels, legend=False)
     whole.set_ylabel("rate (rad/s)")
     enlarged.set_ylabel("enlarged (rad/s)")
-    _shade_rate_law(dataset, whole)
+    _shade_modes(dataset, whole)
     _finish(dataset, [whole], enlarged, zoom)
     return figure
 
@@ -50,7 +53,7 @@ def attitude_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
     angles = np.stack([np.degrees(dataset["z"].values), _angle_degrees(dataset)], axis=1)
     _lines(turn, dataset["time"], angles, ("z", "rotation angle"))
     turn.set_ylabel("angle (°)")
-    _shade_rate_law(dataset, tilt)
+    _shade_modes(dataset, tilt)
     _finish(dataset, [tilt, turn])
     return figure
 
@@ -80,6 +83,29 @@ def torque_figure(
     whole.set_ylabel("torque (N m)")
     enlarged.set_ylabel("enlarged (N m)")
     _finish(dataset, [whole], enlarged, zoom)
+    return figure
+
+
+def steering_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
+    """How two torques steer the third rate: ω1 and ω2, their product, and ω3 that it makes.
+
+    The dashed line is ω3 as the gyroscopic torque alone would make it, (J1 - J2)/J3 ∫ω1 ω2 dt.
+    """
+    figure, (driven, product, third) = panels(3, _title(dataset, "steering ω3", title), height=1.9)
+    time, omega = dataset["time"].values, dataset["omega"].values
+    _lines(driven, time, omega[:, :2], ("ω1", "ω2"))
+    _shade_modes(dataset, driven)
+    products = omega[:, 0] * omega[:, 1]
+    for axes in (driven, product, third):
+        axes.set_yscale("symlog", linthresh=1e-3 if axes is driven else 1e-5)
+    product.plot(time, products, **LINES[0])
+    steps = np.diff(time) * (products[1:] + products[:-1]) / 2
+    made = omega[0, 2] + _gyroscopic_ratio(dataset) * np.concatenate([[0], np.cumsum(steps)])
+    _lines(third, time, np.stack([omega[:, 2], made], 1), ("ω3", "made by ω1 ω2"))
+    driven.set_ylabel("rate (rad/s)")
+    product.set_ylabel("ω1 ω2 (rad²/s²)")
+    third.set_ylabel("ω3 (rad/s)")
+    _finish(dataset, [driven, product, third])
     return figure
 
 
@@ -149,6 +175,13 @@ def _last_fifth(dataset: xr.Dataset) -> Span:
     return (end - (end - start) / 5, end)
 
 
+def _gyroscopic_ratio(dataset: xr.Dataset) -> float:
+    """(J1 - J2)/J3 of (37), from the scenario that the dataset carries."""
+    inertia = np.array(tomllib.loads(dataset.attrs["scenario"])["spacecraft"]["inertia_kg_m2"])
+    j1, j2, j3 = inertia if inertia.ndim == 1 else np.diag(inertia)
+    return float((j1 - j2) / j3)
+
+
 def _angle_degrees(dataset: xr.Dataset) -> np.ndarray:
     """The angle of the single rotation between the frames, from the scalar part, degrees."""
     quaternion = dataset["quaternion"].values
@@ -156,20 +189,35 @@ def _angle_degrees(dataset: xr.Dataset) -> np.ndarray:
     return np.degrees(2 * np.arctan2(vector, np.abs(quaternion[:, 0])))
 
 
-def _shade_rate_law(dataset: xr.Dataset, axes: Axes) -> None:
-    """Grey bands where the rate law of a switching controller is at work."""
-    active = dataset["mode"].values > 0.5
-    if not active.any():
-        return
-    axes.fill_between(
-        dataset["time"],
-        0,
-        1,
-        where=active,
-        transform=axes.get_xaxis_transform(),
-        color="#bbbbbb",
-        linewidth=0,
-        step="post",
-        label="rate law at work",
-    )
-    _legend(axes, 3)
+def _shade_modes(dataset: xr.Dataset, axes: Axes) -> None:
+    """Bands of grey, each with its name, where a sampled controller is not in its usual mode."""
+    names = _mode_names(dataset)
+    usual = 0 if 0 in names else max(names, default=0)
+    unusual = [mode for mode in names if mode != usual]
+    for grey, mode in zip(np.linspace(0.7, 0.9, max(len(unusual), 1)), unusual, strict=False):
+        axes.fill_between(
+            dataset["time"],
+            0,
+            1,
+            where=dataset["mode"].values == mode,
+            transform=axes.get_xaxis_transform(),
+            color=str(grey),
+            linewidth=0,
+            step="post",
+            label=names[mode],
+        )
+    if unusual:
+        _legend(axes, 3 + len(unusual))
+
+
+def _mode_names(dataset: xr.Dataset) -> dict[int, str]:
+    """What the numbers of `mode` mean, those that occur."""
+    attributes = dataset["mode"].attrs
+    meanings = str(attributes.get("flag_meanings", "")).split()
+    values = np.atleast_1d(attributes.get("flag_values", [])).astype(int).tolist()
+    found = set(dataset["mode"].values[np.isfinite(dataset["mode"].values)].astype(int).tolist())
+    return {
+        mode: meaning.replace("_", " ")
+        for mode, meaning in zip(values, meanings, strict=True)
+        if mode in found
+    }

@@ -1,5 +1,6 @@
 """Trajectories as xarray datasets, in memory and as netCDF files."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,12 +46,18 @@ VARIABLES = {
 
 
 def trajectory_dataset(
-    trajectory: Trajectory, *, title: str = "", scenario: str = "", seed: int | None = None
+    trajectory: Trajectory,
+    *,
+    title: str = "",
+    scenario: str = "",
+    seed: int | None = None,
+    mode_names: Mapping[int, str] | None = None,
 ) -> xr.Dataset:
     """The history of one run over `time` (s), body axes, with units as attributes.
 
     `scenario` is the scenario as TOML text. Global attributes hold it with the outcome, the seed
-    and what `provenance` tells. Values after the end of a failed run are NaN.
+    and what `provenance` tells; `mode_names` go to the attributes of `mode`. Values after the end
+    of a failed run are NaN.
     """
     variables = {
         name: xr.Variable(
@@ -60,6 +67,11 @@ def trajectory_dataset(
         )
         for name, label in VARIABLES.items()
     }
+    if mode_names:
+        variables["mode"].attrs |= {
+            "flag_values": np.array(list(mode_names), float),
+            "flag_meanings": " ".join(name.replace(" ", "_") for name in mode_names.values()),
+        }
     time = xr.Variable(
         "time", np.asarray(trajectory.times), {"units": "s", "long_name": "time since the start"}
     )

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
@@ -14,11 +15,14 @@ from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_float
 from jaxsat.control import (
     AbstractController,
+    AbstractSampledController,
     Coast,
     InternalModel,
     RateLaw,
     SwitchingLaw,
     ThreeAxisLaw,
+    oscillatory_settling,
+    three_slew_settling,
 )
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import (
@@ -37,9 +41,11 @@ from jaxsat.noise import key_of_seed
 from jaxsat.scenario.control_tables import (
     CoastTable,
     ModelTable,
+    OscillatoryTable,
     RateTable,
     SwitchingTable,
     ThreeAxisTable,
+    ThreeSlewTable,
 )
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
@@ -83,6 +89,11 @@ class Run:
     times: Float[Array, " times"]
     method: Method
 
+    @property
+    def mode_names(self) -> Mapping[int, str]:
+        """What the numbers of `mode` mean, for sampled laws; else empty."""
+        return self.loop.controller.mode_names if isinstance(self.loop, SampledLoop) else {}
+
     def simulate(self) -> Trajectory:
         """Run the loop."""
         return simulate(self.loop, self.start, self.times, method=self.method)
@@ -100,7 +111,7 @@ def build(scenario: Scenario) -> Run:
 def build_loop(scenario: Scenario) -> AbstractLoop:
     """Plant, controller and thrusters in the coordinates that the scenario asks for."""
     plant, controller = build_plant(scenario), build_controller(scenario)
-    if isinstance(controller, SwitchingLaw):
+    if isinstance(controller, AbstractSampledController):
         substeps = scenario.simulation.solver.substeps or DEFAULT_SUBSTEPS
         sensors, delay = build_sampling(scenario)
         return SampledLoop(plant, controller, build_actuators(scenario), substeps, sensors, delay)
@@ -134,11 +145,13 @@ def build_actuators(scenario: Scenario) -> Actuators:
     return Actuators.of(thrusters, limit)
 
 
-def build_controller(scenario: Scenario) -> AbstractController | SwitchingLaw:
+def build_controller(scenario: Scenario) -> AbstractController | AbstractSampledController:
     """The control law with its own model of the plant."""
     control = scenario.control
     if isinstance(control, CoastTable):
         return Coast()
+    if isinstance(control, OscillatoryTable | ThreeSlewTable):
+        return _settling_law(scenario, control)
     model = _model(scenario, control.model, control.measured_disturbance)
     if isinstance(control, RateTable):
         return _rate_law(control, model)
@@ -180,7 +193,7 @@ def build_times(scenario: Scenario) -> Float[Array, " times"]:
     """Times to save at from zero to the end, s; on the samples of a sampled law."""
     table = scenario.simulation
     unit, count = table.save_every_s, round(table.duration_s / table.save_every_s)
-    if not isinstance(scenario.control, SwitchingTable):
+    if not isinstance(scenario.control, SwitchingTable | OscillatoryTable | ThreeSlewTable):
         return jnp.asarray(np.arange(count + 1) * unit)
     period = scenario.control.period_s
     return jnp.asarray(np.arange(count + 1) * round(unit / period) * period)
@@ -258,6 +271,20 @@ def _three_axis_law(
         as_float(table.attitude_weight_N_m),
         as_float(table.saturation_width),
         as_float(table.tilt_width),
+    )
+
+
+def _settling_law(
+    scenario: Scenario, table: OscillatoryTable | ThreeSlewTable
+) -> AbstractSampledController:
+    model = _model(scenario, table.model, (False, False, False))
+    settling = oscillatory_settling if isinstance(table, OscillatoryTable) else three_slew_settling
+    return settling(
+        model,
+        cast(float, scenario.spacecraft.torque_limit_N_m),
+        observe=table.observe_ripple,
+        estimate=table.estimate_axes,
+        period=table.period_s,
     )
 
 

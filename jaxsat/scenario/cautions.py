@@ -39,7 +39,7 @@ def _obeys_triangle_inequality(inertia: tuple) -> bool:
 
 def _law_cautions(scenario: Scenario) -> list[Issue]:
     """The rate law moves ω3 through the gyroscopic torque (J1 - J2) ω1 ω2 alone."""
-    if scenario.control.law not in ("rate", "switching"):
+    if scenario.control.law in ("coast", "three-axis"):
         return []
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     if inertia[0, 0] != inertia[1, 1]:

@@ -4,6 +4,8 @@ Every rule names the keys that it reads and is applied wherever all of these are
 themselves, so that one mistake hides no other.
 """
 
+from jaxsat.control import TUNED_LIMITS
+from jaxsat.scenario.control_tables import SAMPLED_LAWS, SETTLING_LAWS
 from jaxsat.scenario.coordinates import (
     ERROR_COORDINATE_KEYS,
     error_coordinate_obstacle,
@@ -193,6 +195,17 @@ def _error_coordinates_hold(values):
         )
 
 
+@rule("control.law", "spacecraft.torque_limit_N_m")
+def _gains_are_tuned_for_the_limit(law, limit):
+    if law in SETTLING_LAWS and limit not in TUNED_LIMITS:
+        yield at(
+            "spacecraft.torque_limit_N_m",
+            f"must be one of {', '.join(f'{tuned:g}' for tuned in TUNED_LIMITS)} N m under the law "
+            f'"{law}", for which there are tuned gains, got '
+            + ("nothing" if limit is None else shown(limit)),
+        )
+
+
 FIXED_KEYS = ("step_s",)
 ADAPTIVE_KEYS = ("rtol", "atol", "min_step_s", "max_steps")
 SOLVER_KEYS = ("steps", *ADAPTIVE_KEYS, *FIXED_KEYS, "substeps")
@@ -203,7 +216,7 @@ def _solver_keys_fit(values):
     law = values["control.law"]
     solver = {key: values.get(f"simulation.solver.{key}") for key in SOLVER_KEYS}
     given = [key for key in SOLVER_KEYS if solver[key] is not None]
-    sampled = law == "switching"
+    sampled = law in SAMPLED_LAWS
     fixed = solver["steps"] == "fixed" or (solver["steps"] is None and "step_s" in given)
     if sampled:
         misfits = [key for key in given if key != "substeps"]
@@ -227,7 +240,7 @@ def _solver_keys_fit(values):
 )
 def _euler_has_no_error_estimate(name, steps, step, law):
     adaptive = steps == "adaptive" or (steps is None and step is None)
-    if name == "euler" and adaptive and law != "switching":
+    if name == "euler" and adaptive and law not in SAMPLED_LAWS:
         yield at(
             "simulation.solver.name",
             'must be a solver with an error estimate while steps are adaptive, got "euler"',

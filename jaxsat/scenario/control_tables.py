@@ -130,12 +130,52 @@ class SwitchingTable(Table):
     model: ModelTable = MODEL
 
 
+OBSERVE = choice("Whether the ripple of d3 is observed and left out of the feedback", True)
+ESTIMATE = choice("Whether leaning thruster axes and the inertia ratio are estimated", True)
+PERIOD = quantity("Time between two runs of the controller; the gains are tuned for 0.1", "s", 0.1)
+
+
+class OscillatoryTable(Table):
+    """`law = "oscillatory"`: oscillate about the driven axes until all is small, then regulate.
+
+    The gains are those tuned for the torque limit (1, 5 or 20 N m).
+    """
+
+    law: Literal["oscillatory"] = choice("The control law")
+    observe_ripple: Switch = OBSERVE
+    estimate_axes: Switch = ESTIMATE
+    period_s: Positive = PERIOD
+    model: ModelTable = MODEL
+
+
+class ThreeSlewTable(Table):
+    """`law = "three-slew"`: stop, three slews about the driven axes, oscillate, regulate.
+
+    The gains are those tuned for the torque limit (1, 5 or 20 N m).
+    """
+
+    law: Literal["three-slew"] = choice("The control law")
+    observe_ripple: Switch = OBSERVE
+    estimate_axes: Switch = ESTIMATE
+    period_s: Positive = PERIOD
+    model: ModelTable = MODEL
+
+
 ControlTable = Annotated[
-    CoastTable | RateTable | ThreeAxisTable | SwitchingTable, Field(discriminator="law")
+    CoastTable | RateTable | ThreeAxisTable | SwitchingTable | OscillatoryTable | ThreeSlewTable,
+    Field(discriminator="law"),
 ]
+SAMPLED_LAWS = ("switching", "oscillatory", "three-slew")
+"""Laws that run once a period and hold their torque in between."""
+
+SETTLING_LAWS = ("oscillatory", "three-slew")
+"""Laws with gains tuned for certain torque limits."""
+
 LAWS: dict[str, type[Table]] = {
     "coast": CoastTable,
     "rate": RateTable,
     "three-axis": ThreeAxisTable,
     "switching": SwitchingTable,
+    "oscillatory": OscillatoryTable,
+    "three-slew": ThreeSlewTable,
 }

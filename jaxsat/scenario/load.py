@@ -34,7 +34,8 @@ def library() -> dict[str, Traversable]:
     """The named scenarios that come with jaxsat."""
     folder = resources.files("jaxsat.scenario") / "library"
     files = [entry for entry in folder.iterdir() if entry.name.endswith(".toml")]
-    return {entry.name.removesuffix(".toml"): entry for entry in sorted(files, key=str)}
+    named = {entry.name.removesuffix(".toml"): entry for entry in files}
+    return dict(sorted(named.items()))
 
 
 def load(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scenario:

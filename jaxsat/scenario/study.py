@@ -116,12 +116,14 @@ def _engine(
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
     suits = isinstance(loop, SampledLoop) or smooth or solver.step_s is not None
     if name == "diffrax" or (name == "auto" and not suits):
-        return ReferenceEngine(run.method, width)
+        return ReferenceEngine(method=run.method, width=width)
     adaptive = not suits or (solver.steps == "adaptive" and not isinstance(loop, SampledLoop))
     tolerance = None
     if adaptive:
-        bounds = (solver.rtol or TOLERANCE, solver.atol or TOLERANCE)
-        tolerance = Tolerance(*map(as_float, bounds))
+        rtol, atol = (as_float(bound or TOLERANCE) for bound in (solver.rtol, solver.atol))
+        tolerance = Tolerance(rtol, atol)
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
-    return ScanEngine(kind, substeps, width, devices, tolerance)
+    return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
+        solver=kind, substeps=substeps, lanes=width, devices=devices, tolerance=tolerance
+    )

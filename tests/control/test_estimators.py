@@ -82,7 +82,7 @@ def test_recursive_least_squares_is_the_batch_solution():
     fit_by = RecursiveLeastSquares(samples=1)
     rng = np.random.default_rng(0)
     omega = rng.normal(size=(40, 3)) * 0.05
-    products = rng.normal(size=(40, 2)) * 1e-2
+    products = rng.normal(size=(40, 6)) * 1e-2
     products[0] = 0
     update = jax.jit(lambda fit, w, p: fit_by.update(fit, w, p, jnp.array(C)))
     fit = fit_by.init(jnp.array(omega[0]))
@@ -100,7 +100,7 @@ def test_recursive_least_squares_is_the_batch_solution():
 def test_estimate_of_leaning_axes_and_products_of_inertia():
     """Rates integrated by SciPy; ε = M3 M12⁻¹ with M = J⁻¹ A says how the third axis follows.
 
-    ε, δc and f are of first order in the dispersions, and so is what they leave out.
+    All three rates are large, so every product matters, and the law is exact up to noise.
     """
     axes = np.array([[1.02, 0.004], [-0.006, 0.97], [0.01, -0.008]])
     inertia = np.diag(INERTIA * [1.03, 0.98, 1.01])
@@ -114,7 +114,7 @@ def test_estimate_of_leaning_axes_and_products_of_inertia():
         return inverse @ (torque - np.cross(omega, inertia @ omega))
 
     times = PERIOD * np.arange(601)
-    run = solve_ivp(rate, (0, 60), [0.02, -0.03, 0.001], t_eval=times, rtol=1e-10, atol=1e-13)
+    run = solve_ivp(rate, (0, 60), [0.02, -0.03, 0.05], t_eval=times, rtol=1e-10, atol=1e-13)
     estimator = ThirdAxisEstimator(body(), None)
     memory = estimator.init(state(run.y[:, 0]))
     update = jax.jit(lambda m, w: estimator.update(state(w), m, jnp.array(PERIOD)))
@@ -122,9 +122,9 @@ def test_estimate_of_leaning_axes_and_products_of_inertia():
         third, memory = update(memory, jnp.array(omega))
     effect = inverse @ axes
     lean = effect[2] @ np.linalg.inv(effect[:2])
-    np.testing.assert_allclose(third.lean, lean, atol=1e-3)
+    np.testing.assert_allclose(third.lean, lean, atol=1e-4)
     moments = np.diag(inertia)
-    assert float(third.coupling) == pytest.approx((moments[0] - moments[1]) / moments[2], abs=5e-3)
+    assert float(third.coupling) == pytest.approx((moments[0] - moments[1]) / moments[2], abs=2e-3)
     # -(ω × Jω) has J12 (ω2² - ω1²) about the third axis.
     assert float(memory.fit.estimate[3]) == pytest.approx(-inertia[0, 1] / moments[2], abs=2e-3)
 

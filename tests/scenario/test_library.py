@@ -4,14 +4,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.scenario import build, dump, library, load
+from jaxsat.results import time_to_settle, trajectory_dataset
+from jaxsat.scenario import ScenarioError, build, dump, library, load
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, SampledLoop
 
-NAMES = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]
+PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]
+SETTLING = ["two-torque-free", "two-torque-free-1", "two-torque-free-20"]
+NAMES = PAPER + SETTLING
 
 
 def test_names():
-    assert list(library()) == NAMES
+    assert list(library()) == sorted(NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -38,6 +41,7 @@ def test_scenario_says_what_it_is(name):
         ("paper-rate", ContinuousLoop),
         ("paper-three-axis", ErrorCoordinateLoop),
         ("switching", SampledLoop),
+        ("two-torque-free", SampledLoop),
     ],
 )
 def test_loop_that_suits(name, loop):
@@ -102,3 +106,22 @@ def test_switching_ends_in_a_limit_cycle():
     active = np.asarray(trajectory.signals.mode)
     assert set(np.unique(active)) == {0.0, 1.0}
     assert np.abs(np.asarray(trajectory.signals.torque)).max() <= 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SETTLING)
+@pytest.mark.parametrize("law", ["three-slew", "oscillatory"])
+def test_two_torques_settle_three_axes(name, law):
+    """The third rate free and thrusters limited: what the printed law cannot do."""
+    scenario = load(name, [f'control.law="{law}"'])
+    built = build(scenario)
+    dataset = trajectory_dataset(built.simulate())
+    assert time_to_settle(dataset) < 0.9 * scenario.simulation.duration_s
+    limit = scenario.spacecraft.torque_limit_N_m
+    assert np.abs(dataset["torque"]).max() <= limit
+    assert set(np.unique(dataset["mode"])) <= set(built.mode_names)
+
+
+def test_settling_laws_need_a_limit_that_they_are_tuned_for():
+    with pytest.raises(ScenarioError, match="must be one of 1, 5, 20 N m"):
+        load("two-torque-free", ["spacecraft.torque_limit_N_m=7"])

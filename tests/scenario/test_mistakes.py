@@ -340,7 +340,7 @@ def test_not_toml(content, line, message, tmp_path):
     ("name", "message"),
     [
         ("paper-rats", "or a TOML file, got neither, did you mean paper-rate?"),
-        ("nothing-like-it", "(free-third-rate, paper-rate, paper-three-axis, switching)"),
+        ("nothing-like-it", "paper-rate, paper-three-axis, switching, two-torque-free"),
         ("missing.toml", "must be a file that exists"),
         ("paper-rate.toml", "(jaxsat has a scenario paper-rate)"),
         (".", "got a folder"),
