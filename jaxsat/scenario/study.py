@@ -120,8 +120,8 @@ def _engine(
     adaptive = not suits or (solver.steps == "adaptive" and not isinstance(loop, SampledLoop))
     tolerance = None
     if adaptive:
-        bounds = (solver.rtol or TOLERANCE, solver.atol or TOLERANCE)
-        tolerance = Tolerance(*map(as_float, bounds))
+        rtol, atol = (as_float(bound or TOLERANCE) for bound in (solver.rtol, solver.atol))
+        tolerance = Tolerance(rtol, atol)
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
     return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
