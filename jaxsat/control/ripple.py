@@ -84,29 +84,29 @@ class RippleObserver(AbstractRippleEstimator):
         return Ripple(omega3, jnp.zeros_like(omega3), jnp.zeros_like(omega3))
 
     def advance(
-        self, ripple: Ripple, omega: Float[Array, "3"], change: RealScalar, period: RealScalar
+        self, memory: Ripple, omega: Float[Array, "3"], change: RealScalar, period: RealScalar
     ) -> Ripple:
         """The prediction one `period` (s) on, exactly."""
         del omega
         cos, sin = jnp.cos(self.frequency * period), jnp.sin(self.frequency * period)
-        n1, n2 = ripple.acceleration, ripple.jerk
+        n1, n2 = memory.acceleration, memory.jerk
         by_ripple = n1 * sin / self.frequency + n2 * (1 - cos) / self.frequency**2
         return Ripple(
-            ripple.rate + change + by_ripple,
+            memory.rate + change + by_ripple,
             n1 * cos + n2 * sin / self.frequency,
             n2 * cos - n1 * self.frequency * sin,
         )
 
-    def correct(self, ripple: Ripple, omega: Float[Array, "3"], period: RealScalar) -> Ripple:
+    def correct(self, memory: Ripple, omega: Float[Array, "3"], period: RealScalar) -> Ripple:
         """The prediction corrected by the measured `omega` (rad/s), while ω1 and ω2 are small."""
         slow = (jnp.abs(omega[0]) < self.rate_limit) & (jnp.abs(omega[1]) < self.rate_limit)
-        error = omega[2] - ripple.rate
+        error = omega[2] - memory.rate
         gains = self.gains(period)
         change = jnp.where(slow, error, 0.0)
         return Ripple(
-            jnp.where(slow, ripple.rate + gains.rate * error, omega[2]),
-            ripple.acceleration + gains.acceleration * change,
-            ripple.jerk + gains.jerk * change,
+            jnp.where(slow, memory.rate + gains.rate * error, omega[2]),
+            memory.acceleration + gains.acceleration * change,
+            memory.jerk + gains.jerk * change,
         )
 
     def gains(self, period: RealScalar) -> Ripple:
@@ -129,15 +129,15 @@ class RippleObserver(AbstractRippleEstimator):
             -(self.frequency**2) * oscillating,
         )
 
-    def believed(self, ripple: Ripple, omega3: RealScalar) -> ThirdRate:
+    def believed(self, memory: Ripple, omega3: RealScalar) -> ThirdRate:
         """The measured ω3, and the integrals of n1 without mean: -n2 / Ω² and -n1 / Ω²."""
         square = self.frequency**2
-        return ThirdRate(omega3, -ripple.jerk / square, -ripple.acceleration / square)
+        return ThirdRate(omega3, -memory.jerk / square, -memory.acceleration / square)
 
-    def forget(self, ripple: Ripple, when: Bool[Array, ""]) -> Ripple:
+    def forget(self, memory: Ripple, when: Bool[Array, ""]) -> Ripple:
         """n1 = n2 = 0 where `when` holds."""
-        n1, n2 = jnp.where(when, 0.0, ripple.acceleration), jnp.where(when, 0.0, ripple.jerk)
-        return Ripple(ripple.rate, n1, n2)
+        n1, n2 = jnp.where(when, 0.0, memory.acceleration), jnp.where(when, 0.0, memory.jerk)
+        return Ripple(memory.rate, n1, n2)
 
 
 class RippleBelief(NamedTuple):
