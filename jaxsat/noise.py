@@ -65,7 +65,7 @@ def standard_normal(key: Key, count: int, dtype: DTypeLike = float) -> Float[Arr
     above_minus_one = np.nextafter(np.array(-1.0, dtype), np.array(0.0, dtype))
     span = np.array(1.0, dtype) - above_minus_one
     centred = jnp.maximum(above_minus_one, uniform(key, count, dtype) * span + above_minus_one)
-    return np.array(np.sqrt(2.0), dtype) * jax.lax.erf_inv(centred)
+    return jax.lax.erf_inv(centred) * np.array(np.sqrt(2.0), dtype)
 
 
 def sample_noise(

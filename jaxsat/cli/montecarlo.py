@@ -59,7 +59,8 @@ def montecarlo(
     overrides
         KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
     engine
-        scan for sampled and smooth loops, diffrax for any.
+        scan, a plain loop of jaxsat's own, fastest; diffrax, the method of a single run; auto is
+        scan for sampled and smooth loops and diffrax for laws with corners.
     workers
         Chunks computed at once, each in a thread; as many as processors if left out.
     width
@@ -112,7 +113,7 @@ def summary_lines(summary: "Summary") -> list[str]:
     """What a study found, for a person."""
     settled = summary.settled
     lines = [
-        f"cases            {summary.count}: "
+        f"cases            {summary.cases}: "
         + ", ".join(f"{number} {name}" for name, number in summary.outcomes.items()),
         f"settled          {settled.value:.2%} (95 % interval {settled.low:.2%} to "
         f"{settled.high:.2%})",
@@ -199,7 +200,7 @@ def _write_figures(
     from jaxsat.results import OutputError, OutputFolder
 
     def write() -> None:
-        count = summary.count
+        count = summary.cases
         drawn = {}
         for name in study.copies.dispersions.names:
             values = np.asarray(dataset[f"drawn_{name}"])[:count]
@@ -217,7 +218,8 @@ def _write_figures(
         labels = ("w1", "w2", "z")
         figures["attitude-fan"] = fan_chart(times, attitude, labels, "1, rad", f"{title}: attitude")
         labels = ("ω1", "ω2", "ω3")
-        figures["rates-fan"] = fan_chart(times, signals.omega, labels, "rad/s", f"{title}: rates")
+        omega = np.asarray(signals.omega)
+        figures["rates-fan"] = fan_chart(times, omega, labels, "rad/s", f"{title}: rates")
         with OutputFolder(folder, overwrite=True) as made:
             save_figures(figures, made.path)
 

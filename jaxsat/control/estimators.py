@@ -87,7 +87,7 @@ class ThirdAxisEstimator(eqx.Module):
             change = c * products[0] + jnp.sum(known * errors)
             ripple = self.observer.advance(ripple, state.omega, change, span)
             ripple = self.observer.correct(ripple, state.omega, period)
-        if self.least_squares is not None:
+        if self.least_squares is not None and fit is not None:
             fit = self.least_squares.update(fit, state.omega, products, c)
             errors = fit.estimate
         following = EstimatorMemory(ripple, fit, state.omega, jnp.array(True))

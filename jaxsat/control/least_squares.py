@@ -21,7 +21,7 @@ class Fit(NamedTuple):
     covariance: Float[Array, "8 8"]
     first_omega: Float[Array, "3"]
     products: Float[Array, "6"]
-    count: Int[Array, ""]
+    samples: Int[Array, ""]
 
 
 class RecursiveLeastSquares(eqx.Module):
@@ -64,7 +64,7 @@ class RecursiveLeastSquares(eqx.Module):
 
         `c` is the model's value, which δc is added to.
         """
-        products, count = fit.products + products, fit.count + 1
+        products, count = fit.products + products, fit.samples + 1
         change = omega - fit.first_omega
         regressor = jnp.concatenate([change[:2], products])
         projected = jnp.sum(fit.covariance * regressor[None, :], axis=1)

@@ -82,7 +82,9 @@ def oscillatory_settling(
     demand = MorinSamson(gains.k3, gains.turn)
     fine = _fine_stage(model, demand, gains, fade_lean=False)
     estimator = _estimator(model, observe, estimate, ripple)
-    return OscillatorySettling(fine, estimator, torque_limit, period)
+    return OscillatorySettling(
+        fine=fine, estimator=estimator, torque_limit=torque_limit, period=period
+    )
 
 
 def three_slew_settling(

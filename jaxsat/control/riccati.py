@@ -59,7 +59,7 @@ def _hamiltonian_start(a, b, state_weight, torque_weight) -> np.ndarray:
     by_torque = scaled_b @ np.linalg.solve(torque_weight, scaled_b.T)
     hamiltonian = np.block([[scaled_a, -by_torque], [-scaled_q, -scaled_a.T]])
     values, vectors = np.linalg.eig(hamiltonian)
-    stable = vectors[:, np.argsort(values.real)[: a.shape[0]]]
+    stable = vectors[:, np.argsort(np.real(values))[: a.shape[0]]]
     upper, lower = np.split(stable, 2)
     cost = np.real(lower @ np.linalg.inv(upper)) * np.outer(root, root)
     return np.linalg.solve(torque_weight, b.T @ (cost + cost.T) / 2)

@@ -30,7 +30,7 @@ class AbstractSampledController(eqx.Module):
     """A controller that runs once every `period` seconds; its torque is held in between."""
 
     period: eqx.AbstractVar[Float[Array, ""]]
-    mode_names: eqx.AbstractClassVar[ModeNames]
+    mode_names: ClassVar[ModeNames]
 
     @abc.abstractmethod
     def init(self, state: PlantState) -> Memory:

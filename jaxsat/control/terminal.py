@@ -5,6 +5,8 @@ the body turns at ω2 = -ω0, so dω3/dt = -c ω0 ω1 + ..., and the linear syst
 two torques if ω0 ≠ 0 and J1 ≠ J2 (rank 6; 5 if J1 = J2; 4 if ω0 = 0). One mode is very slow.
 """
 
+from typing import cast
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -38,7 +40,8 @@ def linear_model(model: RigidBody) -> tuple[np.ndarray, np.ndarray]:
         omega = deviation[3:].at[1].add(-model.orbit.rate)
         body_torque = jnp.concatenate([torque, jnp.zeros(1)])
         change = model.rate(jnp.zeros(()), PlantState(attitude, omega), body_torque)
-        return jnp.concatenate([2 * change.attitude.q[1:], change.omega])
+        turn = cast(Quaternion, change.attitude).q[1:]
+        return jnp.concatenate([2 * turn, change.omega])
 
     a, b = jax.jacfwd(rate, argnums=(0, 1))(jnp.zeros(6), jnp.zeros(2))
     return np.asarray(a), np.asarray(b)

@@ -8,6 +8,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.checks import as_float, require_positive
@@ -63,9 +64,7 @@ def advance_adaptively(solver, tolerance, program, loop, progress, first, count)
         size = _size(tolerance, both, after, error)
         accepted = (size <= 1) | (step <= tolerance.min_step)
         following = _following(program, tolerance, seen, after, accepted, reaches, end)
-        factor = jnp.where(size > 0, SAFETY * jnp.maximum(size, 1e-12) ** (-1 / order), 1e3)
-        factor = jax.lax.stop_gradient(jnp.clip(factor, LEAST_FACTOR, LARGEST_FACTOR))
-        factor = jnp.where(jnp.isfinite(factor), factor, LEAST_FACTOR)
+        factor = jax.lax.stop_gradient(_factor(size, order))
         proposal = jnp.maximum(step * factor, tolerance.min_step)
         # a step cut short at the end of an interval says nothing against longer ones
         proposal = jnp.where(reaches & accepted, jnp.maximum(proposal, progress.step), proposal)
@@ -76,6 +75,13 @@ def advance_adaptively(solver, tolerance, program, loop, progress, first, count)
 
     carry = (progress, first + 0, first * program.interval)
     return jax.lax.while_loop(unfinished, attempt, carry)[0]
+
+
+def _factor(size: Float[Array, ""], order: int) -> Float[Array, ""]:
+    """How much longer the next step may be; much shorter where the error is no number."""
+    wanted = SAFETY * jnp.maximum(size, 1e-12) ** (-1 / order)
+    known = jnp.where(jnp.isfinite(size), wanted, LEAST_FACTOR)
+    return jnp.clip(known, LEAST_FACTOR, LARGEST_FACTOR)
 
 
 def _seen(program, loop, progress: Progress, number, t) -> Progress:
@@ -104,15 +110,6 @@ def _following(program, tolerance, seen, after, accepted, reaches, end) -> Progr
 
 def _size(tolerance, before: PyTree, after: PyTree, error: PyTree) -> Float[Array, ""]:
     """The error in parts of what is tolerated; NaN where it is no number, never accepted."""
-    (state, integrals), (new, new_integrals), (wrong, wrong_integrals) = before, after, error
-    judged = [
-        (state, new, wrong),
-        (integrals.cost, new_integrals.cost, wrong_integrals.cost),
-    ]
-    squares, entries = jnp.zeros(()), 0
-    for one in judged:
-        for x, y, e in zip(*map(jax.tree.leaves, one), strict=True):
-            scale = tolerance.atol + tolerance.rtol * jnp.maximum(jnp.abs(x), jnp.abs(y))
-            squares = squares + jnp.sum((e / scale) ** 2)
-            entries += e.size
-    return jnp.sqrt(squares / entries)
+    x, y, e = (ravel_pytree((state, sums.cost))[0] for state, sums in (before, after, error))
+    scale = tolerance.atol + tolerance.rtol * jnp.maximum(jnp.abs(x), jnp.abs(y))
+    return jnp.sqrt(jnp.mean((e / scale) ** 2))

@@ -18,7 +18,7 @@ class Replay(NamedTuple):
     """One case again: its outputs, and its signals at the instants `times` (s)."""
 
     outputs: Outputs
-    times: Float[Array, " times"]
+    times: Float[np.ndarray, " times"]
     signals: Signals
 
 

@@ -4,9 +4,10 @@ import abc
 from typing import NamedTuple
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.checks import as_float, concrete, require_positive
+from jaxsat.checks import as_float, require_positive
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.progress import RunningCost
 from jaxsat.metrics import Tolerances
@@ -72,7 +73,7 @@ def program_of(
     `ValueError` where the duration is not a whole number of these.
     """
     if isinstance(loop, SampledLoop):
-        interval = float(concrete(loop.controller.period))
+        interval = float(np.asarray(loop.controller.period))
     count = round(duration / interval)
     if count < 1 or abs(count * interval - duration) > 1e-6 * interval:
         raise ValueError(

@@ -92,7 +92,7 @@ class Outputs(NamedTuple):
     drawn: dict[str, Array]
 
 
-def begun(state: PyTree, omega: Float[Array, "3"], possible, step=0.0) -> Progress:
+def begun(state: PyTree, omega: Float[Array, "3"], possible, step: float | Array = 0.0) -> Progress:
     """Progress at time zero; a case that cannot exist has ended there."""
     zero = jnp.zeros((), omega.dtype)
     code = jnp.where(possible, int(Outcome.SUCCESS), int(Outcome.IMPOSSIBLE_CASE))

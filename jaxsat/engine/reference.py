@@ -1,6 +1,6 @@
 """diffrax over a block of cases: any solver, adaptive steps, every loop. The reference."""
 
-from typing import Any
+from typing import Any, cast
 
 import diffrax
 import equinox as eqx
@@ -118,7 +118,7 @@ def _continuous(program: Program, copy: Copy, method: Method, adjoint):
         event=diffrax.Event(lambda t, y, args, **_: ~all_within(y[0], program.state_limit)),
         throw=False,
     )
-    signals, final = solution.ys
+    signals, final = cast(tuple[Signals, PyTree], solution.ys)
     signals = jax.tree.map(lambda x: jnp.where(jnp.isinf(x), jnp.nan, x), signals)
     state, integrals = jax.tree.map(lambda x: x[0], final)
     code = outcome_code(solution.result)
@@ -127,7 +127,7 @@ def _continuous(program: Program, copy: Copy, method: Method, adjoint):
 
 
 def _sampled(program: Program, copy: Copy, solver, adjoint):
-    loop = copy.loop
+    loop = cast(SampledLoop, copy.loop)
 
     def period(carry, number):
         state, integrals, code = carry

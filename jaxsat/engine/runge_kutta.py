@@ -3,8 +3,9 @@
 from collections.abc import Callable
 
 import diffrax
-import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 
@@ -26,15 +27,19 @@ def explicit_step(
     step: Float[Array, ""],
     state: PyTree,
 ) -> PyTree:
-    """The state after one step; the stages that the solution does not use are left out."""
+    """The state after one step; the stages that the solution does not use are left out.
+
+    Stages are combined as one flat vector, which in a batch takes a few times less than leaf by
+    leaf.
+    """
+    flat, restore = ravel_pytree(state)
     rows = [np.zeros(0), *tableau.a_lower]
     nodes = [0.0, *tableau.c]
-    needed = _needed_stages(tableau)
-    rates: dict[int, PyTree] = {}
-    for stage in sorted(needed):
-        there = _combined(state, step, rows[stage], rates)
-        rates[stage] = rate(t + nodes[stage] * step, there)
-    return _combined(state, step, tableau.b_sol, rates)
+    rates: dict[int, Array] = {}
+    for stage in sorted(_needed_stages(tableau)):
+        there = restore(_combined(flat, step, rows[stage], rates))
+        rates[stage] = ravel_pytree(rate(t + nodes[stage] * step, there))[0]
+    return restore(_combined(flat, step, tableau.b_sol, rates))
 
 
 def step_with_error(
@@ -45,14 +50,14 @@ def step_with_error(
     state: PyTree,
 ) -> tuple[PyTree, PyTree]:
     """The state after one step and the embedded estimate of its error, from all stages."""
+    flat, restore = ravel_pytree(state)
     rows = [np.zeros(0), *tableau.a_lower]
-    nodes = [0.0, *tableau.c]
-    rates: dict[int, PyTree] = {}
-    for stage, row in enumerate(rows):
-        rates[stage] = rate(t + nodes[stage] * step, _combined(state, step, row, rates))
-    after = _combined(state, step, tableau.b_sol, rates)
-    nothing = jax.tree.map(lambda x: x * 0, state)
-    return after, _combined(nothing, step, tableau.b_error, rates)
+    rates: dict[int, Array] = {}
+    for stage, (row, node) in enumerate(zip(rows, [0.0, *tableau.c], strict=False)):
+        there = restore(_combined(flat, step, row, rates))
+        rates[stage] = ravel_pytree(rate(t + node * step, there))[0]
+    after = _combined(flat, step, tableau.b_sol, rates)
+    return restore(after), restore(_combined(jnp.zeros_like(flat), step, tableau.b_error, rates))
 
 
 def _needed_stages(tableau: diffrax.ButcherTableau) -> set[int]:
@@ -64,13 +69,6 @@ def _needed_stages(tableau: diffrax.ButcherTableau) -> set[int]:
     return needed
 
 
-def _combined(state: PyTree, step, weights: np.ndarray, rates: dict[int, PyTree]) -> PyTree:
+def _combined(state: Array, step, weights: np.ndarray, rates: dict[int, Array]) -> Array:
     used = [(float(weights[j]), rates[j]) for j in rates if j < len(weights) and weights[j] != 0]
-    if not used:
-        return state
-
-    def entry(x, *slopes):
-        total = sum(weight * slope for (weight, _), slope in zip(used, slopes, strict=True))
-        return x + step * total
-
-    return jax.tree.map(entry, state, *[slope for _, slope in used])
+    return state + step * sum(weight * slope for weight, slope in used) if used else state

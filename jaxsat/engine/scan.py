@@ -10,6 +10,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array, Int, PyTree
 
@@ -50,7 +51,7 @@ class ScanEngine(AbstractEngine):
                 )
 
     @property
-    def width(self) -> int:
+    def width(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         """How many cases a block has."""
         return self.lanes * self.devices
 
@@ -76,15 +77,21 @@ class ScanEngine(AbstractEngine):
         progress = _begin(self, program, cases, gains)
         history = []
         for number in range(program.intervals):
-            history.append(_observe(self, program, cases, gains, progress, number))
+            history.append(_to_host(_observe(self, program, cases, gains, progress, number)))
             progress = _advance(self, program, cases, gains, progress, number, 1)
-        history.append(_observe(self, program, cases, gains, progress, program.intervals))
-        signals = jax.tree.map(lambda *parts: jnp.stack(parts, axis=1), *history)
+        last = _observe(self, program, cases, gains, progress, program.intervals)
+        history.append(_to_host(last))
+        signals = jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
         return _finish(self, program, cases, gains, progress), signals
 
     def block_gradient(self, program: Program, cases: PyTree, gains: PyTree) -> PyTree:
         """Derivatives of the costs of one block."""
         return _gradient(self, program, cases, gains, program.intervals)
+
+
+def _to_host(signals: Signals) -> Signals:
+    """NumPy arrays: thousands of instants are not to be stacked by a compiled program."""
+    return jax.tree.map(np.asarray, signals)
 
 
 def begin_one(engine: ScanEngine, program: Program, case: PyTree, gains: PyTree) -> Progress:

@@ -87,8 +87,8 @@ class Dispersions(eqx.Module):
 class StudyCase(NamedTuple):
     """Which case of a study, and its point in the unit cube."""
 
-    number: UInt32[Array, "*n"]
-    point: Float[Array, "*n dimension"]
+    number: UInt32[Array | np.ndarray, "*n"]
+    point: Float[Array | np.ndarray, "*n dimension"]
 
 
 class Dispersed(AbstractCopies):
@@ -119,7 +119,7 @@ class Dispersed(AbstractCopies):
     def __call__(self, case: StudyCase, gains: dict[str, Array] | None = None) -> Copy:
         """The copy of one case."""
         own_key = noise.fold_in(self.key, case.number)
-        drawn, possible = self._drawn(case.point, own_key)
+        drawn, possible = self._drawn(jnp.asarray(case.point), own_key)
         setting = Setting(with_gains(self.loop, gains), self.start, self.loop)
         for name in self.dispersions.names:
             setting = QUANTITIES[name].apply(setting, drawn[name])

@@ -162,9 +162,9 @@ def _components(*parameters: Float[Array, "..."]) -> int | None:
 
 
 def _require_order(low_name, low, high_name, high) -> None:
-    known = concrete(low), concrete(high)
-    if all(value is not None for value in known) and not np.all(known[0] <= known[1]):
+    below, above = concrete(low), concrete(high)
+    if below is not None and above is not None and not np.all(below <= above):
         raise ValueError(
             f"Argument `{low_name}` must not exceed `{high_name}`, "
-            f"but got {known[0].tolist()} and {known[1].tolist()}."
+            f"but got {below.tolist()} and {above.tolist()}."
         )

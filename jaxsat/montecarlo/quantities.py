@@ -1,7 +1,7 @@
 """What a study can disperse, by name: how many numbers it takes and where they go in the model."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -17,7 +17,7 @@ from jaxsat.environment import (
     PeriodicTorque,
     SumOfDisturbances,
 )
-from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
+from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
 from jaxsat.vehicle import Sensors, Spacecraft
 from jaxsat.vehicle.sensors import turned_slightly
 
@@ -49,7 +49,12 @@ class Quantity(NamedTuple):
 
 def controller_of(loop: AbstractLoop):
     """The controller of any loop."""
-    return loop.law if isinstance(loop, ErrorCoordinateLoop) else loop.controller
+    return loop.law if isinstance(loop, ErrorCoordinateLoop) else _with_thrusters(loop).controller
+
+
+def _with_thrusters(loop: AbstractLoop) -> ContinuousLoop | SampledLoop:
+    """The loop as one of those that have actuators, which `obstacle` has made sure of."""
+    return cast(ContinuousLoop | SampledLoop, loop)
 
 
 def with_controller(loop: AbstractLoop, controller) -> AbstractLoop:
@@ -98,14 +103,14 @@ def _products(setting: Setting, share: Values) -> Setting:
 
 
 def _misalignment(setting: Setting, angles: Values) -> Setting:
-    actuators = setting.loop.actuators
+    actuators = _with_thrusters(setting.loop).actuators
     count = actuators.torque_axes.shape[1]
     turned = actuators.misaligned(angles.reshape(count, 2), jnp.zeros(count, angles.dtype))
     return _in_loop(setting, lambda loop: loop.actuators, turned)
 
 
 def _torque_gain(setting: Setting, change: Values) -> Setting:
-    axes = setting.loop.actuators.torque_axes * (1 + change)[None, :]
+    axes = _with_thrusters(setting.loop).actuators.torque_axes * (1 + change)[None, :]
     return _in_loop(setting, lambda loop: loop.actuators.torque_axes, axes)
 
 
@@ -198,7 +203,8 @@ def _omega(setting: Setting, omega: Values) -> Setting:
 
 
 def _rate_error(setting: Setting, error: Values) -> Setting:
-    reference = controller_of(setting.nominal).reference_rate(setting.start)
+    law = cast(AbstractBacksteppingLaw, controller_of(setting.nominal))
+    reference = law.reference_rate(setting.start)
     omega = jnp.concatenate([reference + error, setting.start.omega[2:]])
     return _omega(setting, omega)
 
@@ -267,7 +273,7 @@ def _fixed(size: int) -> Callable[[AbstractLoop], int]:
 
 
 def _thrusters(each: int) -> Callable[[AbstractLoop], int]:
-    return lambda loop: each * loop.actuators.torque_axes.shape[1]
+    return lambda loop: each * _with_thrusters(loop).actuators.torque_axes.shape[1]
 
 
 QUANTITIES: dict[str, Quantity] = {

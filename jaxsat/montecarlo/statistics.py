@@ -138,4 +138,4 @@ def first_order_index(x: np.ndarray, y: np.ndarray, bins: int | None = None) -> 
 def _spearman(x: np.ndarray, y: np.ndarray) -> float:
     if len(y) < 3 or not np.ptp(x) > 0 or not np.ptp(y) > 0:
         return float("nan")
-    return float(stats.spearmanr(x, y).statistic)
+    return float(np.asarray(stats.spearmanr(x, y))[0])

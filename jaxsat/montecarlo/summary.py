@@ -24,7 +24,7 @@ class Summary(NamedTuple):
     which dispersion matters for the cost and for settling at all.
     """
 
-    count: int
+    cases: int
     settled: Interval
     settling_time: dict[float, Interval]
     effort: dict[float, Interval]
@@ -38,7 +38,8 @@ def summarise(
     dataset: xr.Dataset | Mapping[str, np.ndarray], count: int | None = None, worst: int = 10
 ) -> Summary:
     """The summary of the done cases among the first `count` (all unless given)."""
-    columns = {name: np.asarray(dataset[name])[:count] for name in dataset if name != "status"}
+    names = [str(name) for name in dataset if name != "status"]
+    columns = {name: np.asarray(dataset[name])[:count] for name in names}
     numbers = np.arange(len(columns["code"]))
     if "status" in dataset:
         done = np.asarray(dataset["status"])[:count] == DONE
@@ -49,7 +50,7 @@ def summarise(
     success = columns["code"] == int(Outcome.SUCCESS)
     drawn = {n.removeprefix(DRAWN): x for n, x in columns.items() if n.startswith(DRAWN)}
     return Summary(
-        count=len(numbers),
+        cases=len(numbers),
         settled=wilson(int(settled.sum()), len(numbers)),
         settling_time=_percentiles(columns["settling_time"][settled]),
         effort=_percentiles(columns["effort"][success]),

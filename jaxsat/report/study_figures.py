@@ -39,7 +39,7 @@ def settling_distribution(settling_time: np.ndarray, title: str) -> Figure:
     settled = settling_time[np.isfinite(settling_time)]
     figure, (counts, fraction) = panels(2, title)
     if len(settled):
-        bins = np.histogram_bin_edges(settled, "auto" if len(settled) < 5000 else 60)
+        bins = np.histogram_bin_edges(settled, "auto" if len(settled) < 5000 else 60).tolist()
         counts.hist(settled, bins=bins, color="#56B4E9", edgecolor="#ffffff", linewidth=0.4)
         steps = np.concatenate([[0.0], np.sort(settled)])
         share = np.arange(len(steps)) / len(settling_time)

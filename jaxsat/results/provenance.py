@@ -34,7 +34,7 @@ def machine() -> dict[str, Any]:
         "processor": _processor(),
         "backend": jax.default_backend(),
         "device": jax.local_devices()[0].device_kind,
-        "double_precision": bool(jax.config.jax_enable_x64),
+        "double_precision": jax.numpy.zeros(()).dtype == "float64",
     }
 
 

@@ -11,7 +11,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import xarray as xr
@@ -85,12 +85,12 @@ class StudyStore:
     @property
     def count(self) -> int:
         """How many cases there is room for."""
-        return self._group["status"].shape[0]
+        return self._array("status").shape[0]
 
     @property
     def chunk(self) -> int:
         """Cases in a chunk; the last may have fewer."""
-        return self._group["status"].chunks[0]
+        return self._array("status").chunks[0]
 
     @property
     def chunks(self) -> int:
@@ -104,7 +104,7 @@ class StudyStore:
 
     def pending(self) -> np.ndarray:
         """The chunks that are not done."""
-        done = np.asarray(self._group["status"][:]) == DONE
+        done = np.asarray(self._array("status")[:]) == DONE
         return np.unique(np.flatnonzero(~done) // self.chunk)
 
     def write(self, chunk: int, values: Mapping[str, np.ndarray]) -> None:
@@ -116,8 +116,8 @@ class StudyStore:
             raise ValueError(f"Argument `values` must have the store's columns; see {missing}.")
         try:
             for name, column in self._columns.items():
-                self._group[name][place] = np.asarray(values[name], column.dtype)
-            self._group["status"][place] = np.full(len(numbers), DONE, np.uint8)
+                self._array(name)[place] = np.asarray(values[name], column.dtype)
+            self._array("status")[place] = np.full(len(numbers), DONE, np.uint8)
         except OSError as error:
             raise OutputError(
                 f"{self.path} cannot be written: {error.strerror or error}. What is in it is good; "
@@ -128,7 +128,10 @@ class StudyStore:
         """Some columns of a chunk, as stored."""
         numbers = self.numbers(chunk)
         place = slice(int(numbers[0]), int(numbers[-1]) + 1)
-        return {name: np.asarray(self._group[name][place]) for name in names}
+        return {name: np.asarray(self._array(name)[place]) for name in names}
+
+    def _array(self, name: str) -> zarr.Array:
+        return cast(zarr.Array, self._group[name])
 
     def _is_empty(self) -> bool:
         return self.path.is_dir() and not any(self.path.iterdir())
@@ -167,7 +170,7 @@ class StudyStore:
             raise OutputError(
                 f"{self.path} holds another study ({'; '.join(other)}); give another folder."
             )
-        runs = list(self._group.attrs["runs"])
+        runs = list(cast(list, self._group.attrs["runs"]))
         other = differences(runs[-1]["machine"], machine())
         if other and not elsewhere:
             raise OutputError(
@@ -179,7 +182,7 @@ class StudyStore:
             self._group.attrs["runs"] = [*runs, _record()]
         if count > self.count:
             for array in [*self._columns, "status"]:
-                whole = self._group[array]
+                whole = self._array(array)
                 whole.resize((count, *whole.shape[1:]))
 
 

@@ -5,7 +5,7 @@ from typing import Any, Literal
 import numpy as np
 
 from jaxsat.checks import as_float
-from jaxsat.engine import AbstractEngine, ReferenceEngine, ScanEngine, program_of
+from jaxsat.engine import AbstractEngine, ReferenceEngine, ScanEngine, Tolerance, program_of
 from jaxsat.montecarlo import (
     QUANTITIES,
     AbstractDesign,
@@ -26,6 +26,9 @@ from jaxsat.scenario.build import SOLVERS, Run, build
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation import ContinuousLoop, SampledLoop
+
+TOLERANCE = 1e-9
+"""Of the scan engine's adaptive steps, relative and absolute, where a scenario names none."""
 
 EngineName = Literal["auto", "scan", "diffrax"]
 SMOOTH_STEP = 0.01
@@ -53,9 +56,10 @@ def build_study(
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
-    `engine` "scan" takes fixed steps and suits sampled and smooth loops, "diffrax" any loop, and
-    "auto" is "scan" where it suits. Raises `ValueError` where the scenario disperses nothing or
-    something that its loop does not have, or where the engine does not suit.
+    `engine` "scan" takes fixed steps for sampled and smooth loops and adaptive ones for laws with
+    corners; "diffrax" takes the method of a single run; "auto" is "scan" for sampled and smooth
+    loops. Raises `ValueError` where the scenario disperses nothing or something that its loop does
+    not have.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
@@ -108,18 +112,18 @@ def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
 def _engine(
     scenario: Scenario, run: Run, name: EngineName, width: int, devices: int
 ) -> AbstractEngine:
-    loop, table = run.loop, scenario.simulation
+    loop, solver = run.loop, scenario.simulation.solver
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
-    suits = isinstance(loop, SampledLoop) or smooth
-    fixed = table.solver.step_s is not None
-    if name == "diffrax" or (name == "auto" and not (suits or fixed)):
-        return ReferenceEngine(run.method, width)
-    if not (suits or fixed):
-        raise ValueError(
-            "The scan engine must have a sampled or smooth loop, or simulation.solver.step_s; "
-            "take the engine diffrax for a law with corners."
-        )
-    step = table.solver.step_s or SMOOTH_STEP
-    substeps = max(1, round(table.save_every_s / step))
-    solver = SOLVERS[table.solver.name or "tsit5"]()
-    return ScanEngine(solver, substeps, width, devices)
+    suits = isinstance(loop, SampledLoop) or smooth or solver.step_s is not None
+    if name == "diffrax" or (name == "auto" and not suits):
+        return ReferenceEngine(method=run.method, width=width)
+    adaptive = not suits or (solver.steps == "adaptive" and not isinstance(loop, SampledLoop))
+    tolerance = None
+    if adaptive:
+        bounds = (solver.rtol or TOLERANCE, solver.atol or TOLERANCE)
+        tolerance = Tolerance(*map(as_float, bounds))
+    substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
+    kind = SOLVERS[solver.name or "tsit5"]()
+    return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
+        solver=kind, substeps=substeps, lanes=width, devices=devices, tolerance=tolerance
+    )

@@ -69,7 +69,6 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     ("tokens", "message"),
     [
         (["switching"], "[dispersion] table"),
-        (["benchmark-three-axis", "--engine", "scan"], "take the engine diffrax"),
         ([*SHORT, "--until-ci", "half"], "--until-ci: must be a half width"),
         ([*SHORT, "-n", "0"], "`count` must be at least 1"),
         ([*SHORT, "--seed", "-1"], "`seed` must be"),

@@ -119,14 +119,14 @@ def test_summary(tmp_path, whole):
     run_study(tumbling(), tmp_path / "s")
     summary = summarise(open_study(tmp_path / "s"))
     settled = np.isfinite(whole["settling_time"])
-    assert summary.count == 100
+    assert summary.cases == 100
     assert summary.settled == wilson(int(settled.sum()), 100)
     assert summary.outcomes == {"settled": settled.sum(), "unsettled": (~settled).sum()}
     expected = np.percentile(whole["settling_time"][settled], 90)
     np.testing.assert_allclose(summary.settling_time[90.0].value, expected)
     assert not np.any(settled[summary.worst])
     assert summary.cost_sensitivity[0].name == "omega[1]"
-    assert summarise(open_study(tmp_path / "s"), 10).count == 10
+    assert summarise(open_study(tmp_path / "s"), 10).cases == 10
 
 
 SHARDED = """

@@ -51,10 +51,14 @@ def test_sampling_and_design_reach_the_study():
 def test_engines_that_suit():
     benchmark = load("benchmark-three-axis")
     assert isinstance(build_study(benchmark, 4).engine, ReferenceEngine)
-    with pytest.raises(ValueError, match="take the engine diffrax"):
-        build_study(benchmark, 4, engine="scan")
+    corners = build_study(benchmark, 4, engine="scan").engine
+    assert corners.tolerance.rtol == 1e-9
+    loose = ["simulation.solver.steps=adaptive", "simulation.solver.rtol=1e-6"]
+    found = build_study(load("benchmark-three-axis", loose), 4, engine="scan").engine
+    assert found.tolerance.rtol == 1e-6
     stepped = load("benchmark-three-axis", ["simulation.solver.step_s=0.05"])
-    assert build_study(stepped, 4).engine.substeps == 20
+    fixed = build_study(stepped, 4).engine
+    assert (fixed.substeps, fixed.tolerance) == (20, None)
 
 
 @pytest.mark.parametrize(
