@@ -272,8 +272,9 @@ def _no_fixed_steps_across_jumps(values):
 @rule("control.law", "sampling.delay_s")
 def _sampling_has_a_sampled_law(law, delay):
     del delay
-    if law != "switching":
-        yield at("sampling", f'must belong to a sampled law such as "switching", got "{law}"')
+    if law not in SAMPLED_LAWS:
+        allowed = ", ".join(f'"{name}"' for name in SAMPLED_LAWS)
+        yield at("sampling", f'must belong to a sampled law ({allowed}), got "{law}"')
 
 
 @rule("control.period_s", "sampling.delay_s")
