@@ -13,7 +13,7 @@ import pytest
 
 from jaxsat.cli import main
 from jaxsat.results import open_trajectory
-from jaxsat.scenario import load
+from jaxsat.scenario import library, load
 
 ROOT = Path(__file__).parents[2]
 SHORT = ["--set", "simulation.duration_s=5"]
@@ -195,9 +195,7 @@ def test_warnings_are_told(jaxsat):
 def test_scenarios_list_show_and_schema(jaxsat, tmp_path):
     status, out, _ = jaxsat("scenarios", "list")
     assert status == 0
-    assert [line.split()[0] for line in out.splitlines()] == [
-        "free-third-rate", "paper-rate", "paper-three-axis", "switching",
-    ]  # fmt: skip
+    assert [line.split()[0] for line in out.splitlines()] == list(library())
     status, out, _ = jaxsat("scenarios", "show", "switching")
     assert out == load_text("switching")
     (tmp_path / "mine.toml").write_text(out, encoding="utf-8")
@@ -247,7 +245,7 @@ def test_terminal_that_knows_only_ascii(tmp_path):
 def test_plain_text_where_there_is_no_terminal():
     done = in_a_process("scenarios", "list", FORCE_COLOR="", COLUMNS="20")
     assert b"\x1b" not in done.stdout
-    assert len(done.stdout.splitlines()) == 4
+    assert len(done.stdout.splitlines()) == len(library())
 
 
 def test_reader_that_goes_away():

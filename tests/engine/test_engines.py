@@ -192,15 +192,17 @@ def test_effort_of_a_sampled_loop_is_that_of_its_held_torques():
 
 @pytest.mark.slow
 def test_gradient_against_central_differences(example):
-    """The reference's costs at shifted gains, against the derivative carried along."""
+    """Costs at shifted gains against the derivative carried along, exact for the steps taken.
+
+    The reference takes other steps, so its own differences agree as closely as the two engines do.
+    """
     prog, gain, step = program(example), jnp.array(1.0), 1e-5
-    costs = [
-        example.reference.evaluate(prog, KICKS[:2], gain + shift).cost for shift in (step, -step)
-    ]
-    exact = (costs[0] - costs[1]) / (2 * step)
     found = example.scan.gradient(prog, KICKS[:2], gain)
-    assert np.abs(exact).min() > 1e-3
-    np.testing.assert_allclose(found, exact, rtol=1e-3)
+    for engine, tolerance in ((example.scan, 1e-5), (example.reference, 1e-2)):
+        costs = [engine.evaluate(prog, KICKS[:2], gain + shift).cost for shift in (step, -step)]
+        exact = (costs[0] - costs[1]) / (2 * step)
+        assert np.abs(exact).min() > 1e-3
+        np.testing.assert_allclose(found, exact, rtol=tolerance)
 
 
 def test_the_horizon_is_no_part_of_the_compiled_loop(example):

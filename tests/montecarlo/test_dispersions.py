@@ -47,9 +47,8 @@ def copies_of(loop, count, seed=3, begin=None, known=False, **distributions):
     study = Dispersed(loop, begin or start(), dispersions, seed)
     numbers = np.arange(count)
     points = Independent(seed).points(numbers, study.dimensions())
-    return eqx.filter_jit(jax.vmap(study))(
-        StudyCase(jnp.array(numbers, jnp.uint32), jnp.array(points))
-    )
+    cases = StudyCase(jnp.array(numbers, jnp.uint32), jnp.array(points))
+    return eqx.filter_jit(lambda study, cases: jax.vmap(study)(cases))(study, cases)
 
 
 def models(loop):
