@@ -206,11 +206,15 @@ def test_gradient_against_central_differences(example):
 
 
 def test_the_horizon_is_no_part_of_the_compiled_loop(example):
-    """Half the way twice gives the bits of the whole way: `replay` rests on it."""
+    """Half the way gives what the whole way passes through: `replay` rests on it.
+
+    The rates are decoded from the state by two programs, which may differ in the last bit.
+    """
     longer, shorter = program(example), program(example, example.duration / 2)
     half = example.scan.evaluate(shorter, KICKS[:3])
     replay = example.scan.replay(longer, KICKS[1])
-    np.testing.assert_array_equal(half.omega[1], replay.signals.omega[len(replay.times) // 2])
+    middle = replay.signals.omega[len(replay.times) // 2]
+    np.testing.assert_array_max_ulp(half.omega[1], middle, maxulp=1)
 
 
 def test_an_unknown_duration_is_refused(example):
