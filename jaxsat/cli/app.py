@@ -73,8 +73,8 @@ def _status(tokens: Sequence[str] | None) -> int:
     except UserMistake as mistake:
         report_mistake(mistake)
         return USER_MISTAKE
-    except KeyboardInterrupt:
-        report("interrupted; nothing was written")
+    except KeyboardInterrupt as stop:
+        report(f"interrupted; {stop.args[0] if stop.args else 'nothing was written'}")
         return INTERRUPTED
     except _Terminated:
         report("terminated; nothing was written")

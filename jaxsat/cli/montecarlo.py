@@ -179,6 +179,9 @@ def _run(
     except (OutputError, ValueError) as error:
         hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
         raise UserMistake(f"{error}{hint}") from None
+    except KeyboardInterrupt:
+        kept = f"the chunks that are done are in {target}; the same command goes on from there"
+        raise KeyboardInterrupt(kept) from None
 
 
 def progress_text(progress: "StudyProgress") -> str:
