@@ -22,6 +22,7 @@ from jaxsat.cli.terminal import (
     report,
     report_mistake,
 )
+from jaxsat.cli.tune import tune
 
 app = App(
     name="jaxsat",
@@ -32,6 +33,7 @@ app = App(
 )
 app.command(simulate)
 app.command(montecarlo)
+app.command(tune)
 app.command(controllability)
 app.command(reproduce)
 app.command(scenarios)
