@@ -188,7 +188,7 @@ def with_numbers(tree: Tree, numbers: Mapping[str, Array]) -> Tree:
     return tree
 
 
-def number_at(tree: PyTree, name: str) -> Array:
+def number_at(tree: PyTree, name: str) -> PyTree:
     """The number at a dotted name inside a module."""
     for part in name.split("."):
         tree = getattr(tree, part)

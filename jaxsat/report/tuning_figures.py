@@ -1,7 +1,6 @@
 """Figures of a tuning run: its history or the verdict's columns in, a matplotlib `Figure` out."""
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -48,23 +47,18 @@ def gains_figure(history: xr.Dataset, title: str) -> Figure:
     """Every gain on its way, all starts, and that of the best iterate so far."""
     labels = [str(label) for label in history["parameter"].values]
     figure, axes = panels(len(labels), title, height=1.7)
-    logarithmic = _logarithmic(history, len(labels))
-    for panel, label, log in zip(axes, labels, logarithmic, strict=True):
+    scales = np.atleast_1d(history.attrs["parameter_scales"])
+    units = np.atleast_1d(history.attrs["parameter_units"])
+    for panel, label, scale, unit in zip(axes, labels, scales, units, strict=True):
         one = history.sel(parameter=label)
         for start in history["start"].values:
             panel.plot(history["step"], one["gain"].sel(start=start), **FAINT)
         panel.plot(history["validation"], one["best_gain"], **LINES[0], drawstyle="steps-post")
-        panel.set_yscale("log" if log else "linear")
-        panel.set_ylabel(label)
+        panel.set_yscale("log" if scale == "log" else "linear")
+        panel.set_ylabel(f"{label} ({unit})")
     axes[0].set_title("grey: every start; black: best so far", fontsize=8, loc="left")
     axes[-1].set_xlabel("step")
     return figure
-
-
-def _logarithmic(history: xr.Dataset, count: int) -> Sequence[bool]:
-    bounds = json.loads(history.attrs["bounds"])
-    scales = [scale == "log" for _, _, scale in bounds]
-    return scales if len(scales) == count else [True] * count  # entries of arrays share a scale
 
 
 def before_after_figure(

@@ -6,12 +6,15 @@ from typing import Any, cast
 import equinox as eqx
 import numpy as np
 
+from jaxsat.checks import as_float
 from jaxsat.engine import Program, RunningCost, Unsettled
+from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.quantities import controller_of
-from jaxsat.scenario.build import build_loop
+from jaxsat.scenario.build import DEFAULT_SUBSTEPS, build_loop, orbit_rate
 from jaxsat.scenario.control_tables import SAMPLED_LAWS
 from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.quantities import Table
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.study import EngineName, build_study
 from jaxsat.scenario.tuning_tables import TUNABLE, CostTable, ParametersTable, TuningTable
@@ -58,7 +61,7 @@ def build_plan(
 
     def trials(chosen: Scenario, cost: RunningCost, number: int) -> Trials:
         study = build_study(chosen, 1, seed=number, engine=_engine(engine), width=width)
-        program = _with_cost(study.program, cost)
+        program = _with_cost(study.program, cost, _tolerances(scenario))
         return Trials(program, study.design, study.engine, space, workers, table.gradient)
 
     made = trials(scenario, bounded, seed)
@@ -114,8 +117,6 @@ def _refined(scenario: Scenario) -> Scenario:
     """The scenario in finer steps."""
     solver = scenario.simulation.solver
     if scenario.control.law in SAMPLED_LAWS:
-        from jaxsat.scenario.build import DEFAULT_SUBSTEPS
-
         changes: dict[str, Any] = {"substeps": 2 * (solver.substeps or DEFAULT_SUBSTEPS)}
     elif solver.step_s is not None:
         changes = {"step_s": solver.step_s / 2}
@@ -149,6 +150,11 @@ def _search(scenario: Scenario, table: ParametersTable) -> tuple[SearchSpace, np
     return SearchSpace(tuple(parameters)), np.concatenate(values)
 
 
+def _unit(table: type[Table], key: str) -> str:
+    extra = table.model_fields[key].json_schema_extra
+    return str(extra.get("unit", "1")) if isinstance(extra, dict) else "1"
+
+
 def _cost(table: CostTable) -> RunningCost:
     weights = table.model_dump()
     return RunningCost(**weights, unsettled=Unsettled())
@@ -159,12 +165,22 @@ def _plain_cost(table: CostTable) -> RunningCost:
     return eqx.tree_at(
         lambda cost: (cost.settling, cost.limit),
         _cost(table),
-        (np.asarray(0.0), np.asarray(np.inf)),
+        (as_float(0.0), as_float(np.inf)),
     )
 
 
-def _with_cost(program: Program, cost: RunningCost) -> Program:
-    rest = (program.tolerances, cost, program.state_limit)
+def _tolerances(scenario: Scenario) -> Tolerances:
+    """When a case counts as settled: under the rate law, which has no attitude to go to, by its
+    rate alone, which at rest is that of the orbit."""
+    usual = Tolerances()
+    if scenario.control.law != "rate":
+        return usual
+    return Tolerances(np.inf, np.inf, usual.relative_rate + orbit_rate(scenario))
+
+
+def _with_cost(program: Program, cost: RunningCost, tolerances: Tolerances) -> Program:
+    cost = eqx.tree_at(lambda cost: cost.unsettled, cost, Unsettled(tolerances))
+    rest = (tolerances, cost, program.state_limit)
     return Program(program.copies, program.interval, program.intervals, *rest)
 
 

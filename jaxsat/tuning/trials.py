@@ -1,6 +1,6 @@
 """Running many cases at many points of the search at once, and counting what that takes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ class GainedCase(NamedTuple):
     """A case and the gains that it is run with."""
 
     case: PyTree
-    gains: dict[str, Array]
+    gains: Mapping[str, Array | np.ndarray]
 
 
 class Gained(AbstractCopies):
@@ -33,9 +33,8 @@ class Gained(AbstractCopies):
 
     def __call__(self, case: GainedCase, gains: dict[str, Array] | None = None) -> Copy:
         """The copy of one case."""
-        own = case.gains
-        if gains is not None:
-            own = {name: value + gains[name] for name, value in own.items()}
+        shift = gains or {}
+        own = {name: jnp.asarray(value) + shift.get(name, 0) for name, value in case.gains.items()}
         return self.copies(case.case, own)
 
 
