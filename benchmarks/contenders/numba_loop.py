@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from contenders.contender import Contender, Run
-from contenders.work import A, J1, J2, K3, K4, MU, SIZE, WIDTH2, final_state, starts
+from contenders.work import J1, J2, K3, K4, MU, SIZE, WIDTH2, A, final_state, starts
 from jaxsat.montecarlo import Study
 
 TIMES = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])

@@ -81,7 +81,7 @@ def final_state(y):
 
 
 def errors(found, truth, start):
-    """The error of every case: attitude and rates in parts of their start's size, cost of itself."""
+    """Every case's error: attitude and rates in parts of the size at the start, cost of itself."""
     off = np.abs(found - truth)
     attitude = off[:, :3].max(axis=1) / np.linalg.norm(start[:, :3], axis=1)
     rates = off[:, 3:5].max(axis=1) / np.linalg.norm(start[:, 3:5], axis=1)
