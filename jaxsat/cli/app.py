@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 import jaxsat
+from jaxsat.cli.compare import compare
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.reproduce import reproduce
@@ -35,6 +36,7 @@ app = App(
 )
 app.command(simulate)
 app.command(montecarlo)
+app.command(compare)
 app.command(controllability)
 app.command(reproduce)
 app.command(scenarios)
