@@ -26,6 +26,7 @@ from jaxsat.cli.terminal import (
     report,
     report_mistake,
 )
+from jaxsat.cli.tune import tune
 
 app = App(
     name="jaxsat",
@@ -37,6 +38,7 @@ app = App(
 app.command(simulate)
 app.command(montecarlo)
 app.command(compare)
+app.command(tune)
 app.command(controllability)
 app.command(reproduce)
 app.command(scenarios)
