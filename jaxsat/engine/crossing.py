@@ -11,6 +11,8 @@ ITERATIONS = 24
 CLOSE_ENOUGH = 1e-6
 """Of the step. One step of Newton's method from there on leaves nothing."""
 
+SECANTS, NEWTON_STEPS = 4, 3
+
 
 class Bracket(NamedTuple):
     """Parts of a step with the function at most zero at `low` and positive at `high`."""
@@ -71,9 +73,9 @@ def located(
 
 
 def sign_change(growth: Float[Array, "4 n"], end: Float[Array, ""]) -> Float[Array, " n"]:
-    """Where the derivative of Σ_p θ^p growth[p] changes its sign before `end`; `end` if nowhere.
+    """Where the derivative of Σ_p θ^p growth[p] changes its sign before `end`; 2 if nowhere.
 
-    A fixed number of secants: an integral between such points hardly depends on them.
+    A fixed number of secants with the Illinois rule, and of Newton's steps inside the bracket.
     """
     one, two, three, four = growth
 
@@ -83,14 +85,18 @@ def sign_change(growth: Float[Array, "4 n"], end: Float[Array, ""]) -> Float[Arr
     low, high = jnp.zeros_like(one), jnp.zeros_like(one) + end
     low_value, high_value = one, slope(high)
     changes = low_value * high_value < 0
-    for _ in range(5):
+    point = high
+    for _ in range(SECANTS):
         difference = jnp.where(changes, high_value - low_value, 1.0)
         point = low - low_value * (high - low) / difference
         value = slope(point)
         is_low = value * low_value > 0
+        low, high = jnp.where(is_low, point, low), jnp.where(is_low, high, point)
         low_value, high_value = (
             jnp.where(is_low, value, low_value / 2),
             jnp.where(is_low, high_value / 2, value),
         )
-        low, high = jnp.where(is_low, point, low), jnp.where(is_low, high, point)
-    return jnp.where(changes, point, end)
+    for _ in range(NEWTON_STEPS):
+        curve = 2 * two + point * (6 * three + point * 12 * four)
+        point = jnp.clip(point - slope(point) / jnp.where(curve == 0, 1.0, curve), low, high)
+    return jnp.where(changes, point, 2.0)
