@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 import jaxsat
+from jaxsat.cli.compare import compare
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.reproduce import reproduce
@@ -25,6 +26,7 @@ from jaxsat.cli.terminal import (
     report,
     report_mistake,
 )
+from jaxsat.cli.tune import tune
 
 app = App(
     name="jaxsat",
@@ -35,6 +37,8 @@ app = App(
 )
 app.command(simulate)
 app.command(montecarlo)
+app.command(compare)
+app.command(tune)
 app.command(controllability)
 app.command(reproduce)
 app.command(scenarios)

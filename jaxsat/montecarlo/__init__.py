@@ -1,7 +1,14 @@
 """Monte-Carlo studies: dispersions, designs, ensembles."""
 
 from jaxsat.montecarlo.designs import AbstractDesign, Independent, LatinHypercube, Sobol
-from jaxsat.montecarlo.dispersions import Dispersed, Dispersions, StudyCase, with_gains
+from jaxsat.montecarlo.dispersions import (
+    Dispersed,
+    Dispersions,
+    StudyCase,
+    number_at,
+    with_gains,
+    with_numbers,
+)
 from jaxsat.montecarlo.distributions import (
     AbstractDistribution,
     Discrete,
@@ -51,10 +58,12 @@ __all__ = [
     "TruncatedNormal",
     "Uniform",
     "first_order_index",
+    "number_at",
     "percentile",
     "run_study",
     "sensitivity",
     "summarise",
     "wilson",
     "with_gains",
+    "with_numbers",
 ]

@@ -79,7 +79,7 @@ def build_study(
 
 def _numbers(scenario: Scenario) -> dict[str, Any]:
     """The scenario without what no number depends on, and without the seed, which a study has."""
-    data = scenario.model_dump(mode="json", exclude={"title", "description"})
+    data = scenario.model_dump(mode="json", exclude={"title", "description", "tuning"})
     del data["simulation"]["seed"]
     return data
 
