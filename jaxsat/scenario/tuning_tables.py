@@ -1,6 +1,6 @@
 """The `[tuning]` table: which gains are tuned, for what, and how."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Le, Len, Lt
 
@@ -73,7 +73,7 @@ class BoundsTable(Table):
 Bounds = BoundsTable | None
 
 
-def _tuned(key: str) -> Bounds:
+def _tuned(key: str) -> Any:
     return choice(f"Bounds of control.{key}; left out, it is not tuned", None)
 
 
