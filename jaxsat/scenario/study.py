@@ -2,7 +2,6 @@
 
 from typing import Any, Literal
 
-import jax
 import numpy as np
 
 from jaxsat.checks import as_float
@@ -53,7 +52,6 @@ def build_study(
     engine: EngineName = "auto",
     width: int = 64,
     chunk: int = 256,
-    devices: int = 1,
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
@@ -64,11 +62,6 @@ def build_study(
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
-    if devices > jax.local_device_count():
-        raise ValueError(
-            f"Argument `devices` must be at most {jax.local_device_count()}, the number of devices "
-            f"here, but got {devices}."
-        )
     run = build(scenario)
     seed = scenario.simulation.seed if seed is None else seed
     copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
@@ -77,7 +70,7 @@ def build_study(
     return Study(
         program,
         _design(scenario.dispersion, seed, count),
-        _engine(scenario, run, engine, width, devices),
+        _engine(scenario, run, engine, width),
         count,
         chunk,
         description={"scenario": _numbers(scenario)},
@@ -115,15 +108,11 @@ def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
     return LatinHypercube(seed, count) if table.design == "latin-hypercube" else Independent(seed)
 
 
-def _engine(
-    scenario: Scenario, run: Run, name: EngineName, width: int, devices: int
-) -> AbstractEngine:
+def _engine(scenario: Scenario, run: Run, name: EngineName, width: int) -> AbstractEngine:
     loop, solver = run.loop, scenario.simulation.solver
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
     suits = isinstance(loop, SampledLoop) or smooth or solver.step_s is not None
     if name == "diffrax" or (name == "auto" and not suits):
-        if devices > 1:
-            raise ValueError("Argument `devices` must be 1 with the engine diffrax; take scan.")
         return ReferenceEngine(method=run.method, width=width)
     adaptive = not suits or (solver.steps == "adaptive" and not isinstance(loop, SampledLoop))
     tolerance = None
@@ -133,5 +122,5 @@ def _engine(
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
     return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
-        solver=kind, substeps=substeps, lanes=width, devices=devices, tolerance=tolerance
+        solver=kind, substeps=substeps, lanes=width, tolerance=tolerance
     )
