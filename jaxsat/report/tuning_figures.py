@@ -89,15 +89,8 @@ def baselines_figure(traces: Mapping[str, np.ndarray], title: str) -> Figure:
     """Validation loss of the best point so far over trajectories spent, a line each method."""
     figure, (panel,) = panels(1, title, height=3.6)
     for (name, trace), look in zip(traces.items(), METHODS, strict=False):
-        panel.step(
-            trace[:, 0],
-            trace[:, 1],
-            where="post",
-            markersize=3.5,
-            linewidth=1.2,
-            label=name,
-            **look,
-        )
+        look = {"drawstyle": "steps-post", "markersize": 3.5, "linewidth": 1.2, **look}
+        panel.plot(trace[:, 0], trace[:, 1], label=name, **look)
     panel.set_xscale("symlog", linthresh=100)
     panel.set_yscale("log")
     panel.set_xlabel("trajectories computed (whole horizons; a gradient of n gains counts n + 1)")

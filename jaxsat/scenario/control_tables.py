@@ -138,7 +138,8 @@ PERIOD = quantity("Time between two runs of the controller; the gains are tuned 
 class OscillatoryTable(Table):
     """`law = "oscillatory"`: oscillate about the driven axes until all is small, then regulate.
 
-    Gains that are left out are those tuned for the torque limit (1, 5 or 20 N m).
+    Gains that are left out are those tuned for torque limits of 1, 5 and 20 N m, interpolated in
+    between.
     """
 
     law: Literal["oscillatory"] = choice("The control law")
@@ -160,7 +161,7 @@ class OscillatoryTable(Table):
 class ThreeSlewTable(Table):
     """`law = "three-slew"`: stop, three slews about the driven axes, oscillate, regulate.
 
-    The gains are those tuned for the torque limit (1, 5 or 20 N m).
+    The gains are tuned for torque limits of 1, 5 and 20 N m and interpolated in between.
     """
 
     law: Literal["three-slew"] = choice("The control law")
@@ -178,7 +179,7 @@ SAMPLED_LAWS = ("switching", "oscillatory", "three-slew")
 """Laws that run once a period and hold their torque in between."""
 
 SETTLING_LAWS = ("oscillatory", "three-slew")
-"""Laws with gains tuned for certain torque limits."""
+"""Laws whose gains follow from the torque limit."""
 
 LAWS: dict[str, type[Table]] = {
     "coast": CoastTable,

@@ -10,8 +10,9 @@ from jaxsat.checks import as_float
 from jaxsat.engine import Program, RunningCost, Unsettled
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
-from jaxsat.montecarlo.quantities import controller_of
-from jaxsat.scenario.build import DEFAULT_SUBSTEPS, build_loop, orbit_rate
+from jaxsat.montecarlo.changes import controller_of
+from jaxsat.scenario.build import DEFAULT_SUBSTEPS, build_loop
+from jaxsat.scenario.build_plant import orbit_rate
 from jaxsat.scenario.control_tables import SAMPLED_LAWS
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.quantities import Table
