@@ -63,7 +63,15 @@ def build_plan(
     def trials(chosen: Scenario, cost: RunningCost, number: int) -> Trials:
         study = build_study(chosen, 1, seed=number, engine=_engine(engine), width=width)
         program = _with_cost(study.program, cost, _tolerances(scenario))
-        return Trials(program, study.design, study.engine, space, workers, table.gradient)
+        return Trials(
+            program,
+            study.design,
+            study.engine,
+            space,
+            workers,
+            table.gradient,
+            table.half_width,
+        )
 
     made = trials(scenario, bounded, seed)
     interval = float(made.program.interval)

@@ -68,6 +68,15 @@ def test_derivatives_along_the_search_are_those_of_the_cost(plan):
         np.testing.assert_allclose(found.derivatives[..., i], expected, atol=1e-6 * scale)
 
 
+def test_differences_agree_with_automatic_differentiation(plan):
+    numbers = np.arange(3)
+    trials = dataclasses.replace(plan.smooth, way="differences", half_width=1e-4)
+    found, expected = (t.differentiate(points(plan), numbers) for t in (trials, plan.smooth))
+    scale = np.abs(expected.derivatives).max()
+    np.testing.assert_allclose(found.derivatives, expected.derivatives, atol=1e-6 * scale)
+    np.testing.assert_allclose(found.outputs.cost, expected.outputs.cost, rtol=1e-12)
+
+
 def test_trajectories_are_counted(plan):
     trials = dataclasses.replace(plan.smooth, counter=type(plan.smooth.counter)())
     trials.evaluate(points(plan), np.arange(5))
