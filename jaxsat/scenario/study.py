@@ -118,7 +118,8 @@ def _engine(scenario: Scenario, run: Run, name: EngineName, width: int) -> Abstr
     tolerance = None
     if adaptive:
         rtol, atol = (as_float(bound or TOLERANCE) for bound in (solver.rtol, solver.atol))
-        tolerance = Tolerance(rtol, atol)
+        most = {} if solver.max_steps is None else {"max_steps": solver.max_steps}
+        tolerance = Tolerance(rtol, atol, **most)
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
     return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)

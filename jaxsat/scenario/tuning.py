@@ -1,5 +1,6 @@
 """From a scenario with a `[tuning]` table to a tuning plan, and back to a scenario."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -37,6 +38,11 @@ from jaxsat.tuning import (
 
 FINER = 10.0
 """Tolerances of the refined run are this many times smaller; fixed steps are halved."""
+
+
+STEPS_A_SECOND = 6
+"""Adaptive steps that a run may take, on average, where the scenario says nothing: gains that make
+the loop stiff would hold up all others."""
 
 
 def build_plan(
@@ -116,8 +122,12 @@ def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
         return scenario
     error = uses_error_coordinates(flattened(scenario))
     if solver.step_s is None and solver.steps != "fixed":
-        both = {"rtol": solver.rtol or table.tolerance, "atol": solver.atol or table.tolerance}
-        solver = solver.model_copy(update={"steps": "adaptive", **both})
+        given = {
+            "rtol": solver.rtol or table.tolerance,
+            "atol": solver.atol or table.tolerance,
+            "max_steps": solver.max_steps or math.ceil(STEPS_A_SECOND * simulation.duration_s),
+        }
+        solver = solver.model_copy(update={"steps": "adaptive", **given})
     changes = {"coordinates": "error" if error else "torque", "solver": solver}
     return scenario.model_copy(update={"simulation": simulation.model_copy(update=changes)})
 
