@@ -91,3 +91,25 @@ def test_an_interrupted_study_says_what_is_kept(tmp_path, sent, status):
     assert "Traceback" not in error
     done = np.asarray(open_study(tmp_path / "s")["status"])
     assert 16 <= done.sum() < 20000
+
+
+GROWTH = """
+import resource, sys, jax
+jax.config.update("jax_enable_x64", True)
+from jaxsat.montecarlo import Threads, run_study
+from montecarlo.studies import tumbling
+
+for count in (4_000, 80_000):
+    study = tumbling(count, chunk=2000, lanes=250, duration=2.0)
+    run_study(study, f"{sys.argv[1]}/{count}", executor=Threads(2))
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_number_of_cases(tmp_path):
+    """Twenty times the cases, whose results are 15 MB, in less than 25 MB more at the peak."""
+    output, error = begun("-c", GROWTH, str(tmp_path)).communicate()
+    assert not error
+    few, many = map(float, output.split())
+    assert many - few < 25
