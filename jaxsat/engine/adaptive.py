@@ -190,9 +190,11 @@ def finish(program: Program, copy: Copy, progress: Progress) -> Outputs:
     state = course.state(end, flat)
     progress = looked_at(progress, end, copy.loop.signals(end, state), program.tolerances)
     success = progress.code == int(Outcome.SUCCESS)
+    cost, last_cost = course.restore(flat)[1], course.restore(progress.state.state)[1]
+    effort = _effort(stretch, _part(stretch, end))
     progress = progress._replace(
-        integrals=Integrals(course.restore(flat)[1], _effort(stretch, _part(stretch, end))),
-        ended_at=jnp.where(success, end, progress.ended_at),
+        integrals=Integrals(jnp.where(success, cost, last_cost), effort),
+        ended_at=jnp.where(success, end, progress.state.t),
     )
     plant = plant_state(copy.loop, state)
     return outputs_of(progress, plant, end, copy.drawn, program.cost)
