@@ -190,8 +190,9 @@ def finish(program: Program, copy: Copy, progress: Progress) -> Outputs:
     state = course.state(end, flat)
     progress = looked_at(progress, end, copy.loop.signals(end, state), program.tolerances)
     success = progress.code == int(Outcome.SUCCESS)
+    cost = course.restore(jnp.where(success, flat, progress.state.state))[1]
     progress = progress._replace(
-        integrals=Integrals(course.restore(flat)[1], _effort(stretch, _part(stretch, end))),
+        integrals=Integrals(cost, _effort(stretch, _part(stretch, end))),
         ended_at=jnp.where(success, end, progress.ended_at),
     )
     return outputs_of(progress, plant_state(copy.loop, state), end, copy.drawn)
@@ -243,7 +244,7 @@ def _attempt(solver, tolerance, course: Course, progress: Progress) -> Progress:
     stretch = stretch._replace(turns=turns)
     further = Walk(walk.t + seconds, walk.number, state, sides, gaps, stretch)
     integrals = progress.integrals._replace(effort=_effort(stretch, part))
-    moved = progress._replace(state=further, integrals=integrals)
+    moved = progress._replace(state=further, integrals=integrals, ended_at=further.t)
     following = _judged(tolerance, course.program, progress, moved, accepted)
     factor = _constant(_factor(size))
     return following._replace(step=jnp.maximum(step * factor, tolerance.min_step))
@@ -336,7 +337,7 @@ def _look_back(course: Course, bound, progress: Progress) -> Progress:
         t = walk.number * program.interval
         state = course.state(t, _dense(walk.stretch, _part(walk.stretch, t)))
         seen = looked_at(progress, t, course.loop.signals(t, state), program.tolerances)
-        return seen._replace(state=walk._replace(number=walk.number + 1), ended_at=t)
+        return seen._replace(state=walk._replace(number=walk.number + 1))
 
     return jax.lax.while_loop(pending, look, progress)
 

@@ -2,6 +2,7 @@
 
 from typing import Any, Literal
 
+import jax
 import numpy as np
 
 from jaxsat.checks import as_float
@@ -25,10 +26,14 @@ from jaxsat.montecarlo import (
 from jaxsat.scenario.build import SOLVERS, Run, build
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import SolverTable
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 
-TOLERANCE = 1e-9
+TOLERANCE = 2e-8
 """Of the scan engine's adaptive steps, relative and absolute, where a scenario names none."""
+
+ADAPTIVE_SOLVERS = ("tsit5", "dopri5")
+"""Those with a dense output of their own, on which switches are located."""
 
 EngineName = Literal["auto", "scan", "diffrax"]
 SMOOTH_STEP = 0.01
@@ -56,13 +61,18 @@ def build_study(
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
-    `engine` "scan" takes fixed steps for sampled and smooth loops and adaptive ones for laws with
-    corners; "diffrax" takes the method of a single run; "auto" is "scan" for sampled and smooth
-    loops. Raises `ValueError` where the scenario disperses nothing or something that its loop does
+    `engine` "scan" takes fixed steps for sampled and smooth loops and adaptive ones, ended by the
+    law's switches, for laws with corners; "diffrax" takes the method of a single run; "auto" is
+    "scan" unless the scenario names a solver that the adaptive steps cannot take. Raises `ValueError` where the scenario disperses nothing or something that its loop does
     not have.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
+    if devices > jax.local_device_count():
+        raise ValueError(
+            f"Argument `devices` must be at most {jax.local_device_count()}, the number of devices "
+            f"here, but got {devices}."
+        )
     run = build(scenario)
     seed = scenario.simulation.seed if seed is None else seed
     copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
@@ -80,7 +90,7 @@ def build_study(
 
 def _numbers(scenario: Scenario) -> dict[str, Any]:
     """The scenario without what no number depends on, and without the seed, which a study has."""
-    data = scenario.model_dump(mode="json", exclude={"title", "description"})
+    data = scenario.model_dump(mode="json", exclude={"title", "description", "tuning"})
     del data["simulation"]["seed"]
     return data
 
@@ -114,16 +124,27 @@ def _engine(
 ) -> AbstractEngine:
     loop, solver = run.loop, scenario.simulation.solver
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
-    suits = isinstance(loop, SampledLoop) or smooth or solver.step_s is not None
+    fixed = smooth or solver.step_s is not None
+    adaptive = not isinstance(loop, SampledLoop) and (solver.steps == "adaptive" or not fixed)
+    suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)
     if name == "diffrax" or (name == "auto" and not suits):
+        if devices > 1:
+            raise ValueError("Argument `devices` must be 1 with the engine diffrax; take scan.")
         return ReferenceEngine(method=run.method, width=width)
-    adaptive = not suits or (solver.steps == "adaptive" and not isinstance(loop, SampledLoop))
-    tolerance = None
-    if adaptive:
-        rtol, atol = (as_float(bound or TOLERANCE) for bound in (solver.rtol, solver.atol))
-        tolerance = Tolerance(rtol, atol)
+    tolerance = _tolerance(solver) if adaptive else None
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
     return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
         solver=kind, substeps=substeps, lanes=width, devices=devices, tolerance=tolerance
     )
+
+
+def _tolerance(solver: SolverTable) -> Tolerance:
+    """The scenario's own numbers, and what they are in studies where it names none."""
+    given = {
+        "rtol": solver.rtol or TOLERANCE,
+        "atol": solver.atol or TOLERANCE,
+        "min_step": solver.min_step_s,
+        "max_steps": solver.max_steps,
+    }
+    return Tolerance(**{name: value for name, value in given.items() if value is not None})
