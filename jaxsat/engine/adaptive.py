@@ -195,7 +195,8 @@ def finish(program: Program, copy: Copy, progress: Progress) -> Outputs:
         integrals=Integrals(cost, _effort(stretch, _part(stretch, end))),
         ended_at=jnp.where(success, end, progress.ended_at),
     )
-    return outputs_of(progress, plant_state(copy.loop, state), end, copy.drawn)
+    plant = plant_state(copy.loop, state)
+    return outputs_of(progress, plant, end, copy.drawn, program.cost)
 
 
 def observe(program: Program, copy: Copy, progress: Progress, number: Int[Array, ""]) -> Signals:

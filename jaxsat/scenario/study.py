@@ -63,8 +63,9 @@ def build_study(
 
     `engine` "scan" takes fixed steps for sampled and smooth loops and adaptive ones, ended by the
     law's switches, for laws with corners; "diffrax" takes the method of a single run; "auto" is
-    "scan" unless the scenario names a solver that the adaptive steps cannot take. Raises `ValueError` where the scenario disperses nothing or something that its loop does
-    not have.
+    "scan" unless the scenario names a solver that the adaptive steps cannot take.
+    Raises `ValueError` where the scenario disperses nothing or something that its loop does not
+    have.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
