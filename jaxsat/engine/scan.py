@@ -12,7 +12,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array, Int, PyTree
 
 from jaxsat.dynamics import PlantState
@@ -27,28 +26,24 @@ from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop, Signals
 from jaxsat.simulation.loops import SampledState
 from jaxsat.simulation.solve import all_within
 
-CASES = "cases"
-
 
 class ScanEngine(AbstractEngine):
     """A loop of our own around the tableau of an explicit Runge-Kutta solver of diffrax.
 
     A sampled loop takes its own `substeps` in each period, any other loop `substeps` of the engine
-    in each interval, or, with a `tolerance`, steps of whatever length meets it. With `devices`
-    above one, every block is `lanes` cases on each of that many local devices.
+    in each interval, or, with a `tolerance`, steps of whatever length meets it.
     """
 
     solver: diffrax.AbstractSolver = diffrax.Tsit5()
     substeps: int = eqx.field(static=True, default=20)
     lanes: int = eqx.field(static=True, default=64)
-    devices: int = eqx.field(static=True, default=1)
     tolerance: Tolerance | None = None
 
     def __check_init__(self):
         tableau_of(self.solver)
         if self.tolerance is not None:
             dense_weights(self.solver)
-        for name in ("substeps", "lanes", "devices"):
+        for name in ("substeps", "lanes"):
             if getattr(self, name) < 1:
                 raise ValueError(
                     f"Argument `{name}` must be at least 1, but got {getattr(self, name)}."
@@ -57,10 +52,10 @@ class ScanEngine(AbstractEngine):
     @property
     def width(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         """How many cases a block has."""
-        return self.lanes * self.devices
+        return self.lanes
 
     def identity(self) -> dict[str, Any]:
-        """Solver, steps and lanes; on how many devices they are does not matter."""
+        """Solver, steps and lanes."""
         solver = type(self.solver).__name__
         fixed = {"name": "scan", "solver": solver, "substeps": self.substeps, "lanes": self.lanes}
         if self.tolerance is None:
@@ -214,14 +209,9 @@ def _signals(loop, program, number: Int[Array, ""], state) -> Signals:
 
 
 def _over_cases(engine, one, *per_case):
-    """`one` for a block: vmapped, and shared out where there are several devices."""
-    many = jax.vmap(one)
-    if engine.devices == 1:
-        return many(*per_case)
-    mesh = Mesh(jax.local_devices()[: engine.devices], (CASES,))
-    specs = PartitionSpec(CASES)
-    shared = jax.shard_map(many, mesh=mesh, in_specs=specs, out_specs=specs, check_vma=False)
-    return shared(*per_case)
+    """`one` for a block."""
+    del engine
+    return jax.vmap(one)(*per_case)
 
 
 @eqx.filter_jit

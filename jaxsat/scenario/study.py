@@ -2,7 +2,6 @@
 
 from typing import Any, Literal
 
-import jax
 import numpy as np
 
 from jaxsat.checks import as_float
@@ -57,7 +56,6 @@ def build_study(
     engine: EngineName = "auto",
     width: int = 64,
     chunk: int = 256,
-    devices: int = 1,
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
@@ -69,11 +67,6 @@ def build_study(
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
-    if devices > jax.local_device_count():
-        raise ValueError(
-            f"Argument `devices` must be at most {jax.local_device_count()}, the number of devices "
-            f"here, but got {devices}."
-        )
     run = build(scenario)
     seed = scenario.simulation.seed if seed is None else seed
     copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
@@ -82,7 +75,7 @@ def build_study(
     return Study(
         program,
         _design(scenario.dispersion, seed, count),
-        _engine(scenario, run, engine, width, devices),
+        _engine(scenario, run, engine, width),
         count,
         chunk,
         description={"scenario": _numbers(scenario)},
@@ -120,23 +113,19 @@ def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
     return LatinHypercube(seed, count) if table.design == "latin-hypercube" else Independent(seed)
 
 
-def _engine(
-    scenario: Scenario, run: Run, name: EngineName, width: int, devices: int
-) -> AbstractEngine:
+def _engine(scenario: Scenario, run: Run, name: EngineName, width: int) -> AbstractEngine:
     loop, solver = run.loop, scenario.simulation.solver
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
     fixed = smooth or solver.step_s is not None
     adaptive = not isinstance(loop, SampledLoop) and (solver.steps == "adaptive" or not fixed)
     suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)
     if name == "diffrax" or (name == "auto" and not suits):
-        if devices > 1:
-            raise ValueError("Argument `devices` must be 1 with the engine diffrax; take scan.")
         return ReferenceEngine(method=run.method, width=width)
     tolerance = _tolerance(solver) if adaptive else None
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
     return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
-        solver=kind, substeps=substeps, lanes=width, devices=devices, tolerance=tolerance
+        solver=kind, substeps=substeps, lanes=width, tolerance=tolerance
     )
 
 
