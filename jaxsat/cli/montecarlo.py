@@ -64,8 +64,9 @@ def montecarlo(
     overrides
         KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
     engine
-        native, machine code made for the scenario, fastest; scan, a plain loop through XLA; diffrax,
-        the method of a single run; auto is native on a processor, and says so where it cannot be.
+        native, machine code made for the scenario, fastest; scan, a plain loop through XLA;
+        diffrax, the method of a single run; auto is native on a processor, and says so where it
+        cannot be.
     workers
         Chunks computed at once, each in a thread; as many as processors if left out, one in each
         process or with several devices.

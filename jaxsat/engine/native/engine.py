@@ -139,7 +139,9 @@ class NativeEngine(AbstractEngine):
     def _inputs(self, kernel: Kernel, cases, program: Program, gains) -> list[np.ndarray]:
         numbers = numbers_of(_as_scan(self.method), program)
         leaves = [*jax.tree.leaves(cases), *jax.tree.leaves(numbers), *jax.tree.leaves(gains)]
-        return [np.ascontiguousarray(x, d) for x, d in zip(leaves, kernel.stages.inputs, strict=True)]
+        return [
+            np.ascontiguousarray(x, d) for x, d in zip(leaves, kernel.stages.inputs, strict=True)
+        ]
 
 
 def native_obstacle(
@@ -170,7 +172,9 @@ def _kernel(
         if key not in _kernels:
             staged = Plain(scan, program)
             chosen = WithDerivatives(staged) if derivatives else staged
-            stages = trajectory_stages(chosen, numbers_of(scan, any_length(program)), case, gains, lanes)
+            stages = trajectory_stages(
+                chosen, numbers_of(scan, any_length(program)), case, gains, lanes
+            )
             _kernels[key] = Kernel(stages, lanes)
         return _kernels[key]
 

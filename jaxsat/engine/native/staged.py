@@ -51,6 +51,7 @@ class AbstractStaged(abc.ABC):
     def observe(self, fixed, moving, numbers, number) -> PyTree:
         """What is seen at the beginning of interval `number`."""
 
+    @abc.abstractmethod
     def learn(self, zero: list[bool]) -> None:
         """Told, after `begin`, which leaves of what is fixed are nothing but zeros."""
 
@@ -88,6 +89,9 @@ class Plain(AbstractStaged):
     def observe(self, fixed, moving, numbers, number):
         """Signals."""
         return observe_one(*self._with(fixed, numbers), None, None, moving, number)
+
+    def learn(self, zero: list[bool]) -> None:
+        """All the same to it."""
 
     def _with(self, arrays, numbers) -> tuple[Any, Program]:
         engine, program = eqx.combine(numbers, self.static)

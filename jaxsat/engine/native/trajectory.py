@@ -132,9 +132,7 @@ def _outside(avals: Sequence[Any], n_case: int) -> list[_Source]:
 
 
 def _results(avals: Sequence[Any], first: int) -> list[Place]:
-    return [
-        PerCase(first + array, element, size) for array, element, size, _ in _elements(avals)
-    ]
+    return [PerCase(first + array, element, size) for array, element, size, _ in _elements(avals)]
 
 
 def _begin(
@@ -166,9 +164,7 @@ def _begin(
     return stage.swept(), sources, found[:n_fixed]
 
 
-def _later(
-    name: str, jaxpr: ClosedJaxpr, sources: list[_Source], outputs: list[Place]
-) -> Stage:
+def _later(name: str, jaxpr: ClosedJaxpr, sources: list[_Source], outputs: list[Place]) -> Stage:
     """A stage after the first; inputs that have no source are the numbers a and b."""
     scalars, params, places = [], [], []
     free = iter(["a", "b"])
