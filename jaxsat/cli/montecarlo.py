@@ -40,7 +40,7 @@ def montecarlo(
     case: int | None = None,
     processes: int | None = None,
     scheduler: str | None = None,
-    devices: int = 1,
+    devices: int | None = None,
     figures: Path | None = None,
     elsewhere: Annotated[bool, Parameter(negative="")] = False,
     quiet: Annotated[bool, Parameter(negative="")] = False,
@@ -68,15 +68,15 @@ def montecarlo(
         diffrax, the method of a single run; auto is native on a processor, and says so where it
         cannot be.
     workers
-        Chunks computed at once, each in a thread; as many as processors if left out, one in each
-        process or with several devices.
+        Chunks computed at once, each in a thread; as many as processors if left out, or one in
+        each process.
     processes
         Processes of this machine to share the chunks out to; one that dies is replaced.
     scheduler
         Share the chunks out to the workers of this dask scheduler: an address such as
         tcp://host:8786, or the scheduler's JSON file.
     devices
-        Devices (accelerators) of this machine to share every block of cases out to.
+        Devices (accelerators) of this machine to share the chunks out to.
     width
         Cases that go through the compiled loop together; results may depend on it in their last
         bits.
@@ -100,9 +100,7 @@ def montecarlo(
     try:
         from jaxsat.scenario.study import build_study
 
-        study = build_study(
-            chosen, count, seed=seed, engine=engine, width=width, chunk=chunk, devices=devices
-        )
+        study = build_study(chosen, count, seed=seed, engine=engine, width=width, chunk=chunk)
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if study.remark is not None and not quiet:

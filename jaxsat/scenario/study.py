@@ -64,7 +64,6 @@ def build_study(
     engine: EngineName = "auto",
     width: int = 64,
     chunk: int = 256,
-    devices: int = 1,
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
@@ -77,11 +76,6 @@ def build_study(
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
-    if devices > jax.local_device_count():
-        raise ValueError(
-            f"Argument `devices` must be at most {jax.local_device_count()}, the number of devices "
-            f"here, but got {devices}."
-        )
     run = build(scenario)
     seed = scenario.simulation.seed if seed is None else seed
     copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
@@ -90,7 +84,7 @@ def build_study(
     design = _design(scenario.dispersion, seed, count)
     points = design.points(np.arange(1), copies.dimensions())
     example = StudyCase(np.zeros(1, np.uint32), points)
-    chosen, remark = _engine(scenario, run, (program, example), engine, width, devices)
+    chosen, remark = _engine(scenario, run, (program, example), engine, width)
     description = {"scenario": _numbers(scenario)}
     return Study(program, design, chosen, count, chunk, description=description, remark=remark)
 
@@ -132,14 +126,11 @@ def _engine(
     work: tuple[Program, StudyCase],
     name: EngineName,
     width: int,
-    devices: int,
 ) -> tuple[AbstractEngine, str | None]:
     """The engine, and why it is not the native one if that was wanted."""
     loop, solver = run.loop, scenario.simulation.solver
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
     suits = isinstance(loop, SampledLoop) or smooth or solver.step_s is not None
-    if name == "diffrax" and devices > 1:
-        raise ValueError("Argument `devices` must be 1 with the engine diffrax; take scan.")
     adaptive = not suits or (solver.steps == "adaptive" and not isinstance(loop, SampledLoop))
     tolerance = None
     if adaptive:
@@ -148,17 +139,17 @@ def _engine(
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
     remark = None
-    if name == "native" or (name == "auto" and devices == 1 and jax.default_backend() == "cpu"):
+    if name == "native" or (name == "auto" and jax.default_backend() == "cpu"):
         engine, obstacle = _native(kind, substeps, tolerance, width, work)
         if engine is not None:
             return engine, None
         if name == "native":
             raise ValueError(f"The native engine cannot run this: {obstacle}")
         remark = f"not the native engine: {obstacle}"
-    if name == "diffrax" or (name != "scan" and devices == 1 and not suits):
+    if name == "diffrax" or (name != "scan" and not suits):
         return ReferenceEngine(method=run.method, width=width), remark
     engine = ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
-        solver=kind, substeps=substeps, lanes=width, devices=devices, tolerance=tolerance
+        solver=kind, substeps=substeps, lanes=width, tolerance=tolerance
     )
     return engine, remark
 

@@ -181,7 +181,7 @@ def _kernel(
 
 def _as_scan(method: Method) -> ScanEngine:
     solver, substeps, tolerance = method
-    return ScanEngine(solver, substeps, 1, 1, tolerance)
+    return ScanEngine(solver, substeps, 1, tolerance)
 
 
 def _by_gain(derivatives: np.ndarray, gains: PyTree) -> PyTree:
