@@ -188,11 +188,7 @@ def with_numbers(tree: Tree, numbers: Mapping[str, Array]) -> Tree:
     return tree
 
 
-<<<<<<< HEAD
-def number_at(tree: PyTree, name: str) -> PyTree:
-=======
 def number_at(tree: PyTree, name: str) -> Any:
->>>>>>> main
     """The number at a dotted name inside a module."""
     for part in name.split("."):
         tree = getattr(tree, part)
