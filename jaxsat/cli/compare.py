@@ -13,12 +13,13 @@ from cyclopts import Parameter
 
 from jaxsat.cli.bound import searched
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.montecarlo import progress_text
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console, report
+from jaxsat.cli.study_executors import chosen_executor
+from jaxsat.cli.study_text import progress_text
+from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem, report
 
 if TYPE_CHECKING:
     from jaxsat.comparison import Row, Setting, Start, Verdict
-    from jaxsat.montecarlo import Study, StudyProgress
+    from jaxsat.montecarlo import AbstractExecutor, Study, StudyProgress
 
 Level = Literal["nominal", "mc", "hard", "all"]
 Law = Literal["three-slew", "oscillatory", "switching", "three-axis", "rate", "all"]
@@ -88,7 +89,8 @@ def compare(
     ]
     _refuse_strangers(out)
     _tell_of_untuned(limits)
-    run = _Runner(count, seed, out, engine, workers or os.cpu_count() or 1, elsewhere, quiet)
+    executor = chosen_executor(workers, None, None, None)
+    run = _Runner(count, seed, out, engine, executor, elsewhere, quiet)
     try:
         rows = [run.row(setting) for setting in settings]
         least = [_least(limit, bounds, seed, out) for limit in limits if bounds]
@@ -114,12 +116,12 @@ class _Runner:
         seed: int,
         out: Path,
         engine: Any,
-        workers: int,
+        executor: "AbstractExecutor",
         elsewhere: bool,
         quiet: bool,
     ):
         self._count, self._seed, self._out, self._engine = count, seed, out, engine
-        self._workers, self._elsewhere, self._quiet = workers, elsewhere, quiet
+        self._executor, self._elsewhere, self._quiet = executor, elsewhere, quiet
 
     def row(self, setting: "Setting") -> "Row":
         """The random starts and the paper's under one setting."""
@@ -148,10 +150,9 @@ class _Runner:
         return {name: np.asarray(dataset[name])[:count] for name in names}
 
     def _run(self, study: "Study", target: Path, what: str) -> None:
-        from jaxsat.montecarlo import Serial, Threads, run_study
+        from jaxsat.montecarlo import run_study
         from jaxsat.results import OutputError
 
-        executor = Threads(self._workers) if self._workers > 1 else Serial()
         status = console(error=True).status(f"{what}: compiling")
 
         def told(progress: "StudyProgress") -> None:
@@ -163,14 +164,14 @@ class _Runner:
                     lambda: run_study(
                         study,
                         target,
-                        executor=executor,
+                        executor=self._executor,
                         report=None if self._quiet else told,
                         elsewhere=self._elsewhere,
                     )
                 )
-        except (OutputError, ValueError) as error:
+        except OutputError as error:
             hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
-            raise UserMistake(f"{error}{hint}") from None
+            raise output_problem(error, hint) from None
 
 
 def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console
+from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,7 +77,7 @@ def _analyse(scenario: "Scenario", tolerance: float) -> "tuple[Analysis, tuple[F
     import numpy as np
 
     from jaxsat.controllability import analyse, failure_table
-    from jaxsat.scenario.build import orbit_rate
+    from jaxsat.scenario.build_plant import orbit_rate
 
     table = scenario.spacecraft
     axes = np.array(table.thruster_torque_axes, float).T  # as given: exact numbers stay exact
@@ -195,7 +195,7 @@ def _write_folder(
         with OutputFolder(out, overwrite=overwrite) as folder:
             interruptibly(lambda: write(folder.path))
     except OutputError as error:
-        raise UserMistake(str(error)) from None
+        raise output_problem(error) from None
 
 
 def _figures(analysis: "Analysis", cases: "Sequence[FailureCase]") -> "dict[str, Figure]":

@@ -52,7 +52,6 @@ def build_study(
     engine: EngineName = "auto",
     width: int = 64,
     chunk: int = 256,
-    devices: int = 1,
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
@@ -71,7 +70,7 @@ def build_study(
     return Study(
         program,
         _design(scenario.dispersion, seed, count),
-        _engine(scenario, run, engine, width, devices),
+        _engine(scenario, run, engine, width),
         count,
         chunk,
         description={"scenario": _numbers(scenario)},
@@ -80,7 +79,7 @@ def build_study(
 
 def _numbers(scenario: Scenario) -> dict[str, Any]:
     """The scenario without what no number depends on, and without the seed, which a study has."""
-    data = scenario.model_dump(mode="json", exclude={"title", "description"})
+    data = scenario.model_dump(mode="json", exclude={"title", "description", "tuning"})
     del data["simulation"]["seed"]
     return data
 
@@ -109,9 +108,7 @@ def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
     return LatinHypercube(seed, count) if table.design == "latin-hypercube" else Independent(seed)
 
 
-def _engine(
-    scenario: Scenario, run: Run, name: EngineName, width: int, devices: int
-) -> AbstractEngine:
+def _engine(scenario: Scenario, run: Run, name: EngineName, width: int) -> AbstractEngine:
     loop, solver = run.loop, scenario.simulation.solver
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
     suits = isinstance(loop, SampledLoop) or smooth or solver.step_s is not None
@@ -125,5 +122,5 @@ def _engine(
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
     return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
-        solver=kind, substeps=substeps, lanes=width, devices=devices, tolerance=tolerance
+        solver=kind, substeps=substeps, lanes=width, tolerance=tolerance
     )

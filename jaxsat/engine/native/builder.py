@@ -1,0 +1,261 @@
+"""Makes programs, one operation after the other: folds constants, shares equal operations.
+
+The rules that lower primitives are written against this class alone.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from jaxsat.engine.native.ir import (
+    Block,
+    Call,
+    Function,
+    Load,
+    Loop,
+    Memory,
+    Operation,
+    Scalar,
+    Store,
+    Switch,
+    Value,
+)
+from jaxsat.engine.native.operations import BOOL, OPERATIONS, evaluate
+
+CHEAP = 24
+"""Branches of at most so many operations in all are computed in every lane rather than jumped over."""
+
+INT = np.dtype(np.int32)
+
+
+class Builder:
+    """Appends to one block; `mask` (a varying bool or None) tells which lanes really need it."""
+
+    def __init__(self):
+        self.block = Block()
+        self.mask: Scalar | None = None
+        self.functions: dict[tuple, Function] = {}
+
+    def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
+        """One arithmetic operation; `dtype` is the result's where it is not that of the operands."""
+        if dtype is None:
+            compares = name == "any" or (name in OPERATIONS and OPERATIONS[name].compares)
+            dtype = BOOL if compares else args[-1].dtype
+        if not any(isinstance(arg, Value) for arg in args):
+            return dtype.type(np.asarray(evaluate(name, args, dtype)).astype(dtype)[()])
+        simple = _simplified(name, args, dtype)
+        if simple is not None:
+            return simple
+        key = (name, dtype.str, *map(_identity, args))
+        found = self._known(key)
+        if found is None:
+            uniform = name == "any" or all(is_uniform(arg) for arg in args)
+            found = Value(dtype, uniform)
+            self.block.steps.append(Operation(name, args, found))
+            self.block.known[key] = found
+        return found
+
+    def select(self, predicate: Scalar, yes: Scalar, no: Scalar) -> Scalar:
+        """`yes` where the predicate holds, else `no`."""
+        return self.operation("select", predicate, yes, no)
+
+    def convert(self, x: Scalar, dtype: np.dtype) -> Scalar:
+        """`x` as another type."""
+        return x if x.dtype == dtype else self.operation("convert", x, dtype=dtype)
+
+    def any(self, predicate: Scalar) -> Scalar:
+        """Whether a predicate holds in any lane."""
+        return predicate if is_uniform(predicate) else self.operation("any", predicate)
+
+    def negation(self, predicate: Scalar) -> Scalar:
+        """Not."""
+        return self.operation("xor", predicate, np.True_)
+
+    def load(self, memory: Memory, index: Scalar) -> Scalar:
+        """An element of a memory that is not written any more."""
+        key = ("load", memory.number, _identity(index))
+        found = self._known(key)
+        if found is None:
+            found = Value(memory.dtype, memory.uniform and is_uniform(index))
+            self.block.steps.append(Load(memory, index, found))
+            self.block.known[key] = found
+        return found
+
+    def store(self, memory: Memory, index: Scalar, value: Scalar) -> None:
+        """Put a value at an element of a memory."""
+        self.block.steps.append(Store(memory, index, value))
+
+    @contextmanager
+    def inside(self, block: Block, mask: Scalar | None):
+        """Append to another block while lanes outside `mask` do not matter."""
+        before = self.block, self.mask
+        self.block, self.mask = block, mask
+        try:
+            yield
+        finally:
+            self.block, self.mask = before
+
+    def while_loop(
+        self,
+        before: Sequence[Scalar],
+        uniform: Sequence[bool],
+        condition: Callable[[list[Scalar]], Scalar],
+        body: Callable[[list[Scalar]], list[Scalar]],
+        varying: bool,
+    ) -> list[Scalar]:
+        """A loop over scalars of which `uniform` tells what they stay, with a `varying` condition.
+
+        Raises `AssertionError` where the body makes a uniform one varying.
+        """
+        params = [Value(x.dtype, u) for x, u in zip(before, uniform, strict=True)]
+        test, work = Block(self.block), Block(self.block)
+        with self.inside(test, self.mask):
+            active = condition(list(params))
+            if varying and self.mask is not None:
+                active = self.operation("and", active, self.mask)
+        work.outer = test
+        lanes = None if is_uniform(active) else active
+        with self.inside(work, lanes if lanes is not None else self.mask):
+            after = body(list(params))
+            if lanes is not None:
+                after = [self.select(lanes, a, p) for a, p in zip(after, params, strict=True)]
+        for value, param in zip(after, params, strict=True):
+            assert is_uniform(value) or not param.uniform, "a uniform carry became varying"
+            assert value.dtype == param.dtype, f"{param} became {value.dtype}"
+        self.block.steps.append(Loop(params, list(before), test, active, work, after))
+        return list(params)
+
+    def switch(
+        self, index: Scalar, branches: Sequence[Callable[[], list[Scalar]]]
+    ) -> list[Scalar]:
+        """The results of the branch whose number is `index`, which is in range."""
+        if not isinstance(index, Value):
+            return branches[int(index)]()
+        masks = None
+        if not index.uniform:
+            masks = [self.operation("eq", index, index.dtype.type(i)) for i in range(len(branches))]
+            if self.mask is not None:
+                masks = [self.operation("and", mask, self.mask) for mask in masks]
+        blocks, yields = [], []
+        for number, branch in enumerate(branches):
+            block = Block(self.block)
+            with self.inside(block, masks[number] if masks else self.mask):
+                yields.append(branch())
+            blocks.append(block)
+        small = all(isinstance(step, Operation) for block in blocks for step in block.steps)
+        if small and sum(len(block.steps) for block in blocks) <= CHEAP:
+            for block in blocks:
+                self._take_in(block)
+            chosen = yields[-1]
+            for number in reversed(range(len(branches) - 1)):
+                here = self.operation("eq", index, index.dtype.type(number))
+                chosen = [self.select(here, a, b) for a, b in zip(yields[number], chosen, strict=True)]
+            return chosen
+        if masks is None:
+            return self._switch(index, blocks, yields)
+        return self._masked(masks, blocks, yields)
+
+    def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
+        """The results of a function."""
+        key = ("call", function.name, *map(_identity, args))
+        known = self._known(key)
+        if known is not None:
+            return list(known)  # pyright: ignore[reportArgumentType]
+        outs = [Value(result.dtype, is_uniform(result)) for result in function.results]
+        self.block.steps.append(Call(function, list(args), outs))
+        self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
+        return list(outs)
+
+    def _known(self, key: tuple):
+        block = self.block
+        while block is not None:
+            found = block.known.get(key)
+            if found is not None:
+                return found
+            block = block.outer
+        return None
+
+    def _take_in(self, block: Block) -> None:
+        self.block.steps += block.steps
+        self.block.known |= block.known
+
+    def _switch(self, index, blocks, yields) -> list[Scalar]:
+        kinds = zip(*yields, strict=True)
+        outs = [Value(several[0].dtype, all(map(is_uniform, several))) for several in kinds]
+        self.block.steps.append(Switch(index, blocks, yields, outs))
+        return list(outs)
+
+    def _masked(self, masks, blocks, yields) -> list[Scalar]:
+        """Every branch that any lane needs, and of each lane's results those of its own branch."""
+        chosen: list[Scalar] | None = None
+        for mask, block, results in zip(masks, blocks, yields, strict=True):
+            nothing = [result.dtype.type(0) for result in results]
+            needed = self.convert(self.any(mask), INT)
+            outs = self._switch(needed, [Block(self.block), block], [nothing, results])
+            if chosen is None:
+                chosen = outs
+            else:
+                chosen = [self.select(mask, a, b) for a, b in zip(outs, chosen, strict=True)]
+        assert chosen is not None
+        return chosen
+
+
+def is_uniform(x: Scalar) -> bool:
+    """Whether `x` is the same in all lanes."""
+    return x.uniform if isinstance(x, Value) else True
+
+
+def _identity(x: Scalar):
+    return x.number if isinstance(x, Value) else (x.dtype.char, x.tobytes())
+
+
+def _is(x: Scalar, number) -> bool:
+    """Whether `x` is this constant, the sign of zero included."""
+    if isinstance(x, Value) or x != number:
+        return False
+    return x.dtype.kind != "f" or bool(np.signbit(x) == np.signbit(number))
+
+
+def _simplified(name: str, args: tuple[Scalar, ...], dtype: np.dtype) -> Scalar | None:
+    """A value that is there already and equal in all bits, or None."""
+    floating = dtype.kind == "f"
+    match name, args:
+        case "select", (predicate, yes, no):
+            if not isinstance(predicate, Value):
+                return yes if predicate else no
+            return yes if _identity(yes) == _identity(no) else None
+        case "convert" | "bitcast", (x,):
+            return x if x.dtype == dtype else None
+        case "mul", (x, y):
+            return _with_neutral(x, y, 1) or (None if floating else _with_absorbing(x, y, 0))
+        case "div", (x, y):
+            return x if _is(y, 1) else None
+        case "add", (x, y):
+            return _with_neutral(x, y, -0.0 if floating else 0)
+        case "sub", (x, y):
+            return x if _is(y, 0.0 if floating else 0) else None
+        case "and", (x, y):
+            full = True if dtype == BOOL else np.invert(dtype.type(0))
+            return _with_neutral(x, y, full) or _with_absorbing(x, y, False if dtype == BOOL else 0)
+        case "or", (x, y):
+            nothing = False if dtype == BOOL else 0
+            absorbing = _with_absorbing(x, y, True) if dtype == BOOL else None
+            return _with_neutral(x, y, nothing) or absorbing
+        case "xor", (x, y):
+            return _with_neutral(x, y, False if dtype == BOOL else 0)
+        case "shift_left" | "shift_right_logical" | "shift_right_arithmetic", (x, y):
+            return x if _is(y, 0) else None
+    return None
+
+
+def _with_neutral(x: Scalar, y: Scalar, neutral) -> Scalar | None:
+    if _is(y, neutral):
+        return x
+    return y if _is(x, neutral) else None
+
+
+def _with_absorbing(x: Scalar, y: Scalar, absorbing) -> Scalar | None:
+    if _is(y, absorbing):
+        return y
+    return x if _is(x, absorbing) else None

@@ -1,0 +1,94 @@
+"""sin, cos and tan, right for every double."""
+
+import numpy as np
+from jax import lax
+
+from jaxsat.engine.native.functions.bits import (
+    SIGN,
+    Double,
+    Integer,
+    bits_of,
+    double_of,
+    fast_two_sum,
+    polynomial,
+    quotient,
+    select,
+)
+from jaxsat.engine.native.functions.reduction import reduced
+
+_SINE = (
+    -0.16666666666666666,
+    0.008333333333330946,
+    -0.0001984126983675497,
+    2.755731610068303e-06,
+    -2.5051131455427946e-08,
+    1.591810123027412e-10,
+)
+_COSINE = (
+    0.041666666666666664,
+    -0.0013888888888887395,
+    2.4801587298763433e-05,
+    -2.7557317270560326e-07,
+    2.0876146024689747e-09,
+    -1.1382614868556325e-11,
+)
+_HALF_TANGENT = (
+    0.3333333333333333,
+    0.13333333333333436,
+    0.0539682539680362,
+    0.021869488554173044,
+    0.008863234774192113,
+    0.0035921461983752937,
+    0.0014555696265021495,
+    0.0005924016954190282,
+    0.00022641606815721656,
+    0.00013348555538051507,
+)
+
+
+def sin(x: Double) -> Double:
+    """Sine."""
+    return sincos(x)[0]
+
+
+def cos(x: Double) -> Double:
+    """Cosine."""
+    return sincos(x)[1]
+
+
+def sincos(x: Double) -> tuple[Double, Double]:
+    """Sine and cosine, which share everything but the choice at the end."""
+    r, low, quadrant = reduced(x)
+    z = r * r
+    cube = z * r
+    sine = r + (cube * polynomial(z, _SINE) + low * (1.0 - 0.5 * z))
+    half = 0.5 * z
+    near = 1.0 - half
+    cosine = near + (((1.0 - near) - half) + (z * z * polynomial(z, _COSINE) - r * low))
+    odd = (quadrant & np.int64(1)) != 0
+    first = _signed(select(odd, cosine, sine), quadrant)
+    second = _signed(select(odd, sine, cosine), quadrant + np.int64(1))
+    return select(x == 0.0, x, first), second
+
+
+def _signed(x: Double, quadrant: Integer) -> Double:
+    """`x`, its sign turned in the quadrants 2 and 3."""
+    return double_of(bits_of(x) ^ ((quadrant << 62) & SIGN))
+
+
+def tan(x: Double) -> Double:
+    """Tangent, by that of half the reduced angle: 2 t/(1 - t^2) or its negative inverse."""
+    r, low, quadrant = reduced(x)
+    half = 0.5 * r
+    z = half * half
+    rest = half * z * polynomial(z, _HALF_TANGENT) + 0.5 * low
+    double, double_low = fast_two_sum(r, 2.0 * rest)
+    tangent = half + rest
+    square = tangent * tangent
+    one_less, one_less_low = fast_two_sum(lax.full_like(x, 1.0), -square)
+    odd = (quadrant & np.int64(1)) != 0
+    num = select(odd, -one_less, double)
+    num_low = select(odd, -one_less_low, double_low)
+    den = select(odd, double, one_less)
+    den_low = select(odd, double_low, one_less_low)
+    return select(x == 0.0, x, quotient(num, num_low, den, den_low))

@@ -1,0 +1,209 @@
+"""A small structured program over scalars of many lanes, between jaxpr and machine code.
+
+Every lane of a vector register carries one trajectory. A value is *uniform* where it is the same in
+all lanes by construction, and then it is computed once, as a scalar; otherwise it is *varying*.
+Constants are NumPy scalars and no values at all. A program is a block of operations in order, in
+which loops, switches and calls hold blocks of their own. `interpreter` runs it in NumPy, `llvm`
+prints it as LLVM code; nothing else is known of it.
+"""
+
+from dataclasses import dataclass, field
+from itertools import count
+
+import numpy as np
+
+_numbers = count()
+
+
+class Value:
+    """One scalar in every lane (or, uniform, one for all), known only when the program runs."""
+
+    __slots__ = ("dtype", "number", "uniform")
+
+    def __init__(self, dtype: np.dtype, uniform: bool):
+        self.dtype = dtype
+        self.uniform = uniform
+        self.number = next(_numbers)
+
+    def __repr__(self) -> str:
+        return f"{'u' if self.uniform else 'v'}{self.number}:{self.dtype.name}"
+
+
+Scalar = Value | np.generic
+
+
+class Memory:
+    """`size` scalars in memory: element after element, each with all its lanes unless uniform.
+
+    With `initial` it holds these numbers and is never written.
+    """
+
+    __slots__ = ("dtype", "initial", "number", "size", "uniform")
+
+    def __init__(
+        self, dtype: np.dtype, size: int, uniform: bool, initial: np.ndarray | None = None
+    ):
+        self.dtype, self.size, self.uniform, self.initial = dtype, size, uniform, initial
+        self.number = next(_numbers)
+
+    def __repr__(self) -> str:
+        return f"m{self.number}[{self.size}]"
+
+
+@dataclass(slots=True)
+class Operation:
+    """One arithmetic operation of the table in `operations`."""
+
+    name: str
+    args: tuple[Scalar, ...]
+    out: Value
+
+
+@dataclass(slots=True)
+class Load:
+    """An element of a memory; a varying index gives every lane another one."""
+
+    memory: Memory
+    index: Scalar
+    out: Value
+
+
+@dataclass(slots=True)
+class Store:
+    """Puts a value at an element of a memory; the index is uniform."""
+
+    memory: Memory
+    index: Scalar
+    value: Scalar
+
+
+class Block:
+    """Operations in order. What the blocks around it have computed is known in it, too."""
+
+    __slots__ = ("known", "outer", "steps")
+
+    def __init__(self, outer: "Block | None" = None):
+        self.steps: list[Step] = []
+        self.outer = outer
+        self.known: dict[tuple, Scalar] = {}
+
+
+@dataclass(slots=True)
+class Loop:
+    """`while condition(params): params = body(params)`; afterwards the params are its results.
+
+    `active` is the condition's value. Where it is varying the loop goes on while any lane is
+    active, and the params of a lane that is not stay as they are.
+    """
+
+    params: list[Value]
+    before: list[Scalar]
+    condition: Block
+    active: Scalar
+    body: Block
+    after: list[Scalar]
+
+
+@dataclass(slots=True)
+class Switch:
+    """The block number `index`, which is uniform and in range; `yields` gives each one's results."""
+
+    index: Scalar
+    blocks: list[Block]
+    yields: list[list[Scalar]]
+    outs: list[Value]
+
+
+@dataclass(slots=True)
+class Function:
+    """A program of its own, called from others; what is stored is told by `Store` steps alone."""
+
+    name: str
+    params: list[Value]
+    block: Block
+    results: list[Scalar]
+
+
+@dataclass(slots=True)
+class Call:
+    """A function applied to values."""
+
+    function: Function
+    args: list[Scalar]
+    outs: list[Value]
+
+
+Step = Operation | Load | Store | Loop | Switch | Call
+
+
+@dataclass
+class Sweep:
+    """Removes steps whose results nobody uses; `used` holds numbers of values and memories."""
+
+    used: set[int] = field(default_factory=set)
+
+    def need(self, scalars) -> None:
+        """Mark values as used."""
+        self.used.update(s.number for s in scalars if isinstance(s, Value))
+
+    def block(self, block: Block) -> None:
+        """Sweep a block whose own results are marked already."""
+        kept: list[Step] = []
+        for step in reversed(block.steps):
+            if self._wanted(step):
+                self._mark(step)
+                kept.append(step)
+        block.steps = kept[::-1]
+
+    def _wanted(self, step: Step) -> bool:
+        match step:
+            case Operation(out=out) | Load(out=out):
+                return out.number in self.used
+            case Store(memory=memory):
+                return memory.number in self.used
+            case Loop(params=outs, body=body):
+                return self._stores(body) or any(out.number in self.used for out in outs)
+            case Switch(outs=outs, blocks=blocks):
+                stores = any(map(self._stores, blocks))
+                return stores or any(out.number in self.used for out in outs)
+            case Call(outs=outs):
+                return any(out.number in self.used for out in outs)
+
+    def _stores(self, block: Block) -> bool:
+        for step in block.steps:
+            match step:
+                case Store(memory=memory) if memory.number in self.used:
+                    return True
+                case Loop(body=body) if self._stores(body):
+                    return True
+                case Switch(blocks=blocks) if any(map(self._stores, blocks)):
+                    return True
+        return False
+
+    def _mark(self, step: Step) -> None:
+        match step:
+            case Operation(args=args) | Call(args=args):
+                self.need(args)
+            case Load(memory=memory, index=index):
+                self.used.add(memory.number)
+                self.need([index])
+            case Store(index=index, value=value):
+                self.need([index, value])
+            case Switch():
+                pairs = [list(zip(results, step.outs, strict=True)) for results in step.yields]
+                for block, results in zip(step.blocks, pairs, strict=True):
+                    self.need(result for result, out in results if out.number in self.used)
+                    self.block(block)
+                self.need([step.index])
+            case Loop():
+                self.need([*step.after, *step.before, step.active, *step.params])
+                self.block(step.body)
+                self.block(step.condition)
+
+
+def swept(function: Function) -> Function:
+    """The function without the steps whose results nobody uses."""
+    sweep = Sweep()
+    sweep.need(function.results)
+    sweep.block(function.block)
+    return function

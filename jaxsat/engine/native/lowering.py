@@ -1,0 +1,137 @@
+"""From a jaxpr to a program of scalars: one rule a primitive, found in a table by its name.
+
+An array of the jaxpr is a NumPy object array of constants and values. A rule is a function
+`rule(b, eqn, *arrays)` that computes the equation's results with the builder `b`; see
+`jaxsat.engine.native.rules`.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jax._src import source_info_util
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
+
+from jaxsat.engine.native.builder import Builder, is_uniform
+from jaxsat.engine.native.ir import Function, Scalar, Value, swept
+
+Elements = np.ndarray
+"""An object array of scalars."""
+
+Rule = Callable[..., "Elements | Sequence[Elements]"]
+
+RULES: dict[str, Rule] = {}
+
+
+class CannotLower(Exception):
+    """A program holds what the compiled engine does not know; the message says what and where."""
+
+
+def lowers(*names: str) -> Callable[[Rule], Rule]:
+    """Make a function the rule of these primitives."""
+
+    def register(rule: Rule) -> Rule:
+        for name in names:
+            RULES[name] = rule
+        return rule
+
+    return register
+
+
+def lower(b: Builder, closed: ClosedJaxpr, arrays: Sequence[Elements]) -> list[Elements]:
+    """The outputs of a jaxpr for these inputs."""
+    constants = [as_elements(constant) for constant in closed.consts]
+    return lower_open(b, closed.jaxpr, constants, arrays)
+
+
+def lower_open(
+    b: Builder, jaxpr: Jaxpr, constants: Sequence[Elements], arrays: Sequence[Elements]
+) -> list[Elements]:
+    """The outputs of a jaxpr whose constants are given beside it."""
+    known = dict(zip(jaxpr.constvars, constants, strict=True))
+    known.update(zip(jaxpr.invars, arrays, strict=True))
+
+    def read(atom):
+        return as_elements(atom.val, atom.aval.dtype) if isinstance(atom, Literal) else known[atom]
+
+    for eqn in jaxpr.eqns:
+        outputs = _apply(b, eqn, [read(atom) for atom in eqn.invars])
+        known.update(zip(eqn.outvars, outputs, strict=True))
+    return [read(atom) for atom in jaxpr.outvars]
+
+
+def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elements]:
+    name = eqn.primitive.name
+    rule = RULES.get(name)
+    if rule is None:
+        raise CannotLower(f"The primitive `{name}` has no native rule ({_where(eqn)}).")
+    try:
+        outputs = rule(b, eqn, *arrays)
+    except CannotLower as error:
+        if "(" in str(error):
+            raise
+        raise CannotLower(f"{error} (`{name}`, {_where(eqn)}).") from None
+    return [outputs] if isinstance(outputs, np.ndarray) else outputs
+
+
+def _where(eqn: JaxprEqn) -> str:
+    return source_info_util.summarize(eqn.source_info)
+
+
+def as_elements(array, dtype=None) -> Elements:
+    """A known array as an object array of NumPy scalars."""
+    array = np.asarray(array, dtype)
+    if array.dtype.kind not in "fiub":
+        raise CannotLower(f"Arrays of type {array.dtype} are not supported")
+    out = np.empty(array.shape, object)
+    for index in np.ndindex(array.shape):
+        out[index] = array[index]
+    return out
+
+
+def each(function: Callable[..., Scalar], *arrays: Elements) -> Elements:
+    """A function of scalars applied to arrays element by element, broadcast to one shape."""
+    arrays = tuple(np.broadcast_arrays(*arrays)) if len(arrays) > 1 else arrays
+    shape, size = arrays[0].shape, arrays[0].size
+    flats = [list(x.flat) for x in arrays]
+    out = np.empty(size, object)
+    for i, scalars in enumerate(zip(*flats, strict=True)):
+        out[i] = function(*scalars)
+    return out.reshape(shape)
+
+
+def filled(shape: tuple[int, ...], scalar: Scalar) -> Elements:
+    """An array of one scalar."""
+    out = np.empty(shape, object)
+    out[...] = scalar
+    return out
+
+
+def scalars_of(arrays: Sequence[Elements]) -> list[Scalar]:
+    """All elements of arrays, one array after the other."""
+    return [scalar for array in arrays for scalar in array.flat]
+
+
+def arrays_of(scalars: Sequence[Scalar], shapes: Sequence[tuple[int, ...]]) -> list[Elements]:
+    """The inverse of `scalars_of` for arrays of these shapes."""
+    arrays, begin = [], 0
+    for shape in shapes:
+        size = int(np.prod(shape))
+        array = np.empty(size, object)
+        array[:] = scalars[begin : begin + size]
+        arrays.append(array.reshape(shape))
+        begin += size
+    return arrays
+
+
+def function_of(b: Builder, name: str, closed: ClosedJaxpr, args: Sequence[Scalar]) -> Function:
+    """A jaxpr of scalars as a function of the program, made once for each kind of arguments."""
+    kinds = tuple((arg.dtype.char, is_uniform(arg)) for arg in args)
+    key = (name, kinds)
+    if key not in b.functions:
+        params = [Value(arg.dtype, is_uniform(arg)) for arg in args]
+        inner = Builder()
+        inner.functions = b.functions
+        results = scalars_of(lower(inner, closed, arrays_of(params, [()] * len(params))))
+        label = f"{name}.{''.join(char + 'vu'[uniform] for char, uniform in kinds)}"
+        b.functions[key] = swept(Function(label, params, inner.block, results))
+    return b.functions[key]

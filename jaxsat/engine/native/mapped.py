@@ -1,0 +1,115 @@
+"""Any function of one case, compiled for many: what the tests and the curious use."""
+
+import ctypes
+from collections.abc import Callable
+from functools import cached_property
+
+import jax
+import numpy as np
+from jax.extend.core import ClosedJaxpr
+from jaxtyping import PyTree
+
+from jaxsat.engine.native import rules, target
+from jaxsat.engine.native.builder import Builder
+from jaxsat.engine.native.drivers import run_blocks
+from jaxsat.engine.native.interpreter import interpret
+from jaxsat.engine.native.ir import Function, Value
+from jaxsat.engine.native.llvm import Module
+from jaxsat.engine.native.lowering import arrays_of, lower, scalars_of
+from jaxsat.engine.native.stages import PerCase, Place, Shared, Stage, add_stage
+
+del rules  # imported for the table it fills
+
+
+RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
+"""The type of the driver `run`."""
+
+
+class Mapped:
+    """A function of one case and of what is shared, over the leading axis of its cases.
+
+    `function(case, shared)` is given as for one case and may be anything of `jax.numpy` that the
+    compiled engine knows; `case` and `shared` are examples, for their shapes and types. Raises
+    `CannotLower` for what it does not know.
+    """
+
+    def __init__(self, function: Callable, case: PyTree, shared: PyTree = None, lanes: int = 0):
+        self.lanes = lanes or target.host().lanes
+        self.jaxpr, self._shape = jax.make_jaxpr(function, return_shape=True)(case, shared)
+        self._per_case = len(jax.tree.leaves(case))
+        self.stage = _one_stage(self.jaxpr, self._per_case)
+
+    def __call__(self, cases: PyTree, shared: PyTree = None) -> PyTree:
+        """The outputs of all cases."""
+        inputs = self._inputs(cases, shared)
+        count = len(inputs[0])
+        leaves, structure = jax.tree.flatten(self._shape)
+        outputs = [np.zeros((count, *leaf.shape), leaf.dtype) for leaf in leaves]
+        pointers = (ctypes.c_void_p * (len(inputs) + len(outputs)))(
+            *(array.ctypes.data for array in [*inputs, *outputs])
+        )
+        RUN(self._code[1]["run"])(pointers, None, 0, count, 0, 0)
+        return jax.tree.unflatten(structure, outputs)
+
+    def interpreted(self, cases: PyTree, shared: PyTree = None) -> PyTree:
+        """The same by the interpreter, all cases as lanes of one vector."""
+        inputs = self._inputs(cases, shared)
+        count = len(inputs[0])
+        args = []
+        for place in self.stage.inputs:
+            assert isinstance(place, PerCase | Shared)
+            array = inputs[place.array]
+            if isinstance(place, Shared):
+                args.append(array.reshape(-1)[place.element])
+            else:
+                args.append(array.reshape(count, -1)[:, place.element])
+        results = interpret(self.stage.function, args)
+        leaves, structure = jax.tree.flatten(self._shape)
+        rows = [np.broadcast_to(result, (count,)) for result in results]
+        outputs, begin = [], 0
+        for leaf in leaves:
+            size = int(np.prod(leaf.shape))
+            part = np.array(rows[begin : begin + size]).reshape(size, count)
+            outputs.append(part.T.reshape(count, *leaf.shape).astype(leaf.dtype))
+            begin += size
+        return jax.tree.unflatten(structure, outputs)
+
+    @cached_property
+    def text(self) -> str:
+        """The LLVM code."""
+        module = Module(self.lanes)
+        add_stage(module, self.stage)
+        module.functions["run"] = run_blocks(self.lanes, [self.stage.function.name])
+        return module.text(target.host().attributes())
+
+    def assembly(self) -> str:
+        """The machine code for this processor, as text."""
+        return target.assembly(self.text)
+
+    @cached_property
+    def _code(self):
+        return target.loaded(target.object_code(self.text), ["run"])
+
+    def _inputs(self, cases: PyTree, shared: PyTree) -> list[np.ndarray]:
+        leaves = [*jax.tree.leaves(cases), *jax.tree.leaves(shared)]
+        dtypes = [aval.dtype for aval in self.jaxpr.in_avals]
+        return [np.ascontiguousarray(x, d) for x, d in zip(leaves, dtypes, strict=True)]
+
+
+def _one_stage(jaxpr: ClosedJaxpr, per_case: int) -> Stage:
+    params: list[Value] = []
+    inputs: list[Place] = []
+    shapes = [aval.shape for aval in jaxpr.in_avals]
+    for array, aval in enumerate(jaxpr.in_avals):
+        size = int(np.prod(aval.shape))
+        for element in range(size):
+            params.append(Value(np.dtype(aval.dtype), array >= per_case))
+            varying = PerCase(array, element, size)
+            inputs.append(varying if array < per_case else Shared(array, element))
+    b = Builder()
+    results = scalars_of(lower(b, jaxpr, arrays_of(params, shapes)))
+    outputs: list[Place] = []
+    for array, aval in enumerate(jaxpr.out_avals, len(jaxpr.in_avals)):
+        size = int(np.prod(aval.shape))
+        outputs += [PerCase(array, element, size) for element in range(size)]
+    return Stage(Function("one", params, b.block, results), inputs, outputs).swept()

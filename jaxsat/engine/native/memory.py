@@ -1,0 +1,36 @@
+"""Arrays that are indexed by numbers known only when the program runs."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxsat.engine.native.builder import INT, Builder, is_uniform
+from jaxsat.engine.native.ir import Memory, Scalar, Value
+
+CHOSEN = 16
+"""Of at most so many elements one is found by selections; more are put into memory."""
+
+
+def stored(b: Builder, elements: np.ndarray) -> Memory:
+    """A memory that holds the elements of an array in order."""
+    flat = list(elements.flat)
+    dtype = flat[0].dtype
+    if not any(isinstance(x, Value) for x in flat):
+        return Memory(dtype, len(flat), True, np.array(flat, dtype))
+    memory = Memory(dtype, len(flat), all(map(is_uniform, flat)))
+    for number, scalar in enumerate(flat):
+        b.store(memory, INT.type(number), scalar)
+    return memory
+
+
+def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:
+    """Element `index`, which is in range."""
+    if not isinstance(index, Value):
+        return elements[int(index)]
+    if len(elements) > CHOSEN:
+        return b.load(stored(b, np.array(list(elements), object)), index)
+    chosen = elements[-1]
+    for number in reversed(range(len(elements) - 1)):
+        here = b.operation("le", index, index.dtype.type(number))
+        chosen = b.select(here, elements[number], chosen)
+    return chosen

@@ -1,0 +1,117 @@
+"""The arithmetic that programs are made of: what each operation is in NumPy and in LLVM.
+
+`OPERATIONS` is the one table from which constants are folded, the interpreter runs and LLVM code
+is printed. Operands have one type except where a comment says otherwise.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+BOOL = np.dtype(bool)
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """NumPy's function, and LLVM's words for floats, signed and unsigned (or bool) operands.
+
+    A word that begins with "llvm." is an intrinsic function. `compares` tells that the result is
+    a bool.
+    """
+
+    numpy: Callable
+    floating: str | None = None
+    signed: str | None = None
+    unsigned: str | None = None
+    compares: bool = False
+
+    def word(self, dtype: np.dtype) -> str | None:
+        """LLVM's word for operands of this type."""
+        if dtype.kind == "f":
+            return self.floating
+        return self.signed if dtype.kind == "i" else self.unsigned
+
+
+def converted(x, dtype: np.dtype):
+    """`x` as another type; floats beyond an integer type's range go to its end, NaN to zero."""
+    x = np.asarray(x)
+    if x.dtype.kind == "f" and dtype.kind in "iu":
+        info = np.iinfo(dtype)
+        inside = np.clip(np.nan_to_num(np.trunc(x), nan=0.0), float(info.min), float(info.max))
+        above, below = inside >= float(info.max), inside <= float(info.min)
+        plain = np.where(above | below, 0, inside).astype(dtype)
+        return np.where(above, dtype.type(info.max), np.where(below, dtype.type(info.min), plain))
+    return x.astype(dtype)
+
+
+def _whole_division(x, y):
+    quotient = np.abs(x) // np.abs(y)
+    return np.where((x < 0) != (y < 0), -quotient, quotient).astype(x.dtype)
+
+
+def _divide(x, y):
+    return x / y if np.asarray(x).dtype.kind == "f" else _whole_division(np.asarray(x), y)
+
+
+def _shift_left(x, y):
+    return np.left_shift(x, y)
+
+
+def _shift_right_logical(x, y):
+    x = np.asarray(x)
+    unsigned = x.dtype.str.replace("i", "u")
+    return (x.view(unsigned) >> np.asarray(y).view(unsigned)).view(x.dtype)
+
+
+def _count_ones(x):
+    return np.bitwise_count(x).astype(np.asarray(x).dtype)
+
+
+OPERATIONS: dict[str, Arithmetic] = {
+    "add": Arithmetic(np.add, "fadd contract", "add", "add"),
+    "sub": Arithmetic(np.subtract, "fsub contract", "sub", "sub"),
+    "mul": Arithmetic(np.multiply, "fmul contract", "mul", "mul"),
+    # whole divisors are neither zero nor minus one
+    "div": Arithmetic(_divide, "fdiv contract", "sdiv", "udiv"),
+    "rem": Arithmetic(np.fmod, "frem", "srem", "urem"),
+    "and": Arithmetic(np.bitwise_and, None, "and", "and"),
+    "or": Arithmetic(np.bitwise_or, None, "or", "or"),
+    "xor": Arithmetic(np.bitwise_xor, None, "xor", "xor"),
+    # shifts are by less than the width
+    "shift_left": Arithmetic(_shift_left, None, "shl", "shl"),
+    "shift_right_logical": Arithmetic(_shift_right_logical, None, "lshr", "lshr"),
+    "shift_right_arithmetic": Arithmetic(np.right_shift, None, "ashr", "ashr"),
+    "lt": Arithmetic(np.less, "fcmp olt", "icmp slt", "icmp ult", compares=True),
+    "le": Arithmetic(np.less_equal, "fcmp ole", "icmp sle", "icmp ule", compares=True),
+    "gt": Arithmetic(np.greater, "fcmp ogt", "icmp sgt", "icmp ugt", compares=True),
+    "ge": Arithmetic(np.greater_equal, "fcmp oge", "icmp sge", "icmp uge", compares=True),
+    "eq": Arithmetic(np.equal, "fcmp oeq", "icmp eq", "icmp eq", compares=True),
+    "ne": Arithmetic(np.not_equal, "fcmp une", "icmp ne", "icmp ne", compares=True),
+    "neg": Arithmetic(np.negative, "fneg"),
+    "abs": Arithmetic(np.abs, "llvm.fabs"),
+    "sqrt": Arithmetic(np.sqrt, "llvm.sqrt"),
+    "floor": Arithmetic(np.floor, "llvm.floor"),
+    "ceil": Arithmetic(np.ceil, "llvm.ceil"),
+    "trunc": Arithmetic(np.trunc, "llvm.trunc"),
+    "round_even": Arithmetic(np.rint, "llvm.roundeven"),
+    "copysign": Arithmetic(np.copysign, "llvm.copysign"),
+    "population_count": Arithmetic(_count_ones, None, "llvm.ctpop", "llvm.ctpop"),
+}
+"""Besides these: `select` (a bool, then two of one type), `convert` and `bitcast` (to the result's
+type), and `any` (a varying bool to a uniform one)."""
+
+
+def evaluate(name: str, args: tuple, dtype: np.dtype):
+    """What an operation gives for NumPy scalars or arrays of lanes; `dtype` is the result's."""
+    with np.errstate(all="ignore"):
+        match name:
+            case "select":
+                return np.where(*args)
+            case "convert":
+                return converted(args[0], dtype)
+            case "bitcast":
+                return np.asarray(args[0]).view(dtype)
+            case "any":
+                return np.any(args[0])
+        return OPERATIONS[name].numpy(*args)

@@ -1,0 +1,58 @@
+"""Elementary functions: each is written in plain `jax.numpy` and lowered as a function once."""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsat.engine.native.builder import Builder
+from jaxsat.engine.native.functions import FUNCTIONS, program
+from jaxsat.engine.native.interpreter import interpret
+from jaxsat.engine.native.ir import Scalar, Value
+from jaxsat.engine.native.lowering import Elements, each, filled, function_of, lower, lowers
+
+SPARE: dict[str, Callable] = {"square": lambda x: x * x, "rsqrt": lambda x: 1 / jnp.sqrt(x)}
+"""Functions simple enough to be written out."""
+
+
+@lowers(*SPARE)
+def _short(b: Builder, eqn, x: Elements) -> Elements:
+    aval = jax.ShapeDtypeStruct((), eqn.invars[0].aval.dtype)
+    closed = jax.make_jaxpr(SPARE[eqn.primitive.name])(aval)
+    return each(lambda x: lower(b, closed, [filled((), x)])[0][()], x)
+
+
+@lowers(*FUNCTIONS)
+def _written(b: Builder, eqn, *arrays: Elements) -> Elements:
+    name = eqn.primitive.name
+    dtype = np.dtype(eqn.outvars[0].aval.dtype)
+
+    def apply(*scalars: Scalar) -> Scalar:
+        closed = program(name, *(x.dtype for x in scalars))
+        function = function_of(b, name, closed, scalars)
+        if not any(isinstance(x, Value) for x in scalars):
+            return dtype.type(interpret(function, scalars)[0])  # pyright: ignore
+        return b.call(function, scalars)[0]
+
+    return each(apply, *arrays)
+
+
+@lowers("integer_pow")
+def _integer_pow(b: Builder, eqn, x: Elements) -> Elements:
+    return each(lambda x: power(b, x, eqn.params["y"]), x)
+
+
+def power(b: Builder, x: Scalar, exponent: int) -> Scalar:
+    """x to a whole number, by repeated squaring."""
+    one = x.dtype.type(1)
+    found, square, left = None, x, abs(exponent)
+    while left:
+        if left & 1:
+            found = square if found is None else b.operation("mul", found, square)
+        left >>= 1
+        if left:
+            square = b.operation("mul", square, square)
+    if found is None:
+        return one
+    return b.operation("div", one, found) if exponent < 0 else found

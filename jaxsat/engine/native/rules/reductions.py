@@ -1,0 +1,142 @@
+"""Sums, extrema, searches and sorts of arrays small enough to be written out."""
+
+from collections.abc import Callable
+from functools import reduce
+from itertools import accumulate
+
+import numpy as np
+
+from jaxsat.engine.native.builder import Builder
+from jaxsat.engine.native.ir import Scalar
+from jaxsat.engine.native.lowering import Elements, filled, lowers
+from jaxsat.engine.native.operations import BOOL
+from jaxsat.engine.native.rules.elementwise import extremum
+
+REDUCTIONS = ("sum", "prod", "max", "min", "and", "or", "xor")
+
+
+def _joining(b: Builder, name: str) -> Callable[[Scalar, Scalar], Scalar]:
+    """How two elements are joined in a reduction of this name."""
+    if name in ("max", "min"):
+        return lambda x, y: extremum(b, name, x, y)
+    operation = {"sum": "add", "prod": "mul"}.get(name, name)
+    return lambda x, y: b.operation(operation, x, y)
+
+
+def _empty_value(name: str, dtype: np.dtype) -> Scalar:
+    if name in ("max", "min"):
+        limits = np.finfo(dtype) if dtype.kind == "f" else np.iinfo(dtype)
+        low, high = (-np.inf, np.inf) if dtype.kind == "f" else (limits.min, limits.max)
+        return dtype.type(low if name == "max" else high)
+    whole = np.invert(dtype.type(0)) if dtype != BOOL else np.True_
+    return {"prod": dtype.type(1), "and": whole}.get(name, dtype.type(0))
+
+
+@lowers(*(f"reduce_{name}" for name in REDUCTIONS))
+def _reduce(b: Builder, eqn, x: Elements) -> Elements:
+    name = eqn.primitive.name.removeprefix("reduce_")
+    axes = tuple(eqn.params["axes"])
+    aval = eqn.outvars[0].aval
+    if not x.size:
+        return filled(aval.shape, _empty_value(name, aval.dtype))
+    kept = [axis for axis in range(x.ndim) if axis not in axes]
+    rows = x.transpose([*kept, *axes]).reshape(int(np.prod(aval.shape)), -1)
+    out = np.empty(len(rows), object)
+    for i, row in enumerate(rows):
+        out[i] = reduce(_joining(b, name), row)
+    return out.reshape(aval.shape)
+
+
+@lowers("cumsum", "cumprod", "cummax", "cummin")
+def _accumulate(b: Builder, eqn, x: Elements) -> Elements:
+    name = eqn.primitive.name.removeprefix("cum")
+    axis, reverse = eqn.params["axis"], eqn.params["reverse"]
+    rows = np.moveaxis(x, axis, -1)
+    out = np.empty(rows.shape, object)
+    for index in np.ndindex(rows.shape[:-1]):
+        row = list(rows[index])[:: -1 if reverse else 1]
+        found = list(accumulate(row, _joining(b, name)))
+        out[index] = found[:: -1 if reverse else 1]
+    return np.moveaxis(out, -1, axis)
+
+
+@lowers("argmax", "argmin")
+def _arg_extremum(b: Builder, eqn, x: Elements) -> Elements:
+    (axis,), dtype = eqn.params["axes"], np.dtype(eqn.params["index_dtype"])
+    order = "gt" if eqn.primitive.name == "argmax" else "lt"
+    rows = np.moveaxis(x, axis, -1)
+    out = np.empty(rows.shape[:-1], object)
+    for index in np.ndindex(rows.shape[:-1]):
+        best, where = rows[index][0], dtype.type(0)
+        for number, value in enumerate(rows[index][1:], 1):
+            better = _better(b, order, value, best)
+            best = b.select(better, value, best)
+            where = b.select(better, dtype.type(number), where)
+        out[index] = where
+    return out
+
+
+def _better(b: Builder, order: str, value: Scalar, best: Scalar) -> Scalar:
+    """Whether `value` comes before `best`; NaN comes before all but an earlier NaN."""
+    if value.dtype == BOOL:
+        value, best = (b.convert(x, np.dtype(np.int32)) for x in (value, best))
+    better = b.operation(order, value, best)
+    if value.dtype.kind != "f":
+        return better
+    is_nan, was_number = b.operation("ne", value, value), b.operation("eq", best, best)
+    return b.operation("or", better, b.operation("and", is_nan, was_number))
+
+
+@lowers("sort")
+def _sort(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
+    """Neighbours exchanged until all are in order, which keeps equal ones as they were."""
+    axis, keys = eqn.params["dimension"], eqn.params["num_keys"]
+    rows = [np.moveaxis(x, axis, -1).copy() for x in arrays]
+    for index in np.ndindex(rows[0].shape[:-1]):
+        several = [list(row[index]) for row in rows]
+        count = len(several[0])
+        for last in range(count - 1, 0, -1):
+            for i in range(last):
+                wrong = _follows(b, [x[i] for x in several], [x[i + 1] for x in several], keys)
+                for x in several:
+                    low, high = x[i], x[i + 1]
+                    x[i], x[i + 1] = b.select(wrong, high, low), b.select(wrong, low, high)
+        for row, values in zip(rows, several, strict=True):
+            row[index] = values
+    return [np.moveaxis(row, -1, axis) for row in rows]
+
+
+def _follows(b: Builder, one: list[Scalar], other: list[Scalar], keys: int) -> Scalar:
+    """Whether `one` must come after `other`; NaN comes last."""
+    found: Scalar = np.False_
+    for x, y in reversed(list(zip(one[:keys], other[:keys], strict=True))):
+        if x.dtype == BOOL:
+            x, y = (b.convert(z, np.dtype(np.int32)) for z in (x, y))
+        after, equal = b.operation("gt", x, y), b.operation("eq", x, y)
+        if x.dtype.kind == "f":
+            x_nan, y_nan = b.operation("ne", x, x), b.operation("ne", y, y)
+            after = b.operation("or", after, b.operation("and", x_nan, b.negation(y_nan)))
+            equal = b.operation("or", equal, b.operation("and", x_nan, y_nan))
+        found = b.operation("or", after, b.operation("and", equal, found))
+    return found
+
+
+@lowers("dot_general")
+def _dot_general(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
+    (x_sum, y_sum), (x_batch, y_batch) = eqn.params["dimension_numbers"]
+    x_free = [axis for axis in range(x.ndim) if axis not in (*x_sum, *x_batch)]
+    y_free = [axis for axis in range(y.ndim) if axis not in (*y_sum, *y_batch)]
+    batch = [x.shape[axis] for axis in x_batch]
+    length = int(np.prod([x.shape[axis] for axis in x_sum]))
+    rows = x.transpose([*x_batch, *x_free, *x_sum]).reshape(int(np.prod(batch)), -1, length)
+    columns = y.transpose([*y_batch, *y_free, *y_sum]).reshape(int(np.prod(batch)), -1, length)
+    aval = eqn.outvars[0].aval
+    zero = aval.dtype.type(0)
+    products = np.empty((len(rows), rows.shape[1], columns.shape[1]), object)
+    for i, j, k in np.ndindex(products.shape):
+        terms = [
+            b.operation("mul", b.convert(p, aval.dtype), b.convert(q, aval.dtype))
+            for p, q in zip(rows[i, j], columns[i, k], strict=True)
+        ]
+        products[i, j, k] = reduce(lambda p, q: b.operation("add", p, q), terms) if terms else zero
+    return products.reshape(aval.shape)

@@ -1,0 +1,212 @@
+"""A stage: a program whose inputs and outputs have places in memory, as one exported function.
+
+A stage is called for one vector of trajectories as
+
+    void stage(pointers, state, cases, wanted, a, b)
+
+`pointers` holds the address of every array from outside; `state` is memory of this vector alone;
+`cases` gives the number of every lane's case and `wanted` (bytes) tells the lanes for which
+something is to be written; `a` and `b` are whole numbers for all lanes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jaxsat.engine.native.ir import Function, Sweep, Value
+from jaxsat.engine.native.llvm import Body, Module
+from jaxsat.engine.native.words import memory_type, scalar_type, vector_type
+
+
+@dataclass(frozen=True)
+class PerCase:
+    """Element `element` of an array (cases, size)."""
+
+    array: int
+    element: int
+    size: int
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Element `element` of an array that is the same for all cases."""
+
+    array: int
+    element: int
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A place in the state, in bytes from its beginning, with room for all lanes or, uniform, one."""
+
+    offset: int
+    uniform: bool
+
+
+@dataclass(frozen=True)
+class Number:
+    """The stage's argument `a` or `b`."""
+
+    name: str
+
+
+Place = PerCase | Shared | Slot | Number
+
+
+@dataclass
+class Stage:
+    """A program and the places of its parameters and results."""
+
+    function: Function
+    inputs: list[Place]
+    outputs: list[Place]
+
+    def swept(self) -> "Stage":
+        """Without the steps whose results nobody uses."""
+        sweep = Sweep()
+        sweep.need(self.function.results)
+        sweep.block(self.function.block)
+        keep = [param.number in sweep.used for param in self.function.params]
+        params = [p for p, used in zip(self.function.params, keep, strict=True) if used]
+        inputs = [place for place, used in zip(self.inputs, keep, strict=True) if used]
+        function = Function(self.function.name, params, self.function.block, self.function.results)
+        return Stage(function, inputs, self.outputs)
+
+
+def add_stage(module: Module, stage: Stage) -> None:
+    """Print a stage into a module."""
+    body = _StageBody(module)
+    for param, place in zip(stage.function.params, stage.inputs, strict=True):
+        body.read(param, place)
+    body.steps(stage.function.block)
+    for result, place in zip(stage.function.results, stage.outputs, strict=True):
+        body.write(result, place)
+    body.line("ret void")
+    head = (
+        f"define void @{stage.function.name}(ptr noalias %pointers, ptr noalias %state, "
+        "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) #0 {"
+    )
+    module.functions[stage.function.name] = "\n".join([head, *body.text(), "}"])
+
+
+class _StageBody(Body):
+    """A body that can read and write places."""
+
+    def __init__(self, module: Module):
+        super().__init__(module)
+        self._arrays: dict[int, str] = {}
+        lanes = module.lanes
+        self.line(f"%number = load <{lanes} x i64>, ptr %cases, align 64")
+        self.line(f"%bytes = load <{lanes} x i8>, ptr %wanted, align 1")
+        self.line(f"%lane = icmp ne <{lanes} x i8> %bytes, zeroinitializer")
+
+    def _array(self, array: int) -> str:
+        if array not in self._arrays:
+            place, address = self.fresh("p"), self.fresh("a")
+            self.line(f"{place} = getelementptr ptr, ptr %pointers, i64 {array}")
+            self.line(f"{address} = load ptr, ptr {place}")
+            self._arrays[array] = address
+        return self._arrays[array]
+
+    def read(self, param: Value, place: Place) -> None:
+        """Give a parameter its value."""
+        out = self.name(param)
+        match place:
+            case Number(name=name):
+                kind = scalar_type(param.dtype)
+                word = "bitcast" if kind == "i64" else "trunc"
+                self.line(f"{out} = {word} i64 %{name} to {kind}")
+            case Slot(offset=offset, uniform=uniform):
+                where = self.fresh("p")
+                self.line(f"{where} = getelementptr i8, ptr %state, i64 {offset}")
+                self.get(out, where, param.dtype, not uniform)
+            case Shared():
+                where, kind = self.fresh("p"), memory_type(param.dtype)
+                base = self._array(place.array)
+                self.line(f"{where} = getelementptr {kind}, ptr {base}, i64 {place.element}")
+                self.get(out, where, param.dtype, False)
+            case PerCase():
+                self._gather(out, param.dtype, place)
+
+    def _gather(self, out: str, dtype: np.dtype, place: PerCase) -> None:
+        lanes, kind = self.module.lanes, memory_type(dtype)
+        cells, name = f"<{lanes} x {kind}>", f"@gather.{kind}"
+        index, base = self._indices(place), self._array(place.array)
+        self.module.functions.setdefault(name, _gather_text(name, kind, lanes))
+        found = out if dtype.kind != "b" else self.fresh()
+        self.line(f"{found} = call {cells} {name}(ptr {base}, <{lanes} x i64> {index})")
+        if dtype.kind == "b":
+            self.line(f"{out} = icmp ne {cells} {found}, zeroinitializer")
+
+    def _indices(self, place: PerCase) -> str:
+        wide = f"<{self.module.lanes} x i64>"
+        scaled, moved = self.fresh(), self.fresh()
+        self.line(f"{scaled} = mul {wide} %number, splat (i64 {place.size})")
+        self.line(f"{moved} = add {wide} {scaled}, splat (i64 {place.element})")
+        return moved
+
+    def write(self, result, place: Place) -> None:
+        """Put a result where it belongs, for the wanted lanes."""
+        dtype = result.dtype
+        wide = vector_type(dtype, self.module.lanes)
+        if isinstance(place, Slot):
+            where = self.fresh("p")
+            self.line(f"{where} = getelementptr i8, ptr %state, i64 {place.offset}")
+            if place.uniform:
+                self.put(where, self.operand(result), dtype, False)
+                return
+            old, new = self.fresh(), self.fresh()
+            self.get(old, where, dtype, True)
+            lane = f"<{self.module.lanes} x i1> %lane"
+            self.line(f"{new} = select {lane}, {wide} {self.operand(result, True)}, {wide} {old}")
+            self.put(where, new, dtype, True)
+            return
+        assert isinstance(place, PerCase)
+        lanes, kind = self.module.lanes, memory_type(dtype)
+        value, name = self.operand(result, True), f"@scatter.{kind}"
+        if dtype.kind == "b":
+            byte = self.fresh()
+            self.line(f"{byte} = zext {wide} {value} to <{lanes} x i8>")
+            value = byte
+        index, base = self._indices(place), self._array(place.array)
+        self.module.functions.setdefault(name, _scatter_text(name, kind, lanes))
+        self.line(
+            f"call void {name}(ptr {base}, <{lanes} x i64> {index}, "
+            f"<{lanes} x {kind}> {value}, <{lanes} x i1> %lane)"
+        )
+
+
+def _gather_text(name: str, kind: str, lanes: int) -> str:
+    cells = f"<{lanes} x {kind}>"
+    lines = [f"define internal {cells} {name}(ptr %base, <{lanes} x i64> %index) noinline #0 {{"]
+    whole = "poison"
+    for lane in range(lanes):
+        lines += [
+            f"%i{lane} = extractelement <{lanes} x i64> %index, i64 {lane}",
+            f"%p{lane} = getelementptr {kind}, ptr %base, i64 %i{lane}",
+            f"%x{lane} = load {kind}, ptr %p{lane}",
+            f"%w{lane} = insertelement {cells} {whole}, {kind} %x{lane}, i64 {lane}",
+        ]
+        whole = f"%w{lane}"
+    return "\n".join([*lines, f"ret {cells} {whole}", "}"])
+
+
+def _scatter_text(name: str, kind: str, lanes: int) -> str:
+    cells = f"<{lanes} x {kind}>"
+    lines = [
+        f"define internal void {name}(ptr %base, <{lanes} x i64> %index, {cells} %value, "
+        f"<{lanes} x i1> %lane) noinline #0 {{"
+    ]
+    for lane in range(lanes):
+        lines += [
+            f"%b{lane} = extractelement <{lanes} x i1> %lane, i64 {lane}",
+            f"br i1 %b{lane}, label %put{lane}, label %next{lane}",
+            f"put{lane}:",
+            f"%i{lane} = extractelement <{lanes} x i64> %index, i64 {lane}",
+            f"%p{lane} = getelementptr {kind}, ptr %base, i64 %i{lane}",
+            f"%x{lane} = extractelement {cells} %value, i64 {lane}",
+            f"store {kind} %x{lane}, ptr %p{lane}",
+            f"br label %next{lane}",
+            f"next{lane}:",
+        ]
+    return "\n".join([*lines, "ret void", "}"])

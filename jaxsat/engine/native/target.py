@@ -1,0 +1,114 @@
+"""The processor of this machine, and machine code for it through llvmlite."""
+
+import os
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from itertools import count
+
+LLVMLITE = find_spec("llvmlite") is not None
+"""Whether machine code can be made here at all."""
+
+PASSES = "default O2 without vectorisation and unrolling"
+"""What LLVM does to a module, for the cache."""
+
+_libraries = count()
+
+
+@dataclass(frozen=True)
+class Host:
+    """What LLVM calls this processor, its features, and the bytes of one vector register."""
+
+    name: str
+    features: str
+    register: int
+
+    @property
+    def lanes(self) -> int:
+        """Trajectories in a vector: two registers of 64-bit numbers, which hides latencies."""
+        return 2 * self.register // 8
+
+    def attributes(self) -> str:
+        """Attributes of every function."""
+        bits = self.register * 8
+        wide = f' "prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}"'
+        target = f'"target-cpu"="{self.name}" "target-features"="{self.features}"'
+        return f"nounwind {target}" + (wide if self.register > 16 else "")
+
+
+@cache
+def host() -> Host:
+    """The processor that runs this."""
+    import llvmlite.binding as llvm
+
+    found = llvm.get_host_cpu_features()
+    register = 64 if found.get("avx512f") and found.get("avx512dq") else 32 if found.get("avx") else 16
+    return Host(llvm.get_host_cpu_name(), found.flatten(), register)
+
+
+def version() -> str:
+    """The version of LLVM."""
+    import llvmlite.binding as llvm
+
+    return ".".join(map(str, llvm.llvm_version_info))
+
+
+@cache
+def _machine():
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_default_triple()
+    cpu = host()
+    return target.create_target_machine(
+        cpu=cpu.name, features=cpu.features, opt=2, reloc="pic", codemodel="default", jit=True
+    )
+
+
+def optimised(text: str):
+    """The module of an LLVM text after LLVM's own passes."""
+    import llvmlite.binding as llvm
+
+    machine = _machine()
+    module = llvm.parse_assembly(text)
+    module.triple = machine.triple
+    module.data_layout = str(machine.target_data)
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.loop_vectorization = options.slp_vectorization = False
+    options.loop_unrolling = False
+    passes = llvm.create_pass_builder(machine, options)
+    passes.getModulePassManager().run(module, passes)
+    return module
+
+
+def object_code(text: str) -> bytes:
+    """Machine code of an LLVM text as an object file."""
+    return _machine().emit_object(optimised(text))
+
+
+def assembly(text: str) -> str:
+    """Machine code of an LLVM text, for people."""
+    return _machine().emit_assembly(optimised(text))
+
+
+@cache
+def _jit():
+    import llvmlite.binding as llvm
+
+    _machine()
+    target = llvm.Target.from_default_triple().create_target_machine(
+        cpu=host().name, features=host().features, jit=True
+    )
+    return llvm.create_lljit_compiler(target)
+
+
+def loaded(code: bytes, names: list[str]) -> tuple[object, dict[str, int]]:
+    """Machine code in memory: what keeps it there, and the addresses of its functions."""
+    import llvmlite.binding as llvm
+
+    library = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
+    for name in names:
+        library.export_symbol(name)
+    tracker = library.link(_jit(), f"jaxsat-{os.getpid()}-{next(_libraries)}")
+    return tracker, {name: tracker[name] for name in names}
