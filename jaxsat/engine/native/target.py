@@ -9,6 +9,9 @@ from itertools import count
 LLVMLITE = find_spec("llvmlite") is not None
 """Whether machine code can be made here at all."""
 
+PASSES = "default O2 without vectorisation and unrolling"
+"""What LLVM does to a module, for the cache."""
+
 _libraries = count()
 
 

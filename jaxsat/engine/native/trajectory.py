@@ -80,19 +80,19 @@ def trajectory_stages(
     engine: Any, program: Program, case: PyTree, gains: PyTree, lanes: int
 ) -> TrajectoryStages:
     """The stages by which `engine` runs `program`; `case` and `gains` are examples."""
-    numbers, static = eqx.partition(program, eqx.is_array)
+    numbers, static = eqx.partition((engine, program), eqx.is_array)
     made: list[Any] = []
 
     def begin(case, numbers, gains):
-        copy = eqx.combine(numbers, static).copies(case, gains)
+        copy = eqx.combine(numbers, static)[1].copies(case, gains)
         arrays, rest = eqx.partition(copy, eqx.is_array)
         made.append(rest)
-        return arrays, begin_one(engine, _with_copy(numbers, static, copy), None, None)
+        return arrays, begin_one(*_with_copy(numbers, static, copy), None, None)
 
     def of_copy(one: Callable):
         def stage(arrays, progress, numbers, *rest):
-            copied = _with_copy(numbers, static, eqx.combine(arrays, made[0]))
-            return one(engine, copied, None, None, progress, *rest)
+            engine, program = _with_copy(numbers, static, eqx.combine(arrays, made[0]))
+            return one(engine, program, None, None, progress, *rest)
 
         return stage
 
@@ -120,9 +120,9 @@ def trajectory_stages(
     return TrajectoryStages([first, *later], state.size, outputs, signals, jaxprs)
 
 
-def _with_copy(numbers, static, copy: Copy) -> Program:
-    program = eqx.combine(numbers, static)
-    return eqx.tree_at(lambda program: program.copies, program, Made(copy))
+def _with_copy(numbers, static, copy: Copy) -> tuple[Any, Program]:
+    engine, program = eqx.combine(numbers, static)
+    return engine, eqx.tree_at(lambda program: program.copies, program, Made(copy))
 
 
 def _elements(avals: Sequence[Any]) -> list[tuple[int, int, int, np.dtype]]:

@@ -1,0 +1,128 @@
+"""The machine code of a trajectory's stages, and how it is called."""
+
+import ctypes
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from jaxsat.engine.native import cache, target
+from jaxsat.engine.native.drivers import run_blocks
+from jaxsat.engine.native.llvm import Module
+from jaxsat.engine.native.stages import add_stage
+from jaxsat.engine.native.trajectory import ALIGNMENT, TrajectoryStages
+
+PIECE = 4
+"""Vectors of cases that a thread takes at a time."""
+
+RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
+STAGE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 2)
+
+
+def processors() -> int:
+    """How many this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
+
+
+class Kernel:
+    """A program's stages as machine code for vectors of `lanes` cases."""
+
+    def __init__(self, stages: TrajectoryStages, lanes: int):
+        self.stages, self.lanes = stages, lanes
+        module = Module(lanes)
+        for stage in stages.stages:
+            add_stage(module, stage)
+        module.functions["run"] = run_blocks(lanes, ["begin", "advance", "finish"])
+        self.text = module.text(target.host().attributes())
+        names = ["run", *(stage.function.name for stage in stages.stages)]
+        self._keep, self._addresses = target.loaded(cache.object_code(self.text), names)
+
+    def run(self, inputs: Sequence[np.ndarray], count: int, intervals: int, workers: int) -> Any:
+        """Outputs of `count` cases, whose arrays come first among the inputs."""
+        outputs, leaves = _room(self.stages.outputs, count)
+        pointers = _pointers([*inputs, *leaves])
+        run = RUN(self._addresses["run"])
+        pieces = iter(range(0, count, PIECE * self.lanes))
+        stopped = False
+
+        def work() -> None:
+            state = _State(self.stages.state_size)
+            for begin in pieces:  # next() of a range iterator is atomic
+                if stopped:
+                    return
+                end = min(begin + PIECE * self.lanes, count)
+                run(pointers, state.address, begin, end, 0, intervals)
+
+        workers = min(workers, -(-count // (PIECE * self.lanes)))
+        if workers <= 1:
+            work()
+            return outputs
+        with ThreadPoolExecutor(workers, thread_name_prefix="jaxsat-native") as pool:
+            try:
+                for future in [pool.submit(work) for _ in range(workers)]:
+                    future.result()
+            finally:
+                stopped = True
+        return outputs
+
+    def replay(
+        self, inputs: Sequence[np.ndarray], count: int, intervals: int
+    ) -> tuple[PyTree, PyTree]:
+        """Outputs and signals (cases, times) of `count` cases, stopped at every interval.
+
+        The stages are those of `run`, so the bits are, too.
+        """
+        outputs, leaves = _room(self.stages.outputs, count)
+        seen, now = _room(self.stages.signals, count)
+        pointers = _pointers([*inputs, *leaves, *now])
+        begin, advance, finish, observe = (
+            STAGE(self._addresses[name]) for name in ("begin", "advance", "finish", "observe")
+        )
+        blocks = [self._block(first, count) for first in range(0, count, self.lanes)]
+        history = []
+        for state, cases, wanted in blocks:
+            begin(pointers, state.address, cases.ctypes.data, wanted.ctypes.data, 0, 0)
+        for number in range(intervals + 1):
+            for state, cases, wanted in blocks:
+                where = (pointers, state.address, cases.ctypes.data, wanted.ctypes.data)
+                observe(*where, number, 0)
+                if number < intervals:
+                    advance(*where, number, 1)
+                else:
+                    finish(*where, 0, 0)
+            history.append(jax.tree.map(np.copy, seen))
+        return outputs, jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
+
+    def _block(self, first: int, count: int):
+        numbers = first + np.arange(self.lanes)
+        cases = _aligned(8 * self.lanes).view(np.int64)
+        cases[:] = np.minimum(numbers, count - 1)
+        return _State(self.stages.state_size), cases, (numbers < count).astype(np.uint8)
+
+
+class _State:
+    """Memory of one vector of cases."""
+
+    def __init__(self, size: int):
+        self._memory = _aligned(size)
+        self.address = self._memory.ctypes.data
+
+
+def _aligned(size: int) -> np.ndarray:
+    room = np.zeros(size + ALIGNMENT, np.uint8)
+    skipped = -room.ctypes.data % ALIGNMENT
+    return room[skipped : skipped + size]
+
+
+def _room(shapes: PyTree, count: int) -> tuple[PyTree, list[np.ndarray]]:
+    arrays = jax.tree.map(lambda leaf: np.zeros((count, *leaf.shape), leaf.dtype), shapes)
+    return arrays, jax.tree.leaves(arrays)
+
+
+def _pointers(arrays: Sequence[np.ndarray]):
+    return (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
