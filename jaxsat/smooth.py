@@ -1,22 +1,42 @@
-"""Stand-ins for sat and sqrt|x|: the printed functions at width zero, smooth ones above.
+"""Stand-ins for sat and sqrt|x|: the printed functions without a width, smooth ones with one.
 
-All are plain arithmetic without branches on values, so one compiled program serves every width,
-zero included. At width zero derivatives follow the printed function's pieces and are taken as
-zero at the corner itself.
+A printed function has a corner. Told on which side of it to stay it is smooth, so an integrator
+can hold the side during a step and look for the instant at which it changes. Left alone it
+follows its argument, and derivatives are those of the piece that the argument is in.
 """
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from jaxsat.checks import as_float, concrete
+
+Width = Float[Array, ""] | None
+"""How far a corner is rounded; None where it is left as printed."""
+
+
+def as_width(value: ArrayLike | None) -> Width:
+    """A width as an array, and None where it is known to be zero."""
+    known = None if value is None else concrete(value)
+    zero = value is None or (known is not None and not np.any(known))
+    return None if zero else as_float(value)
 
 
 def sat(
-    x: Float[Array, "*n"], bound: Float[Array, ""], width: Float[Array, ""]
+    x: Float[Array, "*n"],
+    bound: Float[Array, ""],
+    width: Width = None,
+    beyond: Bool[Array, "*n"] | None = None,
 ) -> Float[Array, "*n"]:
     """Saturation of (41): x up to `bound`, then sign(x) `bound`.
 
-    `width` in [0, 1] is the part of `bound` over which the corner is rounded: 0 is the printed
-    function and 1 is bound·tanh(x / bound). The two differ by at most 0.24 width·bound.
+    `width` in [0, 1] is the part of `bound` over which the corner is rounded, 1 being
+    bound·tanh(x / bound); it differs from the printed function by at most 0.24 width·bound.
+    The printed function stays on the side of its corner that `beyond` tells.
     """
+    if width is None:
+        outside = jnp.abs(x) > bound if beyond is None else beyond
+        return jnp.where(outside, jnp.sign(x) * bound, x)
     span = width * bound
     straight = bound - span
     size = jnp.abs(x)
@@ -25,13 +45,27 @@ def sat(
     return jnp.sign(x) * (jnp.minimum(size, straight) + rounded)
 
 
-def root_abs(x: Float[Array, "*n"], width: Float[Array, ""]) -> Float[Array, "*n"]:
-    """√|x| of (38) as (x² + width²)^¼; `width` in the unit of x."""
+def root_abs(
+    x: Float[Array, ""], width: Width = None, positive: Bool[Array, ""] | None = None
+) -> Float[Array, ""]:
+    """√|x| of (38), or (x² + width²)^¼ with a `width` in the unit of x.
+
+    With `positive` the printed function is √x, or √(-x) where it is false, and zero beyond the
+    corner; its derivative is taken as zero at the corner and beyond.
+    """
+    if width is None:
+        size = jnp.abs(x) if positive is None else jnp.where(positive, x, -x)
+        return jnp.where(size > 0, jnp.sqrt(jnp.where(size > 0, size, 1.0)), 0.0)
     square = x**2 + width**2
     return jnp.where(square > 0, jnp.where(square > 0, square, 1.0) ** 0.25, 0.0)
 
 
-def signed_root(x: Float[Array, "*n"], width: Float[Array, ""]) -> Float[Array, "*n"]:
-    """sgn(x) √|x| of (38) as x / (x² + width²)^¼; `width` in the unit of x."""
+def signed_root(
+    x: Float[Array, ""], width: Width = None, positive: Bool[Array, ""] | None = None
+) -> Float[Array, ""]:
+    """sgn(x) √|x| of (38), or x / (x² + width²)^¼ with a `width`; `positive` as in `root_abs`."""
+    if width is None:
+        sign = jnp.sign(x) if positive is None else jnp.where(positive, 1.0, -1.0)
+        return sign * root_abs(x, None, positive)
     square = x**2 + width**2
     return jnp.where(square > 0, x / jnp.where(square > 0, square, 1.0) ** 0.25, 0.0)

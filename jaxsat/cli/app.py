@@ -8,20 +8,25 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 import jaxsat
+from jaxsat.cli.compare import compare
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.reproduce import reproduce
 from jaxsat.cli.scenarios import scenarios
 from jaxsat.cli.simulate import simulate
 from jaxsat.cli.terminal import (
+    FAILED_RUN,
     INTERRUPTED,
     TERMINATED,
     USER_MISTAKE,
+    FailedRun,
+    Terminated,
     UserMistake,
     make_streams_safe,
     report,
     report_mistake,
 )
+from jaxsat.cli.tune import tune
 
 app = App(
     name="jaxsat",
@@ -32,17 +37,15 @@ app = App(
 )
 app.command(simulate)
 app.command(montecarlo)
+app.command(compare)
+app.command(tune)
 app.command(controllability)
 app.command(reproduce)
 app.command(scenarios)
 
 
-class _Terminated(BaseException):
-    """SIGTERM, turned into an exception so that temporary files are removed."""
-
-
 def main(tokens: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 done, 1 a failed run, 2 a mistake of the user."""
+    """Run the command line and exit with one of the statuses of `jaxsat.cli.terminal`."""
     make_streams_safe()
     signal.signal(signal.SIGTERM, _raise_terminated)
     status = _status(tokens)
@@ -73,11 +76,14 @@ def _status(tokens: Sequence[str] | None) -> int:
     except UserMistake as mistake:
         report_mistake(mistake)
         return USER_MISTAKE
+    except FailedRun as failure:
+        report(str(failure))
+        return FAILED_RUN
     except KeyboardInterrupt as stop:
         report(f"interrupted; {stop.args[0] if stop.args else 'nothing was written'}")
         return INTERRUPTED
-    except _Terminated:
-        report("terminated; nothing was written")
+    except Terminated as stop:
+        report(f"terminated; {stop.args[0] if stop.args else 'nothing was written'}")
         return TERMINATED
     except BrokenPipeError:
         _silence_stdout()
@@ -87,7 +93,7 @@ def _status(tokens: Sequence[str] | None) -> int:
 
 def _raise_terminated(number: int, frame: object) -> None:
     del number, frame
-    raise _Terminated
+    raise Terminated
 
 
 def _silence_stdout() -> None:

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console
+from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -195,7 +195,7 @@ def _write_folder(
         with OutputFolder(out, overwrite=overwrite) as folder:
             interruptibly(lambda: write(folder.path))
     except OutputError as error:
-        raise UserMistake(str(error)) from None
+        raise output_problem(error) from None
 
 
 def _figures(analysis: "Analysis", cases: "Sequence[FailureCase]") -> "dict[str, Figure]":

@@ -1,8 +1,6 @@
 """`jaxsat montecarlo`: many dispersed copies of a scenario into a store, or one of them again."""
 
-import os
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -10,16 +8,20 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console
+from jaxsat.cli.study_executors import chosen_executor
+from jaxsat.cli.study_files import write_figures, write_one_case
+from jaxsat.cli.study_text import progress_text, summary_lines
+from jaxsat.cli.terminal import (
+    SUCCESS,
+    FailedRun,
+    Terminated,
+    UserMistake,
+    console,
+    output_problem,
+)
 
 if TYPE_CHECKING:
-    import xarray as xr
-
-    from jaxsat.montecarlo import StopRule, Study, StudyProgress, Summary
-    from jaxsat.scenario import Scenario
-
-SHOWN = 8
-"""Lines of the sensitivity ranking that are printed."""
+    from jaxsat.montecarlo import AbstractExecutor, StopRule, Study, StudyProgress, Summary
 
 
 def montecarlo(
@@ -36,6 +38,9 @@ def montecarlo(
     chunk: int = 256,
     until_ci: str | None = None,
     case: int | None = None,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    devices: int = 1,
     figures: Path | None = None,
     elsewhere: Annotated[bool, Parameter(negative="")] = False,
     quiet: Annotated[bool, Parameter(negative="")] = False,
@@ -62,7 +67,15 @@ def montecarlo(
         scan, a plain loop of jaxsat's own, fastest; diffrax, the method of a single run; auto is
         scan for sampled and smooth loops and diffrax for laws with corners.
     workers
-        Chunks computed at once, each in a thread; as many as processors if left out.
+        Chunks computed at once, each in a thread; as many as processors if left out, one in each
+        process or with several devices.
+    processes
+        Processes of this machine to share the chunks out to; one that dies is replaced.
+    scheduler
+        Share the chunks out to the workers of this dask scheduler: an address such as
+        tcp://host:8786, or the scheduler's JSON file.
+    devices
+        Devices (accelerators) of this machine to share every block of cases out to.
     width
         Cases that go through the compiled loop together; results may depend on it in their last
         bits.
@@ -86,22 +99,25 @@ def montecarlo(
     try:
         from jaxsat.scenario.study import build_study
 
-        study = build_study(chosen, count, seed=seed, engine=engine, width=width, chunk=chunk)
+        study = build_study(
+            chosen, count, seed=seed, engine=engine, width=width, chunk=chunk, devices=devices
+        )
     except ValueError as error:
         raise UserMistake(str(error)) from None
+    if rule is not None and study.has_fixed_size:
+        raise UserMistake("--until-ci: must go with another design than latin-hypercube")
     stem = Path(scenario).stem
     if case is not None:
-        return _one_case(chosen, study, case, out or Path(f"jaxsat-{stem}-{case}"), quiet)
+        return write_one_case(chosen, study, case, out or Path(f"jaxsat-{stem}-{case}"), quiet)
     target = out or Path(f"jaxsat-{stem}.zarr")
-    counted = _run(study, target, workers or os.cpu_count() or 1, rule, elsewhere, quiet)
-
-    from jaxsat.montecarlo import summarise
-    from jaxsat.results import open_study
-
-    dataset = open_study(target)
-    summary = summarise(dataset, counted)
-    if figures is not None:
-        _write_figures(figures, chosen.title, study, dataset, summary)
+    executor = chosen_executor(workers, processes, scheduler, devices)
+    try:
+        counted = _run(study, target, executor, rule, elsewhere, quiet)
+        summary = interruptibly(lambda: _summary(target, counted))
+        if figures is not None:
+            write_figures(figures, chosen.title, study, target, summary)
+    except (KeyboardInterrupt, Terminated) as stop:
+        raise type(stop)(_what_is_left(target)) from None
     if not quiet:
         for line in summary_lines(summary):
             console().print(line)
@@ -109,29 +125,17 @@ def montecarlo(
     return SUCCESS
 
 
-def summary_lines(summary: "Summary") -> list[str]:
-    """What a study found, for a person."""
-    settled = summary.settled
-    lines = [
-        f"cases            {summary.cases}: "
-        + ", ".join(f"{number} {name}" for name, number in summary.outcomes.items()),
-        f"settled          {settled.value:.2%} (95 % interval {settled.low:.2%} to "
-        f"{settled.high:.2%})",
-    ]
-    for name, unit in (("settling_time", "s"), ("effort", "N m s")):
-        parts = [
-            f"{percent:g} %: {found.value:.4g} ({found.low:.4g} to {found.high:.4g})"
-            for percent, found in getattr(summary, name).items()
-        ]
-        if parts:
-            lines.append(f"{name.replace('_', ' '):<16} {', '.join(parts)} {unit}")
-    lines.append(f"worst cases      {', '.join(map(str, summary.worst))} (see --case)")
-    ranked = [entry for entry in summary.cost_sensitivity if entry.first_order > 0][:SHOWN]
-    for label, entry in zip(["what the cost depends on"], [ranked], strict=True):
-        shown = [f"{e.name} {e.first_order:.2f} ({e.rank_correlation:+.2f})" for e in entry]
-        if shown:
-            lines.append(f"{label}: {', '.join(shown)}, first-order index (rank correlation)")
-    return lines
+def _what_is_left(target: Path) -> str:
+    if not target.exists():
+        return "nothing was written"
+    return f"the chunks that are done are in {target}; the same command goes on from there"
+
+
+def _summary(target: Path, counted: int) -> "Summary":
+    from jaxsat.montecarlo import summarise
+    from jaxsat.results import open_study
+
+    return summarise(open_study(target), counted)
 
 
 def _stop_rule(text: str) -> "StopRule":
@@ -150,15 +154,14 @@ def _stop_rule(text: str) -> "StopRule":
 def _run(
     study: "Study",
     target: Path,
-    workers: int,
+    executor: "AbstractExecutor",
     rule: "StopRule | None",
     elsewhere: bool,
     quiet: bool,
 ) -> int:
-    from jaxsat.montecarlo import Serial, Threads, run_study
+    from jaxsat.montecarlo import ClusterError, run_study
     from jaxsat.results import OutputError
 
-    executor = Threads(workers) if workers > 1 else Serial()
     status = console(error=True).status(f"compiling; {study.count} cases to do")
 
     def report(progress: "StudyProgress") -> None:
@@ -176,107 +179,8 @@ def _run(
                     elsewhere=elsewhere,
                 )
             )
-    except (OutputError, ValueError) as error:
-        hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
-        raise UserMistake(f"{error}{hint}") from None
-    except KeyboardInterrupt:
-        kept = f"the chunks that are done are in {target}; the same command goes on from there"
-        raise KeyboardInterrupt(kept) from None
-
-
-def progress_text(progress: "StudyProgress") -> str:
-    """One line on how far a study is."""
-    left = progress.seconds_left
-    return (
-        f"{progress.done} of {progress.count} cases, {progress.rate:.1f} a second, "
-        f"{left:.0f} s left, {progress.fraction_settled:.1%} settled"
-    )
-
-
-def _write_figures(
-    folder: Path, title: str, study: "Study", dataset: "xr.Dataset", summary: "Summary"
-) -> None:
-    import numpy as np
-
-    from jaxsat.report.saving import save_figures
-    from jaxsat.report.study_figures import fan_chart, study_figures
-    from jaxsat.results import OutputError, OutputFolder
-
-    def write() -> None:
-        count = summary.cases
-        drawn = {}
-        for name in study.copies.dispersions.names:
-            values = np.asarray(dataset[f"drawn_{name}"])[:count]
-            several = values.shape[1] > 1
-            drawn |= {f"{name}[{i + 1}]" if several else name: x for i, x in enumerate(values.T)}
-        ranked = [entry.name for entry in summary.settling_sensitivity]
-        axes = (ranked[0], ranked[1]) if len(ranked) > 1 else None
-        figures = study_figures(
-            {"settling_time": np.asarray(dataset["settling_time"])[:count]}, drawn, axes, title
-        )
-        numbers = np.arange(min(count, study.engine.width))
-        signals = study.engine.histories(study.program, study.cases(numbers), study.gains)
-        times = np.arange(study.program.intervals + 1) * float(study.program.interval)
-        attitude = np.concatenate([signals.w, signals.z[:, :, None]], axis=2)
-        labels = ("w1", "w2", "z")
-        figures["attitude-fan"] = fan_chart(times, attitude, labels, "1, rad", f"{title}: attitude")
-        labels = ("ω1", "ω2", "ω3")
-        omega = np.asarray(signals.omega)
-        figures["rates-fan"] = fan_chart(times, omega, labels, "rad/s", f"{title}: rates")
-        with OutputFolder(folder, overwrite=True) as made:
-            save_figures(figures, made.path)
-
-    try:
-        interruptibly(write)
     except OutputError as error:
-        raise UserMistake(str(error)) from None
-
-
-def _one_case(scenario: "Scenario", study: "Study", number: int, target: Path, quiet: bool) -> int:
-    from jaxsat.report.figures import trajectory_figures
-    from jaxsat.report.saving import save_figures
-    from jaxsat.results import OutputError, OutputFolder, save_dataset
-
-    try:
-        with OutputFolder(target, overwrite=False) as folder:
-            dataset, drawn = interruptibly(lambda: replayed(scenario, study, number))
-            (folder.path / "scenario.toml").write_text(dataset.attrs["scenario"], encoding="utf-8")
-            save_dataset(dataset, folder.path / "trajectory.nc")
-            save_figures(trajectory_figures(dataset), folder.path)
-    except (OutputError, ValueError) as error:
-        raise UserMistake(str(error)) from None
-    if not quiet:
-        console().print(f"case {number}: {dataset.attrs['outcome_explanation']}")
-        for line in drawn:
-            console().print(line)
-        console().print(f"written to {target}")
-    return SUCCESS
-
-
-def replayed(
-    scenario: "Scenario", study: "Study", number: int
-) -> tuple["xr.Dataset", Sequence[str]]:
-    """The trajectory of one case as a dataset, and what was drawn for it as lines."""
-    import jax
-    import jax.numpy as jnp
-
-    from jaxsat.montecarlo import QUANTITIES
-    from jaxsat.results import trajectory_dataset
-    from jaxsat.scenario import dump
-    from jaxsat.simulation import Trajectory
-
-    replay = study.replay(number)
-    steps = jnp.array(len(replay.times) - 1)
-    signals = jax.tree.map(jnp.asarray, replay.signals)
-    code = jnp.asarray(replay.outputs.code)
-    trajectory = Trajectory(jnp.asarray(replay.times), signals, None, code, steps)
-    dataset = trajectory_dataset(
-        trajectory, title=scenario.title, scenario=dump(scenario), seed=study.design.seed
-    )
-    dataset.attrs["case"] = number
-    lines = []
-    for name, values in replay.outputs.drawn.items():
-        dataset.attrs[f"drawn_{name}"] = [float(value) for value in values]
-        shown = ", ".join(f"{float(value):.6g}" for value in values)
-        lines.append(f"{name:<24} {shown} {QUANTITIES[name].unit.replace('1', '')}".rstrip())
-    return dataset, lines
+        hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
+        raise output_problem(error, hint) from None
+    except ClusterError as error:
+        raise FailedRun(str(error)) from None

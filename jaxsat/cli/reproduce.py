@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, console, report
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, console, output_problem, report
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -44,7 +44,7 @@ def reproduce(
             datasets = _simulate_all(quiet)
             claims = interruptibly(lambda: _write(folder.path, datasets))
     except OutputError as error:
-        raise UserMistake(str(error)) from None
+        raise output_problem(error) from None
     if not quiet:
         _print_verdicts(claims)
         console().print(f"written to {out}: verdicts.md, figures (PNG, SVG), trajectories (netCDF)")

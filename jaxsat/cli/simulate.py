@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from jaxsat.cli.computing import in_background, interruptibly
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.summary import failure_advice, print_summary
-from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, console, report
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, console, output_problem, report
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -58,7 +58,7 @@ def simulate(
                 interruptibly(lambda: _write(folder.path, chosen, dataset))
             files = sorted(entry.name for entry in folder.path.iterdir())
     except OutputError as error:
-        raise UserMistake(str(error)) from None
+        raise output_problem(error) from None
     if not quiet:
         print_summary(dataset, scenario, chosen.control.law, seconds, target, files)
     if dataset.attrs["outcome_code"] == 0:

@@ -2,14 +2,27 @@
 
 import io
 import sys
+from typing import TYPE_CHECKING
 
 from rich.console import Console
+
+if TYPE_CHECKING:
+    from jaxsat.results import OutputError
 
 SUCCESS = 0
 FAILED_RUN = 1
 USER_MISTAKE = 2
 INTERRUPTED = 130
 TERMINATED = 143
+"""What every command exits with; docs/scenarios.md tells users."""
+
+
+class FailedRun(Exception):
+    """Something that failed although it was rightly asked for: a full disk, workers that died."""
+
+
+class Terminated(BaseException):
+    """SIGTERM, turned into an exception so that temporary files are removed."""
 
 
 class UserMistake(Exception):
@@ -24,6 +37,11 @@ class UserMistake(Exception):
     def __init__(self, message: str, *, located: bool = False):
         super().__init__(message)
         self.located = located
+
+
+def output_problem(error: "OutputError", hint: str = "") -> UserMistake | FailedRun:
+    """What to raise for results that could not be written."""
+    return (FailedRun if error.failure else UserMistake)(f"{error}{hint}")
 
 
 def make_streams_safe() -> None:

@@ -10,7 +10,7 @@ import abc
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.dynamics import PlantState, RigidBody
 
@@ -34,6 +34,40 @@ class AbstractController(eqx.Module):
     @abc.abstractmethod
     def is_smooth(self) -> bool:
         """Whether the law has no corner or jump, so that fixed steps suit it; asked untraced."""
+
+    def switches(self, state: PlantState) -> Float[Array, " m"]:
+        """Switching functions: the law is smooth while none changes its sign; here, none."""
+        return jnp.zeros(0, state.omega.dtype)
+
+    def piece(self, sides: Bool[Array, " m"]) -> "AbstractController":
+        """The smooth law that this one is where its switching functions are positive as told.
+
+        It is evaluated a little beyond that region too, where it goes on smoothly.
+        """
+        del sides
+        return self
+
+    def turn(self, t: Float[Array, ""]) -> PyTree:
+        """What the memory's own motion, if it is known exactly, has done by time `t` (s).
+
+        It goes with `turned`, `turned_back` and `turned_back_rate`; here there is none.
+        """
+        del t
+
+    def turned(self, turn: PyTree, memory: Memory) -> Memory:
+        """The memory as it is, from one without its own motion since time zero."""
+        del turn
+        return memory
+
+    def turned_back(self, turn: PyTree, memory: Memory) -> Memory:
+        """The memory without its own motion since time zero: what an integrator follows."""
+        del turn
+        return memory
+
+    def turned_back_rate(self, turn: PyTree, memory: Memory, rate: Memory) -> Memory:
+        """Time derivative of the memory turned back, from that of the memory itself."""
+        del turn, memory
+        return rate
 
     @abc.abstractmethod
     def rate_error(self, state: PlantState) -> Float[Array, "2"]:
@@ -118,12 +152,12 @@ class AbstractBacksteppingLaw(AbstractController):
         """η_i = ω_i - ω_id, rad/s."""
         return state.omega[:2] - self.reference_rate(state)
 
-    def reference_rate_derivative(
+    def reference_and_derivative(
         self, t: Float[Array, ""], state: PlantState
-    ) -> Float[Array, "2"]:
-        """dω_d/dt along the controller's own model, rad/s²."""
+    ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
+        """ω_d (rad/s) and dω_d/dt along the controller's own model (rad/s²)."""
         model_rate = self.model.rate(t, state, jnp.zeros_like(state.omega))
-        return jax.jvp(self.reference_rate, (state,), (model_rate,))[1]
+        return jax.jvp(self.reference_rate, (state,), (model_rate,))
 
     def torque(
         self,
@@ -133,21 +167,28 @@ class AbstractBacksteppingLaw(AbstractController):
         reference_derivative: Float[Array, "2"],
     ) -> Float[Array, "2"]:
         """Equations (39) and (42) with a given dω_d/dt, N m."""
+        feedback = self.feedback(state, self.rate_error(state), memory)
+        return self.torque_of(t, state, feedback, reference_derivative)
+
+    def torque_of(
+        self,
+        t: Float[Array, ""],
+        state: PlantState,
+        feedback: Float[Array, "2"],
+        reference_derivative: Float[Array, "2"],
+    ) -> Float[Array, "2"]:
+        """The part that (39) and (42) share, around a feedback (N m) and dω_d/dt, N m."""
         j1, j2, j3 = self.model.spacecraft.moments
         omega1, omega2, omega3 = state.omega
         gyroscopic = jnp.stack([(j2 - j3) * omega2 * omega3, (j3 - j1) * omega3 * omega1])
         known = self.model.disturbance_torque(t, state)[:2]
-        return (
-            self.feedback(state, self.rate_error(state), memory)
-            - gyroscopic
-            - known
-            + jnp.stack([j1, j2]) * reference_derivative
-        )
+        return feedback - gyroscopic - known + jnp.stack([j1, j2]) * reference_derivative
 
     def __call__(
         self, t: Float[Array, ""], state: PlantState, memory: Memory
     ) -> tuple[Float[Array, "2"], Memory]:
         """The torque and the rate of the memory."""
-        derivative = self.reference_rate_derivative(t, state)
-        command = self.torque(t, state, memory, derivative)
-        return command, self.memory_rate(self.rate_error(state), memory)
+        reference, derivative = self.reference_and_derivative(t, state)
+        error = state.omega[:2] - reference
+        command = self.torque_of(t, state, self.feedback(state, error, memory), derivative)
+        return command, self.memory_rate(error, memory)

@@ -16,6 +16,13 @@ class OscillatorState(NamedTuple):
     velocity: Float[Array, "2"]
 
 
+class Turn(NamedTuple):
+    """cos Ωt and sin Ωt: how far oscillators have turned by themselves since time zero."""
+
+    cosine: Float[Array, "2"]
+    sine: Float[Array, "2"]
+
+
 class InternalModel(eqx.Module):
     """Two oscillators d²α/dt² + Ω² α = η driven by the rate error.
 
@@ -46,4 +53,35 @@ class InternalModel(eqx.Module):
         return OscillatorState(
             rest + offset * c + state.velocity * s / self.frequency,
             -offset * self.frequency * s + state.velocity * c,
+        )
+
+    def turn(self, t: Float[Array, ""]) -> Turn:
+        """How far the oscillators turn by themselves from time zero to `t` (s)."""
+        return Turn(jnp.cos(self.frequency * t), jnp.sin(self.frequency * t))
+
+    def turned(self, turn: Turn, state: OscillatorState) -> OscillatorState:
+        """What a state at time zero becomes by the oscillators' own motion."""
+        return self._rotated(turn.cosine, turn.sine, state)
+
+    def turned_back(self, turn: Turn, state: OscillatorState) -> OscillatorState:
+        """The state at time zero from which the oscillators by themselves come here.
+
+        It changes by the rate error alone, so an integrator need not follow the oscillation.
+        """
+        return self._rotated(turn.cosine, -turn.sine, state)
+
+    def turned_back_rate(
+        self, turn: Turn, state: OscillatorState, rate: OscillatorState
+    ) -> OscillatorState:
+        """Time derivative of the state turned back, from that of the state itself."""
+        drive = rate.velocity + self.frequency**2 * state.position
+        none = jnp.zeros_like(drive)
+        return self.turned_back(turn, OscillatorState(none, drive))
+
+    def _rotated(
+        self, cosine: Float[Array, "2"], sine: Float[Array, "2"], state: OscillatorState
+    ) -> OscillatorState:
+        return OscillatorState(
+            state.position * cosine + state.velocity * sine / self.frequency,
+            state.velocity * cosine - state.position * self.frequency * sine,
         )

@@ -1,11 +1,17 @@
 """Settling controllers with gains tuned for the paper's spacecraft, section 5.
 
 The gains were tuned for J = diag(449.5, 264.6, 312.5) kg m², ω0 = 0.0011 rad/s and the printed
-disturbance, at thrusters of 1, 5 and 20 N m, and a period of 0.1 s. Other spacecraft need gains of
-their own; the regulator's gain is computed from the model in any case.
+disturbance, at thrusters of 1, 5 and 20 N m, and a period of 0.1 s. Between these limits they are
+interpolated; below and above they are those of the nearest. Other spacecraft need gains of their
+own; the regulator's gain is computed from the model in any case.
 """
 
-from typing import NamedTuple
+import bisect
+from collections.abc import Mapping
+from typing import NamedTuple, TypeVar
+
+import jax
+import numpy as np
 
 from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
@@ -60,7 +66,7 @@ TUNED_PERIOD = 0.1
 """Control period (s) for which the gains are tuned."""
 
 TUNED_LIMITS = tuple(_APPROACH)
-"""Torque limits (N m) for which there are gains."""
+"""Torque limits (N m) for which the gains are tuned."""
 
 
 def oscillatory_settling(
@@ -76,7 +82,7 @@ def oscillatory_settling(
 
     `model` is what the controller believes of the plant. `observe` tells whether it estimates the
     ripple of d3 (by `ripple`, a `RippleFilter` unless given), `estimate` whether it estimates the
-    errors of axes and inertia. Raises `ValueError` for a torque limit without tuned gains.
+    errors of axes and inertia. Raises `ValueError` for a torque limit that is not positive.
     """
     gains = _gains(_MORIN_SAMSON, torque_limit)
     demand = MorinSamson(gains.k3, gains.turn)
@@ -112,13 +118,26 @@ def three_slew_settling(
     )
 
 
-def _gains(table, torque_limit):
-    if float(torque_limit) not in table:
+Gains = TypeVar("Gains", bound=tuple)
+
+
+def _gains(table: Mapping[float, Gains], torque_limit: float | int) -> Gains:
+    """Those tuned for the limit; between two limits on straight lines in logarithms."""
+    limit = float(torque_limit)
+    if not 0 < limit < np.inf:
         raise ValueError(
-            f"Argument `torque_limit` must be one of {sorted(table)} N m, for which there are "
-            f"tuned gains, but got {torque_limit}."
+            f"Argument `torque_limit` must be positive and finite, but got {torque_limit} N m."
         )
-    return table[float(torque_limit)]
+    known = sorted(table)
+    limit = min(max(limit, known[0]), known[-1])
+    if limit in table:
+        return table[limit]
+    place = bisect.bisect(known, limit)
+    low, high = known[place - 1 : place + 1]
+    share = np.log(limit / low) / np.log(high / low)
+    return jax.tree.map(
+        lambda one, other: float(one ** (1 - share) * other**share), table[low], table[high]
+    )
 
 
 def _fine_stage(model, demand, gains: _Oscillation, *, fade_lean: bool) -> FineStage:

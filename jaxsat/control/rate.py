@@ -1,13 +1,15 @@
 """Angular-velocity stabilisation with two torques: equations (38) and (39)."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from jaxsat.checks import all_positive, as_float, require_positive
+from jaxsat.checks import as_float, require_positive
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.smooth import root_abs, signed_root
+from jaxsat.smooth import Width, as_width, root_abs, signed_root
 
 
 class RateLaw(AbstractBacksteppingLaw):
@@ -15,18 +17,21 @@ class RateLaw(AbstractBacksteppingLaw):
 
     With the reference (38) the third rate obeys dω3/dt = -k1 |J1 - J2| / J3 · ω3 once the first
     two rates track. `k1` has the unit √(rad/s), `k2` is in 1/s, both positive. `width` (rad/s)
-    rounds √|ω3| near zero; 0 is the printed law, whose reference has no derivative at ω3 = 0.
+    rounds √|ω3| near zero; without one it is the printed law, whose reference has no derivative
+    at ω3 = 0. `turning_right` holds that law on one side of ω3 = 0, see `piece`.
     """
 
     model: RigidBody
     k1: Float[Array, ""] = eqx.field(converter=as_float)
     k2: Float[Array, ""] = eqx.field(converter=as_float)
-    width: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    width: Width = eqx.field(converter=as_width, default=None)
+    turning_right: Bool[Array, ""] | None = None
 
     def __check_init__(self):
         require_positive("k1", self.k1)
         require_positive("k2", self.k2)
-        require_positive("width", self.width, zero_allowed=True)
+        if self.width is not None:
+            require_positive("width", self.width)
 
     def init(self, state: PlantState) -> Memory:
         """Nothing to remember."""
@@ -35,14 +40,22 @@ class RateLaw(AbstractBacksteppingLaw):
 
     def is_smooth(self) -> bool:
         """With a width above zero."""
-        return all_positive(self.width)
+        return self.width is not None
+
+    def switches(self, state: PlantState) -> Float[Array, " m"]:
+        """ω3, where the printed reference has its corner."""
+        return state.omega[2:] if self.width is None else state.omega[:0]
+
+    def piece(self, sides: Bool[Array, " m"]) -> "RateLaw":
+        """The law that keeps to ω3 > 0 or to ω3 < 0."""
+        return self if not sides.size else dataclasses.replace(self, turning_right=sides[0])
 
     def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
         """Equation (38): ω1a = -sgn(J1 - J2) sgn(ω3) √|ω3|, ω2a = k1 √|ω3|."""
         j1, j2, _ = self.model.spacecraft.moments
         omega3 = state.omega[2]
-        omega1a = -jnp.sign(j1 - j2) * signed_root(omega3, self.width)
-        omega2a = self.k1 * root_abs(omega3, self.width)
+        omega1a = -jnp.sign(j1 - j2) * signed_root(omega3, self.width, self.turning_right)
+        omega2a = self.k1 * root_abs(omega3, self.width, self.turning_right)
         return jnp.stack([omega1a, omega2a])
 
     def feedback(

@@ -1,14 +1,16 @@
 """Three-axis stabilisation with two torques: equations (40), (41) and (42)."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import all_positive, as_float, require_positive
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
-from jaxsat.control.internal_model import InternalModel
+from jaxsat.control.internal_model import InternalModel, Turn
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.smooth import sat
+from jaxsat.smooth import Width, as_width, sat
 
 
 class ThreeAxisLaw(AbstractBacksteppingLaw):
@@ -17,8 +19,9 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
     Gains, all positive: `k3` and `mu` in 1/s, `a` (no unit) bounds the part of the reference that
     steers z, `k4` in N m s, one number or one for each axis. `internal_model` cancels a periodic
     disturbance; None leaves it out. `attitude_weight` (N m) multiplies the attitude terms of (42),
-    1 as printed. `saturation_width` in [0, 1] rounds the corner of sat and `tilt_width` δ puts
-    |w|² + δ² under the fraction of (41); both are 0 in the printed law.
+    1 as printed. `saturation_width` in (0, 1] rounds the corner of sat, which is sharp without,
+    and `tilt_width` δ puts |w|² + δ² under the fraction of (41), 0 as printed. `saturated` holds
+    the sharp sat on one side of each corner, see `piece`.
     """
 
     model: RigidBody
@@ -28,14 +31,17 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
     k4: Float[Array, ""] | Float[Array, "2"] = eqx.field(converter=as_float)
     internal_model: InternalModel | None = None
     attitude_weight: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
-    saturation_width: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    saturation_width: Width = eqx.field(converter=as_width, default=None)
     tilt_width: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    saturated: Bool[Array, "2"] | None = None
 
     def __check_init__(self):
         for name in ("k3", "mu", "a", "k4"):
             require_positive(name, getattr(self, name))
-        for name in ("attitude_weight", "saturation_width", "tilt_width"):
+        for name in ("attitude_weight", "tilt_width"):
             require_positive(name, getattr(self, name), zero_allowed=True)
+        if self.saturation_width is not None:
+            require_positive("saturation_width", self.saturation_width, zero_allowed=True)
 
     def init(self, state: PlantState) -> Memory:
         """The internal model at rest."""
@@ -44,7 +50,17 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
 
     def is_smooth(self) -> bool:
         """With both widths above zero."""
-        return all_positive(self.saturation_width, self.tilt_width)
+        width = self.saturation_width
+        return width is not None and all_positive(width, self.tilt_width)
+
+    def switches(self, state: PlantState) -> Float[Array, " m"]:
+        """x² - a² for each argument x of a sharp sat: positive where it saturates."""
+        steering = self._steering(state)
+        return steering[:0] if self.saturation_width is not None else steering**2 - self.a**2
+
+    def piece(self, sides: Bool[Array, " m"]) -> "ThreeAxisLaw":
+        """The law whose sat saturates, or does not, as told."""
+        return self if not sides.size else dataclasses.replace(self, saturated=sides)
 
     def relative_reference_rate(self, state: PlantState) -> Float[Array, "2"]:
         """Equation (40) with the saturation of (41): (ω_r1d, ω_r2d), rad/s.
@@ -52,14 +68,18 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         ω_r1d = -k3 w1 / (1 + |w|²) + μ sat(q w2, a), ω_r2d = -k3 w2 / (1 + |w|²) - μ sat(q w1, a)
         with q = (z + ω_r3 / μ) / |w|², and zero for the second term where w = 0.
         """
+        w = state.attitude.as_wz().w
+        bounded = sat(self._steering(state), self.a, self.saturation_width, self.saturated)
+        return -self.k3 * w / (1 + w[0] ** 2 + w[1] ** 2) + self.mu * bounded
+
+    def _steering(self, state: PlantState) -> Float[Array, "2"]:
+        """q (w2, -w1), what sat bounds in (41)."""
         attitude = state.attitude.as_wz()
-        (w1, w2), z = attitude.w, attitude.z
-        square = w1**2 + w2**2
+        w1, w2 = attitude.w
         relative_rate3 = self.model.relative_rate(state)[2]
-        divisor = square + self.tilt_width**2
-        q = (z + relative_rate3 / self.mu) / jnp.where(divisor > 0, divisor, 1.0)
-        steer = self.mu * sat(q * jnp.stack([w2, -w1]), self.a, self.saturation_width)
-        return -self.k3 * attitude.w / (1 + square) + steer
+        divisor = w1**2 + w2**2 + self.tilt_width**2
+        q = (attitude.z + relative_rate3 / self.mu) / jnp.where(divisor > 0, divisor, 1.0)
+        return q * jnp.stack([w2, -w1])
 
     def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
         """Equation (41): the relative reference plus the orbit frame's own rate, by (11)."""
@@ -80,6 +100,26 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
     def memory_rate(self, rate_error: Float[Array, "2"], memory: Memory) -> Memory:
         """The internal model of (42)."""
         return None if self.internal_model is None else self.internal_model.rate(memory, rate_error)
+
+    def turn(self, t: Float[Array, ""]) -> Turn | None:
+        """How far the internal model has turned by itself."""
+        return None if self.internal_model is None else self.internal_model.turn(t)
+
+    def turned(self, turn: Turn | None, memory: Memory) -> Memory:
+        """The internal model as it is."""
+        return memory if self.internal_model is None else self.internal_model.turned(turn, memory)
+
+    def turned_back(self, turn: Turn | None, memory: Memory) -> Memory:
+        """The internal model without its own oscillation."""
+        if self.internal_model is None:
+            return memory
+        return self.internal_model.turned_back(turn, memory)
+
+    def turned_back_rate(self, turn: Turn | None, memory: Memory, rate: Memory) -> Memory:
+        """What the rate error alone does to the internal model."""
+        if self.internal_model is None:
+            return rate
+        return self.internal_model.turned_back_rate(turn, memory, rate)
 
     def advance(
         self, rate_error: Float[Array, "2"], memory: Memory, period: Float[Array, ""]

@@ -1,9 +1,9 @@
 """Engines: how many copies of a closed loop are run at once, and what comes out of each."""
 
 from jaxsat.engine.adaptive import Tolerance
-from jaxsat.engine.interface import AbstractEngine, Replay
+from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
 from jaxsat.engine.program import AbstractCopies, Copy, Program, program_of
-from jaxsat.engine.progress import Outputs, RunningCost
+from jaxsat.engine.progress import Outputs, RunningCost, Unsettled
 from jaxsat.engine.reference import ReferenceEngine
 from jaxsat.engine.scan import ScanEngine
 
@@ -11,6 +11,8 @@ __all__ = [
     "AbstractCopies",
     "AbstractEngine",
     "Copy",
+    "CostGradient",
+    "Mode",
     "Outputs",
     "Program",
     "ReferenceEngine",
@@ -18,5 +20,6 @@ __all__ = [
     "RunningCost",
     "ScanEngine",
     "Tolerance",
+    "Unsettled",
     "program_of",
 ]

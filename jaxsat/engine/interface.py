@@ -1,7 +1,7 @@
 """What every engine offers."""
 
 import abc
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,6 +20,18 @@ class Replay(NamedTuple):
     outputs: Outputs
     times: Float[np.ndarray, " times"]
     signals: Signals
+
+
+class CostGradient(NamedTuple):
+    """Outputs of cases, and the derivatives of their costs, shaped like the gains after the cases'
+    axis."""
+
+    outputs: Outputs
+    derivatives: PyTree
+
+
+Mode = Literal["forward", "reverse"]
+"""Forward mode costs as many runs as there are gains; reverse mode a few, and memory."""
 
 
 class AbstractEngine(eqx.Module):
@@ -46,8 +58,10 @@ class AbstractEngine(eqx.Module):
         """Outputs and signals (times after cases) of exactly `width` cases."""
 
     @abc.abstractmethod
-    def block_gradient(self, program: Program, cases: PyTree, gains: PyTree) -> PyTree:
-        """Derivatives of the costs of exactly `width` cases."""
+    def block_gradient(
+        self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
+    ) -> CostGradient:
+        """Outputs of exactly `width` cases and the derivatives of their costs."""
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
         """Outputs of all cases, which are the entries of `cases` along the leading axis.
@@ -56,13 +70,20 @@ class AbstractEngine(eqx.Module):
         """
         return self._in_blocks(self.run_block, program, cases, gains)
 
-    def gradient(self, program: Program, cases: PyTree, gains: PyTree) -> PyTree:
-        """Derivative of each case's cost by `gains`, shaped like `gains` after the cases' axis.
+    def gradient(
+        self, program: Program, cases: PyTree, gains: PyTree, mode: Mode = "forward"
+    ) -> CostGradient:
+        """Outputs of all cases, and the derivative of each case's cost by `gains`.
 
-        Forward mode. Where a law jumps in slope the derivative of the smooth pieces is given, which
-        is not that of the cost: see `jaxsat.smooth`.
+        NumPy arrays. Where a law jumps in slope the derivative of the smooth pieces is given, which
+        is not that of the cost: see `jaxsat.smooth`. Raises `ValueError` for reverse mode where the
+        engine has none.
         """
-        return self._in_blocks(self.block_gradient, program, cases, gains)
+
+        def run(program, cases, gains):
+            return self.block_gradient(program, cases, gains, mode)
+
+        return self._in_blocks(run, program, cases, gains)
 
     def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
         """One case (no leading axis) again, with its history and the same bits as before."""

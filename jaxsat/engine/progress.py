@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, ArrayLike, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.dynamics import PlantState
@@ -15,20 +15,54 @@ SETTLED_BEFORE = 0.9
 """The part of the horizon in which a case must have begun to be settled."""
 
 
-class RunningCost(eqx.Module):
-    """w |w|² + z z² + relative_rate |ω_r|² + torque Σ T_i², to be integrated over time.
+def _as_limit(value: ArrayLike | None) -> Float[Array, ""] | None:
+    return None if value is None else as_float(value)
 
-    z counts as it is integrated, unwrapped in (w, z) parameters.
+
+class Unsettled(eqx.Module):
+    """A smooth stand-in for "not settled": near 1 outside the tolerances, near 0 inside.
+
+    With s = |w|²/w_tol² + 4 sin²(z/2)/z_tol² + |ω_r|²/ω_tol² it is s²/(1 + s²); its integral is a
+    smooth settling time, in seconds, which also counts leaving the tolerances again.
+    """
+
+    tolerances: Tolerances = eqx.field(default_factory=Tolerances)
+
+    def __call__(
+        self, w: Float[Array, "2"], z: Float[Array, ""], relative_rate: Float[Array, "3"]
+    ) -> Float[Array, ""]:
+        """Its value at one instant."""
+        limits = self.tolerances
+        size = (
+            jnp.sum(w**2) / limits.w**2
+            + 4 * jnp.sin(z / 2) ** 2 / limits.z**2
+            + jnp.sum(relative_rate**2) / limits.relative_rate**2
+        )
+        return 1 - 1 / (1 + size**2)
+
+
+class RunningCost(eqx.Module):
+    """w |w|² + z z² + relative_rate |ω_r|² + torque Σ T_i² + settling U, integrated over time.
+
+    z counts as it is integrated, unwrapped in (w, z) parameters; U is that of `unsettled`, left out
+    where that is None. With a `limit` c_max the cost a second c saturates as c / (1 + c/c_max), and
+    a run that ends early is charged c_max for every second that it lacks, so that the cost of any
+    run is at most c_max times its horizon. Without one, None, the cost of such a run is NaN.
     """
 
     w: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
     z: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
     relative_rate: Float[Array, ""] = eqx.field(converter=as_float, default=100.0)
     torque: Float[Array, ""] = eqx.field(converter=as_float, default=1e-3)
+    settling: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    unsettled: Unsettled | None = None
+    limit: Float[Array, ""] | None = eqx.field(converter=_as_limit, default=None)
 
     def __check_init__(self):
-        for name in ("w", "z", "relative_rate", "torque"):
+        for name in ("w", "z", "relative_rate", "torque", "settling"):
             require_positive(name, getattr(self, name), zero_allowed=True)
+        if self.limit is not None:
+            require_positive("limit", self.limit)
 
     def __call__(
         self,
@@ -38,12 +72,25 @@ class RunningCost(eqx.Module):
         torque: Float[Array, "3"],
     ) -> Float[Array, ""]:
         """The cost a second."""
-        return (
+        cost = (
             self.w * jnp.sum(w**2)
             + self.z * z**2
             + self.relative_rate * jnp.sum(relative_rate**2)
             + self.torque * jnp.sum(torque**2)
         )
+        if self.unsettled is not None:
+            cost = cost + self.settling * self.unsettled(w, z, relative_rate)
+        return cost if self.limit is None else cost / (1 + cost / self.limit)
+
+    def whole(
+        self,
+        integral: Float[Array, ""],
+        success: Bool[Array, ""],
+        missing: Float[Array, ""],
+    ) -> Float[Array, ""]:
+        """The cost of a run from its integral; `missing` seconds were not computed if it failed."""
+        charged = jnp.nan if self.limit is None else integral + self.limit * missing
+        return jnp.where(success, integral, charged)
 
 
 class Integrals(NamedTuple):
@@ -74,8 +121,9 @@ class Progress(NamedTuple):
 class Outputs(NamedTuple):
     """What is told of a case; NaN (never settled: infinite) where it did not reach its end.
 
-    Code (see `Outcome`), settling time (s), effort (N m s), cost, peak |ω| at the instants looked
-    at (rad/s), end of the good part (s); attitude and ω (rad/s) at the end of the horizon; and
+    Code (see `Outcome`), settling time (s), effort (N m s), cost (of a run that failed as well
+    where the running cost has a limit), peak |ω| at the instants looked at (rad/s), end of the good
+    part (s); attitude and ω (rad/s) at the end of the horizon; and
     what was drawn, by name. With a leading axis these are the outputs of many cases.
     """
 
@@ -115,7 +163,11 @@ def looked_at(
 
 
 def outputs_of(
-    progress: Progress, plant: PlantState, duration: Float[Array, ""], drawn: dict[str, Array]
+    progress: Progress,
+    plant: PlantState,
+    duration: Float[Array, ""],
+    drawn: dict[str, Array],
+    cost: RunningCost,
 ) -> Outputs:
     """Outputs of a trajectory whose last instant has been looked at."""
     success = progress.code == int(Outcome.SUCCESS)
@@ -124,12 +176,14 @@ def outputs_of(
     def kept(value):
         return jnp.where(success, value, jnp.nan)
 
+    possible = progress.code != int(Outcome.IMPOSSIBLE_CASE)
+    whole = cost.whole(progress.integrals.cost, success, duration - progress.ended_at)
     wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
     return Outputs(
         code=progress.code,
         settling_time=jnp.where(settled, progress.settled_from, jnp.inf),
         effort=kept(progress.integrals.effort),
-        cost=kept(progress.integrals.cost),
+        cost=jnp.where(possible, whole, jnp.nan),
         peak_rate=kept(progress.peak_rate),
         ended_at=progress.ended_at,
         w=kept(wz.w),

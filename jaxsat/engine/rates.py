@@ -11,8 +11,8 @@ from jaxsat.simulation import (
     AbstractLoop,
     ErrorCoordinateLoop,
     SampledLoop,
-    Signals,
 )
+from jaxsat.simulation.loops import Motion
 
 
 def plant_state(loop: AbstractLoop, state: PyTree) -> PlantState:
@@ -24,11 +24,18 @@ def augmented_rate(program: Program, loop: AbstractContinuousLoop):
     """Right-hand side for a loop's state together with its integrals."""
 
     def rate(t, both):
-        state, _ = both
-        signals = loop.signals(t, state)
-        return loop(t, state, None), _integrands(program, signals)
+        motion = loop.motion(t, both[0])
+        return motion.rate, Integrals(
+            running_cost(program, motion), jnp.sum(jnp.abs(motion.torque))
+        )
 
     return rate
+
+
+def running_cost(program: Program, motion: Motion) -> Float[Array, ""]:
+    """The cost a second."""
+    wz = motion.plant.attitude.as_wz()
+    return program.cost(wz.w, wz.z, motion.relative_rate, motion.torque)
 
 
 def held_rate(program: Program, loop: SampledLoop, torque: Float[Array, "3"]):
@@ -42,9 +49,3 @@ def held_rate(program: Program, loop: SampledLoop, torque: Float[Array, "3"]):
         return loop.plant_rate(t, state, torque), Integrals(cost, effort)
 
     return rate
-
-
-def _integrands(program: Program, signals: Signals) -> Integrals:
-    torque = signals.torque
-    cost = program.cost(signals.w, signals.z, signals.relative_rate, torque)
-    return Integrals(cost, jnp.sum(jnp.abs(torque)))

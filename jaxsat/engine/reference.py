@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from jaxsat.dynamics import PlantState
-from jaxsat.engine.interface import AbstractEngine
+from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Copy, Program
 from jaxsat.engine.progress import SETTLED_BEFORE, Integrals, Outputs
 from jaxsat.engine.rates import augmented_rate, held_rate, plant_state
@@ -63,9 +63,11 @@ class ReferenceEngine(AbstractEngine):
         """Outputs and history of one block, both from the program that runs blocks."""
         return _run(self, program, cases, gains)
 
-    def block_gradient(self, program: Program, cases: PyTree, gains: PyTree) -> PyTree:
-        """Derivatives of the costs of one block."""
-        return _gradient(self, program, cases, gains)
+    def block_gradient(
+        self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
+    ) -> CostGradient:
+        """Outputs of one block and the derivatives of its costs; reverse mode with checkpoints."""
+        return _gradient(self, program, cases, gains, mode)
 
 
 @eqx.filter_jit
@@ -78,12 +80,21 @@ def _run(engine, program, cases, gains):
 
 
 @eqx.filter_jit
-def _gradient(engine, program, cases, gains):
+def _gradient(engine, program, cases, gains, mode):
+    reverse = mode == "reverse"
+    adjoint = diffrax.RecursiveCheckpointAdjoint() if reverse else diffrax.ForwardMode()
+    differentiate = jax.jacrev if reverse else jax.jacfwd
+
     def cost(gains, case):
         copy = program.copies(case, gains)
-        return _one(engine, program, copy, diffrax.ForwardMode())[0].cost
+        outputs = _one(engine, program, copy, adjoint)[0]
+        return outputs.cost, outputs
 
-    return jax.vmap(lambda case: jax.jacfwd(cost)(gains, case))(cases)
+    def one(case):
+        derivatives, outputs = differentiate(cost, has_aux=True)(gains, case)
+        return CostGradient(outputs, derivatives)
+
+    return jax.vmap(one)(cases)
 
 
 def _one(engine, program: Program, copy: Copy, adjoint) -> tuple[Outputs, Signals]:
@@ -191,13 +202,15 @@ def _outputs(program, copy, plant, integrals, signals: Signals, code) -> Outputs
     def kept(value):
         return jnp.where(success, value, jnp.nan)
 
+    ended_at = jnp.where(copy.possible, reached * program.interval, 0.0)
+    whole = program.cost.whole(integrals.cost, success, program.duration - ended_at)
     return Outputs(
         code=code,
         settling_time=jnp.where(success, settled, jnp.inf),
         effort=kept(integrals.effort),
-        cost=kept(integrals.cost),
+        cost=jnp.where(copy.possible, whole, jnp.nan),
         peak_rate=kept(jnp.max(rates)),
-        ended_at=jnp.where(copy.possible, reached * program.interval, 0.0),
+        ended_at=ended_at,
         w=kept(plant.attitude.as_wz().w),
         z=kept(plant.attitude.as_wz().z),
         quaternion=kept(plant.attitude.as_quaternion().q),

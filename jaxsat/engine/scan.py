@@ -4,6 +4,7 @@ Runs of any length are pieces of one compiled loop with the number of intervals 
 replay that stops at every interval goes through the same machine code as the run did.
 """
 
+import math
 from typing import Any
 
 import diffrax
@@ -16,7 +17,7 @@ from jaxtyping import Array, Int, PyTree
 
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.adaptive import Tolerance, advance_adaptively
-from jaxsat.engine.interface import AbstractEngine
+from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
 from jaxsat.engine.rates import augmented_rate, held_rate, plant_state
@@ -84,9 +85,16 @@ class ScanEngine(AbstractEngine):
         signals = jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
         return _finish(self, program, cases, gains, progress), signals
 
-    def block_gradient(self, program: Program, cases: PyTree, gains: PyTree) -> PyTree:
-        """Derivatives of the costs of one block."""
-        return _gradient(self, program, cases, gains, program.intervals)
+    def block_gradient(
+        self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
+    ) -> CostGradient:
+        """Outputs of one block and the derivatives of its costs."""
+        if mode == "reverse" and self.tolerance is not None:
+            raise ValueError(
+                'Argument `mode` must be "forward" with adaptive steps of the scan engine, '
+                'but got "reverse"; the diffrax engine has both.'
+            )
+        return _gradient(self, program, cases, gains, mode)
 
 
 def _to_host(signals: Signals) -> Signals:
@@ -110,7 +118,8 @@ def advance_one(engine, program, case, gains, progress, first, count) -> Progres
             engine.solver, engine.tolerance, program, loop, progress, first, count
         )
 
-    def interval(number, progress):
+    def interval(i, progress):
+        number = first + i
         t = number * program.interval
         if isinstance(loop, SampledLoop):
             seen, state, integrals = _sampled_interval(tableau, program, loop, number, t, progress)
@@ -120,7 +129,7 @@ def advance_one(engine, program, case, gains, progress, first, count) -> Progres
             )
         return _unless_ended(program, progress, seen, state, integrals, t)
 
-    return jax.lax.fori_loop(first, first + count, interval, progress)
+    return jax.lax.fori_loop(0, count, interval, progress)
 
 
 def finish_one(engine, program, case, gains, progress) -> Outputs:
@@ -130,7 +139,7 @@ def finish_one(engine, program, case, gains, progress) -> Outputs:
     signals = _signals(copy.loop, program, jnp.array(program.intervals), progress.state)
     seen = looked_at(progress, program.duration, signals, program.tolerances)
     plant = plant_state(copy.loop, progress.state)
-    return outputs_of(seen, plant, program.duration, copy.drawn)
+    return outputs_of(seen, plant, program.duration, copy.drawn, program.cost)
 
 
 def observe_one(engine, program, case, gains, progress, number) -> Signals:
@@ -249,11 +258,39 @@ def _observe(engine, program, cases, gains, progress, number: int):
 
 
 @eqx.filter_jit
-def _gradient(engine, program, cases, gains, intervals: int):
+def _gradient(engine, program, cases, gains, mode):
     def cost(gains, case):
+        advance = _checkpointed if mode == "reverse" else advance_one
         progress = begin_one(engine, program, case, gains)
-        bounds = (jnp.array(0), jnp.array(intervals))
-        progress = advance_one(engine, program, case, gains, progress, *bounds)
-        return progress.integrals.cost
+        progress = advance(engine, program, case, gains, progress, 0, program.intervals)
+        outputs = finish_one(engine, program, case, gains, progress)
+        return outputs.cost, outputs
 
-    return _over_cases(engine, lambda case: jax.jacfwd(cost)(gains, case), cases)
+    differentiate = jax.jacrev if mode == "reverse" else jax.jacfwd
+
+    def one(case):
+        derivatives, outputs = differentiate(cost, has_aux=True)(gains, case)
+        return CostGradient(outputs, derivatives)
+
+    return _over_cases(engine, one, cases)
+
+
+def _checkpointed(engine, program, case, gains, progress, first, count: int) -> Progress:
+    """Like `advance_one`, for reverse mode: about 2 √count states are kept instead of every step.
+
+    Blocks of intervals are computed again on the way back, and in them every interval.
+    """
+    size = max(1, math.isqrt(count))
+
+    @jax.checkpoint
+    def one(progress, number):
+        return advance_one(engine, program, case, gains, progress, number, 1), None
+
+    @jax.checkpoint
+    def block(progress, numbers):
+        return jax.lax.scan(one, progress, numbers)[0], None
+
+    numbers = first + jnp.arange(count)
+    whole = count - count % size
+    progress = jax.lax.scan(block, progress, numbers[:whole].reshape(-1, size))[0]
+    return jax.lax.scan(one, progress, numbers[whole:])[0]

@@ -1,7 +1,14 @@
 """Monte-Carlo studies: dispersions, designs, ensembles."""
 
 from jaxsat.montecarlo.designs import AbstractDesign, Independent, LatinHypercube, Sobol
-from jaxsat.montecarlo.dispersions import Dispersed, Dispersions, StudyCase, with_gains
+from jaxsat.montecarlo.dispersions import (
+    Dispersed,
+    Dispersions,
+    StudyCase,
+    number_at,
+    with_gains,
+    with_numbers,
+)
 from jaxsat.montecarlo.distributions import (
     AbstractDistribution,
     Discrete,
@@ -11,7 +18,7 @@ from jaxsat.montecarlo.distributions import (
     Uniform,
 )
 from jaxsat.montecarlo.ensemble import Study, StudyProgress, run_study
-from jaxsat.montecarlo.executors import AbstractExecutor, Serial, Threads
+from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Serial, Threads
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.montecarlo.statistics import (
     Interval,
@@ -29,6 +36,7 @@ __all__ = [
     "AbstractDesign",
     "AbstractDistribution",
     "AbstractExecutor",
+    "ClusterError",
     "Discrete",
     "Dispersed",
     "Dispersions",
@@ -49,10 +57,12 @@ __all__ = [
     "TruncatedNormal",
     "Uniform",
     "first_order_index",
+    "number_at",
     "percentile",
     "run_study",
     "sensitivity",
     "summarise",
     "wilson",
     "with_gains",
+    "with_numbers",
 ]

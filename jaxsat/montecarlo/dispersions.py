@@ -1,12 +1,13 @@
 """From a nominal closed loop to the dispersed copy that is one case of a study."""
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, UInt32
+from jaxtyping import Array, Float, PyTree, UInt32
 
 from jaxsat import noise
 from jaxsat.dynamics import PlantState
@@ -19,9 +20,12 @@ from jaxsat.montecarlo.quantities import (
     controller_of,
     follow_frequency,
     possible_inertia,
+    with_controller,
 )
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.vehicle import Sensors, Spacecraft
+
+Tree = TypeVar("Tree")
 
 ATTEMPTS = 32
 """Inertias drawn at most before a case is given up as impossible."""
@@ -172,12 +176,20 @@ def with_gains(loop: AbstractLoop, gains: dict[str, Array] | None) -> AbstractLo
 
     Raises `AttributeError` for a name that the controller does not have.
     """
-    for name, value in (gains or {}).items():
-        loop = eqx.tree_at(lambda loop, name=name: _inside(controller_of(loop), name), loop, value)
-    return loop
+    if not gains:
+        return loop
+    return with_controller(loop, with_numbers(controller_of(loop), gains))
 
 
-def _inside(tree, name: str):
+def with_numbers(tree: Tree, numbers: Mapping[str, Array]) -> Tree:
+    """A module with other numbers at dotted names inside it."""
+    for name, value in numbers.items():
+        tree = eqx.tree_at(lambda tree, name=name: number_at(tree, name), tree, value)
+    return tree
+
+
+def number_at(tree: PyTree, name: str) -> Array:
+    """The number at a dotted name inside a module."""
     for part in name.split("."):
         tree = getattr(tree, part)
     return tree

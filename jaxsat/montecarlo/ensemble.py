@@ -17,7 +17,8 @@ from jaxsat.montecarlo.dispersions import Dispersed, StudyCase
 from jaxsat.montecarlo.executors import AbstractExecutor, Serial
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.montecarlo.statistics import StopRule
-from jaxsat.results import Column, StudyStore
+from jaxsat.results import Column, OutputError, StudyStore, machine
+from jaxsat.results.store import chunk_numbers, differences
 
 DRAWN = "drawn_"
 """Prefix of the columns that hold what was drawn for a case."""
@@ -72,6 +73,11 @@ class Study:
         """How a case is made."""
         return self.program.copies  # pyright: ignore[reportReturnType]
 
+    @property
+    def has_fixed_size(self) -> bool:
+        """Whether the cases depend on how many there are, so that none may be left out."""
+        return isinstance(self.design, LatinHypercube)
+
     def cases(self, numbers: np.ndarray) -> StudyCase:
         """The cases of these numbers, as the engine takes them."""
         points = self.design.points(numbers, self.copies.dimensions())
@@ -105,7 +111,7 @@ class Study:
             **self.description,
             "design": type(self.design).__name__,
             "seed": self.design.seed,
-            "size": self.count if isinstance(self.design, LatinHypercube) else None,
+            "size": self.count if self.has_fixed_size else None,
             "engine": self.engine.identity(),
             "program": _plain(self.program),
             "gains": {name: np.asarray(g).tolist() for name, g in (self.gains or {}).items()},
@@ -148,7 +154,7 @@ def run_study(
     other versions or on another processor. Raises `OutputError` where the store cannot be used,
     and `ValueError` for a stop rule over a Latin hypercube, whose size is fixed.
     """
-    if until is not None and isinstance(study.design, LatinHypercube):
+    if until is not None and study.has_fixed_size:
         raise ValueError("A stop rule must have independent or Sobol draws, not a Latin hypercube.")
     executor = Serial() if executor is None else executor
     identity, columns = study.identity(), study.columns()
@@ -157,9 +163,8 @@ def run_study(
     ) as store:
         ledger = _Ledger(store, study.count, until)
         begin, before = time.perf_counter(), ledger.done
-        results = executor.run(
-            lambda chunk: _by_column(study.evaluate(store.numbers(chunk))), ledger.wanted()
-        )
+        here = None if elsewhere else machine()
+        results = executor.run(_ChunkWork(study, store.chunk, store.count, here), ledger.wanted())
         for chunk, values in results:
             store.write(chunk, values)
             ledger.add(chunk, values["settling_time"])
@@ -167,6 +172,27 @@ def run_study(
                 pace = (ledger.done - before) / (time.perf_counter() - begin)
                 report(StudyProgress(ledger.done, study.count, ledger.settled, pace))
         return ledger.counted
+
+
+@dataclass(frozen=True)
+class _ChunkWork:
+    """Computes the chunks of a study, in any process; on the machine `where` if one is given."""
+
+    study: Study
+    chunk: int
+    count: int
+    where: Mapping[str, Any] | None
+
+    def __call__(self, chunk: int) -> dict[str, np.ndarray]:
+        if self.where is not None:
+            other = differences(self.where, machine())
+            if other:
+                raise OutputError(
+                    f"A worker computes under other conditions ({'; '.join(other)}), so its "
+                    "results may differ in their last bits; allow that explicitly."
+                )
+        numbers = chunk_numbers(chunk, self.chunk, self.count)
+        return _by_column(self.study.evaluate(numbers))
 
 
 class _Ledger:

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 Work = Callable[[int], Any]
-"""Computes one chunk, given its number."""
+"""Computes one chunk, given its number; can be pickled."""
+
+
+class ClusterError(Exception):
+    """Workers that cannot be reached or do not live; the message says what happened."""
 
 
 class AbstractExecutor(abc.ABC):

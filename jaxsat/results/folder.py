@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import errno
 import json
 import os
 import shutil
@@ -14,8 +15,27 @@ MARKER = ".jaxsat.json"
 """File by which jaxsat knows a folder as its own; it lists everything that jaxsat wrote there."""
 
 
+FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
+"""System errors of a disk that is full or broken, which no other command would have avoided."""
+
+
 class OutputError(Exception):
-    """An output folder that cannot be written; the message says why and what to do."""
+    """A place that cannot be written; the message says why and what to do.
+
+    `failure` is true where the disk failed, or another process is in the way, and false where
+    something else should have been asked for.
+    """
+
+    failure: bool
+
+    def __init__(self, message: str, *, failure: bool = False):
+        super().__init__(message)
+        self.failure = failure
+
+
+def system_failure(message: str, error: OSError) -> OutputError:
+    """The system's error in our words; a failure if it is one of the disk."""
+    return OutputError(message, failure=error.errno in FAILURES)
 
 
 class OutputFolder:
@@ -60,7 +80,7 @@ class OutputFolder:
             shutil.rmtree(self.path, ignore_errors=True)
             self._remove_new_parents()
         if isinstance(error, OSError):
-            raise OutputError(_reason(self.target, error)) from error
+            raise system_failure(_reason(self.target, error), error) from error
 
     def _refuse_what_is_there(self) -> None:
         if not os.path.lexists(self.target):
@@ -161,7 +181,7 @@ def _explain(target: str | Path, action) -> None:
     try:
         action()
     except OSError as error:
-        raise OutputError(_reason(target, error)) from error
+        raise system_failure(_reason(target, error), error) from error
 
 
 def _reason(target: str | Path, error: OSError) -> str:

@@ -30,7 +30,8 @@ def lock_folder(path: Path) -> FolderLock:
         _lock(handle)
     except OSError as error:
         os.close(handle)
-        raise OutputError(f"{path} is being written to by another process.") from error
+        message = f"{path} is being written to by another process."
+        raise OutputError(message, failure=True) from error
     return FolderLock(handle)
 
 

@@ -1,6 +1,7 @@
 """What made a result: versions, machine and time."""
 
 import datetime
+import functools
 import importlib.metadata
 import platform
 from pathlib import Path
@@ -13,13 +14,17 @@ PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "numpy")
 
 def provenance() -> dict[str, Any]:
     """Versions of jaxsat and what it computes with, the platform, and the time (UTC, ISO 8601)."""
-    versions = {"jaxsat": jaxsat.__version__, "python": platform.python_version()}
-    versions |= {name: importlib.metadata.version(name) for name in PACKAGES}
     return {
-        "versions": versions,
+        "versions": dict(_versions()),
         "platform": platform.platform(),
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
+
+
+@functools.cache
+def _versions() -> dict[str, str]:
+    versions = {"jaxsat": jaxsat.__version__, "python": platform.python_version()}
+    return versions | {name: importlib.metadata.version(name) for name in PACKAGES}
 
 
 def machine() -> dict[str, Any]:
@@ -30,7 +35,7 @@ def machine() -> dict[str, Any]:
     import jax
 
     return {
-        "versions": {k: v for k, v in provenance()["versions"].items() if k != "python"},
+        "versions": {k: v for k, v in _versions().items() if k != "python"},
         "processor": _processor(),
         "backend": jax.default_backend(),
         "device": jax.local_devices()[0].device_kind,
@@ -38,6 +43,7 @@ def machine() -> dict[str, Any]:
     }
 
 
+@functools.cache
 def _processor() -> str:
     """The processor's name; on Linux that of its model, which `platform` does not tell."""
     try:

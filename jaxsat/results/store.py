@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 import zarr
 
-from jaxsat.results.folder import OutputError
+from jaxsat.results.folder import OutputError, system_failure
 from jaxsat.results.locking import lock_folder
 from jaxsat.results.provenance import machine, provenance
 
@@ -99,8 +99,7 @@ class StudyStore:
 
     def numbers(self, chunk: int) -> np.ndarray:
         """The cases of a chunk."""
-        first = chunk * self.chunk
-        return np.arange(first, min(first + self.chunk, self.count))
+        return chunk_numbers(chunk, self.chunk, self.count)
 
     def pending(self) -> np.ndarray:
         """The chunks that are not done."""
@@ -121,7 +120,8 @@ class StudyStore:
         except OSError as error:
             raise OutputError(
                 f"{self.path} cannot be written: {error.strerror or error}. What is in it is good; "
-                "make room and run the same study again to go on."
+                "make room and run the same study again to go on.",
+                failure=True,
             ) from error
 
     def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
@@ -151,7 +151,8 @@ class StudyStore:
             finally:
                 shutil.rmtree(made, ignore_errors=True)
         except OSError as error:
-            raise OutputError(f"{self.path} cannot be made: {error.strerror or error}.") from error
+            message = f"{self.path} cannot be made: {error.strerror or error}."
+            raise system_failure(message, error) from error
 
     def _open(self) -> None:
         try:
@@ -184,6 +185,11 @@ class StudyStore:
             for array in [*self._columns, "status"]:
                 whole = self._array(array)
                 whole.resize((count, *whole.shape[1:]))
+
+
+def chunk_numbers(chunk: int, size: int, count: int) -> np.ndarray:
+    """The cases of one of the chunks of `size` cases, `count` in all."""
+    return np.arange(chunk * size, min((chunk + 1) * size, count))
 
 
 def open_study(path: str | Path) -> xr.Dataset:

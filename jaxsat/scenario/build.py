@@ -37,6 +37,7 @@ from jaxsat.environment import (
     SumOfDisturbances,
     circular_orbit_rate,
 )
+from jaxsat.montecarlo import with_numbers
 from jaxsat.noise import key_of_seed
 from jaxsat.scenario.control_tables import (
     CoastTable,
@@ -52,6 +53,7 @@ from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.layout import working_thrusters
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import DisturbanceTable
+from jaxsat.scenario.tuning_tables import TUNABLE
 from jaxsat.simulation import (
     AbstractLoop,
     ContinuousLoop,
@@ -279,13 +281,16 @@ def _settling_law(
 ) -> AbstractSampledController:
     model = _model(scenario, table.model, (False, False, False))
     settling = oscillatory_settling if isinstance(table, OscillatoryTable) else three_slew_settling
-    return settling(
+    controller = settling(
         model,
         cast(float, scenario.spacecraft.torque_limit_N_m),
         observe=table.observe_ripple,
         estimate=table.estimate_axes,
         period=table.period_s,
     )
+    places = TUNABLE.get(table.law, {})
+    given = {place: getattr(table, key) for key, place in places.items()}
+    return with_numbers(controller, {k: as_float(v) for k, v in given.items() if v is not None})
 
 
 def _switching_law(scenario: Scenario, table: SwitchingTable, model: RigidBody) -> SwitchingLaw:

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from jaxsat.control import TUNED_LIMITS
+from jaxsat.scenario.control_tables import SETTLING_LAWS
 from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.schema import Scenario
@@ -10,7 +12,7 @@ from jaxsat.scenario.wording import shown
 
 def cautions(scenario: Scenario) -> list[Issue]:
     """Everything about a valid scenario that a person should be told."""
-    return [*_inertia_cautions(scenario), *_law_cautions(scenario)]
+    return [*_inertia_cautions(scenario), *_law_cautions(scenario), *_limit_cautions(scenario)]
 
 
 def _inertia_cautions(scenario: Scenario) -> list[Issue]:
@@ -49,3 +51,15 @@ def _law_cautions(scenario: Scenario) -> list[Issue]:
         f"ω3 otherwise, got {shown(scenario.spacecraft.inertia_kg_m2)}"
     )
     return [Issue(("spacecraft", "inertia_kg_m2"), message)]
+
+
+def _limit_cautions(scenario: Scenario) -> list[Issue]:
+    limit = scenario.spacecraft.torque_limit_N_m
+    if scenario.control.law not in SETTLING_LAWS or limit in TUNED_LIMITS:
+        return []
+    tuned = ", ".join(f"{one:g}" for one in TUNED_LIMITS)
+    message = (
+        f'should be one of {tuned} N m under the law "{scenario.control.law}", whose gains are '
+        f"tuned for these and interpolated for any other, got {shown(limit)}"
+    )
+    return [Issue(("spacecraft", "torque_limit_N_m"), message)]

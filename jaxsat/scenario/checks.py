@@ -4,7 +4,6 @@ Every rule names the keys that it reads and is applied wherever all of these are
 themselves, so that one mistake hides no other.
 """
 
-from jaxsat.control import TUNED_LIMITS
 from jaxsat.scenario.control_tables import SAMPLED_LAWS, SETTLING_LAWS
 from jaxsat.scenario.coordinates import (
     ERROR_COORDINATE_KEYS,
@@ -196,13 +195,12 @@ def _error_coordinates_hold(values):
 
 
 @rule("control.law", "spacecraft.torque_limit_N_m")
-def _gains_are_tuned_for_the_limit(law, limit):
-    if law in SETTLING_LAWS and limit not in TUNED_LIMITS:
+def _gains_need_a_limit(law, limit):
+    if law in SETTLING_LAWS and limit is None:
         yield at(
             "spacecraft.torque_limit_N_m",
-            f"must be one of {', '.join(f'{tuned:g}' for tuned in TUNED_LIMITS)} N m under the law "
-            f'"{law}", for which there are tuned gains, got '
-            + ("nothing" if limit is None else shown(limit)),
+            f'must be given in N m under the law "{law}", whose gains depend on it, got nothing',
+            True,
         )
 
 

@@ -138,10 +138,20 @@ PERIOD = quantity("Time between two runs of the controller; the gains are tuned 
 class OscillatoryTable(Table):
     """`law = "oscillatory"`: oscillate about the driven axes until all is small, then regulate.
 
-    The gains are those tuned for the torque limit (1, 5 or 20 N m).
+    Gains that are left out are those tuned for torque limits of 1, 5 and 20 N m, interpolated in
+    between.
     """
 
     law: Literal["oscillatory"] = choice("The control law")
+    frequency_rad_s: Positive | None = quantity("Frequency ν of the oscillation", "rad/s", None)
+    tilt_gain: Positive | None = quantity("Gain k on the tilt", "1/s", None)
+    rate_gain: Positive | None = quantity("Gain kω on the rate errors", "1/s", None)
+    largest_amplitude_rad_s: Positive | None = quantity(
+        "Largest amplitude ρm of the oscillation", "rad/s", None
+    )
+    ratio: Positive | None = quantity("How the oscillation is shared out, r", "1", None)
+    k3: Positive | None = quantity("Gain of the slow motion about the third axis", "1/s", None)
+    damping: Positive | None = quantity("Damping ratio ζ of that motion", "1", None)
     observe_ripple: Switch = OBSERVE
     estimate_axes: Switch = ESTIMATE
     period_s: Positive = PERIOD
@@ -151,7 +161,7 @@ class OscillatoryTable(Table):
 class ThreeSlewTable(Table):
     """`law = "three-slew"`: stop, three slews about the driven axes, oscillate, regulate.
 
-    The gains are those tuned for the torque limit (1, 5 or 20 N m).
+    The gains are tuned for torque limits of 1, 5 and 20 N m and interpolated in between.
     """
 
     law: Literal["three-slew"] = choice("The control law")
@@ -169,7 +179,7 @@ SAMPLED_LAWS = ("switching", "oscillatory", "three-slew")
 """Laws that run once a period and hold their torque in between."""
 
 SETTLING_LAWS = ("oscillatory", "three-slew")
-"""Laws with gains tuned for certain torque limits."""
+"""Laws whose gains follow from the torque limit."""
 
 LAWS: dict[str, type[Table]] = {
     "coast": CoastTable,

@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
+from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401
 from jaxsat.scenario.control_tables import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
 from jaxsat.scenario.errors import Issue
@@ -26,6 +27,7 @@ from jaxsat.scenario.tables import (
     SimulationTable,
     SpacecraftTable,
 )
+from jaxsat.scenario.tuning_tables import TuningTable
 from jaxsat.scenario.wording import issue_of, table_at
 
 
@@ -46,6 +48,7 @@ class Scenario(Table):
     simulation: SimulationTable = choice("How to integrate and what to save")
     sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
     dispersion: DispersionTable | None = choice("What a Monte-Carlo study disperses", None)
+    tuning: TuningTable | None = choice("Which gains are tuned, and how", None)
 
     @model_validator(mode="wrap")
     @classmethod

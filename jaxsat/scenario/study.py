@@ -2,6 +2,7 @@
 
 from typing import Any, Literal
 
+import jax
 import numpy as np
 
 from jaxsat.checks import as_float
@@ -63,6 +64,11 @@ def build_study(
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
+    if devices > jax.local_device_count():
+        raise ValueError(
+            f"Argument `devices` must be at most {jax.local_device_count()}, the number of devices "
+            f"here, but got {devices}."
+        )
     run = build(scenario)
     seed = scenario.simulation.seed if seed is None else seed
     copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
@@ -80,7 +86,7 @@ def build_study(
 
 def _numbers(scenario: Scenario) -> dict[str, Any]:
     """The scenario without what no number depends on, and without the seed, which a study has."""
-    data = scenario.model_dump(mode="json", exclude={"title", "description"})
+    data = scenario.model_dump(mode="json", exclude={"title", "description", "tuning"})
     del data["simulation"]["seed"]
     return data
 
@@ -116,6 +122,8 @@ def _engine(
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
     suits = isinstance(loop, SampledLoop) or smooth or solver.step_s is not None
     if name == "diffrax" or (name == "auto" and not suits):
+        if devices > 1:
+            raise ValueError("Argument `devices` must be 1 with the engine diffrax; take scan.")
         return ReferenceEngine(method=run.method, width=width)
     adaptive = not suits or (solver.steps == "adaptive" and not isinstance(loop, SampledLoop))
     tolerance = None

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int, PyTree
+from jaxtyping import Array, ArrayLike, Bool, Float, Int, PyTree
 
 from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, concrete, require_positive
@@ -33,16 +33,63 @@ class AbstractLoop(eqx.Module):
         """The loop's state when the plant is in `state` and the controller begins."""
 
 
+class Motion(NamedTuple):
+    """A loop at one instant: time derivative of its state, the plant's state and ω_r (rad/s) in
+    it, and the torque of the thrusters (N m)."""
+
+    rate: PyTree
+    plant: PlantState
+    relative_rate: Float[Array, "3"]
+    torque: Float[Array, "3"]
+
+
 class AbstractContinuousLoop(AbstractLoop):
-    """A loop that is one ordinary differential equation."""
+    """A loop that is one ordinary differential equation, smooth or in smooth pieces.
+
+    A loop in pieces tells its switching functions; held on one side of each it is smooth. What of
+    its state moves by itself in a way known exactly can be taken out: then the state turned back
+    is integrated, which changes by the rest alone.
+    """
 
     @abc.abstractmethod
-    def __call__(self, t: Float[Array, ""], state: PyTree, args: None) -> PyTree:
-        """Time derivative of the loop's state, in the form diffrax integrates."""
+    def motion(self, t: Float[Array, ""], state: PyTree) -> Motion:
+        """Rates and torque at one instant."""
 
     @abc.abstractmethod
     def signals(self, t: Float[Array, ""], state: PyTree) -> Signals:
         """Everything worth saving at one instant."""
+
+    @abc.abstractmethod
+    def switches(self, t: Float[Array, ""], state: PyTree) -> Float[Array, " m"]:
+        """Switching functions: the loop is smooth while none of them changes its sign."""
+
+    @abc.abstractmethod
+    def piece(self, sides: Bool[Array, " m"]) -> "AbstractContinuousLoop":
+        """The smooth loop that this one is where its switching functions are positive as told."""
+
+    @abc.abstractmethod
+    def turned_back(self, t: Float[Array, ""], state: PyTree) -> PyTree:
+        """The state without what it does by itself since time zero."""
+
+    @abc.abstractmethod
+    def turned(self, t: Float[Array, ""], back: PyTree) -> PyTree:
+        """The state at time `t` (s) from one turned back."""
+
+    @abc.abstractmethod
+    def turned_back_motion(self, t: Float[Array, ""], back: PyTree) -> Motion:
+        """`motion` for a state turned back, with the rate of that."""
+
+    def __call__(self, t: Float[Array, ""], state: PyTree, args: None = None) -> PyTree:
+        """Time derivative of the loop's state, in the form diffrax integrates."""
+        return self.motion(t, state).rate
+
+
+def _turned_back_motion(loop: AbstractContinuousLoop, controller, t, back) -> Motion:
+    turn = controller.turn(t)
+    state = back._replace(memory=controller.turned(turn, back.memory))
+    motion = loop.motion(t, state)
+    rate = controller.turned_back_rate(turn, state.memory, motion.rate.memory)
+    return motion._replace(rate=motion.rate._replace(memory=rate))
 
 
 class LoopState(NamedTuple):
@@ -63,17 +110,43 @@ class ContinuousLoop(AbstractContinuousLoop):
         """The plant's state and the controller's first memory."""
         return LoopState(state, self.controller.init(state))
 
-    def __call__(self, t: Float[Array, ""], state: LoopState, args: None = None) -> LoopState:
+    def motion(self, t: Float[Array, ""], state: LoopState) -> Motion:
         """Equations (1) and (36) under the controller's torque."""
         command, memory_rate = self.controller(t, state.plant, state.memory)
-        return LoopState(self.plant.rate(t, state.plant, self.actuators(command)), memory_rate)
+        torque = self.actuators(command)
+        rate = LoopState(self.plant.rate(t, state.plant, torque), memory_rate)
+        return Motion(rate, state.plant, self.plant.relative_rate(state.plant), torque)
 
     def signals(self, t: Float[Array, ""], state: LoopState) -> Signals:
         """Everything worth saving at one instant."""
+        torque = self.motion(t, state).torque
+        return _signals(self.plant, self.controller, t, state.plant, state.memory, torque)
+
+    def switches(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
+        """Those of the controller and of the thrusters."""
         command, _ = self.controller(t, state.plant, state.memory)
-        return _signals(
-            self.plant, self.controller, t, state.plant, state.memory, self.actuators(command)
-        )
+        own = self.controller.switches(state.plant)
+        return jnp.concatenate([own, self.actuators.switches(command)])
+
+    def piece(self, sides: Bool[Array, " m"]) -> "ContinuousLoop":
+        """Controller and thrusters held in a piece of theirs each."""
+        count = sides.size - self.actuators.torque_axes.shape[1]
+        controller = self.controller.piece(sides[:count])
+        return ContinuousLoop(self.plant, controller, self.actuators.piece(sides[count:]))
+
+    def turned_back(self, t: Float[Array, ""], state: LoopState) -> LoopState:
+        """With the controller's memory turned back."""
+        controller = self.controller
+        return state._replace(memory=controller.turned_back(controller.turn(t), state.memory))
+
+    def turned(self, t: Float[Array, ""], back: LoopState) -> LoopState:
+        """With the controller's memory as it is."""
+        controller = self.controller
+        return back._replace(memory=controller.turned(controller.turn(t), back.memory))
+
+    def turned_back_motion(self, t: Float[Array, ""], back: LoopState) -> Motion:
+        """`motion` for a state turned back."""
+        return _turned_back_motion(self, self.controller, t, back)
 
 
 class ErrorState(NamedTuple):
@@ -121,46 +194,80 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
 
     def plant_state(self, state: ErrorState) -> PlantState:
         """The rate errors turned back into rates."""
-        zero = jnp.zeros_like(state.omega3)
-        probe = PlantState(state.attitude, jnp.stack([zero, zero, state.omega3]))
-        omega1, omega2 = self.law.reference_rate(probe) + state.rate_error
-        return PlantState(state.attitude, jnp.stack([omega1, omega2, state.omega3]))
+        return self._with_rates(state, self._reference(state.attitude, state.omega3))
 
-    def __call__(self, t: Float[Array, ""], state: ErrorState, args: None = None) -> ErrorState:
-        """Equations (36) and (43), with (37) for ω3."""
-        plant_state = self.plant_state(state)
-        inertia1, inertia2, inertia3 = self.plant.spacecraft.moments
+    def motion(self, t: Float[Array, ""], state: ErrorState) -> Motion:
+        """Equations (36) and (43), with (37) for ω3, and the torque by (39) or (42)."""
+        held = self.plant.third_rate_held
+        variables = (state.attitude,) if held else (state.attitude, state.omega3)
+        reference, along = jax.linearize(
+            lambda attitude, omega3=state.omega3: self._reference(attitude, omega3), *variables
+        )
+        plant_state = self._with_rates(state, reference)
+        relative_rate = self.plant.relative_rate(plant_state)
+        attitude_rate = state.attitude.rate(relative_rate)
         unmodelled = self._unmodelled(t, plant_state)
         feedback = self.law.feedback(plant_state, state.rate_error, state.memory)
-        error_rate = (feedback + unmodelled[:2]) / jnp.stack([inertia1, inertia2])
+        moments = self.plant.spacecraft.moments
+        error_rate = (feedback + unmodelled[:2]) / moments[:2]
         omega3_rate = jnp.zeros_like(state.omega3)
-        if not self.plant.third_rate_held:
+        believed = (attitude_rate,)
+        if not held:
             disturbance = self.plant.disturbance_torque(t, plant_state)
             omega3_rate = self.plant.angular_acceleration(plant_state.omega, disturbance)[2]
-            sensitivity = self._reference_by_omega3(plant_state)
-            error_rate = error_rate - sensitivity * unmodelled[2] / inertia3
-        return ErrorState(
-            state.attitude.rate(self.plant.relative_rate(plant_state)),
+            unknown = unmodelled[2] / moments[2]
+            still = jax.tree.map(jnp.zeros_like, state.attitude)
+            error_rate = error_rate - along(still, unknown)
+            believed = (attitude_rate, omega3_rate - unknown)
+        rate = ErrorState(
+            attitude_rate,
             omega3_rate,
             error_rate,
             self.law.memory_rate(state.rate_error, state.memory),
         )
+        command = self.law.torque_of(t, plant_state, feedback, along(*believed))
+        torque = jnp.concatenate([command, jnp.zeros_like(command[:1])])
+        return Motion(rate, plant_state, relative_rate, torque)
 
     def signals(self, t: Float[Array, ""], state: ErrorState) -> Signals:
         """Everything worth saving at one instant, the torque by (39) or (42)."""
-        plant_state = self.plant_state(state)
-        command, _ = self.law(t, plant_state, state.memory)
-        torque = jnp.concatenate([command, jnp.zeros_like(command[:1])])
-        return _signals(self.plant, self.law, t, plant_state, state.memory, torque)
+        motion = self.motion(t, state)
+        return _signals(self.plant, self.law, t, motion.plant, state.memory, motion.torque)
+
+    def switches(self, t: Float[Array, ""], state: ErrorState) -> Float[Array, " m"]:
+        """Those of the law."""
+        del t
+        return self.law.switches(self._probe(state.attitude, state.omega3))
+
+    def piece(self, sides: Bool[Array, " m"]) -> "ErrorCoordinateLoop":
+        """With the law held in one of its pieces."""
+        return ErrorCoordinateLoop(self.plant, self.law.piece(sides))
+
+    def turned_back(self, t: Float[Array, ""], state: ErrorState) -> ErrorState:
+        """With the law's memory turned back."""
+        return state._replace(memory=self.law.turned_back(self.law.turn(t), state.memory))
+
+    def turned(self, t: Float[Array, ""], back: ErrorState) -> ErrorState:
+        """With the law's memory as it is."""
+        return back._replace(memory=self.law.turned(self.law.turn(t), back.memory))
+
+    def turned_back_motion(self, t: Float[Array, ""], back: ErrorState) -> Motion:
+        """`motion` for a state turned back."""
+        return _turned_back_motion(self, self.law, t, back)
+
+    def _probe(self, attitude: AbstractAttitude, omega3: Float[Array, ""]) -> PlantState:
+        zero = jnp.zeros_like(omega3)
+        return PlantState(attitude, jnp.stack([zero, zero, omega3]))
+
+    def _reference(self, attitude: AbstractAttitude, omega3: Float[Array, ""]) -> Float[Array, "2"]:
+        return self.law.reference_rate(self._probe(attitude, omega3))
+
+    def _with_rates(self, state: ErrorState, reference: Float[Array, "2"]) -> PlantState:
+        omega1, omega2 = reference + state.rate_error
+        return PlantState(state.attitude, jnp.stack([omega1, omega2, state.omega3]))
 
     def _unmodelled(self, t: Float[Array, ""], state: PlantState) -> Float[Array, "3"]:
         return self.plant.disturbance_torque(t, state) - self.law.model.disturbance_torque(t, state)
-
-    def _reference_by_omega3(self, state: PlantState) -> Float[Array, "2"]:
-        unit = PlantState(
-            jax.tree.map(jnp.zeros_like, state.attitude), jnp.zeros_like(state.omega).at[2].set(1.0)
-        )
-        return jax.jvp(self.law.reference_rate, (state,), (unit,))[1]
 
 
 def _as_delay(value: ArrayLike | None) -> Float[Array, ""] | None:

@@ -1,10 +1,13 @@
 """From the torque a law commands to the torque the body feels."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.smooth import sat
 from jaxsat.vehicle.thrusters import Thrusters, allocation
 
 
@@ -14,11 +17,13 @@ class Actuators(eqx.Module):
     `torque_axes` (3, m) are the directions of the working thrusters' torques, `thrust_map` (m, 2)
     shares the command among them, and `limit` (N m, may be infinite) bounds each thruster. The
     map belongs to whoever allocates: `misaligned` changes the true axes and leaves it as it is.
+    `saturated` holds each thruster on one side of its limit, see `piece`.
     """
 
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
     thrust_map: Float[Array, "m 2"] = eqx.field(converter=as_float)
     limit: Float[Array, ""] = eqx.field(converter=as_float, default=jnp.inf)
+    saturated: Bool[Array, " m"] | None = None
 
     def __check_init__(self):
         require_positive("limit", self.limit)
@@ -46,8 +51,16 @@ class Actuators(eqx.Module):
 
     def __call__(self, command: Float[Array, "2"]) -> Float[Array, "3"]:
         """The body torque, N m, each thruster clipped at its limit: T of equation (5)."""
-        thrust = jnp.clip(self.thrust_map @ command, -self.limit, self.limit)
+        thrust = sat(self.thrust_map @ command, self.limit, None, self.saturated)
         return self.torque_axes @ thrust
+
+    def switches(self, command: Float[Array, "2"]) -> Float[Array, " m"]:
+        """Positive for each thruster of which more than its limit is asked."""
+        return ((self.thrust_map @ command) / self.limit) ** 2 - 1
+
+    def piece(self, saturated: Bool[Array, " m"]) -> "Actuators":
+        """These thrusters, at their limits or not as told."""
+        return dataclasses.replace(self, saturated=saturated)
 
 
 def _across(axis: Float[Array, "3"]) -> Float[Array, "2 3"]:

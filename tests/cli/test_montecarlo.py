@@ -1,6 +1,10 @@
 """`jaxsat montecarlo`."""
 
+import os
 import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -78,3 +82,57 @@ def test_mistakes_exit_with_two(jaxsat, tokens, message):
     status, _, err = jaxsat(*tokens)
     assert status == 2
     assert message in err
+
+
+def environment(**more):
+    root = Path(__file__).parents[2]
+    return {**os.environ, "PYTHONPATH": str(root), **more}
+
+
+def command(*tokens):
+    return [sys.executable, "-c", "from jaxsat.cli import main; main()", "montecarlo", *tokens]
+
+
+def of_store(path):
+    dataset = open_study(path)
+    return {name: np.asarray(dataset[name]) for name in dataset}
+
+
+def test_the_workers_of_a_scheduler_are_asked(jaxsat):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
+    ) as cluster:
+        place = cluster.scheduler_address
+        tokens = [*SHORT[:-2], "-n", "4", "--chunk", "2"]
+        status, out, err = jaxsat(*tokens, "--out", "s", "--scheduler", place)
+        assert (status, err) == (0, "")
+        assert "4: 0 settled, 4 unsettled" in out
+        status, _, err = jaxsat(*SHORT, "--out", "t", "--scheduler", place)
+        assert status == 2
+        assert "--scheduler: must be given without" in err
+    status, _, err = jaxsat(*tokens, "--out", "t", "--scheduler", "tcp://127.0.0.1:9")
+    assert status == 1
+    assert "no scheduler answers at tcp://127.0.0.1:9" in err
+
+
+@pytest.mark.slow
+def test_processes_and_devices_give_the_same_bits(jaxsat, tmp_path):
+    """Two processes; four pretended devices; and too many devices, which are refused."""
+    tokens = [*SHORT[:-2], "-n", "10", "--chunk", "5", "--quiet"]
+    assert jaxsat(*tokens, "--out", "plain")[0] == 0
+    plain = of_store(tmp_path / "plain")
+    runs = [("two", ["--processes", "2"], {})]
+    flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=4"}
+    runs.append(("four", ["--devices", "4"], flags))
+    for name, more, variables in runs:
+        subprocess.run(
+            command(*tokens, "--out", name, *more), env=environment(**variables), check=True
+        )
+        found = of_store(tmp_path / name)
+        assert found.keys() == plain.keys()
+        for column in plain:
+            np.testing.assert_array_equal(found[column], plain[column], err_msg=column)
+    status, _, err = jaxsat(*tokens, "--devices", "99")
+    assert status == 2
+    assert "`devices` must be at most" in err

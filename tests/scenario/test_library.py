@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from jaxsat.results import time_to_settle, trajectory_dataset
-from jaxsat.scenario import ScenarioError, build, dump, library, load
+from jaxsat.scenario import ScenarioError, ScenarioWarning, build, dump, library, load
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, SampledLoop
 
 PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]
 SETTLING = ["two-torque-free", "two-torque-free-1", "two-torque-free-20"]
-NAMES = PAPER + SETTLING
+ACCEPTANCE = ["acceptance-hard", "acceptance-mc", "acceptance-nominal"]
+NAMES = PAPER + SETTLING + ACCEPTANCE
 
 
 def test_names():
@@ -122,6 +123,11 @@ def test_two_torques_settle_three_axes(name, law):
     assert set(np.unique(dataset["mode"])) <= set(built.mode_names)
 
 
-def test_settling_laws_need_a_limit_that_they_are_tuned_for():
-    with pytest.raises(ScenarioError, match="must be one of 1, 5, 20 N m"):
+def test_settling_laws_need_a_limit_and_tell_where_it_is_not_tuned(tmp_path):
+    with pytest.warns(ScenarioWarning, match="should be one of 1, 5, 20 N m"):
         load("two-torque-free", ["spacecraft.torque_limit_N_m=7"])
+    text = library()["two-torque-free"].read_text(encoding="utf-8")
+    path = tmp_path / "unlimited.toml"
+    path.write_text(text.replace("torque_limit_N_m = 5\n", ""), encoding="utf-8")
+    with pytest.raises(ScenarioError, match="torque_limit_N_m: must be given in N m"):
+        load(path)

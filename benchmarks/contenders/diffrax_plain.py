@@ -1,0 +1,52 @@
+"""diffrax as a newcomer would write it: `vmap` over `diffeqsolve` of the equations."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+
+from contenders.contender import Contender, Run
+from contenders.work import final_state, rate, starts
+from jaxsat.montecarlo import Study
+
+
+def solved(study: Study, count: int, steps, first_step: float | None) -> Run:
+    """Tsit5 with the steps of this controller."""
+    duration = float(study.program.duration)
+
+    @jax.jit
+    @jax.vmap
+    def run(y, *torque):
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(lambda t, y, args: rate(t, y, *args)),
+            diffrax.Tsit5(),
+            t0=0.0,
+            t1=duration,
+            dt0=first_step,
+            y0=y,
+            args=torque,
+            stepsize_controller=steps,
+            max_steps=None,
+        )
+        return jnp.asarray(solution.ys)[-1]
+
+    inputs = starts(study, count)
+    return lambda: final_state(run(*inputs))
+
+
+def adaptive(study: Study, count: int, tolerance: float) -> Run:
+    """Steps chosen by diffrax, at the pace of the slowest case."""
+    return solved(study, count, diffrax.PIDController(rtol=tolerance, atol=tolerance), None)
+
+
+def constant(study: Study, count: int, step: float) -> Run:
+    """Equal steps."""
+    return solved(study, count, diffrax.ConstantStepSize(), step)
+
+
+def contenders() -> list[Contender]:
+    """Adaptive and constant steps."""
+    tolerances, steps = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10), (0.1, 0.05, 0.025, 0.0125)
+    return [
+        Contender("diffrax by hand, Tsit5 adaptive", tolerances, adaptive, most=1024),
+        Contender("diffrax by hand, Tsit5 constant", steps, constant, most=1024),
+    ]

@@ -1,0 +1,57 @@
+"""jaxsat's engines, as a study uses them."""
+
+import os
+
+import diffrax
+import numpy as np
+
+from contenders.contender import Contender, Run
+from jaxsat.engine import AbstractEngine, ReferenceEngine, ScanEngine, Tolerance
+from jaxsat.montecarlo import Study, Threads
+from jaxsat.simulation import adaptive
+
+TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+LANES = 256
+
+
+def with_engine(study: Study, count: int, engine: AbstractEngine) -> Run:
+    """A run of the engine, its blocks shared out to threads as by the command line."""
+    blocks = [np.arange(at, min(at + engine.width, count)) for at in range(0, count, engine.width)]
+
+    def one(block: int) -> np.ndarray:
+        found = engine.evaluate(study.program, study.cases(blocks[block]))
+        rates = found.omega[:, :2]
+        return np.concatenate([found.w, found.z[:, None], rates, found.cost[:, None]], axis=1)
+
+    def run():
+        found = dict(Threads(os.cpu_count() or 1).run(one, range(len(blocks))))
+        return np.concatenate([found[block] for block in range(len(blocks))])
+
+    return run
+
+
+def width(count: int) -> int:
+    """Cases in a block: the engine's usual number, or a share for every processor."""
+    return max(2, min(LANES, -(-count // (os.cpu_count() or 1))))
+
+
+def scan(study: Study, count: int, tolerance: float) -> Run:
+    """The scan engine, adaptive."""
+    judged = Tolerance(tolerance, tolerance)
+    return with_engine(
+        study, count, ScanEngine(diffrax.Tsit5(), lanes=width(count), tolerance=judged)
+    )
+
+
+def reference(study: Study, count: int, tolerance: float) -> Run:
+    """diffrax through jaxsat: error coordinates, Dopri8, steps chosen by diffrax."""
+    method = adaptive(tolerance, tolerance, diffrax.Dopri8())
+    return with_engine(study, count, ReferenceEngine(method, width(count)))
+
+
+def contenders() -> list[Contender]:
+    """Both engines."""
+    return [
+        Contender("jaxsat scan, Tsit5 adaptive", TOLERANCES, scan),
+        Contender("jaxsat diffrax, Dopri8 adaptive", TOLERANCES, reference, most=1024),
+    ]

@@ -1,0 +1,50 @@
+"""SciPy's `solve_ivp`, DOP853, with the right-hand side compiled by numba; and the truth."""
+
+import importlib.util
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from contenders.contender import Contender, Run
+from contenders.work import SIZE, final_state, starts
+from jaxsat.montecarlo import Study
+
+
+def prepared(study: Study, count: int, tolerance: float) -> Run:
+    """A run of the first cases, one after the other on one processor."""
+    from contenders.numba_loop import compiled_rate, parameters
+
+    rate = compiled_rate()
+    inputs = starts(study, count)
+    y, torques = np.asarray(inputs[0]), parameters(inputs)
+    duration = float(study.program.duration)
+
+    def slope(t, y, torque):
+        found = np.empty(SIZE)
+        rate(t, y, torque, found)
+        return found
+
+    def run():
+        found = np.empty_like(y)
+        for i, (start, own) in enumerate(zip(y, torques, strict=True)):
+            bounds = {"rtol": tolerance, "atol": tolerance}
+            solution = solve_ivp(slope, (0, duration), start, "DOP853", args=(own,), **bounds)
+            found[i] = solution.y[:, -1]
+        return final_state(found)
+
+    return run
+
+
+def truth(study: Study, count: int) -> np.ndarray:
+    """The final states at a tolerance of 1e-12."""
+    found = prepared(study, count, 1e-12)()
+    assert found is not None
+    return found
+
+
+def contenders() -> list[Contender]:
+    """DOP853, where there is numba."""
+    if importlib.util.find_spec("numba") is None:
+        return []
+    tolerances = (1e-6, 1e-7, 1e-8, 1e-9)
+    return [Contender("SciPy DOP853, numba", tolerances, prepared, most=32)]

@@ -1,0 +1,312 @@
+"""`jaxsat compare`: laws for two torques and a free third rate on the acceptance set."""
+
+import json
+import math
+import os
+import shlex
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.montecarlo import progress_text
+from jaxsat.cli.terminal import SUCCESS, UserMistake, console, report
+
+if TYPE_CHECKING:
+    from jaxsat.comparison import Row, Setting, Start, Verdict
+    from jaxsat.montecarlo import Study, StudyProgress
+
+Level = Literal["nominal", "mc", "hard", "all"]
+Law = Literal["three-slew", "oscillatory", "switching", "three-axis", "rate", "all"]
+
+STUDIES = "studies"
+"""Folder of the stores inside the output folder."""
+
+RESULT = "comparison.json"
+
+
+def compare(
+    *,
+    level: Annotated[tuple[Level, ...], Parameter(negative="")] = ("hard",),
+    torque_limit: Annotated[tuple[str, ...], Parameter(negative="")] = ("5",),
+    law: Annotated[tuple[Law, ...], Parameter(negative="")] = ("all",),
+    count: Annotated[int, Parameter(name=["--count", "-n"])] = 200,
+    seed: int,
+    out: Path = Path("jaxsat-comparison"),
+    engine: Literal["auto", "scan", "diffrax"] = "auto",
+    workers: int | None = None,
+    elsewhere: Annotated[bool, Parameter(negative="")] = False,
+    quiet: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Compare the laws that steer three axes with two torques, the paper's included.
+
+    Every law flies the same cases: random starts and the paper's, the third rate free, under a
+    torque limit and dispersions. Prints one table and which law to take, and writes both with a
+    figure. What is done is kept: the same command goes on where it was broken off.
+
+    Parameters
+    ----------
+    level
+        Dispersions: nominal, mc, hard or all; may be given several times.
+    torque_limit
+        Largest torque of each thruster in N m, or all for 1, 5 and 20; may be given several times.
+    law
+        Laws to compare; may be given several times.
+    count
+        Random starts for each law, limit and level.
+    seed
+        Seed of the cases.
+    out
+        Folder for the table, the figure and the stores of the cases.
+    engine
+        As for `jaxsat montecarlo`.
+    workers
+        Chunks computed at once; as many as processors if left out.
+    elsewhere
+        Go on with stores that were begun with other versions or on another processor.
+    quiet
+        Print nothing but mistakes.
+    """
+    limits = _limits(torque_limit)
+    use_double_precision()
+    from jaxsat.comparison import LAWS, LEVELS, Setting
+
+    settings = [
+        Setting(one_level, limit, one_law)
+        for limit in limits
+        for one_level in _chosen(level, LEVELS)
+        for one_law in _chosen(law, LAWS)
+    ]
+    _refuse_strangers(out)
+    _tell_of_untuned(limits)
+    run = _Runner(count, seed, out, engine, workers or os.cpu_count() or 1, elsewhere, quiet)
+    try:
+        rows = [run.row(setting) for setting in settings]
+    except KeyboardInterrupt:
+        kept = f"what is done is in {out}; the same command goes on from there"
+        raise KeyboardInterrupt(kept) from None
+    verdicts = _verdicts(rows)
+    _write(out, rows, verdicts, seed)
+    if not quiet:
+        _print(rows, verdicts)
+        console().print(f"written to {out}")
+    return SUCCESS
+
+
+class _Runner:
+    """Runs the studies of settings into stores."""
+
+    def __init__(
+        self,
+        count: int,
+        seed: int,
+        out: Path,
+        engine: Any,
+        workers: int,
+        elsewhere: bool,
+        quiet: bool,
+    ):
+        self._count, self._seed, self._out, self._engine = count, seed, out, engine
+        self._workers, self._elsewhere, self._quiet = workers, elsewhere, quiet
+
+    def row(self, setting: "Setting") -> "Row":
+        """The random starts and the paper's under one setting."""
+        from jaxsat.comparison import Start, row_of
+
+        random = self._columns(setting, Start.RANDOM, self._count)
+        paper = self._columns(setting, Start.PAPER, 1)
+        return row_of(setting, random, paper)
+
+    def _columns(self, setting: "Setting", start: "Start", count: int) -> dict[str, Any]:
+        import numpy as np
+
+        from jaxsat.comparison import study_of
+        from jaxsat.results import open_study
+
+        wide = {} if start.value == "random" else {"width": 1, "chunk": 1}
+        try:
+            study = study_of(setting, start, count, self._seed, engine=self._engine, **wide)
+        except ValueError as error:
+            raise UserMistake(str(error)) from None
+        level, limit, law = setting
+        target = self._out / STUDIES / f"{level}-{limit:g}-{law}-{start.value}.zarr"
+        self._run(study, target, f"{law}, {limit:g} N m, {level}, {start.value} start")
+        dataset = open_study(target)
+        names = ("settling_time", "effort", "peak_rate", "code")
+        return {name: np.asarray(dataset[name])[:count] for name in names}
+
+    def _run(self, study: "Study", target: Path, what: str) -> None:
+        from jaxsat.montecarlo import Serial, Threads, run_study
+        from jaxsat.results import OutputError
+
+        executor = Threads(self._workers) if self._workers > 1 else Serial()
+        status = console(error=True).status(f"{what}: compiling")
+
+        def told(progress: "StudyProgress") -> None:
+            status.update(f"{what}: {progress_text(progress)}")
+
+        try:
+            with status:
+                interruptibly(
+                    lambda: run_study(
+                        study,
+                        target,
+                        executor=executor,
+                        report=None if self._quiet else told,
+                        elsewhere=self._elsewhere,
+                    )
+                )
+        except (OutputError, ValueError) as error:
+            hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
+            raise UserMistake(f"{error}{hint}") from None
+
+
+def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:
+    return [one for one in known if one in given or "all" in given]
+
+
+def _limits(given: Sequence[str]) -> list[float]:
+    from jaxsat.comparison import LIMITS
+
+    limits: list[float] = []
+    for text in given:
+        try:
+            found = LIMITS if text == "all" else (float(text),)
+        except ValueError:
+            found = (math.nan,)
+        if not all(0 < one < math.inf for one in found):
+            raise UserMistake(
+                f"--torque-limit: must be a positive number of N m or all, got {text}"
+            )
+        limits += found
+    return list(dict.fromkeys(limits))
+
+
+def _tell_of_untuned(limits: Sequence[float]) -> None:
+    from jaxsat.control import TUNED_LIMITS
+
+    tuned = ", ".join(f"{one:g}" for one in TUNED_LIMITS)
+    for limit in limits:
+        if limit not in TUNED_LIMITS:
+            report(
+                f"gains are tuned for {tuned} N m and interpolated for {limit:g} N m", "warning: "
+            )
+
+
+def _refuse_strangers(out: Path) -> None:
+    if not os.path.lexists(out):
+        return
+    if not out.is_dir():
+        raise UserMistake(f"{out} is a file; give another folder with --out.")
+    found = {entry.name for entry in out.iterdir()}
+    if found and not found & {STUDIES, RESULT}:
+        raise UserMistake(
+            f"{out} holds what jaxsat compare did not write; give another folder with --out."
+        )
+
+
+def _verdicts(rows: Sequence["Row"]) -> list["Verdict"]:
+    from jaxsat.comparison import verdict
+
+    groups: dict[tuple[str, float], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(row.setting[:2], []).append(row)
+    return [verdict(group) for group in groups.values()]
+
+
+def _write(out: Path, rows: Sequence["Row"], verdicts: Sequence["Verdict"], seed: int) -> None:
+    from jaxsat.comparison import horizon
+    from jaxsat.report.comparison_figures import settling_comparison
+    from jaxsat.report.saving import save_figures
+    from jaxsat.results import provenance
+
+    record = {
+        "command": shlex.join(["jaxsat", *sys.argv[1:]]),
+        "seed": seed,
+        "rows": [row.plain() for row in rows],
+        "verdicts": [one._asdict() for one in verdicts],
+        **provenance(),
+    }
+    panels: dict[tuple[str, float], dict[str, Any]] = {}
+    for row in rows:
+        panels.setdefault(row.setting[:2], {})[row.setting.law] = row.settling_times
+    horizons = {key: horizon(key[1]) for key in panels}
+    title = "Three axes with two torques, third rate free"
+    text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    try:
+        save_figures({"comparison": settling_comparison(panels, horizons, title)}, out)
+        partial = out / f".{RESULT}.partial"
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(out / RESULT)
+    except OSError as error:
+        raise UserMistake(f"{out} cannot be written: {error.strerror or error}.") from None
+
+
+HEADINGS = (
+    "N m",
+    "level",
+    "law",
+    "settled",
+    "95 % interval",
+    "t50 (s)",
+    "t90 (s)",
+    "effort (N m s)",
+    "peak rate (rad/s)",
+    "paper's start (s)",
+)
+
+
+def _print(rows: Sequence["Row"], verdicts: Sequence["Verdict"]) -> None:
+    output = console()
+    for line in _aligned([list(HEADINGS), *map(_cells, rows)]):
+        output.print(line)
+    output.print(
+        f"{rows[0].cases} random starts each; t50 and t90: half and 90 % of all cases have settled "
+        "(95 % bootstrap interval); median effort, largest rate"
+    )
+    for one in verdicts:
+        where = f"{one.torque_limit:g} N m, {one.level}"
+        taken = "take none" if one.law is None else f"take {one.law}"
+        output.print(f"{where}: {taken}. {one.reason[0].upper()}{one.reason[1:]}.")
+
+
+def _aligned(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Columns of equal width, the names of level and law to the left and numbers to the right."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return [
+        "  ".join(
+            cell.ljust(width) if place in (1, 2) else cell.rjust(width)
+            for place, (cell, width) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    ]
+
+
+def _cells(row: "Row") -> list[str]:
+    settled = row.settled
+    return [
+        f"{row.setting.torque_limit:g}",
+        row.setting.level,
+        row.setting.law,
+        f"{settled.value:.1%}",
+        f"{settled.low:.1%} to {settled.high:.1%}",
+        _interval(row.t50),
+        _interval(row.t90),
+        _number(row.effort, ".0f"),
+        _number(row.peak_rate, ".2g"),
+        _number(row.paper_start, ".0f"),
+    ]
+
+
+def _interval(found) -> str:
+    if not math.isfinite(found.value):
+        return "never"
+    ends = (_number(end, ".0f") for end in found[1:])
+    return f"{found.value:.0f} ({' to '.join(ends)})"
+
+
+def _number(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "never"

@@ -1,0 +1,217 @@
+"""`jaxsat tune`: better gains by gradient descent through the simulator, and the proof."""
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.terminal import SUCCESS, UserMistake, console, report
+
+if TYPE_CHECKING:
+    from jaxsat.scenario import Scenario
+    from jaxsat.tuning import DescentState, Report, TuningPlan
+    from jaxsat.tuning.checkpoint import TuningFolder
+
+TUNED, SUMMARY = "tuned.toml", "summary.md"
+
+
+def tune(
+    scenario: str,
+    /,
+    *,
+    out: Path | None = None,
+    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+    engine: Literal["auto", "scan", "diffrax"] = "auto",
+    workers: int | None = None,
+    width: int = 32,
+    baselines: Annotated[bool, Parameter(negative="")] = False,
+    elsewhere: Annotated[bool, Parameter(negative="")] = False,
+    quiet: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Tune gains of a scenario's control law over its dispersions, as its [tuning] table says.
+
+    The folder gets tuned.toml, ready to run, a summary that begins with whether the gradients can
+    be trusted, the verdict on cases that were never tuned on, the history and figures. A run that
+    was broken off goes on by the same command and ends as if it had not been.
+
+    Parameters
+    ----------
+    scenario
+        A name from `jaxsat scenarios list`, or a TOML file, with [dispersion] and [tuning] tables.
+    out
+        Folder to write to; jaxsat-NAME-tuned in the current folder if left out.
+    overrides
+        KEY=VALUE to put in place of what the scenario says, such as tuning.steps=20; may be given
+        several times.
+    engine
+        scan, a plain loop of jaxsat's own; diffrax, the method of a single run; auto is scan.
+    workers
+        Threads that share a batch out; as many as processors if left out.
+    width
+        Cases that go through the compiled loop together.
+    baselines
+        Afterwards spend as many trajectories on Nelder-Mead, random search, CMA-ES and BFGS.
+    elsewhere
+        Go on with a run that was begun with other versions or on another processor.
+    quiet
+        Print nothing unless something is wrong.
+    """
+    chosen = load_or_explain(scenario, overrides)
+    use_double_precision()
+    target = Path(f"jaxsat-{Path(scenario).stem}-tuned") if out is None else out
+
+    from jaxsat.results import OutputError
+    from jaxsat.scenario.tuning import build_plan
+    from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
+
+    try:
+        plan = build_plan(chosen, engine=engine, width=width, workers=workers or _processors())
+        with TuningFolder(target, plan_identity(plan), elsewhere=elsewhere) as folder:
+            done = folder.has(SUMMARY) and (folder.has("baselines.json") or not baselines)
+            if not done:
+                state = _descended(plan, chosen, folder, quiet)
+                _concluded(plan, chosen, folder, state, baselines, quiet)
+            if not quiet:
+                console().print((folder.path / SUMMARY).read_text(encoding="utf-8"), end="")
+                console().print(f"\n{'already ' if done else ''}written to {target}")
+    except (OutputError, ValueError) as error:
+        hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
+        raise UserMistake(f"{error}{hint}") from None
+    return SUCCESS
+
+
+def _processors() -> int:
+    return os.cpu_count() or 1
+
+
+def _descended(
+    plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder", quiet: bool
+) -> "DescentState":
+    """The last state; every state on the way is kept, with the best gains so far."""
+    from jaxsat.scenario import dump
+    from jaxsat.scenario.tuning import tuned_scenario
+    from jaxsat.tuning import descend
+
+    status = console(error=True).status("compiling; trying the starts")
+    kept = {"step": 0}
+
+    def keep(state: "DescentState") -> None:
+        best = tuned_scenario(scenario, plan, state.best_point)
+        folder.write(TUNED, dump(best))
+        folder.keep(state)
+        kept["step"] = state.step
+
+    def work() -> "DescentState":
+        state = folder.state(plan)
+        keep(state)
+        return descend(plan, state, keep=keep, report=None if quiet else tell)
+
+    def tell(progress: "Report") -> None:
+        status.update(progress_text(progress))
+
+    try:
+        with status:
+            return interruptibly(work)
+    except KeyboardInterrupt:
+        best = f"the best gains so far are in {folder.path / TUNED}" if kept["step"] else "no step"
+        text = f"{best}, after {kept['step']} steps; the same command goes on from there"
+        raise KeyboardInterrupt(text) from None
+
+
+def progress_text(progress: "Report") -> str:
+    """One line on how far a run is."""
+    several = f", {progress.starts} starts" if progress.starts > 1 else ""
+    return (
+        f"step {progress.step} of {progress.steps}{several}: loss {progress.loss:.4g}, gradient "
+        f"{progress.gradient_norm:.3g}, {progress.settled:.0%} settled; best on validation "
+        f"{progress.best_loss:.4g}"
+    )
+
+
+def _concluded(
+    plan: "TuningPlan",
+    scenario: "Scenario",
+    folder: "TuningFolder",
+    state: "DescentState",
+    baselines: bool,
+    quiet: bool,
+) -> None:
+    """Receipt, verdict and all files; the summary last, by which a run is known to be complete."""
+    from jaxsat.tuning import make_receipt, make_verdict
+    from jaxsat.tuning.baselines import as_data, run_baselines
+    from jaxsat.tuning.summary import summary_page
+
+    def work() -> None:
+        receipt = make_receipt(plan, state)
+        _write_json(folder, "receipt.json", receipt.as_data())
+        if receipt.problems and not quiet:
+            report("the gradient is not trustworthy: " + "; ".join(receipt.problems), "warning: ")
+        status.update("judging on held-out cases")
+        verdict = make_verdict(plan, state.best_point)
+        _write_json(folder, "verdict.json", verdict.as_data())
+        found = ()
+        if baselines:
+            found = run_baselines(
+                plan, state, state.trajectories, lambda name: status.update(f"baseline: {name}")
+            )
+            _write_json(folder, "baselines.json", as_data(found))
+        _write_figures(plan, scenario, folder, state, verdict, found)
+        folder.write(SUMMARY, summary_page(scenario.title, receipt, verdict, found))
+
+    status = console(error=True).status("checking the gradients")
+    try:
+        with status:
+            interruptibly(work)
+    except KeyboardInterrupt:
+        text = f"the tuned gains are in {folder.path / TUNED}; the same command goes on from there"
+        raise KeyboardInterrupt(text) from None
+
+
+def _write_json(folder: "TuningFolder", name: str, data: object) -> None:
+    folder.write(name, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
+
+
+def _write_figures(
+    plan: "TuningPlan",
+    scenario: "Scenario",
+    folder: "TuningFolder",
+    state: "DescentState",
+    verdict,
+    found: Sequence,
+) -> None:
+    """The history, and the figures made of it and of the verdict."""
+    import tempfile
+
+    from jaxsat.report.saving import save_figures
+    from jaxsat.report.tuning_figures import (
+        baselines_figure,
+        before_after_figure,
+        gains_figure,
+        loss_figure,
+    )
+    from jaxsat.results import save_dataset
+    from jaxsat.scenario import dump
+    from jaxsat.tuning.history import history_dataset
+
+    title = scenario.title
+    history = history_dataset(plan, state, title, dump(scenario))
+    columns = (verdict.before.columns, verdict.after.columns)
+    figures = {
+        "loss": loss_figure(history, f"{title}: loss"),
+        "gains": gains_figure(history, f"{title}: gains"),
+        "before-after": before_after_figure(*columns, f"{title}: held-out cases"),
+    }
+    if found:
+        traces = {entry.method: entry.trace for entry in found}
+        figures["baselines"] = baselines_figure(traces, f"{title}: other ways")
+    with tempfile.TemporaryDirectory() as name:
+        made = Path(name)
+        save_dataset(history, made / "history.nc")
+        save_figures(figures, made)
+        for file in sorted(made.iterdir()):
+            folder.write(file.name, file.read_bytes())

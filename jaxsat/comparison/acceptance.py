@@ -1,0 +1,104 @@
+"""The acceptance set: which laws under which torque limits and dispersions.
+
+Starts, spacecraft, disturbance and dispersions are the scenarios `acceptance-LEVEL` of the library.
+Here is what differs between the laws: their tables, and how long they are given.
+"""
+
+import warnings
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxsat.scenario import Scenario, ScenarioWarning, load
+
+LEVELS = ("nominal", "mc", "hard")
+"""Of dispersions, each a scenario `acceptance-LEVEL`."""
+
+LIMITS = (1.0, 5.0, 20.0)
+"""Torque limits in N m."""
+
+LAWS: Mapping[str, str] = MappingProxyType(
+    {
+        "three-slew": "stop, three slews, oscillate, regulate",
+        "oscillatory": "oscillate until all is small, then regulate",
+        "switching": "the paper's proposal: (38)-(39) while |ω3| is large, else (40)-(42); tuned",
+        "three-axis": "(40)-(42) with the printed gains",
+        "rate": "(38)-(39) with the printed gains",
+    }
+)
+"""What each law does. The last three are the paper's, sampled like the others."""
+
+_HORIZONS = {1.0: 2000.0, 5.0: 1200.0, 20.0: 1000.0}
+_PERIOD = 0.1
+_NEVER, _ALWAYS = 1e6, 1e-12
+"""Thresholds on |ω3| (rad/s) at which the switching law never or always takes the rate law."""
+
+
+class Setting(NamedTuple):
+    """A law under a torque limit (N m) at a level of dispersions."""
+
+    level: str
+    torque_limit: float
+    law: str
+
+
+def horizon(torque_limit: float) -> float:
+    """Seconds that a case is given: 2000, 1200, 1000 at 1, 5, 20 N m.
+
+    In between straight lines in logarithms, rounded to 10 s; below 1 N m in proportion to the
+    duration of a slew, 1/√Tm.
+    """
+    known = sorted(_HORIZONS)
+    seconds = np.exp(
+        np.interp(np.log(torque_limit), np.log(known), np.log([_HORIZONS[one] for one in known]))
+    )
+    return float(round(seconds * max(1.0, torque_limit**-0.5), -1))
+
+
+def scenario_of(setting: Setting) -> Scenario:
+    """The scenario of one law on the acceptance set.
+
+    The paper's laws run as the others do: ten times a second on what the sensors say, their torque
+    held, dω_d/dt by a backward difference. A switching law that never switches is the three-axis or
+    the rate law alone. Raises `ValueError` for a level or law that there is not, and
+    `ScenarioError` for a torque limit that no scenario can have.
+    """
+    for name, known in (("level", LEVELS), ("law", tuple(LAWS))):
+        if getattr(setting, name) not in known:
+            raise ValueError(
+                f"Argument `{name}` must be one of {', '.join(known)}, "
+                f"but got {getattr(setting, name)}."
+            )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScenarioWarning)  # the table tells of untuned limits once
+        base = load(
+            f"acceptance-{setting.level}",
+            [
+                f"spacecraft.torque_limit_N_m={setting.torque_limit!r}",
+                f"simulation.duration_s={horizon(setting.torque_limit)!r}",
+            ],
+        )
+    data = base.model_dump(exclude_none=True)
+    data["title"] = f"{base.title}: {setting.law}, {setting.torque_limit:g} N m"
+    data["control"] = _control(setting.law)
+    return Scenario.model_validate(data)
+
+
+def _control(law: str) -> dict[str, Any]:
+    if law in ("three-slew", "oscillatory"):
+        return {"law": law, "period_s": _PERIOD}
+    tuned = load("switching").control.model_dump(exclude_none=True)
+    if law == "switching":
+        return tuned
+    printed = load("free-third-rate").control.model_dump(exclude_none=True)
+    printed |= load("paper-rate").control.model_dump(exclude_none=True)
+    threshold = _NEVER if law == "three-axis" else _ALWAYS
+    return printed | {
+        "law": "switching",
+        "period_s": _PERIOD,
+        "upper_threshold_rad_s": threshold,
+        "lower_threshold_rad_s": threshold,
+        "measured_disturbance": (False, False, False),
+    }

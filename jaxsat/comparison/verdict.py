@@ -1,0 +1,120 @@
+"""What a law did on the acceptance set, and which one to take."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxsat.comparison.acceptance import Setting
+from jaxsat.montecarlo import Interval, percentile, wilson
+
+
+class Row(NamedTuple):
+    """One law on the acceptance set.
+
+    `settled` is a fraction with Wilson's interval. `t50` and `t90` (s, with bootstrap intervals)
+    are the times within which half and nine tenths of *all* cases settle, infinite where fewer do.
+    `effort` (N m s) is the median over the cases that did not diverge and `peak_rate` (rad/s) the
+    largest, `paper_start` (s) the settling time from the paper's initial state, infinite if never.
+    """
+
+    setting: Setting
+    cases: int
+    settled: Interval
+    t50: Interval
+    t90: Interval
+    effort: float
+    peak_rate: float
+    paper_start: float
+    settling_times: np.ndarray
+
+    def plain(self) -> dict[str, Any]:
+        """Everything but the single times as plain data; None for what is infinite or unknown."""
+        return {
+            **self.setting._asdict(),
+            "cases": self.cases,
+            **{name: _plain_interval(getattr(self, name)) for name in ("settled", "t50", "t90")},
+            "effort_N_m_s": _finite(self.effort),
+            "peak_rate_rad_s": _finite(self.peak_rate),
+            "paper_start_settled_s": _finite(self.paper_start),
+        }
+
+
+class Verdict(NamedTuple):
+    """Which law to take under one limit at one level, None where none settles, and why."""
+
+    level: str
+    torque_limit: float
+    law: str | None
+    reason: str
+
+
+def row_of(
+    setting: Setting, random: Mapping[str, Any], paper: Mapping[str, Any] | None = None
+) -> Row:
+    """The row of one law from the columns of its studies; `paper` may be left out."""
+    times = np.asarray(random["settling_time"], float)
+    efforts = np.asarray(random["effort"], float)
+    rates = np.asarray(random["peak_rate"], float)
+    return Row(
+        setting=setting,
+        cases=len(times),
+        settled=wilson(int(np.isfinite(times).sum()), len(times)),
+        t50=percentile(times, 50.0),
+        t90=percentile(times, 90.0),
+        effort=_or_nan(np.median, efforts[np.isfinite(efforts)]),
+        peak_rate=_or_nan(np.max, rates[np.isfinite(rates)]),
+        paper_start=np.inf if paper is None else float(np.asarray(paper["settling_time"])[0]),
+        settling_times=times,
+    )
+
+
+def verdict(rows: Sequence[Row]) -> Verdict:
+    """The law to take among rows of one level and limit.
+
+    Those whose interval of the settled fraction is not below the best one's are as sure as it; of
+    these the one with the least median is taken, the tail (t90) deciding between equals.
+    """
+    level, limit, _ = rows[0].setting
+    surest = max(rows, key=lambda row: (row.settled.value, -row.t50.value))
+    if surest.settled.value == 0:
+        return Verdict(level, limit, None, "no law settled a single case")
+    sure = [row for row in rows if row.settled.high >= surest.settled.low]
+    best = min(sure, key=lambda row: (row.t50.value, row.t90.value, -row.settled.value))
+    return Verdict(level, limit, best.setting.law, _reason(best, surest, sure, rows))
+
+
+def _reason(best: Row, surest: Row, sure: Sequence[Row], rows: Sequence[Row]) -> str:
+    fraction = best.settled
+    clauses = [
+        f"settles {fraction.value:.1%} ({fraction.low:.1%} to {fraction.high:.1%}), half within "
+        f"{_seconds(best.t50.value)}"
+    ]
+    if best is not surest:
+        clauses.append(f"not provably fewer than {surest.setting.law} ({surest.settled.value:.1%})")
+    for row in sure:
+        if row is best:
+            continue
+        alike = "" if row.t50.low > best.t50.high else ", which this sample cannot tell apart"
+        clauses.append(f"{row.setting.law} is as sure and takes {_seconds(row.t50.value)}{alike}")
+    beaten = [row for row in rows if all(row is not one for one in sure)]
+    if beaten:
+        listed = ", ".join(f"{row.setting.law} {row.settled.value:.1%}" for row in beaten)
+        clauses.append(f"less sure: {listed}")
+    return "; ".join(clauses)
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.4g} s" if np.isfinite(value) else "no time seen"
+
+
+def _or_nan(statistic, values: np.ndarray) -> float:
+    return float(statistic(values)) if len(values) else float("nan")
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _plain_interval(found: Interval) -> dict[str, float | None]:
+    return {name: _finite(value) for name, value in found._asdict().items()}

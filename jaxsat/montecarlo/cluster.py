@@ -1,0 +1,138 @@
+"""Chunks computed by the workers of dask.distributed: processes here, or machines elsewhere.
+
+Needs the extra `cluster`. Only this process writes to the study's store.
+"""
+
+import threading
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import Any, cast
+
+import cloudpickle
+import jax
+from distributed import Client, Future, KilledWorker, LocalCluster, WorkerPlugin, get_worker, wait
+from distributed.client import DoneAndNotDoneFutures
+
+from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Work
+
+AHEAD = 2
+"""Chunks that are given out for every thread of a worker: one to compute, one to go on with."""
+
+
+@dataclass(frozen=True)
+class Cluster(AbstractExecutor):
+    """The workers of a dask cluster, which may come and go while a study runs.
+
+    `connect` gives a client as a context manager; see `local_processes` and `scheduler_at`. What is
+    to be computed is sent to every worker once, so that it compiles once there, and to those that
+    come later or replace one that died. The chunks of a worker that died are computed again.
+    Raises `ClusterError` where no scheduler answers or one chunk's workers die again and again.
+    """
+
+    connect: Callable[[], AbstractContextManager[Client]]
+
+    def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
+        """The results as they are ready."""
+        name = f"jaxsat-{uuid.uuid4().hex}"
+        with self.connect() as client:
+            double = bool(jax.config.read("jax_enable_x64"))
+            client.register_plugin(_Shipped(cloudpickle.dumps(work), double), name=name)
+            try:
+                yield from _as_ready(client, name, iter(chunks))
+            finally:
+                client.unregister_worker_plugin(name)
+
+
+def local_processes(count: int, threads: int = 1) -> Cluster:
+    """`count` worker processes on this machine with `threads` threads each."""
+    for name, value in (("count", count), ("threads", threads)):
+        if value < 1:
+            raise ValueError(f"Argument `{name}` must be at least 1, but got {value}.")
+
+    @contextmanager
+    def connect():
+        with (
+            LocalCluster(
+                n_workers=count,
+                threads_per_worker=threads,
+                processes=True,
+                memory_limit=0,
+                dashboard_address=":0",
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+
+    return Cluster(connect)
+
+
+def scheduler_at(place: str, timeout: float = 10.0) -> Cluster:
+    """The workers of a scheduler at an address such as tcp://host:8786, or named in a JSON file.
+
+    Waits `timeout` seconds for the scheduler, and for its first worker as long as it takes.
+    """
+
+    @contextmanager
+    def connect():
+        by_file = place.endswith(".json")
+        where = {"scheduler_file": place} if by_file else {"address": place}
+        try:
+            client = Client(**where, timeout=timeout)
+        except (OSError, ValueError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise ClusterError(f"no scheduler answers at {place}: {reason}") from error
+        with client:
+            yield client
+
+    return Cluster(connect)
+
+
+class _Shipped(WorkerPlugin):
+    """What a worker keeps of a study: the work, unpacked once in the precision of the sender."""
+
+    def __init__(self, packed: bytes, double_precision: bool):
+        self._packed, self._double_precision = packed, double_precision
+
+    def setup(self, worker) -> None:
+        del worker
+        self._lock = threading.Lock()
+        self._work: Work | None = None
+
+    def compute(self, chunk: int):
+        with self._lock:
+            if self._work is None:
+                # before unpacking, which would round arrays to the precision of the moment
+                jax.config.update("jax_enable_x64", self._double_precision)
+                self._work = cast(Work, cloudpickle.loads(self._packed))
+        return self._work(chunk)
+
+
+def _compute(name: str, chunk: int):
+    return cast(_Shipped, get_worker().plugins[name]).compute(chunk)
+
+
+def _as_ready(client: Client, name: str, remaining: Iterator[int]) -> Iterator[tuple[int, Any]]:
+    running: dict[Future, int] = {}
+    try:
+        while True:
+            threads = cast(Mapping[str, int], client.nthreads())
+            room = AHEAD * max(1, sum(threads.values()))
+            while len(running) < room and (chunk := next(remaining, None)) is not None:
+                future = client.submit(_compute, name, chunk, key=f"{name}-{chunk}", pure=False)
+                running[future] = chunk
+            if not running:
+                return
+            ready = cast(DoneAndNotDoneFutures, wait(list(running), None, "FIRST_COMPLETED"))
+            for future in ready.done:
+                yield running.pop(future), _result(future)
+    finally:
+        client.cancel(list(running))
+
+
+def _result(future: Future):
+    try:
+        return future.result()
+    except KilledWorker as error:
+        raise ClusterError(f"the workers died again and again on a chunk: {error}") from error

@@ -1,0 +1,65 @@
+"""Figure of a comparison of laws: settling times in, a matplotlib `Figure` out."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from jaxsat.report.style import LINES, SETTINGS
+
+FURTHER_LINES = tuple(
+    MappingProxyType({"color": color, "linestyle": dash, "linewidth": width})
+    for color, dash, width in (
+        ("#009E73", (0, (6, 1.5, 1.2, 1.5)), 1.2),
+        ("#777777", (0, (3, 1, 1, 1, 1, 1)), 1.0),
+    )
+)
+
+EARLIEST = 10.0
+"""Seconds at which the logarithmic time axes begin; nothing that tumbles settles before."""
+
+
+def settling_comparison(
+    panels: Mapping[tuple[str, float], Mapping[str, np.ndarray]],
+    horizons: Mapping[tuple[str, float], float],
+    title: str,
+) -> Figure:
+    """The fraction settled within a time, a line for each law.
+
+    `panels` has settling times (s, infinite if never) by law, under a level of dispersions and a
+    torque limit (N m): a column for each level and a row for each limit. `horizons` (s) end the
+    time axes.
+    """
+    levels = list(dict.fromkeys(level for level, _ in panels))
+    limits = list(dict.fromkeys(limit for _, limit in panels))
+    styles = (*LINES, *FURTHER_LINES)
+    with rc_context(dict[Any, Any](SETTINGS)):
+        size = (max(6.5, 3.2 * len(levels) + 0.8), 2.3 * len(limits) + 1.1)
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(len(limits), len(levels), squeeze=False, sharey=True)
+        figure.suptitle(title, fontsize=10, fontweight="bold", x=0.01, ha="left")
+    for (level, limit), laws in panels.items():
+        axis = axes[limits.index(limit), levels.index(level)]
+        for (law, times), style in zip(laws.items(), styles, strict=False):
+            steps = _fraction_by(times, horizons[level, limit])
+            axis.step(*steps, where="post", label=law, **style)
+        axis.set_title(f"{level}, {limit:g} N m", fontsize=8, loc="left")
+        axis.set_xscale("log")
+        axis.set_xlim(EARLIEST, horizons[level, limit])
+        axis.set_ylim(-0.03, 1.03)
+    for row in axes:
+        row[0].set_ylabel("fraction settled")
+    for axis in axes[-1]:
+        axis.set_xlabel("time (s)")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))
+    return figure
+
+
+def _fraction_by(times: np.ndarray, end: float) -> tuple[np.ndarray, np.ndarray]:
+    settled = np.sort(times[np.isfinite(times)])
+    share = np.arange(len(settled) + 1) / len(times)
+    return np.concatenate([[EARLIEST], settled, [end]]), np.concatenate([share, share[-1:]])

@@ -1,0 +1,196 @@
+"""From a scenario with a `[tuning]` table to a tuning plan, and back to a scenario."""
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+import equinox as eqx
+import numpy as np
+
+from jaxsat.engine import Program, RunningCost, Unsettled
+from jaxsat.montecarlo import number_at
+from jaxsat.montecarlo.quantities import controller_of
+from jaxsat.scenario.build import build_loop
+from jaxsat.scenario.control_tables import SAMPLED_LAWS
+from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.schema import Scenario, flattened
+from jaxsat.scenario.study import EngineName, build_study
+from jaxsat.scenario.tuning_tables import TUNABLE, CostTable, ParametersTable, TuningTable
+from jaxsat.tuning import (
+    AbstractAggregate,
+    Descent,
+    Mean,
+    Objective,
+    Parameter,
+    Quantile,
+    SearchSpace,
+    Settings,
+    Tail,
+    TailMean,
+    Trials,
+    TuningPlan,
+    Worst,
+)
+
+FINER = 10.0
+"""Tolerances of the refined run are this many times smaller; fixed steps are halved."""
+
+
+def build_plan(
+    scenario: Scenario, *, engine: EngineName = "auto", width: int = 64, workers: int = 1
+) -> TuningPlan:
+    """The tuning run that a scenario describes.
+
+    `engine` and `width` are those of a study. Raises `ValueError` where the scenario has no
+    `[tuning]` table, or disperses what its loop does not have.
+    """
+    table = scenario.tuning
+    if table is None:
+        raise ValueError("The scenario must have a [tuning] table, but got none.")
+    scenario = _in_one_form(scenario, table)
+    seed = scenario.simulation.seed
+    unseen = seed + 1 if table.held_out_seed is None else table.held_out_seed
+    if unseen == seed:
+        raise ValueError(f"The held-out seed must not be the seed tuned on, but got {seed} twice.")
+    space, start = _search(scenario, table.parameters)
+    widths = {k: v for k, v in table.smoothing.model_dump().items() if v is not None}
+    smooth = _with_control(scenario, widths)
+    bounded, unbounded = _cost(table.cost), _plain_cost(table.cost)
+
+    def trials(chosen: Scenario, cost: RunningCost, number: int) -> Trials:
+        study = build_study(chosen, 1, seed=number, engine=_engine(engine), width=width)
+        program = _with_cost(study.program, cost)
+        return Trials(program, study.design, study.engine, space, workers, table.gradient)
+
+    made = trials(scenario, bounded, seed)
+    interval = float(made.program.interval)
+    return TuningPlan(
+        space,
+        start,
+        smooth=trials(smooth, bounded, seed),
+        exact=made,
+        refined=trials(_refined(smooth), bounded, seed),
+        held_out=trials(scenario, unbounded, unseen),
+        trained_on=trials(scenario, unbounded, seed),
+        settings=_settings(table, seed, interval),
+        widths=widths,
+        description={
+            "scenario": scenario.model_dump(mode="json", exclude={"title", "description"}),
+            "engine": made.engine.identity(),
+        },
+    )
+
+
+def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> Scenario:
+    """The scenario with the gains of a point of the search in `[control]`."""
+    gains = plan.space.gains(plan.space.to_values(point))
+    law = scenario.control.law
+    numbers: dict[str, Any] = {}
+    for key, place in TUNABLE[law].items():
+        if place in gains:
+            value = gains[place]
+            numbers[key] = float(value) if value.ndim == 0 else tuple(map(float, value))
+    return _with_control(scenario, numbers)
+
+
+def _engine(name: EngineName) -> EngineName:
+    """The scan engine also for laws with corners: a batch goes at each case's own pace there."""
+    return "scan" if name == "auto" else name
+
+
+def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
+    """Coordinates and steps written out, so that the smooth law runs as the exact one does."""
+    simulation, solver = scenario.simulation, scenario.simulation.solver
+    if scenario.control.law in SAMPLED_LAWS:
+        return scenario
+    error = uses_error_coordinates(flattened(scenario))
+    if solver.step_s is None and solver.steps != "fixed":
+        both = {"rtol": solver.rtol or table.tolerance, "atol": solver.atol or table.tolerance}
+        solver = solver.model_copy(update={"steps": "adaptive", **both})
+    changes = {"coordinates": "error" if error else "torque", "solver": solver}
+    return scenario.model_copy(update={"simulation": simulation.model_copy(update=changes)})
+
+
+def _refined(scenario: Scenario) -> Scenario:
+    """The scenario in finer steps."""
+    solver = scenario.simulation.solver
+    if scenario.control.law in SAMPLED_LAWS:
+        from jaxsat.scenario.build import DEFAULT_SUBSTEPS
+
+        changes: dict[str, Any] = {"substeps": 2 * (solver.substeps or DEFAULT_SUBSTEPS)}
+    elif solver.step_s is not None:
+        changes = {"step_s": solver.step_s / 2}
+    else:
+        changes = {name: cast(float, getattr(solver, name)) / FINER for name in ("rtol", "atol")}
+    solver = solver.model_copy(update=changes)
+    simulation = scenario.simulation.model_copy(update={"solver": solver})
+    return scenario.model_copy(update={"simulation": simulation})
+
+
+def _with_control(scenario: Scenario, numbers: Mapping[str, Any]) -> Scenario:
+    control = scenario.control.model_copy(update=dict(numbers))
+    return scenario.model_copy(update={"control": control})
+
+
+def _search(scenario: Scenario, table: ParametersTable) -> tuple[SearchSpace, np.ndarray]:
+    controller = controller_of(build_loop(scenario))
+    parameters, values = [], []
+    for key, place in TUNABLE[scenario.control.law].items():
+        bounds = getattr(table, key)
+        if bounds is None:
+            continue
+        value = np.asarray(number_at(controller, place))
+        if not np.all((value >= bounds.low) & (value <= bounds.high)):
+            raise ValueError(
+                f"The bounds of {key} must hold its value {value.tolist()}, "
+                f"but got {bounds.low} to {bounds.high}."
+            )
+        parameters.append(Parameter(place, bounds.low, bounds.high, bounds.scale, value.shape, key))
+        values.append(value.ravel())
+    return SearchSpace(tuple(parameters)), np.concatenate(values)
+
+
+def _cost(table: CostTable) -> RunningCost:
+    weights = table.model_dump()
+    return RunningCost(**weights, unsettled=Unsettled())
+
+
+def _plain_cost(table: CostTable) -> RunningCost:
+    """Without bound and surrogate; of the same structure, so that nothing compiles anew."""
+    return eqx.tree_at(
+        lambda cost: (cost.settling, cost.limit),
+        _cost(table),
+        (np.asarray(0.0), np.asarray(np.inf)),
+    )
+
+
+def _with_cost(program: Program, cost: RunningCost) -> Program:
+    rest = (program.tolerances, cost, program.state_limit)
+    return Program(program.copies, program.interval, program.intervals, *rest)
+
+
+def _aggregate(table: TuningTable) -> AbstractAggregate:
+    if table.aggregate == "cvar":
+        return TailMean(table.level)
+    if table.aggregate == "quantile":
+        return Quantile(table.level)
+    return Worst() if table.aggregate == "worst" else Mean()
+
+
+def _settings(table: TuningTable, seed: int, interval: float) -> Settings:
+    return Settings(
+        objective=Objective(_aggregate(table), Tail(table.tail_scale), table.case_bound),
+        descent=Descent(table.optimiser, table.learning_rate, table.schedule, table.clip),
+        steps=table.steps,
+        cases=table.cases,
+        fresh=table.fresh_cases,
+        starts=table.starts,
+        screened=table.screened if table.starts > 1 else 0,
+        horizons=tuple(round(horizon / interval) for horizon in table.horizon_s or ()),
+        halvings=table.halve_at,
+        validation_cases=table.validation_cases,
+        validate_every=table.validate_every,
+        receipt_cases=table.receipt_cases,
+        held_out_cases=table.held_out_cases,
+        alarm=table.alarm_cost,
+        seed=seed,
+    )

@@ -1,0 +1,181 @@
+"""The `[tuning]` table: which gains are tuned, for what, and how."""
+
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Le, Len, Lt
+
+from jaxsat.scenario.quantities import (
+    NonNegative,
+    Number,
+    Positive,
+    Switch,
+    Table,
+    Text,
+    Whole,
+    choice,
+    quantity,
+)
+
+Count = Annotated[Whole, Ge(1), Le(2**28)]
+Unit = Annotated[Positive, Lt(1)]
+Width = Annotated[Positive, Le(1)]
+
+TUNABLE: dict[str, dict[str, str]] = {
+    "rate": {"k1": "k1", "k2": "k2"},
+    "three-axis": {
+        "k3": "k3",
+        "mu": "mu",
+        "a": "a",
+        "k4": "k4",
+        "attitude_weight_N_m": "attitude_weight",
+    },
+    "switching": {
+        "k1": "rate_law.k1",
+        "k2": "rate_law.k2",
+        "k3": "three_axis_law.k3",
+        "mu": "three_axis_law.mu",
+        "a": "three_axis_law.a",
+        "k4": "three_axis_law.k4",
+        "attitude_weight_N_m": "three_axis_law.attitude_weight",
+        "upper_threshold_rad_s": "upper_threshold",
+        "lower_threshold_rad_s": "lower_threshold",
+    },
+    "oscillatory": {
+        "frequency_rad_s": "fine.oscillator.frequency",
+        "tilt_gain": "fine.oscillator.tilt_gain",
+        "rate_gain": "fine.oscillator.rate_gain",
+        "largest_amplitude_rad_s": "fine.oscillator.largest_amplitude",
+        "ratio": "fine.oscillator.ratio",
+        "k3": "fine.oscillator.demand.k3",
+        "damping": "fine.oscillator.demand.damping",
+    },
+}
+"""For each law the keys of `[control]` that can be tuned, and their place in the controller."""
+
+SMOOTHABLE: dict[str, tuple[str, ...]] = {
+    "rate": ("omega3_width_rad_s",),
+    "three-axis": ("saturation_width", "tilt_width"),
+    "switching": ("saturation_width", "tilt_width", "omega3_width_rad_s"),
+}
+"""For each law the keys of `[control]` that round its corners."""
+
+
+class BoundsTable(Table):
+    """`[tuning.parameters.KEY]`: the bounds of one gain, in its own unit."""
+
+    low: Number = choice("Least value")
+    high: Number = choice("Largest value")
+    scale: Literal["log", "logit"] = choice(
+        'Searched in its logarithm ("log") or in the logit of its place between the bounds', "log"
+    )
+
+
+Bounds = BoundsTable | None
+
+
+def _tuned(key: str) -> Any:
+    return choice(f"Bounds of control.{key}; left out, it is not tuned", None)
+
+
+class ParametersTable(Table):
+    """`[tuning.parameters]`: what is tuned, by the keys of `[control]`."""
+
+    k1: Bounds = _tuned("k1")
+    k2: Bounds = _tuned("k2")
+    k3: Bounds = _tuned("k3")
+    mu: Bounds = _tuned("mu")
+    a: Bounds = _tuned("a")
+    k4: Bounds = _tuned("k4")
+    attitude_weight_N_m: Bounds = _tuned("attitude_weight_N_m")
+    upper_threshold_rad_s: Bounds = _tuned("upper_threshold_rad_s")
+    lower_threshold_rad_s: Bounds = _tuned("lower_threshold_rad_s")
+    frequency_rad_s: Bounds = _tuned("frequency_rad_s")
+    tilt_gain: Bounds = _tuned("tilt_gain")
+    rate_gain: Bounds = _tuned("rate_gain")
+    largest_amplitude_rad_s: Bounds = _tuned("largest_amplitude_rad_s")
+    ratio: Bounds = _tuned("ratio")
+    damping: Bounds = _tuned("damping")
+
+
+class CostTable(Table):
+    """`[tuning.cost]`: what a second costs, and how much at most."""
+
+    w: NonNegative = quantity("Weight of |w|²", "1", 1.0)
+    z: NonNegative = quantity("Weight of z²", "1", 1.0)
+    relative_rate: NonNegative = quantity("Weight of |ω_r|²", "s²", 100.0)
+    torque: NonNegative = quantity("Weight of the squared torques", "1/(N m)²", 1e-3)
+    settling: NonNegative = quantity(
+        "Weight of a smooth 1 outside the settling tolerances, whose integral stands for the "
+        "settling time",
+        "1",
+        0.0,
+    )
+    limit: Positive = quantity(
+        "Cost c_max of a second at most: c saturates as c/(1 + c/c_max), and a run that fails is "
+        "charged c_max for each second that it lacks",
+        "1",
+        100.0,
+    )
+
+
+class SmoothingTable(Table):
+    """`[tuning.smoothing]`: widths in place of those in `[control]` while gradients are taken."""
+
+    saturation_width: Width | None = quantity("control.saturation_width", "1", None)
+    tilt_width: Positive | None = quantity("control.tilt_width", "1", None)
+    omega3_width_rad_s: Positive | None = quantity("control.omega3_width_rad_s", "rad/s", None)
+
+
+class TuningTable(Table):
+    """`[tuning]`: gain tuning by gradient descent over the dispersed cases."""
+
+    parameters: ParametersTable = choice("Bounds of the gains that are tuned")
+    cost: CostTable = choice("What is integrated over time", CostTable())
+    smoothing: SmoothingTable = choice("How the law is rounded for gradients", SmoothingTable())
+    aggregate: Literal["mean", "cvar", "quantile", "worst"] = choice(
+        "From the cases' costs to one number; cvar is the mean of the worst", "mean"
+    )
+    level: Unit = quantity("α of cvar, the worst 1 - α counting, or the quantile", "1", 0.9)
+    tail_scale: Positive | None = quantity(
+        "s: a cost C counts as s log(1 + C/s); left out, as it is", "1", None
+    )
+    optimiser: Text = choice("Optimiser by its name in optax", "adam")
+    learning_rate: Positive = quantity("Learning rate, along the search", "1", 0.1)
+    schedule: Literal["constant", "cosine", "exponential"] = choice(
+        "How the learning rate falls", "cosine"
+    )
+    clip: Positive = quantity("A gradient longer than this is shortened to it", "1", 1.0)
+    case_bound: Positive = quantity(
+        "A case's derivative counts for at most this many times the median length", "1", 10.0
+    )
+    gradient: Literal["forward", "reverse"] = choice("Mode of differentiation", "forward")
+    steps: Count = quantity("Steps of the descent", "1", 60)
+    cases: Count = quantity("Cases of a step", "1", 32)
+    fresh_cases: Switch = choice("Whether every step takes new cases", True)
+    starts: Annotated[Whole, Ge(1), Le(10000)] = quantity(
+        "Starts: the gains of [control], the others log-uniform within the bounds", "1", 4
+    )
+    screened: Annotated[Whole, Ge(0), Le(10**6)] = quantity(
+        "Random points tried first, of which the best become starts; 0 takes the first", "1", 32
+    )
+    horizon_s: Annotated[tuple[Positive, ...], Len(1, 100)] | None = quantity(
+        "Horizons, each for an equal share of the steps; left out, the whole duration", "s", None
+    )
+    halve_at: tuple[Annotated[Whole, Ge(1)], ...] = quantity(
+        "Steps after which the worse half of the starts is given up", "1", ()
+    )
+    tolerance: Positive = quantity(
+        "Relative and absolute tolerance of adaptive steps, where [simulation.solver] has none",
+        "1",
+        1e-8,
+    )
+    validation_cases: Count = quantity("Cases that choose the best iterate", "1", 128)
+    validate_every: Count = quantity("Steps between two validations", "1", 5)
+    receipt_cases: Count = quantity("Cases on which gradients are checked", "1", 16)
+    held_out_cases: Count = quantity("Cases of the verdict", "1", 1024)
+    held_out_seed: Annotated[Whole, Ge(0), Le(2**63 - 1)] | None = quantity(
+        "Seed of the verdict's cases; left out, simulation.seed + 1", "1", None
+    )
+    alarm_cost: Positive | None = quantity(
+        "The verdict counts cases whose cost exceeds this", "1", None
+    )

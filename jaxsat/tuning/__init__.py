@@ -1,0 +1,64 @@
+"""Gain tuning: gradient descent through the simulator, and the proof of what it found."""
+
+from jaxsat.tuning.aggregates import (
+    AbstractAggregate,
+    Judged,
+    Mean,
+    Objective,
+    Quantile,
+    Tail,
+    TailMean,
+    Worst,
+)
+from jaxsat.tuning.descent import (
+    DescentState,
+    Report,
+    StepRecord,
+    ValidationRecord,
+    advance,
+    begin,
+    descend,
+)
+from jaxsat.tuning.optimisers import Descent
+from jaxsat.tuning.parameters import Parameter, SearchSpace
+from jaxsat.tuning.plan import Settings, TuningPlan
+from jaxsat.tuning.receipt import Comparison, Receipt, compare, make_receipt
+from jaxsat.tuning.trials import Counter, Gained, GainedCase, Slopes, Trials
+from jaxsat.tuning.verdict import Judgement, Verdict, judge, make_verdict, mean_interval
+
+__all__ = [
+    "AbstractAggregate",
+    "Comparison",
+    "Counter",
+    "Descent",
+    "DescentState",
+    "Gained",
+    "GainedCase",
+    "Judged",
+    "Judgement",
+    "Mean",
+    "Objective",
+    "Parameter",
+    "Quantile",
+    "Receipt",
+    "Report",
+    "SearchSpace",
+    "Settings",
+    "Slopes",
+    "StepRecord",
+    "Tail",
+    "TailMean",
+    "Trials",
+    "TuningPlan",
+    "ValidationRecord",
+    "Verdict",
+    "Worst",
+    "advance",
+    "begin",
+    "compare",
+    "descend",
+    "judge",
+    "make_receipt",
+    "make_verdict",
+    "mean_interval",
+]

@@ -1,0 +1,67 @@
+"""optax by name: optimiser, schedule of the learning rate, and clipping."""
+
+import inspect
+from dataclasses import dataclass
+from typing import Literal
+
+import jax.numpy as jnp
+import optax
+
+Schedule = Literal["constant", "cosine", "exponential"]
+SCHEDULES = ("constant", "cosine", "exponential")
+LAST = 0.05
+"""What is left of the learning rate at the end of a schedule that falls."""
+
+
+@dataclass(frozen=True)
+class Descent:
+    """An optimiser of optax by its name there, with a learning rate, its schedule and clipping.
+
+    A gradient longer than `clip` is shortened to it. Raises `ValueError` for what is no optimiser
+    of optax, or one that needs more than gradients.
+    """
+
+    optimiser: str = "adam"
+    learning_rate: float = 0.1
+    schedule: Schedule = "cosine"
+    clip: float = 1.0
+
+    def __post_init__(self):
+        for name in ("learning_rate", "clip"):
+            if not getattr(self, name) > 0:
+                raise ValueError(
+                    f"Argument `{name}` must be positive, but got {getattr(self, name)}."
+                )
+        if self.schedule not in SCHEDULES:
+            raise ValueError(
+                f"Argument `schedule` must be one of {SCHEDULES}, but got {self.schedule!r}."
+            )
+        _require_optimiser(self.optimiser)
+
+    def transformation(self, steps: int) -> optax.GradientTransformation:
+        """What turns gradients into steps, for a run of `steps`."""
+        made = getattr(optax, self.optimiser)(learning_rate=self._rate(steps))
+        return optax.chain(optax.clip_by_global_norm(self.clip), made)
+
+    def _rate(self, steps: int) -> optax.Schedule:
+        rate, steps = self.learning_rate, max(steps, 1)
+        if self.schedule == "cosine":
+            return optax.cosine_decay_schedule(rate, steps, alpha=LAST)
+        if self.schedule == "exponential":
+            return optax.exponential_decay(rate, steps, LAST)
+        return optax.constant_schedule(rate)
+
+
+def _require_optimiser(name: str) -> None:
+    made = getattr(optax, name, None)
+    problem = ValueError(
+        "Argument `optimiser` must be an optimiser of optax that needs gradients alone, such as "
+        f"adam, adamw, lion, rmsprop or sgd, but got {name!r}."
+    )
+    if not inspect.isfunction(made) or "learning_rate" not in inspect.signature(made).parameters:
+        raise problem
+    try:
+        transformation, point = made(learning_rate=0.1), jnp.ones(2)
+        transformation.update(point, transformation.init(point), point)
+    except Exception as error:
+        raise problem from error

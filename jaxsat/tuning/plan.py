@@ -1,0 +1,107 @@
+"""What a tuning run is: the laws it runs, the cases it takes, and how it descends."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from jaxsat.tuning.aggregates import Mean, Objective
+from jaxsat.tuning.optimisers import Descent
+from jaxsat.tuning.parameters import SearchSpace
+from jaxsat.tuning.trials import Trials
+
+VALIDATION = 2**29
+"""Cases from this number on choose the best iterate; those below it are trained on."""
+
+RECEIPT = VALIDATION + 2**28
+"""Cases from this number on check the gradients."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a run descends; see `docs/tuning.md`.
+
+    `horizons` are numbers of intervals, each used for an equal share of the steps, the last one
+    the whole run. `halvings` are steps at which the worse half of the starts is given up.
+    """
+
+    objective: Objective = field(default_factory=lambda: Objective(Mean()))
+    descent: Descent = field(default_factory=Descent)
+    steps: int = 60
+    cases: int = 32
+    fresh: bool = True
+    starts: int = 4
+    screened: int = 32
+    horizons: tuple[int, ...] = ()
+    halvings: tuple[int, ...] = ()
+    validation_cases: int = 128
+    validate_every: int = 5
+    receipt_cases: int = 16
+    held_out_cases: int = 1024
+    alarm: float | None = None
+    seed: int = 0
+
+    def __post_init__(self):
+        for name in (
+            "steps",
+            "cases",
+            "starts",
+            "validation_cases",
+            "validate_every",
+            "receipt_cases",
+            "held_out_cases",
+        ):
+            if getattr(self, name) < 1:
+                raise ValueError(
+                    f"Argument `{name}` must be at least 1, but got {getattr(self, name)}."
+                )
+        if self.screened and self.screened < self.starts:
+            raise ValueError(
+                f"Argument `screened` must be 0 or at least `starts` = {self.starts}, "
+                f"but got {self.screened}."
+            )
+
+    def numbers(self, step: int) -> np.ndarray:
+        """The cases of a step: the next ones, or always the first."""
+        first = step * self.cases if self.fresh else 0
+        return np.arange(first, first + self.cases)
+
+    def validation(self) -> np.ndarray:
+        """The cases by which iterates are compared."""
+        return VALIDATION + np.arange(self.validation_cases)
+
+    def intervals(self, step: int, whole: int) -> int:
+        """How long the runs of a step are, in intervals of the program."""
+        if not self.horizons:
+            return whole
+        stage = min(step * len(self.horizons) // self.steps, len(self.horizons) - 1)
+        return self.horizons[stage]
+
+
+@dataclass(frozen=True)
+class TuningPlan:
+    """All that a run needs.
+
+    `smooth` is what gradients are taken of, `exact` the law as it will fly under the same bounded
+    cost, `refined` the smooth law in finer steps, and `held_out` the exact law under the plain cost
+    with cases of a seed that is never tuned on; `trained_on` is the same for the seed of the
+    training. `widths` says how the smooth law is rounded; `description` is plain data that tells
+    runs apart.
+    """
+
+    space: SearchSpace
+    start: np.ndarray
+    smooth: Trials
+    exact: Trials
+    refined: Trials
+    held_out: Trials
+    trained_on: Trials
+    settings: Settings
+    widths: Mapping[str, float] = field(default_factory=dict)
+    description: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def intervals(self) -> int:
+        """Intervals of the whole horizon."""
+        return self.smooth.program.intervals

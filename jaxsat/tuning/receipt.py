@@ -1,0 +1,189 @@
+"""The receipt of a run: whether its gradients can be trusted, and what smoothing and steps cost.
+
+Derivatives are compared with central differences of the same cases' costs, which know nothing of
+automatic differentiation. For the exact law the comparison shows what tuning it would have come
+to: where its torque jumps, its costs have derivatives that automatic differentiation misses.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.simulation import Outcome
+from jaxsat.tuning.descent import DescentState
+from jaxsat.tuning.plan import RECEIPT, TuningPlan
+from jaxsat.tuning.trials import Trials
+
+DIFFERENCES = (1e-2, 1e-3, 1e-4, 1e-5)
+"""Half widths of the central differences, along the search."""
+
+TRUSTED = 0.01
+"""Largest relative error of a derivative that is trusted."""
+
+SMALL = 0.01
+"""A derivative below this part of the largest is judged by that part: it moves nothing."""
+
+
+class Comparison(NamedTuple):
+    """Derivatives of the mean cost at one point by both ways, one entry for each number tuned.
+
+    `step` is the half width whose difference agrees best, `error` how well, relative to the
+    difference (or to a hundredth of the largest). Cases that fail or have no finite derivative at
+    any of the points are left out: `left_out` of them.
+    """
+
+    automatic: Float[np.ndarray, " parameters"]
+    difference: Float[np.ndarray, " parameters"]
+    step: Float[np.ndarray, " parameters"]
+    error: Float[np.ndarray, " parameters"]
+    cases: int
+    left_out: int
+
+    @property
+    def trusted(self) -> bool:
+        """Whether every derivative is within one percent."""
+        return self.cases > 0 and bool(np.all(self.error <= TRUSTED))
+
+
+@dataclass(frozen=True)
+class Receipt:
+    """What a run rests on; `problems` are sentences for a person, none where all is well."""
+
+    labels: tuple[str, ...]
+    start: Comparison
+    end: Comparison
+    exact_start: Comparison
+    exact_end: Comparison
+    widths: dict[str, float]
+    smoothing_bias: float
+    largest_smoothing_bias: float
+    step_sensitivity: float
+    largest_step_sensitivity: float
+    gradient_samples: int
+    failed: int
+    masked: int
+    bounded: int
+
+    @property
+    def problems(self) -> list[str]:
+        """Why the gradients must not be trusted."""
+        found = []
+        for place, comparison in (("start", self.start), ("end", self.end)):
+            if not comparison.cases:
+                found.append(f"at the {place} no case reached its end, so nothing is known")
+            for label, error in zip(self.labels, comparison.error, strict=True):
+                if comparison.cases and not error <= TRUSTED:
+                    found.append(
+                        f"at the {place} the derivative by {label} is {error:.1%} off the best "
+                        "central difference"
+                    )
+        return found
+
+    def as_data(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        compared = {
+            name: {**getattr(self, name)._asdict(), "trusted": getattr(self, name).trusted}
+            for name in ("start", "end", "exact_start", "exact_end")
+        }
+        rest = {k: v for k, v in vars(self).items() if k not in compared}
+        return plain({**rest, **compared, "problems": self.problems})
+
+
+def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
+    """Compare at the first point of the run and at the best one."""
+    first, best = state.validations[0].best_point, state.best_point
+    numbers = RECEIPT + np.arange(plan.settings.receipt_cases)
+    compared = [compare(plan.smooth, point, numbers) for point in (first, best)]
+    if plan.widths:
+        compared += [compare(plan.exact, point, numbers) for point in (first, best)]
+    else:
+        compared += compared
+    smooth, exact, refined = (
+        trials.evaluate(np.stack([first, best]), numbers)
+        for trials in (plan.smooth, plan.exact, plan.refined)
+    )
+    bias = _relative(smooth.cost, exact.cost)
+    steps = _relative(smooth.cost, refined.cost)
+    return Receipt(
+        plan.space.labels,
+        *compared,
+        widths=dict(plan.widths),
+        smoothing_bias=_median(bias),
+        largest_smoothing_bias=_largest(bias),
+        step_sensitivity=_median(steps),
+        largest_step_sensitivity=_largest(steps),
+        gradient_samples=sum(
+            plan.settings.cases * int(np.isfinite(record.loss).sum()) for record in state.steps
+        ),
+        failed=sum(int(record.failed.sum()) for record in state.steps),
+        masked=sum(int(record.masked.sum()) for record in state.steps),
+        bounded=sum(int(record.bounded.sum()) for record in state.steps),
+    )
+
+
+def compare(
+    trials: Trials, point: Float[np.ndarray, " parameters"], numbers: np.ndarray
+) -> Comparison:
+    """Derivatives of the mean cost at a point, automatic and by central differences."""
+    size = len(point)
+    shifts = np.array(DIFFERENCES)[:, None, None] * np.eye(size)[None]
+    shifted = np.concatenate([point + shifts, point - shifts]).reshape(-1, size)
+    around = trials.evaluate(shifted, numbers)
+    slopes = trials.differentiate(point[None], numbers)
+    good = (
+        np.all(around.code == int(Outcome.SUCCESS), axis=0)
+        & (slopes.outputs.code[0] == int(Outcome.SUCCESS))
+        & np.isfinite(slopes.derivatives[0]).all(axis=1)
+    )
+    left_out = int((~good).sum())
+    if not good.any():
+        nothing = np.full(size, np.nan)
+        return Comparison(nothing, nothing, nothing, nothing, 0, left_out)
+    means = around.cost[:, good].mean(axis=1).reshape(2, len(DIFFERENCES), size)
+    differences = (means[0] - means[1]) / (2 * np.array(DIFFERENCES)[:, None])
+    automatic = slopes.derivatives[0][good].mean(axis=0)
+    floor = SMALL * np.abs(differences).max(axis=1, keepdims=True)
+    scale = np.maximum(np.maximum(np.abs(differences), floor), np.finfo(float).tiny)
+    errors = np.abs(automatic - differences) / scale
+    best = np.argmin(errors, axis=0)
+    columns = np.arange(size)
+    return Comparison(
+        automatic,
+        differences[best, columns],
+        np.array(DIFFERENCES)[best],
+        errors[best, columns],
+        int(good.sum()),
+        left_out,
+    )
+
+
+def plain(value: Any) -> Any:
+    """Nested results as plain data for JSON; numbers that are not finite become None."""
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if hasattr(value, "_asdict"):
+        return plain(value._asdict())
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def _relative(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    both = np.isfinite(one) & np.isfinite(other)
+    return np.abs(one[both] - other[both]) / np.maximum(np.abs(other[both]), 1e-300)
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values)) if len(values) else float("nan")
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(values.max()) if len(values) else float("nan")

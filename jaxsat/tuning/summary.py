@@ -1,0 +1,161 @@
+"""What a run found, for a person: the page that is written and printed."""
+
+from collections.abc import Sequence
+
+from jaxsat.montecarlo import Interval
+from jaxsat.tuning.baselines import Found, missing_packages
+from jaxsat.tuning.receipt import Comparison, Receipt
+from jaxsat.tuning.verdict import Judgement, Verdict
+
+
+def summary_page(
+    title: str, receipt: Receipt, verdict: Verdict, baselines: Sequence[Found] = ()
+) -> str:
+    """Markdown: distrust first if there is reason for it, then gains, verdict and receipt."""
+    blocks = [f"# Tuning: {title}", *_warnings(receipt, verdict)]
+    blocks += ["## Gains", _gains(verdict)]
+    blocks += ["## Verdict: the exact law on cases never tuned on", _verdict(verdict)]
+    blocks += [_conclusion(verdict)]
+    if baselines:
+        blocks += ["## Other ways, at an equal budget of trajectories", _baselines(baselines)]
+        absent = missing_packages()
+        if absent:
+            blocks += [f"Left out, as their packages are not installed: {', '.join(absent)}."]
+    blocks += ["## Receipt: can the gradients be trusted?", *_receipt(receipt)]
+    return "\n\n".join(blocks) + "\n"
+
+
+def _warnings(receipt: Receipt, verdict: Verdict) -> list[str]:
+    found = []
+    if receipt.problems:
+        reasons = "; ".join(receipt.problems)
+        found.append(f"**The gradient of this run is not trustworthy:** {reasons}.")
+    if not verdict.after.loss < verdict.before.loss:
+        found.append("**The tuned gains are no better than the old ones on held-out cases.**")
+    return found
+
+
+def _gains(verdict: Verdict) -> str:
+    rows = zip(verdict.labels, verdict.gains_before, verdict.gains_after, strict=True)
+    return _table(
+        ["gain", "before", "after"],
+        [[label, f"{before:.6g}", f"{after:.6g}"] for label, before, after in rows],
+    )
+
+
+def _verdict(verdict: Verdict) -> str:
+    columns = {
+        "held out, before": verdict.before,
+        "held out, after": verdict.after,
+        "training seed, before": verdict.trained_before,
+        "training seed, after": verdict.trained_after,
+    }
+    rows = [
+        ["cases", *(str(entry.summary.cases) for entry in columns.values())],
+        ["settled", *(_percent(entry.summary.settled) for entry in columns.values())],
+    ]
+    for percent in (50.0, 90.0):
+        row = [f"settling time of those, {percent:g} % (s)"]
+        rows.append([*row, *(_at(e.summary.settling_time, percent) for e in columns.values())])
+    rows.append(
+        ["effort, median (N m s)", *(_at(e.summary.effort, 50.0) for e in columns.values())]
+    )
+    rows.append(["mean cost of those that end", *(_number(e.cost) for e in columns.values())])
+    rows.append(["failed", *(_percent(entry.failed) for entry in columns.values())])
+    if verdict.before.alarming is not None:
+        rows.append(["failed or above the alarm", *(_alarm(e) for e in columns.values())])
+    rows.append(["objective", *(f"{entry.loss:.5g}" for entry in columns.values())])
+    return _table(["", *columns], rows) + "\n\nIntervals are of 95 %."
+
+
+def _conclusion(verdict: Verdict) -> str:
+    better = verdict.better
+    return (
+        f"Mean cost before less after, case by case: {_number(better)}. The objective on held-out "
+        f"cases is {abs(verdict.overfitting):.1%} "
+        f"{'above' if verdict.overfitting > 0 else 'below'} that on the training seed's."
+    )
+
+
+def _baselines(found: Sequence[Found]) -> str:
+    rows = []
+    for entry in found:
+        summary = entry.judgement.summary
+        rows.append(
+            [
+                entry.method,
+                f"{entry.trajectories:.0f}",
+                f"{entry.loss:.5g}",
+                f"{entry.judgement.loss:.5g}",
+                _number(entry.judgement.cost),
+                _percent(summary.settled),
+                _percent(entry.judgement.failed),
+            ]
+        )
+    head = ["method", "trajectories", "objective in training", "objective held out"]
+    return _table([*head, "mean cost held out", "settled", "failed"], rows)
+
+
+def _receipt(receipt: Receipt) -> list[str]:
+    places = {
+        "start": receipt.start,
+        "end": receipt.end,
+        "exact law, start": receipt.exact_start,
+        "exact law, end": receipt.exact_end,
+    }
+    blocks = [
+        "Derivatives of the mean cost by automatic differentiation and by the central difference "
+        "that agrees best. What the run rests on is the law it differentiates, in the rows `start` "
+        "and `end`; those of the exact law show what automatic differentiation makes of it."
+    ]
+    rows = [row for place, entry in places.items() for row in _compared(place, receipt, entry)]
+    head = ["where", "gain", "automatic", "difference", "half width", "relative error", "cases"]
+    blocks.append(_table(head, rows))
+    widths = ", ".join(f"{name} = {value:g}" for name, value in receipt.widths.items())
+    blocks.append(
+        f"- Smoothing: {widths or 'none'}. Costs of the smooth law differ from the exact law's by "
+        f"{receipt.smoothing_bias:.2%} (median), at most {receipt.largest_smoothing_bias:.2%}.\n"
+        f"- Finer steps change the costs by {receipt.step_sensitivity:.1e} (median), at most "
+        f"{receipt.largest_step_sensitivity:.1e}, relative.\n"
+        f"- Of {receipt.gradient_samples} runs that gradients were taken of, {receipt.failed} "
+        f"ended early and were charged for it, {receipt.masked} were left out and "
+        f"{receipt.bounded} counted for less than their derivative."
+    )
+    return blocks
+
+
+def _compared(place: str, receipt: Receipt, entry: Comparison) -> list[list[str]]:
+    columns = (entry.automatic, entry.difference, entry.step, entry.error)
+    return [
+        [
+            place,
+            label,
+            f"{automatic:.6g}",
+            f"{difference:.6g}",
+            f"{step:.0e}",
+            f"{error:.1e}",
+            f"{entry.cases}{f' ({entry.left_out} left out)' if entry.left_out else ''}",
+        ]
+        for label, automatic, difference, step, error in zip(receipt.labels, *columns, strict=True)
+    ]
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _percent(value: Interval) -> str:
+    return f"{value.value:.2%} ({value.low:.2%} to {value.high:.2%})"
+
+
+def _number(value: Interval) -> str:
+    return f"{value.value:.4g} ({value.low:.4g} to {value.high:.4g})"
+
+
+def _at(percentiles: dict[float, Interval], percent: float) -> str:
+    return _number(percentiles[percent]) if percent in percentiles else "-"
+
+
+def _alarm(judgement: Judgement) -> str:
+    return "-" if judgement.alarming is None else _percent(judgement.alarming)

@@ -1,0 +1,165 @@
+"""The verdict: the exact law before and after, on cases that were never tuned on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.engine import Outputs
+from jaxsat.montecarlo import Interval, Summary, summarise, wilson
+from jaxsat.simulation import Outcome
+from jaxsat.tuning.plan import TuningPlan
+from jaxsat.tuning.receipt import plain
+from jaxsat.tuning.trials import Trials
+
+RESAMPLES = 1000
+BLOCK = 8192
+"""Cases evaluated at a time."""
+
+
+class Judgement(NamedTuple):
+    """The exact law at one set of gains on one set of cases.
+
+    `cost` is the mean plain cost of the cases that reached their end, `failed` the fraction of the
+    others, `alarming` that of the cases above the alarm or failed, `loss` the objective that was
+    tuned. `columns` has settling time (s), effort (N m s), cost and code of every case.
+    """
+
+    summary: Summary
+    cost: Interval
+    failed: Interval
+    alarming: Interval | None
+    loss: float
+    columns: Mapping[str, np.ndarray]
+
+    def as_data(self) -> dict[str, Any]:
+        """The numbers without the columns and without what depends on which dispersion."""
+        summary = self.summary
+        found = {
+            "cases": summary.cases,
+            "settled": summary.settled,
+            "settling_time": summary.settling_time,
+            "effort": summary.effort,
+            "outcomes": summary.outcomes,
+            "cost": self.cost,
+            "failed": self.failed,
+            "alarming": self.alarming,
+            "loss": self.loss,
+        }
+        return plain(found)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Before and after on held-out cases and on those of the training's seed.
+
+    `better` is the mean difference of costs, before less after, of the held-out cases that reach
+    their end both times.
+    """
+
+    labels: tuple[str, ...]
+    gains_before: Float[np.ndarray, " parameters"]
+    gains_after: Float[np.ndarray, " parameters"]
+    before: Judgement
+    after: Judgement
+    trained_before: Judgement
+    trained_after: Judgement
+    better: Interval
+
+    @property
+    def overfitting(self) -> float:
+        """The loss held out less that in training, in parts of the loss in training."""
+        trained = self.trained_after.loss
+        return (self.after.loss - trained) / trained
+
+    def as_data(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        gains = {
+            label: {"before": before, "after": after}
+            for label, before, after in zip(
+                self.labels, self.gains_before, self.gains_after, strict=True
+            )
+        }
+        judged = {
+            name: getattr(self, name).as_data()
+            for name in ("before", "after", "trained_before", "trained_after")
+        }
+        rest = {"better": self.better, "overfitting": self.overfitting}
+        return plain({"gains": gains, **judged, **rest})
+
+
+def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> Verdict:
+    """Judge the gains the scenario had and those of `point`."""
+    own = plan.space.projected(plan.space.to_search(plan.start))
+    points = np.stack([own, point])
+    count = plan.settings.held_out_cases
+    before, after = judge(plan, plan.held_out, points, np.arange(count))
+    seen = plan.settings.steps * plan.settings.cases if plan.settings.fresh else plan.settings.cases
+    trained = judge(plan, plan.trained_on, points, np.arange(min(count, seen)))
+    difference = before.columns["cost"] - after.columns["cost"]
+    values = plan.space.to_values(points)
+    return Verdict(
+        plan.space.labels,
+        values[0],
+        values[1],
+        before,
+        after,
+        *trained,
+        better=mean_interval(difference[np.isfinite(difference)]),
+    )
+
+
+def judge(
+    plan: TuningPlan, trials: Trials, points: np.ndarray, numbers: np.ndarray
+) -> list[Judgement]:
+    """Every point on the same cases."""
+    columns = [_columns(trials, point, numbers) for point in points]
+    return [_judgement(plan, entry) for entry in columns]
+
+
+def mean_interval(values: np.ndarray, seed: int = 0) -> Interval:
+    """A mean with its bootstrap percentile interval of 95 %; NaN where there are no values."""
+    if not len(values):
+        return Interval(float("nan"), float("nan"), float("nan"))
+    generator = np.random.default_rng(seed)
+    means = [
+        values[generator.integers(0, len(values), len(values))].mean() for _ in range(RESAMPLES)
+    ]
+    low, high = np.percentile(means, (2.5, 97.5))
+    return Interval(float(values.mean()), float(low), float(high))
+
+
+def _columns(trials: Trials, point: np.ndarray, numbers: np.ndarray) -> dict[str, np.ndarray]:
+    blocks = [
+        _kept(trials.evaluate(point[None], numbers[first : first + BLOCK]))
+        for first in range(0, len(numbers), BLOCK)
+    ]
+    return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+
+
+def _kept(outputs: Outputs) -> dict[str, np.ndarray]:
+    names = ("code", "settling_time", "effort", "cost")
+    return {name: np.asarray(getattr(outputs, name))[0] for name in names}
+
+
+def _judgement(plan: TuningPlan, columns: dict[str, np.ndarray]) -> Judgement:
+    alarm, cost = plan.settings.alarm, columns["cost"]
+    reached = columns["code"] == int(Outcome.SUCCESS)
+    count = len(cost)
+    return Judgement(
+        summarise(columns),
+        mean_interval(cost[reached]),
+        wilson(int((~reached).sum()), count),
+        None if alarm is None else wilson(int((~reached | (cost > alarm)).sum()), count),
+        plan.settings.objective.value(_bounded(plan, cost)),
+        columns,
+    )
+
+
+def _bounded(plan: TuningPlan, cost: np.ndarray) -> np.ndarray:
+    """Plain costs as far as the tuned cost can go, so that failed cases count in the loss too."""
+    limit = plan.exact.program.cost.limit
+    most = np.inf if limit is None else float(limit) * float(plan.exact.program.duration)
+    return np.minimum(np.where(np.isnan(cost), np.inf, cost), most)

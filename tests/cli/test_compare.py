@@ -1,0 +1,91 @@
+"""`jaxsat compare`."""
+
+import json
+import signal
+
+import pytest
+
+from jaxsat.cli import main
+
+QUICK = [
+    *("--law", "switching", "--law", "rate", "--level", "nominal", "--torque-limit", "20"),
+    *("--seed", "3", "-n", "3"),
+]
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    handler = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture
+def jaxsat(capsys):
+    def run(*tokens):
+        with pytest.raises(SystemExit) as caught:
+            main(["compare", *tokens])
+        output = capsys.readouterr()
+        return caught.value.code, output.out, output.err
+
+    return run
+
+
+def test_table_record_and_figure_and_going_on(jaxsat, tmp_path):
+    status, out, _ = jaxsat(*QUICK, "--out", "c")
+    assert status == 0
+    assert "20 N m, nominal: take none. No law settled a single case." in out
+    record = json.loads((tmp_path / "c" / "comparison.json").read_text())
+    assert [row["law"] for row in record["rows"]] == ["switching", "rate"]
+    assert all(row["cases"] == 3 for row in record["rows"])
+    assert {path.name for path in (tmp_path / "c").iterdir()} == {
+        "comparison.json",
+        "comparison.png",
+        "comparison.svg",
+        "studies",
+    }
+    assert out.splitlines()[1].split()[:3] == ["20", "nominal", "switching"]
+
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "c" / "studies").rglob("*")}
+    status, again, _ = jaxsat(*QUICK, "--out", "c")
+    assert status == 0
+    assert again == out
+    kept = [path for path in before if path.is_file() and "lock" not in path.name]
+    assert all(path.stat().st_mtime_ns == before[path] for path in kept)
+
+    status, _, err = jaxsat(*QUICK[:-4], "--seed", "4", "-n", "3", "--out", "c")
+    assert status == 2
+    assert "another study" in err
+
+
+@pytest.mark.slow
+def test_a_law_that_settles_is_taken(jaxsat):
+    laws = ["--law", "three-slew", "--law", "rate", "--level", "nominal"]
+    status, out, _ = jaxsat(*laws, "--torque-limit", "20", "--seed", "3", "-n", "4", "--out", "c")
+    assert status == 0
+    assert "20 N m, nominal: take three-slew. Settles 100.0%" in out
+    assert "less sure: rate 0.0%" in out
+
+
+@pytest.mark.parametrize(
+    ("tokens", "message"),
+    [
+        (["--torque-limit", "0"], "--torque-limit: must be a positive number"),
+        (["--torque-limit", "much"], "--torque-limit: must be a positive number"),
+        (["-n", "0"], "`count` must be at least 1"),
+        (["--level", "soft"], "--level"),
+    ],
+)
+def test_mistakes_exit_with_two(jaxsat, tokens, message):
+    status, _, err = jaxsat("--seed", "3", *tokens)
+    assert status == 2
+    assert message in err
+
+
+def test_a_folder_of_something_else_is_left_alone(jaxsat, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("dear")
+    status, _, err = jaxsat(*QUICK, "--out", "mine")
+    assert status == 2
+    assert "did not write" in err

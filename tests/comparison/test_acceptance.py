@@ -1,0 +1,104 @@
+"""The acceptance set: the same cases for all laws, and the dispersions that it says."""
+
+import jax
+import numpy as np
+import pytest
+
+from jaxsat.comparison import LAWS, LEVELS, Setting, Start, horizon, scenario_of, study_of
+from jaxsat.control import SwitchingLaw
+from jaxsat.dynamics import PlantState
+from jaxsat.scenario import build, load
+
+
+def drawn(setting, start, numbers):
+    study = study_of(setting, start, 100, 7)
+    cases = study.cases(np.asarray(numbers))
+    return jax.vmap(lambda case: study.copies(case).drawn)(cases)
+
+
+def test_horizons():
+    assert [horizon(limit) for limit in (1.0, 5.0, 20.0)] == [2000.0, 1200.0, 1000.0]
+    assert 1200 < horizon(2.0) < 2000
+    assert horizon(0.25) == 4000.0
+    assert horizon(100.0) == 1000.0
+
+
+def test_cases_are_the_same_for_every_law():
+    numbers = [0, 3, 99]
+    first = drawn(Setting("hard", 5.0, "three-slew"), Start.RANDOM, numbers)
+    for law, limit in (("oscillatory", 5.0), ("rate", 20.0)):
+        other = drawn(Setting("hard", limit, law), Start.RANDOM, numbers)
+        jax.tree.map(np.testing.assert_array_equal, other, first)
+
+
+@pytest.mark.parametrize(
+    ("level", "widths"),
+    [
+        ("mc", {"inertia": 0.05, "torque_gain": 0.05, "misalignment": np.radians(0.2)}),
+        ("hard", {"inertia": 0.1, "disturbance_frequency": 0.2, "misalignment": np.radians(1)}),
+    ],
+)
+def test_dispersions_fill_their_bounds(level, widths):
+    found = drawn(Setting(level, 5.0, "rate"), Start.RANDOM, np.arange(100))
+    widths = widths | {"omega": 0.1, "disturbance_phase": np.pi}
+    for name, half in widths.items():
+        size = np.abs(np.asarray(found[name]))
+        assert size.max() <= half
+        assert size.max() > 0.95 * half
+    assert ("disturbance_frequency" in found) == (level == "hard")
+
+
+def test_nothing_but_the_start_is_drawn_in_the_nominal_level():
+    assert set(drawn(Setting("nominal", 5.0, "rate"), Start.RANDOM, [0])) == {"attitude", "omega"}
+    assert drawn(Setting("nominal", 5.0, "rate"), Start.PAPER, [0]) == {}
+
+
+def test_the_papers_start_is_the_papers():
+    study = study_of(Setting("hard", 5.0, "rate"), Start.PAPER, 1, 7)
+    case = jax.tree.map(lambda x: x[0], study.cases(np.array([0])))
+    start: PlantState = study.copies(case).start
+    wz = start.attitude.as_wz()
+    np.testing.assert_allclose([*wz.w, wz.z], [-1.0, 1.0, 1.27], atol=1e-12)
+    np.testing.assert_array_equal(start.omega, [0.1, -0.11, 0.0])
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_has_a_scenario_of_its_own(level, law):
+    scenario = scenario_of(Setting(level, 20.0, law))
+    assert scenario.spacecraft.torque_limit_N_m == 20
+    assert scenario.simulation.duration_s == 1000
+    assert law in scenario.title
+
+
+@pytest.mark.parametrize(
+    ("law", "mode", "source"), [("three-axis", 0, "free-third-rate"), ("rate", 1, "paper-rate")]
+)
+def test_the_papers_laws_alone_never_switch(law, mode, source):
+    """The torque is that of the printed law, but for dω_d/dt, which the first sample lacks."""
+    run = build(scenario_of(Setting("nominal", 5.0, law)))
+    controller = run.loop.controller
+    assert isinstance(controller, SwitchingLaw)
+    memory = controller.init(run.start)
+    printed = build(load(source)).loop
+    printed = printed.law if hasattr(printed, "law") else printed.controller
+    for omega3 in (1e-9, 0.3):
+        omega = run.start.omega.at[2].set(omega3)
+        state = PlantState(run.start.attitude, omega)
+        t = np.zeros(()) + 0.0
+        command, after = controller.step(jax.numpy.asarray(t), state, memory)
+        assert int(controller.mode(after)) == mode
+        held = jax.tree.map(lambda x: x, printed.init(state))
+        zero = jax.numpy.zeros(2)
+        gains = {"k1", "k2"} if law == "rate" else {"k3", "k4", "mu", "a"}
+        own = controller.rate_law if law == "rate" else controller.three_axis_law
+        for gain in gains:
+            np.testing.assert_array_equal(getattr(own, gain), getattr(printed, gain))
+        expected = own.torque(jax.numpy.asarray(t), state, held, zero)
+        np.testing.assert_allclose(command, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("setting", [("soft", 5.0, "rate"), ("hard", 5.0, "coast")])
+def test_unknown_levels_and_laws_are_told(setting):
+    with pytest.raises(ValueError, match="must be one of"):
+        scenario_of(Setting(*setting))

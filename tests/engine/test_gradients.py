@@ -1,0 +1,113 @@
+"""The cost's bounds and its derivatives: what tuning rests on."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from core.cases import PAPER_THREE_AXIS, three_axis_start
+from core.test_switching import CASE, start, switching_loop
+from engine.test_engines import KICKS, Kicked, smooth_law
+from jaxsat.engine import (
+    ReferenceEngine,
+    RunningCost,
+    ScanEngine,
+    Tolerance,
+    Unsettled,
+    program_of,
+)
+from jaxsat.metrics import Tolerances
+from jaxsat.simulation import ErrorCoordinateLoop, adaptive
+
+DURATION = 6.0
+COST = RunningCost(settling=2.0, unsettled=Unsettled(Tolerances(0.5, 0.5, 0.1)), limit=3.0)
+
+
+def error_loop():
+    return ErrorCoordinateLoop(*smooth_law()), three_axis_start(PAPER_THREE_AXIS)
+
+
+def sampled_loop():
+    return switching_loop(CASE), start()
+
+
+LOOPS = {"error": error_loop, "sampled": sampled_loop}
+ENGINES = {
+    "scan": ScanEngine(diffrax.Tsit5(), substeps=20, lanes=2),
+    "adaptive": ScanEngine(diffrax.Tsit5(), lanes=2, tolerance=Tolerance(1e-11, 1e-11)),
+    "diffrax": ReferenceEngine(adaptive(1e-11, 1e-11, diffrax.Tsit5()), width=2),
+}
+
+
+def program(loop, begin, cost=COST):
+    return program_of(Kicked(loop, begin), loop, DURATION, cost=cost)
+
+
+@pytest.mark.parametrize(
+    ("kind", "engine", "mode"),
+    [
+        ("error", "scan", "forward"),
+        ("error", "scan", "reverse"),
+        ("error", "adaptive", "forward"),
+        pytest.param("error", "diffrax", "forward", marks=pytest.mark.slow),
+        pytest.param("error", "diffrax", "reverse", marks=pytest.mark.slow),
+        ("sampled", "scan", "forward"),
+        ("sampled", "scan", "reverse"),
+    ],
+)
+def test_both_modes_against_central_differences(kind, engine, mode):
+    prog, engine, step = program(*LOOPS[kind]()), ENGINES[engine], 1e-5
+    gain = jnp.array(1.0)
+    found = engine.gradient(prog, KICKS[:2], gain, mode)
+    plain = engine.evaluate(prog, KICKS[:2], gain)
+    np.testing.assert_allclose(found.outputs.cost, plain.cost, rtol=1e-9)
+    costs = [engine.evaluate(prog, KICKS[:2], gain + shift).cost for shift in (step, -step)]
+    expected = (costs[0] - costs[1]) / (2 * step)
+    size = np.abs(expected).max()
+    assert size > 1e-3
+    np.testing.assert_allclose(found.derivatives, expected, atol=2e-5 * size)
+
+
+def test_adaptive_steps_of_the_scan_engine_have_no_reverse_mode():
+    prog = program(*error_loop())
+    with pytest.raises(ValueError, match='must be "forward" with adaptive steps'):
+        ENGINES["adaptive"].gradient(prog, KICKS[:1], jnp.array(1.0), "reverse")
+
+
+@pytest.mark.parametrize("engine", ["scan", pytest.param("diffrax", marks=pytest.mark.slow)])
+def test_a_failed_run_is_charged_for_the_time_it_lacks(engine):
+    """Two cases that fail at once, as no state may be as large as theirs."""
+    loop, begin = error_loop()
+    kicks = np.array([[np.nan, 0, 0], [1e7, 0, 0]])
+    outputs = ENGINES[engine].evaluate(program(loop, begin), kicks, jnp.array(1.0))
+    assert np.all(outputs.code != 0)
+    np.testing.assert_allclose(outputs.cost, 3.0 * DURATION, rtol=0.2)
+    assert np.all(outputs.cost <= 3.0 * DURATION * (1 + 1e-12))
+    without = program(loop, begin, RunningCost())
+    assert np.all(np.isnan(ENGINES[engine].evaluate(without, kicks, jnp.array(1.0)).cost))
+
+
+def test_the_cost_saturates_and_never_exceeds_its_limit():
+    signals = (jnp.array([0.3, 0.4]), jnp.array(0.2), jnp.zeros(3), jnp.ones(3))
+    plain = RunningCost()(*signals)
+    np.testing.assert_allclose(plain, 0.25 + 0.04 + 3e-3)
+    np.testing.assert_allclose(RunningCost(limit=2.0)(*signals), plain / (1 + plain / 2.0))
+    far = (1e5 * signals[0], *signals[1:])
+    assert 1.999 < RunningCost(limit=2.0)(*far) < 2.0
+
+
+def test_the_smooth_settling_time_is_near_the_true_one():
+    """An exponential decay of the attitude crosses the tolerance at a known time."""
+    decay, initial, limits = 0.05, 0.6, Tolerances(0.05, 0.05, 1e-3)
+    times = np.linspace(0, 300, 30001)
+    w = jnp.stack([initial * jnp.exp(-decay * times), 0 * times], axis=1)
+    rate = jax.vmap(lambda w: Unsettled(limits)(w, jnp.array(0.0), jnp.zeros(3)))(w)
+    true = np.log(initial / 0.05) / decay
+    np.testing.assert_allclose(np.trapezoid(rate, times), true, rtol=0.02)
+
+
+@pytest.mark.parametrize("wrong", [{"limit": 0.0}, {"settling": -1.0}])
+def test_bounds_of_the_cost_are_checked(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        RunningCost(**wrong)

@@ -1,0 +1,81 @@
+"""Studies on the workers of a dask cluster: the same bits, whatever becomes of the workers."""
+
+import os
+import signal
+
+import numpy as np
+import pytest
+
+from jaxsat.montecarlo import run_study
+from jaxsat.montecarlo.ensemble import _by_column
+from jaxsat.results import OutputError
+from montecarlo.studies import tumbling
+from montecarlo.test_ensemble import contents, same, without_status
+
+distributed = pytest.importorskip("distributed")
+from jaxsat.montecarlo.cluster import ClusterError, local_processes, scheduler_at  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return _by_column(tumbling().evaluate(np.arange(100)))
+
+
+@pytest.fixture(scope="module")
+def threads():
+    """A cluster whose one worker is in this process."""
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=2,
+        processes=False,
+        dashboard_address=":0",
+    ) as cluster:
+        yield cluster
+
+
+def test_a_scheduler_gives_the_bits_of_the_serial_run(tmp_path, whole, threads):
+    seen = []
+    executor = scheduler_at(threads.scheduler_address)
+    run_study(tumbling(), tmp_path / "s", executor=executor, report=seen.append)
+    same(without_status(contents(tmp_path / "s")), whole)
+    assert len(seen) == 7
+    with distributed.Client(threads) as client:
+        (left,) = client.run(lambda dask_worker: list(dask_worker.plugins)).values()
+    assert not [name for name in left if "jaxsat" in name]
+
+
+def test_what_fails_in_a_worker_is_told_here(tmp_path, threads, monkeypatch):
+    from jaxsat.montecarlo import ensemble
+
+    here = ensemble.machine()
+    executor = scheduler_at(threads.scheduler_address)
+    monkeypatch.setattr(ensemble, "machine", lambda: {**here, "processor": str(os.urandom(4))})
+    with pytest.raises(OutputError, match=r"worker computes under other conditions \(processor"):
+        run_study(tumbling(), tmp_path / "s", executor=executor)
+
+
+def test_a_scheduler_that_is_not_there_is_told(tmp_path):
+    (tmp_path / "scheduler.json").write_text('{"address": "tcp://127.0.0.1:9"}')
+    for place in ("tcp://127.0.0.1:9", str(tmp_path / "scheduler.json"), "nonsense://x"):
+        with pytest.raises(ClusterError, match="no scheduler answers at"):
+            run_study(tumbling(), tmp_path / "s", executor=scheduler_at(place, 0.2))
+
+
+@pytest.mark.slow
+def test_a_worker_killed_is_replaced_and_changes_nothing(tmp_path, whole):
+    """Two processes; one is killed after the first chunk, and what it had is computed again."""
+    executor = local_processes(2)
+    pids = []
+
+    def kill(progress):
+        client = distributed.get_client()
+        pids.append(set(client.run(os.getpid).values()))
+        if len(pids) == 1:
+            os.kill(min(pids[0]), signal.SIGKILL)
+
+    study = tumbling(chunk=4)
+    run_study(study, tmp_path / "s", executor=executor, report=kill)
+    same(without_status(contents(tmp_path / "s")), whole)
+    assert os.getpid() not in set.union(*pids)
+    assert len(pids) == 25
+    assert len(set.union(*pids)) == 3, "the one killed was replaced"
