@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxsat.engine.native.builder import Builder
-from jaxsat.engine.native.lowering import Elements, as_elements, lowers
+from jaxsat.engine.native.lowering import Elements, as_elements, filled, lowers
 
 
 @lowers("reshape")
@@ -78,10 +78,11 @@ def _pad(b: Builder, eqn, x: Elements, padding: Elements) -> Elements:
     del b
     config = eqn.params["padding_config"]
     apart = [size + max(size - 1, 0) * between for size, (_, _, between) in zip(x.shape, config)]
-    spread = np.full(apart, padding[()], object)
+    spread = filled(tuple(apart), padding[()])
     spread[tuple(slice(None, None, between + 1) for _, _, between in config)] = x
     widths = [(max(low, 0), max(high, 0)) for low, high, _ in config]
-    grown = np.full([s + low + high for s, (low, high) in zip(apart, widths)], padding[()], object)
+    shape = tuple(s + low + high for s, (low, high) in zip(apart, widths, strict=True))
+    grown = filled(shape, padding[()])
     grown[tuple(slice(low, low + s) for s, (low, _) in zip(apart, widths))] = spread
     cut = [
         slice(max(-low, 0), size - max(-high, 0))
