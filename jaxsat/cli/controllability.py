@@ -77,7 +77,7 @@ def _analyse(scenario: "Scenario", tolerance: float) -> "tuple[Analysis, tuple[F
     import numpy as np
 
     from jaxsat.controllability import analyse, failure_table
-    from jaxsat.scenario.build import orbit_rate
+    from jaxsat.scenario.build_plant import orbit_rate
 
     table = scenario.spacecraft
     axes = np.array(table.thruster_torque_axes, float).T  # as given: exact numbers stay exact

@@ -32,7 +32,7 @@ def montecarlo(
     seed: int | None = None,
     out: Path | None = None,
     overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
-    engine: Literal["auto", "scan", "diffrax"] = "auto",
+    engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: int | None = None,
     width: int = 64,
     chunk: int = 256,
@@ -40,7 +40,7 @@ def montecarlo(
     case: int | None = None,
     processes: int | None = None,
     scheduler: str | None = None,
-    devices: int = 1,
+    devices: int | None = None,
     figures: Path | None = None,
     elsewhere: Annotated[bool, Parameter(negative="")] = False,
     quiet: Annotated[bool, Parameter(negative="")] = False,
@@ -64,18 +64,19 @@ def montecarlo(
     overrides
         KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
     engine
-        scan, a plain loop of jaxsat's own, fastest; diffrax, the method of a single run; auto is
-        scan for sampled and smooth loops and diffrax for laws with corners.
+        native, machine code made for the scenario, fastest; scan, a plain loop through XLA;
+        diffrax, the method of a single run; auto is native on a processor, and says so where it
+        cannot be.
     workers
-        Chunks computed at once, each in a thread; as many as processors if left out, one in each
-        process or with several devices.
+        Chunks computed at once, each in a thread; as many as processors if left out, or one in
+        each process.
     processes
         Processes of this machine to share the chunks out to; one that dies is replaced.
     scheduler
         Share the chunks out to the workers of this dask scheduler: an address such as
         tcp://host:8786, or the scheduler's JSON file.
     devices
-        Devices (accelerators) of this machine to share every block of cases out to.
+        Devices (accelerators) of this machine to share the chunks out to.
     width
         Cases that go through the compiled loop together; results may depend on it in their last
         bits.
@@ -99,11 +100,11 @@ def montecarlo(
     try:
         from jaxsat.scenario.study import build_study
 
-        study = build_study(
-            chosen, count, seed=seed, engine=engine, width=width, chunk=chunk, devices=devices
-        )
+        study = build_study(chosen, count, seed=seed, engine=engine, width=width, chunk=chunk)
     except ValueError as error:
         raise UserMistake(str(error)) from None
+    if study.remark is not None and not quiet:
+        console(error=True).print(study.remark)
     if rule is not None and study.has_fixed_size:
         raise UserMistake("--until-ci: must go with another design than latin-hypercube")
     stem = Path(scenario).stem

@@ -10,30 +10,40 @@ if TYPE_CHECKING:
 
 
 def chosen_executor(
-    workers: int | None, processes: int | None, scheduler: str | None, devices: int = 1
+    workers: int | None, processes: int | None, scheduler: str | None, devices: int | None
 ) -> "AbstractExecutor":
     """The executor that the options of a command ask for; raises `UserMistake`."""
-    from jaxsat.montecarlo import Serial, Threads
+    from jaxsat.montecarlo import Devices, Serial, Threads
 
     for name, value in (("--workers", workers), ("--processes", processes)):
         if value is not None and value < 1:
             raise UserMistake(f"{name}: must be at least 1, got {value}")
+    given = {
+        "--devices": devices,
+        "--scheduler": scheduler,
+        "--workers or --processes": workers or processes,
+    }
+    names = [name for name, value in given.items() if value is not None]
+    if len(names) > 1:
+        raise UserMistake(f"{names[0]}: must be given without {names[1]}")
+    if devices is not None:
+        try:
+            return Devices(devices)
+        except ValueError as error:
+            raise UserMistake(f"--devices: {error}") from None
     if processes is not None or scheduler is not None:
         return _cluster(workers, processes, scheduler)
-    if workers is None:
-        workers = 1 if devices > 1 else os.cpu_count() or 1
+    workers = workers or os.cpu_count() or 1
     return Threads(workers) if workers > 1 else Serial()
 
 
-def _cluster(workers: int | None, processes: int | None, scheduler: str | None):
+def _cluster(
+    workers: int | None, processes: int | None, scheduler: str | None
+) -> "AbstractExecutor":
     try:
         from jaxsat.montecarlo.cluster import local_processes, scheduler_at
     except ImportError:
         raise UserMistake(
             "--processes and --scheduler: must have dask.distributed; install jaxsat[cluster]"
         ) from None
-    if scheduler is None:
-        return local_processes(processes or 1, workers or 1)
-    if processes is not None or workers is not None:
-        raise UserMistake("--scheduler: must be given without --processes and --workers")
-    return scheduler_at(scheduler)
+    return scheduler_at(scheduler) if scheduler else local_processes(processes or 1, workers or 1)

@@ -5,7 +5,7 @@ from jaxtyping import Array, Float, PyTree
 
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.program import Program
-from jaxsat.engine.progress import Integrals
+from jaxsat.engine.progress import Integrals, RunningCost
 from jaxsat.simulation import (
     AbstractContinuousLoop,
     AbstractLoop,
@@ -26,16 +26,16 @@ def augmented_rate(program: Program, loop: AbstractContinuousLoop):
     def rate(t, both):
         motion = loop.motion(t, both[0])
         return motion.rate, Integrals(
-            running_cost(program, motion), jnp.sum(jnp.abs(motion.torque))
+            running_cost(program.cost, motion), jnp.sum(jnp.abs(motion.torque))
         )
 
     return rate
 
 
-def running_cost(program: Program, motion: Motion) -> Float[Array, ""]:
+def running_cost(cost: RunningCost, motion: Motion) -> Float[Array, ""]:
     """The cost a second."""
     wz = motion.plant.attitude.as_wz()
-    return program.cost(wz.w, wz.z, motion.relative_rate, motion.torque)
+    return cost(wz.w, wz.z, motion.relative_rate, motion.torque)
 
 
 def held_rate(program: Program, loop: SampledLoop, torque: Float[Array, "3"]):

@@ -60,6 +60,94 @@ def step_with_error(
     return restore(after), restore(_combined(jnp.zeros_like(flat), step, tableau.b_error, rates))
 
 
+def stage_rates(
+    tableau: diffrax.ButcherTableau,
+    rate: Callable[[Float[Array, ""], Float[Array, " n"]], Float[Array, " n"]],
+    t: Float[Array, ""],
+    step: Float[Array, ""],
+    state: Float[Array, " n"],
+) -> list[Float[Array, " n"]]:
+    """The rates at all stages of a step of a flat state."""
+    rates: dict[int, Array] = {}
+    for stage, (row, node) in enumerate(
+        zip([np.zeros(0), *tableau.a_lower], [0.0, *tableau.c], strict=True)
+    ):
+        rates[stage] = rate(t + node * step, _combined(state, step, row, rates))
+    return list(rates.values())
+
+
+def weighted(weights: np.ndarray, rates: list[Float[Array, " n"]]) -> Float[Array, " n"]:
+    """The sum of the rates by their weights, those of zero left out."""
+    return sum(
+        (float(w) * rate for w, rate in zip(weights, rates, strict=True) if w != 0),
+        jnp.zeros_like(rates[0]),
+    )
+
+
+def dense_weights(solver: diffrax.AbstractSolver) -> Float[np.ndarray, "4 stages"]:
+    """Weights of the stages in the powers 1 to 4 of a solver's own dense output.
+
+    After the part θ of a step of length h the state has grown by h Σ_p θ^p Σ_i weights[p, i] k_i,
+    to fourth order. Raises `ValueError` for a solver other than Tsit5 and Dopri5.
+    """
+    if isinstance(solver, diffrax.Tsit5):
+        return _TSIT5_DENSE
+    if isinstance(solver, diffrax.Dopri5):
+        return _dopri5_dense(solver)
+    raise ValueError(
+        "Argument `solver` must be Tsit5 or Dopri5 where steps are adaptive, "
+        f"but got {type(solver).__name__}."
+    )
+
+
+def _tsit5_dense() -> np.ndarray:
+    """From the factored polynomials in section 5 of Tsitouras, Comput. Math. Appl. 62 (2011)."""
+    one, square = np.poly1d([1.0, 0.0]), np.poly1d([1.0, 0.0, 0.0])
+
+    def quadratic(linear, constant):
+        return np.poly1d([1.0, -linear, constant])
+
+    factored = [
+        -1.0530884977290216
+        * one
+        * np.poly1d([1.0, -1.3299890189751412])
+        * quadratic(1.4364028541716351, 0.7139816917074209),
+        0.1017 * square * quadratic(2.1966568338249754, 1.2949852507374631),
+        2.490627285651252793 * square * quadratic(2.38535645472061657, 1.57803468208092486),
+        -16.54810288924490272
+        * square
+        * quadratic(
+            1.21712927295533244 + 0.61620406037800089, 1.21712927295533244 * 0.61620406037800089
+        ),
+        47.37952196281928122
+        * square
+        * quadratic(
+            1.203071208372362603 + 0.658047292653547382, 1.203071208372362603 * 0.658047292653547382
+        ),
+        -34.87065786149660974 * square * quadratic(1.2 + 2 / 3, 0.8),
+        2.5 * square * quadratic(1.6, 0.6),
+    ]
+    return np.array([polynomial.coeffs[3::-1] for polynomial in factored]).T
+
+
+_TSIT5_DENSE = _tsit5_dense()
+
+
+def _dopri5_dense(solver: diffrax.Dopri5) -> np.ndarray:
+    """From the values and rates at both ends and the value in the middle."""
+    last = len(solver.tableau.b_sol) - 1
+    begin, end = np.eye(last + 1)[0], np.eye(last + 1)[last]
+    after, middle = solver.tableau.b_sol, solver.interpolation_cls.c_mid
+    return np.stack(
+        [
+            begin,
+            end - 4 * begin - 5 * after + 16 * middle,
+            5 * begin - 3 * end + 14 * after - 32 * middle,
+            2 * (end - begin) - 8 * after + 16 * middle,
+        ]
+    )
+
+
 def _needed_stages(tableau: diffrax.ButcherTableau) -> set[int]:
     needed = {stage for stage, weight in enumerate(tableau.b_sol) if weight != 0}
     for stage in range(len(tableau.b_sol) - 1, 0, -1):

@@ -12,40 +12,36 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array, Int, PyTree
 
 from jaxsat.dynamics import PlantState
-from jaxsat.engine.adaptive import Tolerance, advance_adaptively
+from jaxsat.engine import adaptive
+from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
 from jaxsat.engine.rates import augmented_rate, held_rate, plant_state
 from jaxsat.engine.runge_kutta import explicit_step, tableau_of
-from jaxsat.simulation import Outcome, SampledLoop, Signals
+from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop, Signals
 from jaxsat.simulation.loops import SampledState
 from jaxsat.simulation.solve import all_within
-
-CASES = "cases"
 
 
 class ScanEngine(AbstractEngine):
     """A loop of our own around the tableau of an explicit Runge-Kutta solver of diffrax.
 
     A sampled loop takes its own `substeps` in each period, any other loop `substeps` of the engine
-    in each interval, or, with a `tolerance`, steps of whatever length meets it. With `devices`
-    above one, every block is `lanes` cases on each of that many local devices.
+    in each interval, or, with a `tolerance`, steps of whatever length meets it.
     """
 
     solver: diffrax.AbstractSolver = diffrax.Tsit5()
     substeps: int = eqx.field(static=True, default=20)
     lanes: int = eqx.field(static=True, default=64)
-    devices: int = eqx.field(static=True, default=1)
     tolerance: Tolerance | None = None
 
     def __check_init__(self):
         tableau_of(self.solver)
-        for name in ("substeps", "lanes", "devices"):
+        for name in ("substeps", "lanes"):
             if getattr(self, name) < 1:
                 raise ValueError(
                     f"Argument `{name}` must be at least 1, but got {getattr(self, name)}."
@@ -54,10 +50,10 @@ class ScanEngine(AbstractEngine):
     @property
     def width(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         """How many cases a block has."""
-        return self.lanes * self.devices
+        return self.lanes
 
     def identity(self) -> dict[str, Any]:
-        """Solver, steps and lanes; on how many devices they are does not matter."""
+        """Solver, steps and lanes."""
         solver = type(self.solver).__name__
         fixed = {"name": "scan", "solver": solver, "substeps": self.substeps, "lanes": self.lanes}
         if self.tolerance is None:
@@ -105,17 +101,22 @@ def _to_host(signals: Signals) -> Signals:
 def begin_one(engine: ScanEngine, program: Program, case: PyTree, gains: PyTree) -> Progress:
     """Progress of one trajectory at time zero."""
     copy = program.copies(case, gains)
-    step = 0.0 if engine.tolerance is None else engine.tolerance.first_step
-    return begun(copy.loop.start(copy.start), copy.start.omega, copy.possible, step)
+    if _is_adaptive(engine, copy.loop):
+        return adaptive.begin(engine.tolerance, program, copy)
+    return begun(copy.loop.start(copy.start), copy.start.omega, copy.possible)
+
+
+def _is_adaptive(engine: ScanEngine, loop: AbstractLoop) -> bool:
+    return engine.tolerance is not None and not isinstance(loop, SampledLoop)
 
 
 def advance_one(engine, program, case, gains, progress, first, count) -> Progress:
     """Progress of one trajectory after `count` intervals from number `first` on."""
-    loop = program.copies(case, gains).loop
-    tableau = tableau_of(engine.solver)
-    if engine.tolerance is not None and not isinstance(loop, SampledLoop):
-        return advance_adaptively(
-            engine.solver, engine.tolerance, program, loop, progress, first, count
+    copy = program.copies(case, gains)
+    loop, tableau = copy.loop, tableau_of(engine.solver)
+    if _is_adaptive(engine, loop):
+        return adaptive.advance_adaptively(
+            engine.solver, engine.tolerance, program, copy, progress, first + count
         )
 
     def interval(i, progress):
@@ -134,8 +135,9 @@ def advance_one(engine, program, case, gains, progress, first, count) -> Progres
 
 def finish_one(engine, program, case, gains, progress) -> Outputs:
     """Outputs of one trajectory that has gone through all its intervals."""
-    del engine
     copy = program.copies(case, gains)
+    if _is_adaptive(engine, copy.loop):
+        return adaptive.finish(program, copy, progress)
     signals = _signals(copy.loop, program, jnp.array(program.intervals), progress.state)
     seen = looked_at(progress, program.duration, signals, program.tolerances)
     plant = plant_state(copy.loop, progress.state)
@@ -144,9 +146,11 @@ def finish_one(engine, program, case, gains, progress) -> Outputs:
 
 def observe_one(engine, program, case, gains, progress, number) -> Signals:
     """Signals at the beginning of interval `number`; NaN after the end of a failed run."""
-    del engine
-    loop = program.copies(case, gains).loop
-    signals = _signals(loop, program, number, progress.state)
+    copy = program.copies(case, gains)
+    if _is_adaptive(engine, copy.loop):
+        signals = adaptive.observe(program, copy, progress, number)
+    else:
+        signals = _signals(copy.loop, program, number, progress.state)
     ended = progress.code != int(Outcome.SUCCESS)
     return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), signals)
 
@@ -203,14 +207,9 @@ def _signals(loop, program, number: Int[Array, ""], state) -> Signals:
 
 
 def _over_cases(engine, one, *per_case):
-    """`one` for a block: vmapped, and shared out where there are several devices."""
-    many = jax.vmap(one)
-    if engine.devices == 1:
-        return many(*per_case)
-    mesh = Mesh(jax.local_devices()[: engine.devices], (CASES,))
-    specs = PartitionSpec(CASES)
-    shared = jax.shard_map(many, mesh=mesh, in_specs=specs, out_specs=specs, check_vma=False)
-    return shared(*per_case)
+    """`one` for a block."""
+    del engine
+    return jax.vmap(one)(*per_case)
 
 
 @eqx.filter_jit

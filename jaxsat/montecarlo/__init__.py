@@ -18,7 +18,7 @@ from jaxsat.montecarlo.distributions import (
     Uniform,
 )
 from jaxsat.montecarlo.ensemble import Study, StudyProgress, run_study
-from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Serial, Threads
+from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Devices, Serial, Threads
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.montecarlo.statistics import (
     Interval,
@@ -37,6 +37,7 @@ __all__ = [
     "AbstractDistribution",
     "AbstractExecutor",
     "ClusterError",
+    "Devices",
     "Discrete",
     "Dispersed",
     "Dispersions",

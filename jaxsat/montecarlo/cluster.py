@@ -13,7 +13,6 @@ from typing import Any, cast
 import cloudpickle
 import jax
 from distributed import Client, Future, KilledWorker, LocalCluster, WorkerPlugin, get_worker, wait
-from distributed.client import DoneAndNotDoneFutures
 
 from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Work
 
@@ -77,9 +76,12 @@ def scheduler_at(place: str, timeout: float = 10.0) -> Cluster:
     @contextmanager
     def connect():
         by_file = place.endswith(".json")
-        where = {"scheduler_file": place} if by_file else {"address": place}
         try:
-            client = Client(**where, timeout=timeout)
+            client = (
+                Client(scheduler_file=place, timeout=timeout)
+                if by_file
+                else Client(place, timeout=timeout)
+            )
         except (OSError, ValueError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__
             raise ClusterError(f"no scheduler answers at {place}: {reason}") from error
@@ -124,11 +126,14 @@ def _as_ready(client: Client, name: str, remaining: Iterator[int]) -> Iterator[t
                 running[future] = chunk
             if not running:
                 return
-            ready = cast(DoneAndNotDoneFutures, wait(list(running), None, "FIRST_COMPLETED"))
-            for future in ready.done:
+            for future in _first_done(list(running)):
                 yield running.pop(future), _result(future)
     finally:
         client.cancel(list(running))
+
+
+def _first_done(futures: list[Future]) -> Iterable[Future]:
+    return cast(Any, wait(futures, None, "FIRST_COMPLETED")).done
 
 
 def _result(future: Future):

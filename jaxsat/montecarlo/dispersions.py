@@ -12,16 +12,16 @@ from jaxtyping import Array, Float, PyTree, UInt32
 from jaxsat import noise
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import AbstractCopies, Copy
-from jaxsat.montecarlo.designs import open_uniform
-from jaxsat.montecarlo.distributions import AbstractDistribution, RandomAttitude
-from jaxsat.montecarlo.quantities import (
-    QUANTITIES,
+from jaxsat.montecarlo.changes import (
     Setting,
     controller_of,
     follow_frequency,
     possible_inertia,
     with_controller,
 )
+from jaxsat.montecarlo.designs import open_uniform
+from jaxsat.montecarlo.distributions import AbstractDistribution, RandomAttitude
+from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.vehicle import Sensors, Spacecraft
 

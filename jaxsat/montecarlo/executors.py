@@ -4,7 +4,10 @@ import abc
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from queue import SimpleQueue
 from typing import Any
+
+import jax
 
 Work = Callable[[int], Any]
 """Computes one chunk, given its number; can be pickled."""
@@ -48,20 +51,60 @@ class Threads(AbstractExecutor):
         for chunk in remaining:
             yield chunk, work(chunk)
             break
-        with ThreadPoolExecutor(self.workers, thread_name_prefix="jaxsat") as pool:
-            running: dict[Future, int] = {}
+        yield from _in_pool(work, remaining, self.workers)
+
+
+@dataclass(frozen=True)
+class Devices(AbstractExecutor):
+    """One chunk at a time on each of the first `count` local devices.
+
+    Every device runs the program that a single one would, so the bits are the same; a program
+    partitioned over devices (`jax.shard_map`) is compiled in another way and rounds differently.
+    Raises `ValueError` where there are fewer devices.
+    """
+
+    count: int
+
+    def __post_init__(self):
+        there = jax.local_device_count()
+        if not 1 <= self.count <= there:
+            raise ValueError(
+                f"Argument `count` must be from 1 to the {there} devices here, "
+                f"but got {self.count}."
+            )
+
+    def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
+        """The results as they are ready."""
+        free = SimpleQueue[jax.Device]()
+        for device in jax.local_devices()[: self.count]:
+            free.put(device)
+
+        def on_a_free_device(chunk: int):
+            device = free.get()
             try:
-                while True:
-                    while len(running) < self.workers:
-                        chunk = next(remaining, None)
-                        if chunk is None:
-                            break
-                        running[pool.submit(work, chunk)] = chunk
-                    if not running:
-                        return
-                    ready, _ = wait(running, return_when=FIRST_COMPLETED)
-                    for future in ready:
-                        yield running.pop(future), future.result()
+                with jax.default_device(device):
+                    return work(chunk)
             finally:
-                for future in running:
-                    future.cancel()
+                free.put(device)
+
+        return _in_pool(on_a_free_device, iter(chunks), self.count)
+
+
+def _in_pool(work: Work, remaining: Iterator[int], workers: int) -> Iterator[tuple[int, Any]]:
+    with ThreadPoolExecutor(workers, thread_name_prefix="jaxsat") as pool:
+        running: dict[Future, int] = {}
+        try:
+            while True:
+                while len(running) < workers:
+                    chunk = next(remaining, None)
+                    if chunk is None:
+                        break
+                    running[pool.submit(work, chunk)] = chunk
+                if not running:
+                    return
+                ready, _ = wait(running, return_when=FIRST_COMPLETED)
+                for future in ready:
+                    yield running.pop(future), future.result()
+        finally:
+            for future in running:
+                future.cancel()

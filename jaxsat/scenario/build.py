@@ -14,46 +14,23 @@ from jaxtyping import Array, Float
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_float
 from jaxsat.control import (
-    AbstractController,
     AbstractSampledController,
-    Coast,
-    InternalModel,
     RateLaw,
-    SwitchingLaw,
     ThreeAxisLaw,
-    oscillatory_settling,
-    three_slew_settling,
 )
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import (
-    AbstractDisturbance,
-    AbstractOrbit,
-    ConstantTorque,
-    ExactOrbit,
-    GravityGradient,
-    NoDisturbance,
-    PeriodicTorque,
-    SmallAngleOrbit,
-    SumOfDisturbances,
-    circular_orbit_rate,
-)
-from jaxsat.montecarlo import with_numbers
+from jaxsat.dynamics import PlantState
 from jaxsat.noise import key_of_seed
+from jaxsat.scenario.build_control import build_controller
+from jaxsat.scenario.build_plant import build_plant
 from jaxsat.scenario.control_tables import (
-    CoastTable,
-    ModelTable,
     OscillatoryTable,
-    RateTable,
     SwitchingTable,
-    ThreeAxisTable,
     ThreeSlewTable,
 )
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.layout import working_thrusters
 from jaxsat.scenario.schema import Scenario, flattened
-from jaxsat.scenario.tables import DisturbanceTable
-from jaxsat.scenario.tuning_tables import TUNABLE
 from jaxsat.simulation import (
     AbstractLoop,
     ContinuousLoop,
@@ -67,7 +44,7 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import SMALLEST_STEP
-from jaxsat.vehicle import Actuators, Sensors, Spacecraft
+from jaxsat.vehicle import Actuators, Sensors
 
 SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
     "euler": diffrax.Euler,
@@ -122,21 +99,6 @@ def build_loop(scenario: Scenario) -> AbstractLoop:
     return ContinuousLoop(plant, controller, build_actuators(scenario))
 
 
-def build_plant(scenario: Scenario) -> RigidBody:
-    """The rigid body in its orbit under its disturbances."""
-    table = scenario.spacecraft
-    spacecraft = Spacecraft(as_float(table.inertia_kg_m2))
-    orbit = _orbit(scenario.orbit.relation, orbit_rate(scenario))
-    held = table.third_rate == "held"
-    return RigidBody(spacecraft, orbit, _disturbance(scenario), held)
-
-
-def orbit_rate(scenario: Scenario) -> float:
-    """ω0, rad/s, given or by the altitude."""
-    rate, altitude = scenario.orbit.rate_rad_s, scenario.orbit.altitude_km
-    return circular_orbit_rate(1000 * cast(float, altitude)) if rate is None else rate
-
-
 def build_actuators(scenario: Scenario) -> Actuators:
     """The thrusters left; under `law = "coast"` any will do, as no torque is commanded."""
     table = scenario.spacecraft
@@ -145,21 +107,6 @@ def build_actuators(scenario: Scenario) -> Actuators:
     if scenario.control.law == "coast":
         return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
     return Actuators.of(thrusters, limit)
-
-
-def build_controller(scenario: Scenario) -> AbstractController | AbstractSampledController:
-    """The control law with its own model of the plant."""
-    control = scenario.control
-    if isinstance(control, CoastTable):
-        return Coast()
-    if isinstance(control, OscillatoryTable | ThreeSlewTable):
-        return _settling_law(scenario, control)
-    model = _model(scenario, control.model, control.measured_disturbance)
-    if isinstance(control, RateTable):
-        return _rate_law(control, model)
-    if isinstance(control, ThreeAxisTable):
-        return _three_axis_law(scenario, control, model)
-    return _switching_law(scenario, control, model)
 
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
@@ -218,97 +165,3 @@ def build_method(scenario: Scenario, loop: AbstractLoop) -> Method:
         suitable = default_method(loop)
         return dataclasses.replace(suitable, solver=solver or suitable.solver)
     return adaptive(solver=solver, **{"min_step": SMALLEST_STEP, **given})
-
-
-def _orbit(relation: str, rate: float) -> AbstractOrbit:
-    return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
-
-
-def _disturbance(scenario: Scenario) -> AbstractDisturbance:
-    table = scenario.disturbance
-    terms: list[AbstractDisturbance] = [_periodic(table.amplitude_N_m, table)]
-    if any(table.constant_N_m):
-        terms.append(ConstantTorque(as_float(table.constant_N_m)))
-    if table.gravity_gradient:
-        terms.append(GravityGradient(as_float(orbit_rate(scenario))))
-    return terms[0] if len(terms) == 1 else SumOfDisturbances(tuple(terms))
-
-
-def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) -> RigidBody:
-    """What the controller believes, with the periodic torques that it measures."""
-    inertia = table.inertia_kg_m2 or scenario.spacecraft.inertia_kg_m2
-    relation = table.orbit_relation or scenario.orbit.relation
-    rate = orbit_rate(scenario) if table.orbit_rate_rad_s is None else table.orbit_rate_rad_s
-    known: AbstractDisturbance = NoDisturbance()
-    if any(measured):
-        amplitude = np.where(measured, scenario.disturbance.amplitude_N_m, 0.0)
-        known = _periodic(amplitude, scenario.disturbance)
-    held = scenario.spacecraft.third_rate == "held"
-    return RigidBody(Spacecraft(as_float(inertia)), _orbit(relation, rate), known, held)
-
-
-def _periodic(amplitude: tuple[float, ...] | np.ndarray, table: DisturbanceTable) -> PeriodicTorque:
-    return PeriodicTorque(
-        as_float(amplitude), as_float(table.frequency_rad_s), as_float(table.phase_rad)
-    )
-
-
-def _rate_law(table: RateTable | SwitchingTable, model: RigidBody) -> RateLaw:
-    return RateLaw(
-        model, as_float(table.k1), as_float(table.k2), as_float(table.omega3_width_rad_s)
-    )
-
-
-def _three_axis_law(
-    scenario: Scenario, table: ThreeAxisTable | SwitchingTable, model: RigidBody
-) -> ThreeAxisLaw:
-    frequency = table.internal_model_frequency_rad_s or scenario.disturbance.frequency_rad_s[:2]
-    return ThreeAxisLaw(
-        model,
-        as_float(table.k3),
-        as_float(table.mu),
-        as_float(table.a),
-        as_float(table.k4),
-        InternalModel(as_float(frequency)) if table.internal_model else None,
-        as_float(table.attitude_weight_N_m),
-        as_float(table.saturation_width),
-        as_float(table.tilt_width),
-    )
-
-
-def _settling_law(
-    scenario: Scenario, table: OscillatoryTable | ThreeSlewTable
-) -> AbstractSampledController:
-    model = _model(scenario, table.model, (False, False, False))
-    settling = oscillatory_settling if isinstance(table, OscillatoryTable) else three_slew_settling
-    controller = settling(
-        model,
-        cast(float, scenario.spacecraft.torque_limit_N_m),
-        observe=table.observe_ripple,
-        estimate=table.estimate_axes,
-        period=table.period_s,
-    )
-    places = TUNABLE.get(table.law, {})
-    given = {place: getattr(table, key) for key, place in places.items()}
-    return with_numbers(controller, {k: as_float(v) for k, v in given.items() if v is not None})
-
-
-def _switching_law(scenario: Scenario, table: SwitchingTable, model: RigidBody) -> SwitchingLaw:
-    limit = scenario.spacecraft.torque_limit_N_m
-    moments = np.diag(np.asarray(model.spacecraft.inertia))[:2]
-    usual = (math.inf if limit is None else limit) / moments
-    rate_limit, three_axis_limit = (
-        table.rate_slope_limit_rad_s2,
-        table.three_axis_slope_limit_rad_s2,
-    )
-    return SwitchingLaw(
-        rate_law=_rate_law(table, model),
-        three_axis_law=_three_axis_law(scenario, table, model),
-        upper_threshold=as_float(table.upper_threshold_rad_s),
-        lower_threshold=as_float(table.lower_threshold_rad_s),
-        period=as_float(table.period_s),
-        rate_slope_limit=as_float(usual if rate_limit is None else rate_limit),
-        three_axis_slope_limit=as_float(
-            5 * usual if three_axis_limit is None else three_axis_limit
-        ),
-    )

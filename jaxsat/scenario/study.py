@@ -2,11 +2,21 @@
 
 from typing import Any, Literal
 
+import diffrax
 import jax
 import numpy as np
 
 from jaxsat.checks import as_float
-from jaxsat.engine import AbstractEngine, ReferenceEngine, ScanEngine, Tolerance, program_of
+from jaxsat.engine import (
+    AbstractEngine,
+    NativeEngine,
+    Program,
+    ReferenceEngine,
+    ScanEngine,
+    Tolerance,
+    native_obstacle,
+    program_of,
+)
 from jaxsat.montecarlo import (
     QUANTITIES,
     AbstractDesign,
@@ -20,6 +30,7 @@ from jaxsat.montecarlo import (
     RandomAttitude,
     Sobol,
     Study,
+    StudyCase,
     TruncatedNormal,
     Uniform,
 )
@@ -31,7 +42,7 @@ from jaxsat.simulation import ContinuousLoop, SampledLoop
 TOLERANCE = 1e-9
 """Of the scan engine's adaptive steps, relative and absolute, where a scenario names none."""
 
-EngineName = Literal["auto", "scan", "diffrax"]
+EngineName = Literal["auto", "native", "scan", "diffrax"]
 SMOOTH_STEP = 0.01
 """Seconds; steps of the scan engine for a smooth loop whose scenario names none."""
 
@@ -53,35 +64,29 @@ def build_study(
     engine: EngineName = "auto",
     width: int = 64,
     chunk: int = 256,
-    devices: int = 1,
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
-    `engine` "scan" takes fixed steps for sampled and smooth loops and adaptive ones for laws with
-    corners; "diffrax" takes the method of a single run; "auto" is "scan" for sampled and smooth
-    loops. Raises `ValueError` where the scenario disperses nothing or something that its loop does
-    not have.
+    `engine` "native" and "scan" take fixed steps for sampled and smooth loops and adaptive ones for
+    laws with corners, "native" as machine code made for the program; "diffrax" takes the method of
+    a single run. "auto" is "native" on a processor; where that cannot be, the study's `remark` says
+    why, and it is "scan" for sampled and smooth loops and "diffrax" for others. Raises `ValueError`
+    where the scenario disperses nothing or something that its loop does not have, and for "native"
+    where that cannot be.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
-    if devices > jax.local_device_count():
-        raise ValueError(
-            f"Argument `devices` must be at most {jax.local_device_count()}, the number of devices "
-            f"here, but got {devices}."
-        )
     run = build(scenario)
     seed = scenario.simulation.seed if seed is None else seed
     copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
     table = scenario.simulation
     program = program_of(copies, run.loop, table.duration_s, table.save_every_s)
-    return Study(
-        program,
-        _design(scenario.dispersion, seed, count),
-        _engine(scenario, run, engine, width, devices),
-        count,
-        chunk,
-        description={"scenario": _numbers(scenario)},
-    )
+    design = _design(scenario.dispersion, seed, count)
+    points = design.points(np.arange(1), copies.dimensions())
+    example = StudyCase(np.zeros(1, np.uint32), points)
+    chosen, remark = _engine(scenario, run, (program, example), engine, width)
+    description = {"scenario": _numbers(scenario)}
+    return Study(program, design, chosen, count, chunk, description=description, remark=remark)
 
 
 def _numbers(scenario: Scenario) -> dict[str, Any]:
@@ -116,15 +121,16 @@ def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
 
 
 def _engine(
-    scenario: Scenario, run: Run, name: EngineName, width: int, devices: int
-) -> AbstractEngine:
+    scenario: Scenario,
+    run: Run,
+    work: tuple[Program, StudyCase],
+    name: EngineName,
+    width: int,
+) -> tuple[AbstractEngine, str | None]:
+    """The engine, and why it is not the native one if that was wanted."""
     loop, solver = run.loop, scenario.simulation.solver
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
     suits = isinstance(loop, SampledLoop) or smooth or solver.step_s is not None
-    if name == "diffrax" or (name == "auto" and not suits):
-        if devices > 1:
-            raise ValueError("Argument `devices` must be 1 with the engine diffrax; take scan.")
-        return ReferenceEngine(method=run.method, width=width)
     adaptive = not suits or (solver.steps == "adaptive" and not isinstance(loop, SampledLoop))
     tolerance = None
     if adaptive:
@@ -132,6 +138,33 @@ def _engine(
         tolerance = Tolerance(rtol, atol)
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
-    return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
-        solver=kind, substeps=substeps, lanes=width, devices=devices, tolerance=tolerance
+    remark = None
+    if name == "native" or (name == "auto" and jax.default_backend() == "cpu"):
+        engine, obstacle = _native(kind, substeps, tolerance, width, work)
+        if engine is not None:
+            return engine, None
+        if name == "native":
+            raise ValueError(f"The native engine cannot run this: {obstacle}")
+        remark = f"not the native engine: {obstacle}"
+    if name == "diffrax" or (name != "scan" and not suits):
+        return ReferenceEngine(method=run.method, width=width), remark
+    engine = ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
+        solver=kind, substeps=substeps, lanes=width, tolerance=tolerance
     )
+    return engine, remark
+
+
+def _native(
+    solver: diffrax.AbstractSolver,
+    substeps: int,
+    tolerance: Tolerance | None,
+    width: int,
+    work: tuple[Program, StudyCase],
+) -> tuple[NativeEngine | None, str]:
+    """The native engine, or None and what stands against it."""
+    program, example = work
+    method = (solver, substeps, tolerance)
+    obstacle = native_obstacle(method, program, example)
+    if obstacle is not None:
+        return None, obstacle
+    return NativeEngine(*method, width=width), ""

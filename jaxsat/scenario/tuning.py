@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxsat.engine import Program, RunningCost, Unsettled
 from jaxsat.montecarlo import number_at
-from jaxsat.montecarlo.quantities import controller_of
+from jaxsat.montecarlo.changes import controller_of
 from jaxsat.scenario.build import build_loop
 from jaxsat.scenario.control_tables import SAMPLED_LAWS
 from jaxsat.scenario.coordinates import uses_error_coordinates

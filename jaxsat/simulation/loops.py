@@ -131,8 +131,8 @@ class ContinuousLoop(AbstractContinuousLoop):
     def piece(self, sides: Bool[Array, " m"]) -> "ContinuousLoop":
         """Controller and thrusters held in a piece of theirs each."""
         count = sides.size - self.actuators.torque_axes.shape[1]
-        controller = self.controller.piece(sides[:count])
-        return ContinuousLoop(self.plant, controller, self.actuators.piece(sides[count:]))
+        held = (self.controller.piece(sides[:count]), self.actuators.piece(sides[count:]))
+        return eqx.tree_at(lambda loop: (loop.controller, loop.actuators), self, held)
 
     def turned_back(self, t: Float[Array, ""], state: LoopState) -> LoopState:
         """With the controller's memory turned back."""
@@ -241,7 +241,7 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
 
     def piece(self, sides: Bool[Array, " m"]) -> "ErrorCoordinateLoop":
         """With the law held in one of its pieces."""
-        return ErrorCoordinateLoop(self.plant, self.law.piece(sides))
+        return eqx.tree_at(lambda loop: loop.law, self, self.law.piece(sides))
 
     def turned_back(self, t: Float[Array, ""], state: ErrorState) -> ErrorState:
         """With the law's memory turned back."""

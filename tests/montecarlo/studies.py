@@ -29,7 +29,7 @@ def tumbling_loop():
     return ContinuousLoop(plant, Coast(), Actuators.of(Thrusters(jnp.eye(3)).without([3])))
 
 
-def tumbling(count=100, chunk=16, design=None, seed=4, devices=1, lanes=8, duration=20.0):
+def tumbling(count=100, chunk=16, design=None, seed=4, lanes=8, duration=20.0):
     loop = tumbling_loop()
     begin = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.0, 0.0, 0.0])
     dispersions = Dispersions(
@@ -43,7 +43,7 @@ def tumbling(count=100, chunk=16, design=None, seed=4, devices=1, lanes=8, durat
     tolerances = Tolerances(0.2, 0.2, 0.1)
     program = program_of(copies, loop, duration, tolerances=tolerances)
     design = Independent(seed) if design is None else design
-    engine = ScanEngine(substeps=2, lanes=lanes, devices=devices)
+    engine = ScanEngine(substeps=2, lanes=lanes)
     return Study(program, design, engine, count, chunk)
 
 

@@ -23,7 +23,7 @@ from jaxsat.montecarlo import (
     Uniform,
     with_gains,
 )
-from jaxsat.montecarlo.quantities import possible_inertia
+from jaxsat.montecarlo.changes import possible_inertia
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 from jaxsat.vehicle import Sensors
 

@@ -129,29 +129,9 @@ def test_summary(tmp_path, whole):
     assert summarise(open_study(tmp_path / "s"), 10).cases == 10
 
 
-SHARDED = """
-import jax, numpy as np
-jax.config.update("jax_enable_x64", True)
-from montecarlo.studies import tumbling
-from jaxsat.montecarlo.ensemble import _by_column
-assert jax.local_device_count() == 4
-found = _by_column(tumbling(devices=4).evaluate(np.arange(100)))
-np.savez({path!r}, **found)
-"""
-
-
 def environment(**more):
     paths = os.pathsep.join([str(TESTS.parent), str(TESTS)])
     return {**os.environ, "PYTHONPATH": paths, **more}
-
-
-@pytest.mark.slow
-def test_four_devices_give_the_same_bits(tmp_path, whole):
-    path = str(tmp_path / "found.npz")
-    flags = environment(XLA_FLAGS="--xla_force_host_platform_device_count=4")
-    code = SHARDED.format(path=path)
-    subprocess.run([sys.executable, "-c", code], check=True, env=flags)
-    same(dict(np.load(path)), whole)
 
 
 @pytest.mark.slow

@@ -106,7 +106,7 @@ class Loop:
 
 @dataclass(slots=True)
 class Switch:
-    """The block number `index`, which is uniform and in range; `yields` gives each one's results."""
+    """The block number `index`, which is uniform and in range; `yields` are their results."""
 
     index: Scalar
     blocks: list[Block]

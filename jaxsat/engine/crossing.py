@@ -1,0 +1,102 @@
+"""Where within a step a function becomes positive: a bracket and a few safeguarded secants."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+ITERATIONS = 24
+CLOSE_ENOUGH = 1e-6
+"""Of the step. One step of Newton's method from there on leaves nothing."""
+
+SECANTS, NEWTON_STEPS = 4, 3
+
+
+class Bracket(NamedTuple):
+    """Parts of a step with the function at most zero at `low` and positive at `high`."""
+
+    low: Float[Array, ""]
+    low_value: Float[Array, ""]
+    high: Float[Array, ""]
+    high_value: Float[Array, ""]
+
+
+class _Search(NamedTuple):
+    bracket: Bracket
+    point: Float[Array, ""]
+    moved: Float[Array, ""]
+    was_low: Bool[Array, ""]
+    count: Int[Array, ""]
+
+
+def located(
+    function: Callable[[Float[Array, ""]], Float[Array, ""]],
+    bracket: Bracket,
+    wanted: Bool[Array, ""],
+) -> Float[Array, ""]:
+    """The part of the step at which the function becomes positive, to `CLOSE_ENOUGH`.
+
+    Secants with the Illinois rule; every third point, and every point while the lower end is not
+    below zero (a step that begins on the surface), halves the bracket. A step for which it is not
+    `wanted` takes no iteration.
+    """
+
+    def unfinished(search: _Search):
+        return wanted & (search.moved > CLOSE_ENOUGH) & (search.count < ITERATIONS)
+
+    def improve(search: _Search) -> _Search:
+        low, low_value, high, high_value = search.bracket
+        halve = (low_value >= 0) | (search.count % 3 == 2)
+        slope = jnp.where(halve, 1.0, high_value - low_value)
+        secant = low - low_value * (high - low) / slope
+        point = jnp.where(halve, (low + high) / 2, jnp.clip(secant, low, high))
+        value = function(point)
+        is_low = value <= 0
+        # Illinois: an end that stays twice counts half, which draws the secant towards it
+        again = (is_low == search.was_low) & ~halve
+        keep_low = jnp.where(again, low_value / 2, low_value)
+        keep_high = jnp.where(again, high_value / 2, high_value)
+        closer = Bracket(
+            jnp.where(is_low, point, low),
+            jnp.where(is_low, value, keep_low),
+            jnp.where(is_low, high, point),
+            jnp.where(is_low, keep_high, value),
+        )
+        moved = jnp.abs(point - search.point)
+        return _Search(closer, point, moved, is_low, search.count + 1)
+
+    none = jnp.zeros_like(bracket.low)
+    first = _Search(bracket, none - 1.0, none + jnp.inf, none > 0, jnp.array(0))
+    return jax.lax.while_loop(unfinished, improve, first).point
+
+
+def sign_change(growth: Float[Array, "4 n"], end: Float[Array, ""]) -> Float[Array, " n"]:
+    """Where the derivative of Σ_p θ^p growth[p] changes its sign before `end`; 2 if nowhere.
+
+    A fixed number of secants with the Illinois rule, and of Newton's steps inside the bracket.
+    """
+    one, two, three, four = growth
+
+    def slope(part):
+        return one + part * (2 * two + part * (3 * three + part * 4 * four))
+
+    low, high = jnp.zeros_like(one), jnp.zeros_like(one) + end
+    low_value, high_value = one, slope(high)
+    changes = low_value * high_value < 0
+    point = high
+    for _ in range(SECANTS):
+        difference = jnp.where(changes, high_value - low_value, 1.0)
+        point = low - low_value * (high - low) / difference
+        value = slope(point)
+        is_low = value * low_value > 0
+        low, high = jnp.where(is_low, point, low), jnp.where(is_low, high, point)
+        low_value, high_value = (
+            jnp.where(is_low, value, low_value / 2),
+            jnp.where(is_low, high_value / 2, value),
+        )
+    for _ in range(NEWTON_STEPS):
+        curve = 2 * two + point * (6 * three + point * 12 * four)
+        point = jnp.clip(point - slope(point) / jnp.where(curve == 0, 1.0, curve), low, high)
+    return jnp.where(changes, point, 2.0)

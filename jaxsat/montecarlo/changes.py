@@ -1,0 +1,237 @@
+"""How dispersed numbers go into a closed loop and its start."""
+
+from collections.abc import Callable
+from typing import NamedTuple, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.attitude import DCM, WZ, AbstractAttitude, Quaternion
+from jaxsat.control import AbstractBacksteppingLaw, InternalModel
+from jaxsat.dynamics import PlantState
+from jaxsat.environment import (
+    AbstractOrbit,
+    ConstantTorque,
+    PeriodicTorque,
+    SumOfDisturbances,
+)
+from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
+from jaxsat.vehicle import Spacecraft
+from jaxsat.vehicle.sensors import turned_slightly
+
+
+class Setting(NamedTuple):
+    """A closed loop and its start, as far as they have been dispersed, and the nominal loop."""
+
+    loop: AbstractLoop
+    start: PlantState
+    nominal: AbstractLoop
+
+
+Values = Float[Array, " size"]
+
+
+def controller_of(loop: AbstractLoop):
+    """The controller of any loop."""
+    return loop.law if isinstance(loop, ErrorCoordinateLoop) else with_thrusters(loop).controller
+
+
+def with_thrusters(loop: AbstractLoop) -> ContinuousLoop | SampledLoop:
+    """The loop as one of those that have actuators, which `obstacle` has made sure of."""
+    return cast(ContinuousLoop | SampledLoop, loop)
+
+
+def with_controller(loop: AbstractLoop, controller) -> AbstractLoop:
+    """The loop with another controller."""
+    return eqx.tree_at(controller_of, loop, controller)
+
+
+def possible_inertia(inertia: Float[Array, "3 3"]) -> Bool[Array, ""]:
+    """Whether a body of positive mass density can have this inertia: ½ tr(J) I - J > 0.
+
+    The triangle inequality of the principal moments in the form that products of inertia leave
+    simple; it implies J > 0. By leading minors.
+    """
+    second = jnp.trace(inertia) / 2 * jnp.eye(3, dtype=inertia.dtype) - inertia
+    two = second[0, 0] * second[1, 1] - second[0, 1] * second[1, 0]
+    three = jnp.dot(second[0], jnp.cross(second[1], second[2]))
+    return (second[0, 0] > 0) & (two > 0) & (three > 0)
+
+
+def scaled_inertia(inertia: Float[Array, "3 3"], change: Values) -> Float[Array, "3 3"]:
+    """J_ij √((1 + change_i)(1 + change_j)), which is no number where a factor is negative."""
+    root = jnp.sqrt(1 + change)
+    return inertia * root[:, None] * root[None, :]
+
+
+def set_inertia(setting: Setting, change: Values) -> Setting:
+    """Moments and products scaled by relative changes of J1, J2, J3."""
+    return _in_loop(
+        setting,
+        lambda loop: loop.plant.spacecraft.inertia,
+        scaled_inertia(setting.loop.plant.spacecraft.inertia, change),
+    )
+
+
+def set_products(setting: Setting, share: Values) -> Setting:
+    """Products of inertia added, in parts of the least nominal moment."""
+    smallest = jnp.min(setting.nominal.plant.spacecraft.moments)
+    xy, xz, yz = share * smallest
+    zero = jnp.zeros_like(xy)
+    extra = jnp.stack(
+        [jnp.stack([zero, xy, xz]), jnp.stack([xy, zero, yz]), jnp.stack([xz, yz, zero])]
+    )
+    return _in_loop(
+        setting,
+        lambda loop: loop.plant.spacecraft.inertia,
+        setting.loop.plant.spacecraft.inertia + extra,
+    )
+
+
+def set_misalignment(setting: Setting, angles: Values) -> Setting:
+    """Torque axes turned; the thrust map stays the nominal one."""
+    actuators = with_thrusters(setting.loop).actuators
+    count = actuators.torque_axes.shape[1]
+    turned = actuators.misaligned(angles.reshape(count, 2), jnp.zeros(count, angles.dtype))
+    return _in_loop(setting, lambda loop: loop.actuators, turned)
+
+
+def set_torque_gain(setting: Setting, change: Values) -> Setting:
+    """Torque axes lengthened by relative changes."""
+    axes = with_thrusters(setting.loop).actuators.torque_axes * (1 + change)[None, :]
+    return _in_loop(setting, lambda loop: loop.actuators.torque_axes, axes)
+
+
+def set_periodic(field: str, new: Callable[[Array, Values], Array]):
+    """A change of one field of the periodic torque: `new` of the old one and the numbers."""
+
+    def apply(setting: Setting, values: Values) -> Setting:
+        def change(term):
+            if not isinstance(term, PeriodicTorque):
+                return term
+            return eqx.tree_at(lambda t: getattr(t, field), term, new(getattr(term, field), values))
+
+        disturbance = _map(change, PeriodicTorque, setting.loop.plant.disturbance)
+        return _in_loop(setting, lambda loop: loop.plant.disturbance, disturbance)
+
+    return apply
+
+
+def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
+    """The loop whose internal model knows the frequencies of the plant's periodic torque."""
+    (torque,) = parts_of(PeriodicTorque, loop.plant.disturbance)
+
+    def change(part):
+        known = isinstance(part, InternalModel)
+        return InternalModel(torque.frequency[:2]) if known else part
+
+    return with_controller(loop, _map(change, InternalModel, controller_of(loop)))
+
+
+def set_constant_torque(setting: Setting, torque: Values) -> Setting:
+    """A constant torque (N m) beside the disturbances that there are."""
+    disturbance = SumOfDisturbances((setting.loop.plant.disturbance, ConstantTorque(torque)))
+    return _in_loop(setting, lambda loop: loop.plant.disturbance, disturbance)
+
+
+def set_model_inertia(setting: Setting, change: Values) -> Setting:
+    """Relative changes of the inertia that the controller believes."""
+
+    def changed(part):
+        known = isinstance(part, Spacecraft)
+        return Spacecraft(scaled_inertia(part.inertia, change)) if known else part
+
+    controller = _map(changed, Spacecraft, controller_of(setting.loop))
+    return setting._replace(loop=with_controller(setting.loop, controller))
+
+
+def set_model_orbit_rate(setting: Setting, change: Values) -> Setting:
+    """A relative change of the orbit rate that the controller believes."""
+
+    def changed(part):
+        known = isinstance(part, AbstractOrbit)
+        return eqx.tree_at(lambda o: o.rate, part, part.rate * (1 + change[0])) if known else part
+
+    controller = _map(changed, AbstractOrbit, controller_of(setting.loop))
+    return setting._replace(loop=with_controller(setting.loop, controller))
+
+
+def set_sensor(field: str):
+    """A change of one field of the sensors."""
+
+    def apply(setting: Setting, sigma: Values) -> Setting:
+        return _in_loop(setting, lambda loop: getattr(loop.sensors, field), sigma[0])
+
+    return apply
+
+
+def set_delay(setting: Setting, delay: Values) -> Setting:
+    """Another computing delay, s."""
+    return _in_loop(setting, lambda loop: loop.delay, delay[0])
+
+
+def set_attitude(setting: Setting, q: Values) -> Setting:
+    """Another initial attitude, a unit quaternion."""
+    return _with_attitude(setting, Quaternion(q))
+
+
+def set_tilt_by(change: Callable[[WZ, Values], WZ]):
+    """A change of the initial (w, z) parameters."""
+
+    def apply(setting: Setting, values: Values) -> Setting:
+        return _with_attitude(setting, change(setting.start.attitude.as_wz(), values))
+
+    return apply
+
+
+def resized(wz: WZ, size: Values) -> WZ:
+    """The same direction of w with another length."""
+    return WZ(wz.w * (size[0] / jnp.sqrt(jnp.sum(wz.w**2))), wz.z)
+
+
+def redirected(wz: WZ, angle: Values) -> WZ:
+    """The same length of w in another direction, rad."""
+    size = jnp.sqrt(jnp.sum(wz.w**2))
+    return WZ(size * jnp.stack([jnp.cos(angle[0]), jnp.sin(angle[0])]), wz.z)
+
+
+def set_attitude_error(setting: Setting, rotation: Values) -> Setting:
+    """The initial attitude turned by a rotation vector in body axes, rad."""
+    half = jnp.sqrt(jnp.sum(rotation**2)) / 2
+    stretch = jnp.where(half > 0, jnp.tan(half) / jnp.where(half > 0, half, 1.0), 1.0)
+    return _with_attitude(setting, turned_slightly(setting.start.attitude, stretch * rotation))
+
+
+def set_omega(setting: Setting, omega: Values) -> Setting:
+    """Another initial angular velocity, rad/s."""
+    return setting._replace(start=PlantState(setting.start.attitude, omega))
+
+
+def set_rate_error(setting: Setting, error: Values) -> Setting:
+    """Initial (ω1, ω2) off the reference of the nominal law, rad/s."""
+    law = cast(AbstractBacksteppingLaw, controller_of(setting.nominal))
+    reference = law.reference_rate(setting.start)
+    omega = jnp.concatenate([reference + error, setting.start.omega[2:]])
+    return set_omega(setting, omega)
+
+
+def _with_attitude(setting: Setting, attitude: AbstractAttitude) -> Setting:
+    forms = {WZ: "as_wz", Quaternion: "as_quaternion", DCM: "as_dcm"}
+    same = getattr(attitude, forms[type(setting.start.attitude)])()
+    return setting._replace(start=PlantState(same, setting.start.omega))
+
+
+def _in_loop(setting: Setting, where, new) -> Setting:
+    return setting._replace(loop=eqx.tree_at(where, setting.loop, new))
+
+
+def _map(change, kind: type, tree):
+    return jax.tree.map(change, tree, is_leaf=lambda part: isinstance(part, kind))
+
+
+def parts_of(kind: type, tree) -> list:
+    """All parts of one kind in a module."""
+    parts = jax.tree.leaves(tree, is_leaf=lambda part: isinstance(part, kind))
+    return [part for part in parts if isinstance(part, kind)]
