@@ -22,7 +22,7 @@ from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
 from jaxsat.engine.rates import augmented_rate, held_rate, plant_state
-from jaxsat.engine.runge_kutta import explicit_step, tableau_of
+from jaxsat.engine.runge_kutta import dense_weights, explicit_step, tableau_of
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop, Signals
 from jaxsat.simulation.loops import SampledState
 from jaxsat.simulation.solve import all_within
@@ -42,6 +42,8 @@ class ScanEngine(AbstractEngine):
 
     def __check_init__(self):
         tableau_of(self.solver)
+        if self.tolerance is not None:
+            dense_weights(self.solver)
         for name in ("substeps", "lanes"):
             if getattr(self, name) < 1:
                 raise ValueError(

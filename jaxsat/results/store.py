@@ -44,7 +44,7 @@ class StudyStore:
     A folder that is not there is made; one that holds the same study is continued, if need be
     with more cases. Raises `OutputError` for a folder that holds another study or anything else,
     that another process writes to, or (unless `elsewhere`) that was begun with other versions or
-    on another processor, where the bits may differ.
+    on another processor, where the bits may differ. A `remark` is kept with the versions.
     """
 
     def __init__(
@@ -56,8 +56,10 @@ class StudyStore:
         chunk: int,
         *,
         elsewhere: bool = False,
+        remark: str | None = None,
     ):
         self.path = Path(path)
+        self._remark = remark
         self._identity = json.loads(json.dumps(identity))
         self._columns = dict(columns)
         self._arrays: dict[str, zarr.Array] = {}
@@ -159,7 +161,7 @@ class StudyStore:
             made = Path(tempfile.mkdtemp(prefix=prefix, dir=self.path.parent))
             lock = lock_folder(made)
             try:
-                _make_arrays(made, self._columns, count, chunk, self._identity)
+                _make_arrays(made, self._columns, count, chunk, self._identity, self._remark)
                 made.chmod(0o755)
                 self._put_in_place(made)
             finally:
@@ -203,7 +205,7 @@ class StudyStore:
                 "or give another folder."
             )
         if other:
-            self._group.attrs["runs"] = [*runs, _record()]
+            self._group.attrs["runs"] = [*runs, _record(self._remark)]
         if count > self.count:
             for array in [*self._columns, "status"]:
                 whole = self._array(array)
@@ -245,18 +247,21 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "…"
 
 
-def _record() -> dict[str, Any]:
-    return {"machine": machine(), **provenance()}
+def _record(remark: str | None) -> dict[str, Any]:
+    told = {} if remark is None else {"remark": remark}
+    return {"machine": machine(), **provenance(), **told}
 
 
-def _make_arrays(path: Path, columns: Mapping[str, Column], count: int, chunk: int, identity):
+def _make_arrays(
+    path: Path, columns: Mapping[str, Column], count: int, chunk: int, identity, remark: str | None
+):
     group = zarr.create_group(path, zarr_format=3)
     group.attrs.update(
         {
             "Conventions": "CF-1.11",
             "jaxsat_format": FORMAT,
             "identity": identity,
-            "runs": [_record()],
+            "runs": [_record(remark)],
         }
     )
     _make_array(group, "status", Column((), "uint8", "1", "1 where the case is done"), count, chunk)
