@@ -70,7 +70,8 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         """
         w = state.attitude.as_wz().w
         bounded = sat(self._steering(state), self.a, self.saturation_width, self.saturated)
-        return -self.k3 * w / (1 + w[0] ** 2 + w[1] ** 2) + self.mu * bounded
+        fraction = 1 / (1 + w[0] ** 2 + w[1] ** 2)  # one division for both components
+        return -self.k3 * w * fraction + self.mu * bounded
 
     def _steering(self, state: PlantState) -> Float[Array, "2"]:
         """q (w2, -w1), what sat bounds in (41)."""
@@ -78,7 +79,8 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         w1, w2 = attitude.w
         relative_rate3 = self.model.relative_rate(state)[2]
         divisor = w1**2 + w2**2 + self.tilt_width**2
-        q = (attitude.z + relative_rate3 / self.mu) / jnp.where(divisor > 0, divisor, 1.0)
+        fraction = 1 / jnp.where(divisor > 0, divisor, 1.0)
+        q = (attitude.z + relative_rate3 * (1 / self.mu)) * fraction
         return q * jnp.stack([w2, -w1])
 
     def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
