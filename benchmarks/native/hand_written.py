@@ -13,9 +13,9 @@ import numpy as np
 
 HERE = Path(__file__).parent
 FLAGS = (
-    "-O3 -march=native -mprefer-vector-width=512 -fopenmp-simd -fno-math-errno "
-    "-fno-trapping-math -std=gnu11 -shared -fPIC"
-).split()
+    *("-O3", "-march=native", "-mprefer-vector-width=512", "-fopenmp-simd", "-fno-math-errno"),
+    *("-fno-trapping-math", "-std=gnu11", "-shared", "-fPIC"),
+)
 POINTER, WHOLE, NUMBER = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 
@@ -45,12 +45,20 @@ def address(array: np.ndarray) -> int:
 
 
 class FixedSteps:
-    """fixed.c: RK4 with equal steps."""
+    """fixed.c: RK4 with equal steps; or gradient.c, the same with four sensitivities."""
 
-    columns = 13
-
-    def __init__(self, limits: np.ndarray, length: float, intervals: int, substeps: int):
-        self.function = library("fixed").fixed
+    def __init__(
+        self,
+        limits: np.ndarray,
+        length: float,
+        intervals: int,
+        substeps: int,
+        *,
+        gradient: bool = False,
+    ):
+        name = "gradient" if gradient else "fixed"
+        self.columns = 17 if gradient else 13
+        self.function = getattr(library(name), name)
         self.function.argtypes = [*[POINTER] * 4, NUMBER, *[WHOLE] * 4, POINTER]
         self.function.restype = None
         self.limits, self.numbers = limits, (length, intervals, substeps)
