@@ -21,11 +21,13 @@ import diffrax
 import jax
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from contenders.work import A, K3, K4, MU, starts
-from engines import made_study
 from hand_written import Adaptive, FixedSteps, compiler
+
+from contenders.work import K3, K4, MU, A, starts
+from engines import made_study
 from jaxsat.engine import AbstractEngine, NativeEngine, ScanEngine, Tolerance
 from jaxsat.montecarlo import Study
 

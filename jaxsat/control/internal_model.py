@@ -82,6 +82,6 @@ class InternalModel(eqx.Module):
         self, cosine: Float[Array, "2"], sine: Float[Array, "2"], state: OscillatorState
     ) -> OscillatorState:
         return OscillatorState(
-            state.position * cosine + state.velocity * sine / self.frequency,
+            state.position * cosine + state.velocity * sine * (1 / self.frequency),
             state.velocity * cosine - state.position * self.frequency * sine,
         )

@@ -81,7 +81,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         relative_rate3 = self.model.relative_rate(state)[2]
         divisor = w1**2 + w2**2 + self.tilt_width**2
         inverse = reciprocal(jnp.where(divisor > 0, divisor, 1.0))
-        q = (attitude.z + relative_rate3 / self.mu) * inverse
+        q = (attitude.z + relative_rate3 * (1 / self.mu)) * inverse
         return q * jnp.stack([w2, -w1])
 
     def reference_rate(self, state: PlantState) -> Float[Array, "2"]:

@@ -209,7 +209,7 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         unmodelled = self._unmodelled(t, plant_state)
         feedback = self.law.feedback(plant_state, state.rate_error, state.memory)
         moments = self.plant.spacecraft.moments
-        error_rate = (feedback + unmodelled[:2]) * (1 / moments[:2])
+        error_rate = (feedback + unmodelled[:2]) * (1 / moments[:2])  # inverted once, not a stage
         omega3_rate = jnp.zeros_like(state.omega3)
         believed = (attitude_rate,)
         if not held:
