@@ -1,5 +1,6 @@
 """From a scenario with a `[tuning]` table to a tuning plan, and back to a scenario."""
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from typing import Any, cast
@@ -8,7 +9,8 @@ import equinox as eqx
 import numpy as np
 
 from jaxsat.checks import as_float
-from jaxsat.engine import Program, RunningCost, Unsettled
+from jaxsat.engine import Program, RunningCost, ScanEngine, Unsettled
+from jaxsat.engine.native import CannotLower, NativeEngine
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.changes import controller_of
@@ -22,6 +24,7 @@ from jaxsat.scenario.study import EngineName, build_study
 from jaxsat.scenario.tuning_tables import TUNABLE, CostTable, ParametersTable, TuningTable
 from jaxsat.tuning import (
     AbstractAggregate,
+    Counter,
     Descent,
     Mean,
     Objective,
@@ -50,8 +53,9 @@ def build_plan(
 ) -> TuningPlan:
     """The tuning run that a scenario describes.
 
-    `engine` and `width` are those of a study. Raises `ValueError` where the scenario has no
-    `[tuning]` table, or disperses what its loop does not have.
+    `engine` and `width` are those of a study; where "auto" does not come to the native engine the
+    plan's `remark` says why. Raises `ValueError` where the scenario has no `[tuning]` table or
+    disperses what its loop does not have, and for "native" where that cannot be.
     """
     table = scenario.tuning
     if table is None:
@@ -67,7 +71,9 @@ def build_plan(
     bounded, unbounded = _cost(table.cost), _plain_cost(table.cost)
 
     def trials(chosen: Scenario, cost: RunningCost, number: int) -> Trials:
-        study = build_study(chosen, 1, seed=number, engine=_engine(engine), width=width)
+        study = build_study(
+            chosen, 1, seed=number, engine=engine if engine == "diffrax" else "scan", width=width
+        )
         program = _with_cost(study.program, cost, _tolerances(scenario))
         return Trials(
             program,
@@ -79,22 +85,26 @@ def build_plan(
             table.half_width,
         )
 
-    made = trials(scenario, bounded, seed)
-    interval = float(made.program.interval)
+    runs = {
+        "smooth": trials(smooth, bounded, seed),
+        "exact": trials(scenario, bounded, seed),
+        "refined": trials(_refined(smooth), bounded, seed),
+        "held_out": trials(scenario, unbounded, unseen),
+        "trained_on": trials(scenario, unbounded, seed),
+    }
+    runs, remark = _compiled(runs, start, engine)
+    made = runs["exact"]
     return TuningPlan(
         space,
         start,
-        smooth=trials(smooth, bounded, seed),
-        exact=made,
-        refined=trials(_refined(smooth), bounded, seed),
-        held_out=trials(scenario, unbounded, unseen),
-        trained_on=trials(scenario, unbounded, seed),
-        settings=_settings(table, seed, interval),
+        **runs,
+        settings=_settings(table, seed, float(made.program.interval)),
         widths=widths,
         description={
             "scenario": scenario.model_dump(mode="json", exclude={"title", "description"}),
             "engine": made.engine.identity(),
         },
+        remark=remark,
     )
 
 
@@ -110,9 +120,31 @@ def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> S
     return _with_control(scenario, numbers)
 
 
-def _engine(name: EngineName) -> EngineName:
-    """The scan engine also for laws with corners: a batch goes at each case's own pace there."""
-    return "scan" if name == "auto" else name
+def _compiled(
+    runs: dict[str, Trials], start: np.ndarray, name: EngineName
+) -> tuple[dict[str, Trials], str | None]:
+    """The same with the native engine where that is wanted and can be; else why it cannot."""
+    if name in ("scan", "diffrax"):
+        return runs, None
+    try:
+        found = {key: _native(trials) for key, trials in runs.items()}
+        for key in ("smooth", "exact"):  # one interval of one case makes the machine code
+            probe = dataclasses.replace(found[key], counter=Counter())
+            point = probe.space.to_search(start[None])
+            probe.evaluate(point, np.arange(1), intervals=1)
+            probe.differentiate(point, np.arange(1), intervals=1)
+    except (CannotLower, RuntimeError, ValueError) as error:
+        if name == "native":
+            raise ValueError(f"The native engine cannot run this: {error}") from error
+        return runs, f"not the native engine: {error}"
+    return found, None
+
+
+def _native(trials: Trials) -> Trials:
+    scan = cast(ScanEngine, trials.engine)
+    method = (scan.solver, scan.substeps, scan.tolerance)
+    engine = NativeEngine(*method, workers=trials.workers, width=scan.width)
+    return dataclasses.replace(trials, engine=engine, workers=1)  # threads of its own
 
 
 def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:

@@ -19,6 +19,9 @@ from jaxsat.tuning.trials import Trials
 DIFFERENCES = (1e-2, 1e-3, 1e-4, 1e-5)
 """Half widths of the central differences, along the search."""
 
+FAR = 1e3
+"""Beyond any bound of a search."""
+
 TRUSTED = 0.01
 """Largest relative error of a derivative that is trusted."""
 
@@ -126,8 +129,14 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
 def compare(
     trials: Trials, point: Float[np.ndarray, " parameters"], numbers: np.ndarray
 ) -> Comparison:
-    """Derivatives of the mean cost at a point, automatic and by central differences."""
-    size = len(point)
+    """Derivatives of the mean cost at a point, by the trials' way and by central differences.
+
+    A point at a bound is moved inside by the largest half width, so that both sides are there.
+    """
+    size, space = len(point), trials.space
+    low, high = space.projected(np.array([[-FAR] * size, [FAR] * size]))
+    margin = max(DIFFERENCES)
+    point = np.clip(point, low + margin, high - margin)
     shifts = np.array(DIFFERENCES)[:, None, None] * np.eye(size)[None]
     shifted = np.concatenate([point + shifts, point - shifts]).reshape(-1, size)
     around = trials.evaluate(shifted, numbers)

@@ -121,10 +121,12 @@ class Trials:
         shifts = self.half_width * np.concatenate(
             [np.eye(size), -np.eye(size), np.zeros((1, size))]
         )
-        around = (points[:, None] + shifts[None]).reshape(-1, size)
+        spread = self.space.projected(points[:, None] + shifts[None])
+        apart = np.diagonal(spread[:, :size] - spread[:, size : 2 * size], axis1=1, axis2=2)
+        around = spread.reshape(-1, size)
         outputs = self.evaluate(around, numbers, intervals)
         costs = np.asarray(outputs.cost).reshape(count, 2 * size + 1, -1)
-        slopes = (costs[:, :size] - costs[:, size : 2 * size]) / (2 * self.half_width)
+        slopes = (costs[:, :size] - costs[:, size : 2 * size]) / apart[:, :, None]
         middle = jax.tree.map(lambda x: x[2 * size :: 2 * size + 1], outputs)
         return Slopes(middle, np.moveaxis(slopes, 1, 2))
 
