@@ -126,9 +126,7 @@ class Builder:
         self.block.steps.append(Loop(params, list(before), test, active, work, after))
         return list(params)
 
-    def switch(
-        self, index: Scalar, branches: Sequence[Callable[[], list[Scalar]]]
-    ) -> list[Scalar]:
+    def switch(self, index: Scalar, branches: Sequence[Callable[[], list[Scalar]]]) -> list[Scalar]:
         """The results of the branch whose number is `index`, which is in range."""
         if not isinstance(index, Value):
             return branches[int(index)]()
@@ -150,7 +148,9 @@ class Builder:
             chosen = yields[-1]
             for number in reversed(range(len(branches) - 1)):
                 here = self.operation("eq", index, index.dtype.type(number))
-                chosen = [self.select(here, a, b) for a, b in zip(yields[number], chosen, strict=True)]
+                chosen = [
+                    self.select(here, a, b) for a, b in zip(yields[number], chosen, strict=True)
+                ]
             return chosen
         if masks is None:
             return self._switch(index, blocks, yields)

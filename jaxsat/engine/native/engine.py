@@ -73,7 +73,9 @@ class NativeEngine(AbstractEngine):
             )
         lanes = self.lanes or target.host().lanes
         examples = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), cases)
-        shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), np.asarray(x).dtype), gains)
+        shapes = jax.tree.map(
+            lambda x: jax.ShapeDtypeStruct(np.shape(x), np.asarray(x).dtype), gains
+        )
         key = (_kind((self._method, program)), _kind(examples), _kind(shapes), lanes)
         if key not in _kernels:
             stages = trajectory_stages(self._method, program, examples, shapes, lanes)

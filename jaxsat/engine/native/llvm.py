@@ -356,9 +356,7 @@ class Body:
             if memory.uniform:
                 self.line(f"{place} = getelementptr {kind}, ptr {base}, {number} {i}")
             else:
-                self.line(
-                    f"{place} = getelementptr {cells}, ptr {base}, {number} {i}, i64 {lane}"
-                )
+                self.line(f"{place} = getelementptr {cells}, ptr {base}, {number} {i}, i64 {lane}")
             self.line(f"{one} = load {kind}, ptr {place}")
             self.line(f"{more} = insertelement {cells} {whole}, {kind} {one}, i64 {lane}")
             whole = more

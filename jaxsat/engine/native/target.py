@@ -42,7 +42,9 @@ def host() -> Host:
     import llvmlite.binding as llvm
 
     found = llvm.get_host_cpu_features()
-    register = 64 if found.get("avx512f") and found.get("avx512dq") else 32 if found.get("avx") else 16
+    register = (
+        64 if found.get("avx512f") and found.get("avx512dq") else 32 if found.get("avx") else 16
+    )
     return Host(llvm.get_host_cpu_name(), found.flatten(), register)
 
 

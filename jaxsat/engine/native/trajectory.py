@@ -113,9 +113,23 @@ def trajectory_stages(
     n_outputs = len(jax.tree.leaves(outputs))
     kept = len(jaxprs["begin"].out_avals) - len(jax.tree.leaves(begun[0]))
     later = [
-        _stage("advance", jaxprs["advance"], slots, shared, slots.places[-_size(jaxprs["begin"].out_avals[-kept:]):]),
-        _stage("finish", jaxprs["finish"], slots, shared, _out_places(jaxprs["finish"], sum(count))),
-        _stage("observe", jaxprs["observe"], slots, shared, _out_places(jaxprs["observe"], sum(count) + n_outputs)),
+        _stage(
+            "advance",
+            jaxprs["advance"],
+            slots,
+            shared,
+            slots.places[-_size(jaxprs["begin"].out_avals[-kept:]) :],
+        ),
+        _stage(
+            "finish", jaxprs["finish"], slots, shared, _out_places(jaxprs["finish"], sum(count))
+        ),
+        _stage(
+            "observe",
+            jaxprs["observe"],
+            slots,
+            shared,
+            _out_places(jaxprs["observe"], sum(count) + n_outputs),
+        ),
     ]
     return TrajectoryStages([first, *later], state.size, outputs, signals, jaxprs)
 

@@ -120,5 +120,3 @@ def _sharded(b: Builder, eqn, x: Elements) -> Elements:
 def _empty(b: Builder, eqn) -> Elements:
     del b
     return as_elements(np.zeros(eqn.outvars[0].aval.shape, eqn.outvars[0].aval.dtype))
-
-
