@@ -53,9 +53,12 @@ class AbstractEngine(eqx.Module):
 
     @abc.abstractmethod
     def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree
+        self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
     ) -> tuple[Outputs, Signals]:
-        """Outputs and signals (times after cases) of exactly `width` cases."""
+        """Outputs and signals (times after cases) of exactly `width` cases.
+
+        The signals are those at `program.instants(every)`.
+        """
 
     @abc.abstractmethod
     def block_gradient(
@@ -93,13 +96,15 @@ class AbstractEngine(eqx.Module):
         times = np.arange(program.intervals + 1) * float(program.interval)
         return Replay(outputs, times, signals)
 
-    def histories(self, program: Program, cases: PyTree, gains: PyTree = None) -> Signals:
-        """Signals (cases, times) of at most `width` cases."""
+    def histories(
+        self, program: Program, cases: PyTree, gains: PyTree = None, every: int = 1
+    ) -> Signals:
+        """Signals (cases, times) of at most `width` cases, at `program.instants(every)`."""
         cases = jax.tree.map(np.asarray, cases)
         count = len(jax.tree.leaves(cases)[0])
         if not 1 <= count <= self.width:
             raise ValueError(f"There must be 1 to {self.width} cases, but got {count}.")
-        signals = self.replay_block(program, jax.tree.map(self._padded, cases), gains)[1]
+        signals = self.replay_block(program, jax.tree.map(self._padded, cases), gains, every)[1]
         return jax.tree.map(lambda x: np.asarray(x[:count]), signals)
 
     def _in_blocks(self, run, program: Program, cases: PyTree, gains: PyTree):

@@ -1,17 +1,22 @@
 """From a scenario with a `[tuning]` table to a tuning plan, and back to a scenario."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, cast
 
 import equinox as eqx
 import numpy as np
 
+from jaxsat.checks import as_float
 from jaxsat.engine import Program, RunningCost, Unsettled
+from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.changes import controller_of
-from jaxsat.scenario.build import build_loop
+from jaxsat.scenario.build import DEFAULT_SUBSTEPS, build_loop
+from jaxsat.scenario.build_plant import orbit_rate
 from jaxsat.scenario.control_tables import SAMPLED_LAWS
 from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.quantities import Table
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.study import EngineName, build_study
 from jaxsat.scenario.tuning_tables import TUNABLE, CostTable, ParametersTable, TuningTable
@@ -33,6 +38,11 @@ from jaxsat.tuning import (
 
 FINER = 10.0
 """Tolerances of the refined run are this many times smaller; fixed steps are halved."""
+
+
+STEPS_A_SECOND = 6
+"""Adaptive steps that a run may take, on average, where the scenario says nothing: gains that make
+the loop stiff would hold up all others."""
 
 
 def build_plan(
@@ -58,8 +68,16 @@ def build_plan(
 
     def trials(chosen: Scenario, cost: RunningCost, number: int) -> Trials:
         study = build_study(chosen, 1, seed=number, engine=_engine(engine), width=width)
-        program = _with_cost(study.program, cost)
-        return Trials(program, study.design, study.engine, space, workers, table.gradient)
+        program = _with_cost(study.program, cost, _tolerances(scenario))
+        return Trials(
+            program,
+            study.design,
+            study.engine,
+            space,
+            workers,
+            table.gradient,
+            table.half_width,
+        )
 
     made = trials(scenario, bounded, seed)
     interval = float(made.program.interval)
@@ -104,8 +122,12 @@ def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
         return scenario
     error = uses_error_coordinates(flattened(scenario))
     if solver.step_s is None and solver.steps != "fixed":
-        both = {"rtol": solver.rtol or table.tolerance, "atol": solver.atol or table.tolerance}
-        solver = solver.model_copy(update={"steps": "adaptive", **both})
+        given = {
+            "rtol": solver.rtol or table.tolerance,
+            "atol": solver.atol or table.tolerance,
+            "max_steps": solver.max_steps or math.ceil(STEPS_A_SECOND * simulation.duration_s),
+        }
+        solver = solver.model_copy(update={"steps": "adaptive", **given})
     changes = {"coordinates": "error" if error else "torque", "solver": solver}
     return scenario.model_copy(update={"simulation": simulation.model_copy(update=changes)})
 
@@ -114,8 +136,6 @@ def _refined(scenario: Scenario) -> Scenario:
     """The scenario in finer steps."""
     solver = scenario.simulation.solver
     if scenario.control.law in SAMPLED_LAWS:
-        from jaxsat.scenario.build import DEFAULT_SUBSTEPS
-
         changes: dict[str, Any] = {"substeps": 2 * (solver.substeps or DEFAULT_SUBSTEPS)}
     elif solver.step_s is not None:
         changes = {"step_s": solver.step_s / 2}
@@ -149,6 +169,11 @@ def _search(scenario: Scenario, table: ParametersTable) -> tuple[SearchSpace, np
     return SearchSpace(tuple(parameters)), np.concatenate(values)
 
 
+def _unit(table: type[Table], key: str) -> str:
+    extra = table.model_fields[key].json_schema_extra
+    return str(extra.get("unit", "1")) if isinstance(extra, dict) else "1"
+
+
 def _cost(table: CostTable) -> RunningCost:
     weights = table.model_dump()
     return RunningCost(**weights, unsettled=Unsettled())
@@ -159,12 +184,22 @@ def _plain_cost(table: CostTable) -> RunningCost:
     return eqx.tree_at(
         lambda cost: (cost.settling, cost.limit),
         _cost(table),
-        (np.asarray(0.0), np.asarray(np.inf)),
+        (as_float(0.0), as_float(np.inf)),
     )
 
 
-def _with_cost(program: Program, cost: RunningCost) -> Program:
-    rest = (program.tolerances, cost, program.state_limit)
+def _tolerances(scenario: Scenario) -> Tolerances:
+    """When a case counts as settled: under the rate law, which has no attitude to go to, by its
+    rate alone, which at rest is that of the orbit."""
+    usual = Tolerances()
+    if scenario.control.law != "rate":
+        return usual
+    return Tolerances(np.inf, np.inf, usual.relative_rate + orbit_rate(scenario))
+
+
+def _with_cost(program: Program, cost: RunningCost, tolerances: Tolerances) -> Program:
+    cost = eqx.tree_at(lambda cost: cost.unsettled, cost, Unsettled(tolerances))
+    rest = (tolerances, cost, program.state_limit)
     return Program(program.copies, program.interval, program.intervals, *rest)
 
 

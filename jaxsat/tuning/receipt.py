@@ -101,11 +101,11 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
     else:
         compared += compared
     smooth, exact, refined = (
-        trials.evaluate(np.stack([first, best]), numbers)
+        np.asarray(trials.evaluate(np.stack([first, best]), numbers).cost)
         for trials in (plan.smooth, plan.exact, plan.refined)
     )
-    bias = _relative(smooth.cost, exact.cost)
-    steps = _relative(smooth.cost, refined.cost)
+    bias = _relative(smooth, exact)
+    steps = _relative(smooth, refined)
     return Receipt(
         plan.space.labels,
         *compared,
@@ -141,7 +141,7 @@ def compare(
     if not good.any():
         nothing = np.full(size, np.nan)
         return Comparison(nothing, nothing, nothing, nothing, 0, left_out)
-    means = around.cost[:, good].mean(axis=1).reshape(2, len(DIFFERENCES), size)
+    means = np.asarray(around.cost)[:, good].mean(axis=1).reshape(2, len(DIFFERENCES), size)
     differences = (means[0] - means[1]) / (2 * np.array(DIFFERENCES)[:, None])
     automatic = slopes.derivatives[0][good].mean(axis=0)
     floor = SMALL * np.abs(differences).max(axis=1, keepdims=True)

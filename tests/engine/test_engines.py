@@ -12,7 +12,13 @@ import pytest
 from core.cases import PAPER_THREE_AXIS, actuators, bodies, three_axis_law, three_axis_start
 from core.test_switching import CASE, start, switching_loop
 from jaxsat.dynamics import PlantState
-from jaxsat.engine import AbstractCopies, Copy, ReferenceEngine, ScanEngine, program_of
+from jaxsat.engine import (
+    AbstractCopies,
+    Copy,
+    ReferenceEngine,
+    ScanEngine,
+    program_of,
+)
 from jaxsat.metrics import Tolerances, settling_time, within
 from jaxsat.noise import key_of_seed
 from jaxsat.simulation import (

@@ -24,7 +24,7 @@ from jaxsat.engine.native.ir import (
 from jaxsat.engine.native.operations import BOOL, OPERATIONS, evaluate
 
 CHEAP = 24
-"""Branches of at most so many operations in all are computed in every lane rather than jumped over."""
+"""Branches of at most so many operations in all are computed in every lane, not jumped over."""
 
 INT = np.dtype(np.int32)
 
@@ -38,7 +38,7 @@ class Builder:
         self.functions: dict[tuple, Function] = {}
 
     def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
-        """One arithmetic operation; `dtype` is the result's where it is not that of the operands."""
+        """One arithmetic operation; `dtype` is the result's where the operands do not tell it."""
         if dtype is None:
             compares = name == "any" or (name in OPERATIONS and OPERATIONS[name].compares)
             dtype = BOOL if compares else args[-1].dtype
