@@ -74,19 +74,21 @@ def manoeuvre_of(loop: AbstractLoop, start: PlantState) -> Manoeuvre:
         raise ValueError("Bounds need the exact form of (11), but got its small angle form.")
     periodic, constant = _torques(plant.disturbance)
     zero = np.zeros(3)
-    parts = [
-        zero if periodic is None else np.asarray(getattr(periodic, name), float)
-        for name in ("amplitude", "frequency", "phase")
-    ]
+
+    def part(name: str) -> Vector:
+        return zero if periodic is None else np.asarray(getattr(periodic, name), float)
+
     return Manoeuvre(
-        np.asarray(plant.spacecraft.inertia, float),
-        np.asarray(loop.actuators.torque_axes, float),
-        float(loop.actuators.limit),
-        float(plant.orbit.rate),
-        np.asarray(start.attitude.as_quaternion().q, float),
-        np.asarray(start.omega, float),
-        *parts,
-        sum((np.asarray(one.torque, float) for one in constant), zero),
+        inertia=np.asarray(plant.spacecraft.inertia, float),
+        torque_axes=np.asarray(loop.actuators.torque_axes, float),
+        limit=float(loop.actuators.limit),
+        orbit_rate=float(plant.orbit.rate),
+        quaternion=np.asarray(start.attitude.as_quaternion().q, float),
+        omega=np.asarray(start.omega, float),
+        amplitude=part("amplitude"),
+        frequency=part("frequency"),
+        phase=part("phase"),
+        constant=sum((np.asarray(one.torque, float) for one in constant), zero),
     )
 
 

@@ -15,7 +15,15 @@ from jaxsat.cli.bound import searched
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_text import progress_text
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem, report
+from jaxsat.cli.terminal import (
+    SUCCESS,
+    FailedRun,
+    Terminated,
+    UserMistake,
+    console,
+    output_problem,
+    report,
+)
 
 if TYPE_CHECKING:
     from jaxsat.comparison import Row, Setting, Start, Verdict
@@ -39,7 +47,7 @@ def compare(
     count: Annotated[int, Parameter(name=["--count", "-n"])] = 200,
     seed: int,
     out: Path = Path("jaxsat-comparison"),
-    engine: Literal["auto", "scan", "diffrax"] = "auto",
+    engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: int | None = None,
     bounds: int = 0,
     elsewhere: Annotated[bool, Parameter(negative="")] = False,
@@ -94,9 +102,9 @@ def compare(
     try:
         rows = [run.row(setting) for setting in settings]
         least = [_least(limit, bounds, seed, out) for limit in limits if bounds]
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Terminated) as stop:
         kept = f"what is done is in {out}; the same command goes on from there"
-        raise KeyboardInterrupt(kept) from None
+        raise type(stop)(kept) from None
     verdicts = _verdicts(rows)
     _write(out, rows, verdicts, least, seed)
     if not quiet:
@@ -122,6 +130,7 @@ class _Runner:
     ):
         self._count, self._seed, self._out, self._engine = count, seed, out, engine
         self._executor, self._elsewhere, self._quiet = executor, elsewhere, quiet
+        self._told: str | None = None
 
     def row(self, setting: "Setting") -> "Row":
         """The random starts and the paper's under one setting."""
@@ -142,6 +151,9 @@ class _Runner:
             study = study_of(setting, start, count, self._seed, engine=self._engine, **wide)
         except ValueError as error:
             raise UserMistake(str(error)) from None
+        if study.remark not in (None, self._told) and not self._quiet:
+            console(error=True).print(study.remark)
+        self._told = study.remark
         level, limit, law = setting
         target = self._out / STUDIES / f"{level}-{limit:g}-{law}-{start.value}.zarr"
         self._run(study, target, f"{law}, {limit:g} N m, {level}, {start.value} start")
@@ -150,7 +162,7 @@ class _Runner:
         return {name: np.asarray(dataset[name])[:count] for name in names}
 
     def _run(self, study: "Study", target: Path, what: str) -> None:
-        from jaxsat.montecarlo import run_study
+        from jaxsat.montecarlo import ClusterError, run_study
         from jaxsat.results import OutputError
 
         status = console(error=True).status(f"{what}: compiling")
@@ -172,6 +184,8 @@ class _Runner:
         except OutputError as error:
             hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
             raise output_problem(error, hint) from None
+        except ClusterError as error:
+            raise FailedRun(str(error)) from None
 
 
 def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:
@@ -294,7 +308,7 @@ def _write(
         partial.write_text(text, encoding="utf-8")
         partial.replace(out / RESULT)
     except OSError as error:
-        raise UserMistake(f"{out} cannot be written: {error.strerror or error}.") from None
+        raise FailedRun(f"{out} cannot be written: {error.strerror or error}.") from None
 
 
 HEADINGS = (

@@ -125,8 +125,8 @@ class Oscillator(eqx.Module):
     `frequency` is ν (rad/s), `tilt_gain` k (1/s) pulls the tilt to its oscillation, `rate_gain`
     kω (1/s) the rates to theirs. `largest_amplitude` is ρm (rad/s), and `ratio` r shares the
     product out: ρ = √(h / r) about the first axis and h / ρ about the second, h = |(α, β)|.
-    Of h the `dead_zone` ((rad/s)²) is not asked for: what the end game can do is left to it, and
-    an estimate that is not yet sure is not chased.
+    Of h as much is not asked for as belongs to a slow rate of `dead_zone` (rad/s): the end game
+    can do that, and an estimate that is not yet sure is not chased.
     """
 
     model: RigidBody
@@ -175,9 +175,11 @@ class Oscillator(eqx.Module):
     def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
         """What the demand asks for beyond the dead zone, scaled down so that h <= r ρm²."""
         alpha, beta = self.demand(slow.rate, slow.turn, third.coupling, self.frequency)
-        size = jnp.sqrt(alpha**2 + beta**2 + NO_AMPLITUDE**4)
+        size = _size(alpha, beta)
+        still = jnp.zeros_like(slow.turn)
+        left = _size(*self.demand(self.dead_zone, still, third.coupling, self.frequency))
         most = self.ratio * self.largest_amplitude**2
-        granted = jnp.clip(size - self.dead_zone, NO_AMPLITUDE**2, most)
+        granted = jnp.clip(size - left, NO_AMPLITUDE**2, most)
         scale = granted / size
         amplitude = jnp.sqrt(granted / self.ratio) + NO_AMPLITUDE
         return Oscillation(scale * alpha, scale * beta, amplitude)
@@ -202,6 +204,10 @@ class Oscillator(eqx.Module):
         return tracking_torque(
             moments, state.omega, tracking.rate, tracking.derivative, self.rate_gain
         )
+
+
+def _size(alpha: RealScalar, beta: RealScalar) -> RealScalar:
+    return jnp.sqrt(alpha**2 + beta**2 + NO_AMPLITUDE**4)
 
 
 class OscillatoryMemory(NamedTuple):

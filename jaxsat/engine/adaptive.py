@@ -256,8 +256,10 @@ def _attempt(solver, tolerance, course: Course, progress: Progress) -> Progress:
     integrals = progress.integrals._replace(effort=_effort(stretch, part))
     moved = progress._replace(state=further, integrals=integrals, ended_at=further.t)
     following = _judged(tolerance, course.program, progress, moved, accepted)
-    factor = _constant(_factor(size))
-    return following._replace(step=jnp.maximum(step * factor, tolerance.min_step))
+    # no longer step after one that met a switch: a law that slides would lose its way
+    factor = jnp.minimum(_factor(size), jnp.where(part < 1, 1.0, LARGEST_FACTOR))
+    proposal = step * _constant(factor)
+    return following._replace(step=jnp.maximum(proposal, tolerance.min_step))
 
 
 def _judged(tolerance, program, before: Progress, moved: Progress, accepted) -> Progress:

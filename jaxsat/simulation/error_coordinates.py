@@ -100,7 +100,7 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         )
         command = self.law.torque_of(t, plant_state, feedback, along(*believed))
         torque = jnp.concatenate([command, jnp.zeros_like(command[:1])])
-        return Motion(rate, plant_state, relative_rate, torque)
+        return Motion(rate, plant_state, relative_rate, state.rate_error, torque)
 
     def signals(self, t: Float[Array, ""], state: ErrorState) -> Signals:
         """Everything worth saving at one instant, the torque by (39) or (42)."""

@@ -32,12 +32,13 @@ class AbstractLoop(eqx.Module):
 
 
 class Motion(NamedTuple):
-    """A loop at one instant: time derivative of its state, the plant's state and ω_r (rad/s) in
-    it, and the torque of the thrusters (N m)."""
+    """A loop at one instant: time derivative of its state, the plant's state with its ω_r (rad/s)
+    and rate error η (rad/s), and the torque of the thrusters (N m)."""
 
     rate: PyTree
     plant: PlantState
     relative_rate: Float[Array, "3"]
+    rate_error: Float[Array, "2"]
     torque: Float[Array, "3"]
 
 
@@ -91,9 +92,8 @@ def motion_turned_back(
 ) -> Motion:
     """`motion` for a state whose `memory` alone is turned back, as its controller tells."""
     turn = controller.turn(t)
-    state = back._replace(memory=controller.turned(turn, back.memory))
-    motion = loop.motion(t, state)
-    rate = controller.turned_back_rate(turn, state.memory, motion.rate.memory)
+    motion = loop.motion(t, back._replace(memory=controller.turned(turn, back.memory)))
+    rate = controller.turned_back_rate(turn, motion.rate_error, motion.rate.memory)
     return motion._replace(rate=motion.rate._replace(memory=rate))
 
 
@@ -124,7 +124,9 @@ class ContinuousLoop(AbstractContinuousLoop):
         command, memory_rate = self.controller(t, state.plant, state.memory)
         torque = self.actuators(command)
         rate = LoopState(self.plant.rate(t, state.plant, torque), memory_rate)
-        return Motion(rate, state.plant, self.plant.relative_rate(state.plant), torque)
+        relative_rate = self.plant.relative_rate(state.plant)
+        error = self.controller.rate_error(state.plant)
+        return Motion(rate, state.plant, relative_rate, error, torque)
 
     def signals(self, t: Float[Array, ""], state: LoopState) -> Signals:
         """Everything worth saving at one instant."""

@@ -45,7 +45,7 @@ class Relay(AbstractContinuousLoop):
         rate = moving if self.inertia else RelayState(force, jnp.zeros_like(force))
         zero = jnp.zeros(3)
         plant = PlantState(WZ(jnp.zeros(2), state.position), zero.at[0].set(state.velocity))
-        return Motion(rate, plant, zero, zero.at[0].set(force))
+        return Motion(rate, plant, zero, zero[:2], zero.at[0].set(force))
 
     def signals(self, t, state):
         motion = self.motion(t, state)

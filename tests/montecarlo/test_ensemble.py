@@ -18,6 +18,8 @@ from jaxsat.montecarlo import (
 )
 from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.results import OutputError, open_study
+from jaxsat.scenario import load
+from jaxsat.scenario.study import build_study
 from jaxsat.simulation import adaptive
 from montecarlo.studies import tumbling
 
@@ -153,3 +155,15 @@ def test_the_bits_of_diffrax_depend_on_the_case_alone(tmp_path, by_diffrax):
 
     for name, value in _by_column(adaptive_tumbling().replay(23).outputs).items():
         np.testing.assert_array_equal(value, by_diffrax[name][23], err_msg=name)
+
+
+def test_the_place_in_a_block_changes_no_bit():
+    """Every case once in every place, in a loop that decodes rates from error coordinates."""
+    overrides = ["simulation.duration_s=2", "simulation.solver.step_s=0.1"]
+    scenario = load("benchmark-three-axis", overrides)
+    study = build_study(scenario, 16, seed=3, engine="scan", width=16)
+    expected = _by_column(study.evaluate(np.arange(16)))
+    for turn in range(1, 16):
+        order = np.roll(np.arange(16), turn)
+        found = _by_column(study.evaluate(order))
+        same(found, {name: values[order] for name, values in expected.items()})

@@ -1,14 +1,13 @@
 """Random programs: the compiled engine and its interpreter against `jax.jit`, bit for bit."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
-from native.random_programs import KINDS, SIZE, newest, programs, run
 
 from jaxsat.engine.native.mapped import Mapped
+from native.random_programs import KINDS, SIZE, newest, programs, run
 
 CASES = 37
 # A failing program is not shrunk, for every try compiles: add `Phase.shrink` to study one.
@@ -73,6 +72,6 @@ def test_random_programs(program, seed):
 
 @pytest.mark.slow
 @given(programs, st.integers(0, 9))
-@settings(max_examples=300, **SETTINGS)
+@settings(max_examples=60, **SETTINGS)
 def test_many_random_programs(program, seed):
     _check(program, seed)
