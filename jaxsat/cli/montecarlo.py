@@ -32,7 +32,7 @@ def montecarlo(
     seed: int | None = None,
     out: Path | None = None,
     overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
-    engine: Literal["auto", "scan", "diffrax"] = "auto",
+    engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: int | None = None,
     width: int = 64,
     chunk: int = 256,
@@ -64,8 +64,9 @@ def montecarlo(
     overrides
         KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
     engine
-        scan, a plain loop of jaxsat's own, fastest; diffrax, the method of a single run; auto is
-        scan for sampled and smooth loops and diffrax for laws with corners.
+        native, machine code made for the scenario, fastest; scan, a plain loop through XLA;
+        diffrax, the method of a single run; auto is native on a processor, and says so where it
+        cannot be.
     workers
         Chunks computed at once, each in a thread; as many as processors if left out, or one in
         each process.
@@ -102,6 +103,8 @@ def montecarlo(
         study = build_study(chosen, count, seed=seed, engine=engine, width=width, chunk=chunk)
     except ValueError as error:
         raise UserMistake(str(error)) from None
+    if study.remark is not None and not quiet:
+        console(error=True).print(study.remark)
     if rule is not None and study.has_fixed_size:
         raise UserMistake("--until-ci: must go with another design than latin-hypercube")
     stem = Path(scenario).stem

@@ -10,6 +10,7 @@ from jaxsat.checks import all_positive, as_float, require_positive
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
 from jaxsat.control.internal_model import InternalModel, Turn
 from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.quotients import reciprocal
 from jaxsat.smooth import Width, as_width, sat
 
 
@@ -70,8 +71,8 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         """
         w = state.attitude.as_wz().w
         bounded = sat(self._steering(state), self.a, self.saturation_width, self.saturated)
-        shrink = self.k3 / (1 + w[0] ** 2 + w[1] ** 2)
-        return self.mu * bounded - shrink * w
+        pull = self.k3 * reciprocal(1 + w[0] ** 2 + w[1] ** 2)
+        return self.mu * bounded - pull * w
 
     def _steering(self, state: PlantState) -> Float[Array, "2"]:
         """q (w2, -w1), what sat bounds in (41)."""
@@ -79,7 +80,8 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         w1, w2 = attitude.w
         relative_rate3 = self.model.relative_rate(state)[2]
         divisor = self.mu * (w1**2 + w2**2 + self.tilt_width**2)
-        q = (self.mu * attitude.z + relative_rate3) / jnp.where(divisor > 0, divisor, 1.0)
+        inverse = reciprocal(jnp.where(divisor > 0, divisor, 1.0))
+        q = (self.mu * attitude.z + relative_rate3) * inverse
         return q * jnp.stack([w2, -w1])
 
     def reference_rate(self, state: PlantState) -> Float[Array, "2"]:

@@ -2,6 +2,7 @@
 
 from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
+from jaxsat.engine.native import CannotLower, NativeEngine, native_obstacle
 from jaxsat.engine.program import AbstractCopies, Copy, Program, program_of
 from jaxsat.engine.progress import Outputs, RunningCost, Unsettled
 from jaxsat.engine.reference import ReferenceEngine
@@ -10,9 +11,11 @@ from jaxsat.engine.scan import ScanEngine
 __all__ = [
     "AbstractCopies",
     "AbstractEngine",
+    "CannotLower",
     "Copy",
     "CostGradient",
     "Mode",
+    "NativeEngine",
     "Outputs",
     "Program",
     "ReferenceEngine",
@@ -21,5 +24,6 @@ __all__ = [
     "ScanEngine",
     "Tolerance",
     "Unsettled",
+    "native_obstacle",
     "program_of",
 ]

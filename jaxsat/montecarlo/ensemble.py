@@ -42,7 +42,8 @@ class Study:
     """What is computed: a program over dispersed copies, a design, an engine, n cases.
 
     `description` is plain data that, with seed, design, engine and program, tells studies apart in
-    a store: the scenario and its dispersions. Raises `ValueError` where the design has another
+    a store: the scenario and its dispersions. `remark` is to be told with the results, such as why
+    an engine was not taken. Raises `ValueError` where the design has another
     seed or size than the study.
     """
 
@@ -53,6 +54,7 @@ class Study:
     chunk: int = 256
     gains: Mapping[str, Any] | None = None
     description: Mapping[str, Any] = field(default_factory=dict)
+    remark: str | None = None
 
     def __post_init__(self):
         if not isinstance(self.program.copies, Dispersed):
@@ -159,7 +161,13 @@ def run_study(
     executor = Serial() if executor is None else executor
     identity, columns = study.identity(), study.columns()
     with StudyStore(
-        path, identity, columns, study.count, study.chunk, elsewhere=elsewhere
+        path,
+        identity,
+        columns,
+        study.count,
+        study.chunk,
+        elsewhere=elsewhere,
+        remark=study.remark,
     ) as store:
         ledger = _Ledger(store, study.count, until)
         begin, before = time.perf_counter(), ledger.done

@@ -2,10 +2,21 @@
 
 from typing import Any, Literal
 
+import diffrax
+import jax
 import numpy as np
 
 from jaxsat.checks import as_float
-from jaxsat.engine import AbstractEngine, ReferenceEngine, ScanEngine, Tolerance, program_of
+from jaxsat.engine import (
+    AbstractEngine,
+    NativeEngine,
+    Program,
+    ReferenceEngine,
+    ScanEngine,
+    Tolerance,
+    native_obstacle,
+    program_of,
+)
 from jaxsat.montecarlo import (
     QUANTITIES,
     AbstractDesign,
@@ -19,6 +30,7 @@ from jaxsat.montecarlo import (
     RandomAttitude,
     Sobol,
     Study,
+    StudyCase,
     TruncatedNormal,
     Uniform,
 )
@@ -34,7 +46,7 @@ TOLERANCE = 2e-8
 ADAPTIVE_SOLVERS = ("tsit5", "dopri5")
 """Those with a dense output of their own, on which switches are located."""
 
-EngineName = Literal["auto", "scan", "diffrax"]
+EngineName = Literal["auto", "native", "scan", "diffrax"]
 SMOOTH_STEP = 0.01
 """Seconds; steps of the scan engine for a smooth loop whose scenario names none."""
 
@@ -59,11 +71,13 @@ def build_study(
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
-    `engine` "scan" takes fixed steps for sampled and smooth loops and adaptive ones, ended by the
-    law's switches, for laws with corners; "diffrax" takes the method of a single run; "auto" is
-    "scan" unless the scenario names a solver that the adaptive steps cannot take.
-    Raises `ValueError` where the scenario disperses nothing or something that its loop does not
-    have.
+    `engine` "native" and "scan" take fixed steps for sampled and smooth loops and adaptive ones,
+    ended by the law's switches, for laws with corners, "native" as machine code made for the
+    program; "diffrax" takes the method of a single run. "auto" is "native" on a processor; where
+    that cannot be, the study's `remark` says why, and it is "scan", or "diffrax" if the scenario
+    names a solver that the adaptive steps cannot take. Raises `ValueError` where the scenario
+    disperses nothing or something that its loop does not have, and for "native" where that cannot
+    be.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
@@ -72,14 +86,12 @@ def build_study(
     copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
     table = scenario.simulation
     program = program_of(copies, run.loop, table.duration_s, table.save_every_s)
-    return Study(
-        program,
-        _design(scenario.dispersion, seed, count),
-        _engine(scenario, run, engine, width),
-        count,
-        chunk,
-        description={"scenario": _numbers(scenario)},
-    )
+    design = _design(scenario.dispersion, seed, count)
+    points = design.points(np.arange(1), copies.dimensions())
+    example = StudyCase(np.zeros(1, np.uint32), points)
+    chosen, remark = _engine(scenario, run, (program, example), engine, width)
+    description = {"scenario": _numbers(scenario)}
+    return Study(program, design, chosen, count, chunk, description=description, remark=remark)
 
 
 def _numbers(scenario: Scenario) -> dict[str, Any]:
@@ -113,20 +125,36 @@ def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
     return LatinHypercube(seed, count) if table.design == "latin-hypercube" else Independent(seed)
 
 
-def _engine(scenario: Scenario, run: Run, name: EngineName, width: int) -> AbstractEngine:
+def _engine(
+    scenario: Scenario,
+    run: Run,
+    work: tuple[Program, StudyCase],
+    name: EngineName,
+    width: int,
+) -> tuple[AbstractEngine, str | None]:
+    """The engine, and why it is not the native one if that was wanted."""
     loop, solver = run.loop, scenario.simulation.solver
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
     fixed = smooth or solver.step_s is not None
     adaptive = not isinstance(loop, SampledLoop) and (solver.steps == "adaptive" or not fixed)
     suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)
     if name == "diffrax" or (name == "auto" and not suits):
-        return ReferenceEngine(method=run.method, width=width)
+        return ReferenceEngine(method=run.method, width=width), None
     tolerance = _tolerance(solver) if adaptive else None
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
-    return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
+    remark = None
+    if name == "native" or (name == "auto" and jax.default_backend() == "cpu"):
+        engine, obstacle = _native(kind, substeps, tolerance, width, work)
+        if engine is not None:
+            return engine, None
+        if name == "native":
+            raise ValueError(f"The native engine cannot run this: {obstacle}")
+        remark = f"not the native engine: {obstacle}"
+    engine = ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
         solver=kind, substeps=substeps, lanes=width, tolerance=tolerance
     )
+    return engine, remark
 
 
 def _tolerance(solver: SolverTable) -> Tolerance:
@@ -138,3 +166,19 @@ def _tolerance(solver: SolverTable) -> Tolerance:
         "max_steps": solver.max_steps,
     }
     return Tolerance(**{name: value for name, value in given.items() if value is not None})
+
+
+def _native(
+    solver: diffrax.AbstractSolver,
+    substeps: int,
+    tolerance: Tolerance | None,
+    width: int,
+    work: tuple[Program, StudyCase],
+) -> tuple[NativeEngine | None, str]:
+    """The native engine, or None and what stands against it."""
+    program, example = work
+    method = (solver, substeps, tolerance)
+    obstacle = native_obstacle(method, program, example)
+    if obstacle is not None:
+        return None, obstacle
+    return NativeEngine(*method, width=width), ""

@@ -24,7 +24,7 @@ from jaxsat.engine.native.ir import (
 from jaxsat.engine.native.operations import BOOL, OPERATIONS, evaluate
 
 CHEAP = 24
-"""Branches of at most so many operations in all are computed in every lane rather than jumped over."""
+"""Branches of at most so many operations in all are computed in every lane, not jumped over."""
 
 INT = np.dtype(np.int32)
 
@@ -38,7 +38,7 @@ class Builder:
         self.functions: dict[tuple, Function] = {}
 
     def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
-        """One arithmetic operation; `dtype` is the result's where it is not that of the operands."""
+        """One arithmetic operation; `dtype` is the result's where the operands do not tell it."""
         if dtype is None:
             compares = name == "any" or (name in OPERATIONS and OPERATIONS[name].compares)
             dtype = BOOL if compares else args[-1].dtype
@@ -126,9 +126,7 @@ class Builder:
         self.block.steps.append(Loop(params, list(before), test, active, work, after))
         return list(params)
 
-    def switch(
-        self, index: Scalar, branches: Sequence[Callable[[], list[Scalar]]]
-    ) -> list[Scalar]:
+    def switch(self, index: Scalar, branches: Sequence[Callable[[], list[Scalar]]]) -> list[Scalar]:
         """The results of the branch whose number is `index`, which is in range."""
         if not isinstance(index, Value):
             return branches[int(index)]()
@@ -150,7 +148,9 @@ class Builder:
             chosen = yields[-1]
             for number in reversed(range(len(branches) - 1)):
                 here = self.operation("eq", index, index.dtype.type(number))
-                chosen = [self.select(here, a, b) for a, b in zip(yields[number], chosen, strict=True)]
+                chosen = [
+                    self.select(here, a, b) for a, b in zip(yields[number], chosen, strict=True)
+                ]
             return chosen
         if masks is None:
             return self._switch(index, blocks, yields)

@@ -1,4 +1,4 @@
-"""The loops around stages, in LLVM: over blocks of cases, and over lanes that finish at their own time."""
+"""The loops around stages, in LLVM: over blocks of cases, or lanes that finish by themselves."""
 
 from collections.abc import Sequence
 

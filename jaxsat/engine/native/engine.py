@@ -1,5 +1,6 @@
 """The compiled engine: cases in the lanes of vector registers, blocks of them in threads."""
 
+import threading
 from typing import Any
 
 import diffrax
@@ -9,17 +10,26 @@ import numpy as np
 from jaxtyping import PyTree
 
 from jaxsat.engine.adaptive import Tolerance
-from jaxsat.engine.interface import AbstractEngine, Replay
+from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
 from jaxsat.engine.native import target
 from jaxsat.engine.native.kernel import Kernel, processors
-from jaxsat.engine.native.trajectory import trajectory_stages
+from jaxsat.engine.native.lowering import CannotLower
+from jaxsat.engine.native.staged import Plain, WithDerivatives, any_length
+from jaxsat.engine.native.trajectory import numbers_of, trajectory_stages
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.engine.runge_kutta import tableau_of
 from jaxsat.engine.scan import ScanEngine
 from jaxsat.simulation import Signals
 
+Method = tuple[diffrax.AbstractSolver, int, Tolerance | None]
+"""Solver, substeps and tolerance."""
+
 _kernels: dict[Any, Kernel] = {}
+_making = threading.Lock()
+
+
+NO_LLVMLITE = "the compiled engine must have llvmlite, which is not installed"
 
 
 class NativeEngine(AbstractEngine):
@@ -48,7 +58,7 @@ class NativeEngine(AbstractEngine):
             if value is not None and value < 1:
                 raise ValueError(f"Argument `{name}` must be at least 1, but got {value}.")
         if not target.LLVMLITE:
-            raise RuntimeError("The compiled engine must have llvmlite, which is not installed.")
+            raise RuntimeError(NO_LLVMLITE)
 
     def identity(self) -> dict[str, Any]:
         """Solver and steps, and the processor, whose instructions round as they do."""
@@ -65,24 +75,17 @@ class NativeEngine(AbstractEngine):
         numbers = [float(x) for x in jax.tree.leaves(self.tolerance)]
         return fixed | {"tolerance": [*numbers, self.tolerance.max_steps]}
 
-    def kernel(self, program: Program, cases: PyTree, gains: PyTree = None) -> Kernel:
-        """The machine code for such a program, made once for all numbers of the same kind."""
-        if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
-            raise RuntimeError(
-                "The compiled engine must have 64-bit numbers; switch jax_enable_x64 on first."
-            )
-        lanes = self.lanes or target.host().lanes
-        examples = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), cases)
-        shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), np.asarray(x).dtype), gains)
-        key = (_kind((self._method, program)), _kind(examples), _kind(shapes), lanes)
-        if key not in _kernels:
-            stages = trajectory_stages(self._method, program, examples, shapes, lanes)
-            _kernels[key] = Kernel(stages, lanes)
-        return _kernels[key]
-
     @property
-    def _method(self) -> ScanEngine:
-        return ScanEngine(self.solver, self.substeps, 1, 1, self.tolerance)
+    def method(self) -> Method:
+        """What kernels are made from."""
+        return self.solver, self.substeps, self.tolerance
+
+    def kernel(
+        self, program: Program, cases: PyTree, gains: PyTree = None, *, derivatives: bool = False
+    ) -> Kernel:
+        """The machine code for such a program, made once for all numbers of the same kind."""
+        lanes = self.lanes or target.host().lanes
+        return _kernel(self.method, program, cases, gains, lanes, derivatives)
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
         """Outputs of all cases, in as many threads as there are workers."""
@@ -96,13 +99,15 @@ class NativeEngine(AbstractEngine):
         return self.evaluate(program, cases, gains)
 
     def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree
+        self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
     ) -> tuple[Outputs, Signals]:
         """Outputs and signals of one block."""
         cases, count = _counted(cases)
         kernel = self.kernel(program, cases, gains)
         inputs = self._inputs(kernel, cases, program, gains)
-        return kernel.replay(inputs, count, program.intervals)
+        outputs, signals = kernel.replay(inputs, count, program.intervals)
+        instants = program.instants(every)
+        return outputs, jax.tree.map(lambda x: x[:, instants], signals)
 
     def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
         """One case (no leading axis) again, with its history and the same bits as before."""
@@ -112,15 +117,83 @@ class NativeEngine(AbstractEngine):
         times = np.arange(program.intervals + 1) * float(program.interval)
         return Replay(outputs, times, signals)
 
-    def block_gradient(self, program: Program, cases: PyTree, gains: PyTree) -> PyTree:
-        """Derivatives of the costs of one block."""
-        raise NotImplementedError
+    def gradient(
+        self, program: Program, cases: PyTree, gains: PyTree, mode: Mode = "forward"
+    ) -> CostGradient:
+        """Outputs of all cases, and the derivative of each case's cost by `gains`.
+
+        Forward mode, all gains in one pass. Raises `ValueError` for reverse mode.
+        """
+        if mode != "forward":
+            raise ValueError(f'Argument `mode` must be "forward" here, but got "{mode}".')
+        cases, count = _counted(cases)
+        kernel = self.kernel(program, cases, gains, derivatives=True)
+        inputs = self._inputs(kernel, cases, program, gains)
+        found = kernel.run(inputs, count, program.intervals, self.workers or processors())
+        return CostGradient(found.outputs, _by_gain(found.derivatives, gains))
+
+    def block_gradient(
+        self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
+    ) -> CostGradient:
+        """Outputs of one block and the derivatives of its costs."""
+        return self.gradient(program, cases, gains, mode)
 
     def _inputs(self, kernel: Kernel, cases, program: Program, gains) -> list[np.ndarray]:
-        numbers = eqx.filter((self._method, program), eqx.is_array)
+        numbers = numbers_of(_as_scan(self.method), program)
         leaves = [*jax.tree.leaves(cases), *jax.tree.leaves(numbers), *jax.tree.leaves(gains)]
-        avals = kernel.stages.jaxprs["begin"].in_avals
-        return [np.ascontiguousarray(x, a.dtype) for x, a in zip(leaves, avals, strict=True)]
+        return [
+            np.ascontiguousarray(x, d) for x, d in zip(leaves, kernel.stages.inputs, strict=True)
+        ]
+
+
+def native_obstacle(
+    method: Method, program: Program, cases: PyTree, gains: PyTree = None
+) -> str | None:
+    """Why the native engine cannot run a program for such cases; None if it can."""
+    if not target.LLVMLITE:
+        return NO_LLVMLITE
+    try:
+        _kernel(method, program, cases, gains, target.host().lanes, False)
+    except (CannotLower, RuntimeError) as error:
+        return str(error)
+    return None
+
+
+def _kernel(
+    method: Method, program: Program, cases: PyTree, gains: PyTree, lanes: int, derivatives: bool
+) -> Kernel:
+    if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
+        raise RuntimeError(
+            "The compiled engine must have 64-bit numbers; switch jax_enable_x64 on first."
+        )
+    case = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), cases)
+    gains = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), np.asarray(x).dtype), gains)
+    scan = _as_scan(method)
+    key = (_kind((scan, any_length(program))), _kind(case), _kind(gains), lanes, derivatives)
+    with _making:
+        if key not in _kernels:
+            staged = Plain(scan, program)
+            chosen = WithDerivatives(staged) if derivatives else staged
+            stages = trajectory_stages(
+                chosen, numbers_of(scan, any_length(program)), case, gains, lanes
+            )
+            _kernels[key] = Kernel(stages, lanes)
+        return _kernels[key]
+
+
+def _as_scan(method: Method) -> ScanEngine:
+    solver, substeps, tolerance = method
+    return ScanEngine(solver, substeps, 1, tolerance)
+
+
+def _by_gain(derivatives: np.ndarray, gains: PyTree) -> PyTree:
+    """Derivatives by all numbers of the gains, shaped like the gains after the cases' axis."""
+    leaves, structure = jax.tree.flatten(gains)
+    shapes = [np.shape(leaf) for leaf in leaves]
+    ends = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
+    parts = np.split(derivatives, ends, axis=1)
+    shaped = [part.reshape(-1, *shape) for part, shape in zip(parts, shapes, strict=True)]
+    return jax.tree.unflatten(structure, shaped)
 
 
 def _counted(cases: PyTree) -> tuple[PyTree, int]:
@@ -134,6 +207,6 @@ def _counted(cases: PyTree) -> tuple[PyTree, int]:
 def _kind(tree: PyTree) -> tuple:
     """All of a tree that a program's structure depends on: everything but the numbers."""
     arrays, rest = eqx.partition(tree, lambda x: isinstance(x, jax.Array))
-    shapes = [(x.shape, x.dtype.name, bool(x.weak_type)) for x in jax.tree.leaves(arrays)]
+    shapes = [(x.shape, x.dtype.name) for x in jax.tree.leaves(arrays)]
     leaves, structure = jax.tree.flatten(rest)
     return tuple(shapes), structure, jax.tree.structure(arrays), tuple(leaves)

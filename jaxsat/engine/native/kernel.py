@@ -94,7 +94,7 @@ class Kernel:
                 if number < intervals:
                     advance(*where, number, 1)
                 else:
-                    finish(*where, 0, 0)
+                    finish(*where, 0, intervals)
             history.append(jax.tree.map(np.copy, seen))
         return outputs, jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
 

@@ -237,7 +237,9 @@ class Body:
     def _loop(self, step: Loop) -> None:
         entry, number = self._label, self.fresh("")[1:]
         head, work, out = f"head{number}", f"work{number}", f"out{number}"
-        before = [self.operand(b, not p.uniform) for b, p in zip(step.before, step.params)]
+        before = [
+            self.operand(b, not p.uniform) for b, p in zip(step.before, step.params, strict=True)
+        ]
         self.line(f"br label %{head}")
         self._begin(head)
         place = len(self._lines)
@@ -251,15 +253,21 @@ class Body:
         self._begin(work)
         self._spread.append({})
         self.steps(step.body)
-        after = [self.operand(a, not p.uniform) for a, p in zip(step.after, step.params)]
+        after = [
+            self.operand(a, not p.uniform) for a, p in zip(step.after, step.params, strict=True)
+        ]
         self._spread[-2:] = []
         last = self._label
         self.line(f"br label %{head}")
         self._lines[place:place] = [
-            f"{self.name(p)} = phi {type_of(p, self.module.lanes)} [ {b}, %{entry} ], [ {a}, %{last} ]"
+            f"{self.name(p)} = phi {self._type(p.dtype, not p.uniform)} "
+            f"[ {b}, %{entry} ], [ {a}, %{last} ]"
             for p, b, a in zip(step.params, before, after, strict=True)
         ]
         self._begin(out)
+
+    def _operands(self, given: Sequence[Scalar], to: Sequence[Value]) -> list[str]:
+        return [self.operand(x, not out.uniform) for x, out in zip(given, to, strict=True)]
 
     def _switch(self, step: Switch) -> None:
         number = self.fresh("")[1:]
@@ -273,9 +281,7 @@ class Body:
             self._begin(label)
             self._spread.append({})
             self.steps(block)
-            found = [
-                self.operand(r, not o.uniform) for r, o in zip(results, step.outs, strict=True)
-            ]
+            found = self._operands(results, step.outs)
             self._spread.pop()
             sources.append((found, self._label))
             self.line(f"br label %{out}")
@@ -356,9 +362,7 @@ class Body:
             if memory.uniform:
                 self.line(f"{place} = getelementptr {kind}, ptr {base}, {number} {i}")
             else:
-                self.line(
-                    f"{place} = getelementptr {cells}, ptr {base}, {number} {i}, i64 {lane}"
-                )
+                self.line(f"{place} = getelementptr {cells}, ptr {base}, {number} {i}, i64 {lane}")
             self.line(f"{one} = load {kind}, ptr {place}")
             self.line(f"{more} = insertelement {cells} {whole}, {kind} {one}, i64 {lane}")
             whole = more

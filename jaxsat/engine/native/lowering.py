@@ -7,6 +7,7 @@ An array of the jaxpr is a NumPy object array of constants and values. A rule is
 
 from collections.abc import Callable, Sequence
 
+import jax
 import numpy as np
 from jax._src import source_info_util
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
@@ -80,6 +81,8 @@ def _where(eqn: JaxprEqn) -> str:
 def as_elements(array, dtype=None) -> Elements:
     """A known array as an object array of NumPy scalars."""
     array = np.asarray(array, dtype)
+    if array.dtype == jax.dtypes.float0:  # derivatives of what is no real number, never used
+        array = np.zeros(array.shape, bool)
     if array.dtype.kind not in "fiub":
         raise CannotLower(f"Arrays of type {array.dtype} are not supported")
     out = np.empty(array.shape, object)
@@ -102,7 +105,7 @@ def each(function: Callable[..., Scalar], *arrays: Elements) -> Elements:
 def filled(shape: tuple[int, ...], scalar: Scalar) -> Elements:
     """An array of one scalar."""
     out = np.empty(shape, object)
-    out[...] = scalar
+    out.fill(scalar)  # out[...] = scalar would turn NumPy's scalars into Python's
     return out
 
 

@@ -37,7 +37,7 @@ class Shared:
 
 @dataclass(frozen=True)
 class Slot:
-    """A place in the state, in bytes from its beginning, with room for all lanes or, uniform, one."""
+    """A place in the state, in bytes from its beginning; room for all lanes or, uniform, one."""
 
     offset: int
     uniform: bool

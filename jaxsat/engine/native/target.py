@@ -1,6 +1,7 @@
 """The processor of this machine, and machine code for it through llvmlite."""
 
 import os
+import sys
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -42,7 +43,9 @@ def host() -> Host:
     import llvmlite.binding as llvm
 
     found = llvm.get_host_cpu_features()
-    register = 64 if found.get("avx512f") and found.get("avx512dq") else 32 if found.get("avx") else 16
+    register = (
+        64 if found.get("avx512f") and found.get("avx512dq") else 32 if found.get("avx") else 16
+    )
     return Host(llvm.get_host_cpu_name(), found.flatten(), register)
 
 
@@ -100,7 +103,8 @@ def _jit():
     target = llvm.Target.from_default_triple().create_target_machine(
         cpu=host().name, features=host().features, jit=True
     )
-    return llvm.create_lljit_compiler(target)
+    # the other linker breaks down where the parts of a library come to lie too far apart
+    return llvm.create_lljit_compiler(target, use_jit_link=sys.platform != "win32")
 
 
 def loaded(code: bytes, names: list[str]) -> tuple[object, dict[str, int]]:

@@ -132,8 +132,15 @@ def _div(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
 def quotient(b: Builder, x: Scalar, y: Scalar) -> Scalar:
     """x / y; whole numbers as XLA has them: -1 where y is zero."""
     if x.dtype.kind == "f":
+        if not isinstance(y, Value) and _is_power_of_two(y):
+            return b.operation("mul", x, y.dtype.type(1) / y)  # the same in all bits
         return b.operation("div", x, y)
     return _whole(b, "div", x, y, x.dtype.type(-1 if x.dtype.kind == "i" else ~x.dtype.type(0)))
+
+
+def _is_power_of_two(x: np.generic) -> bool:
+    """Whether a number and its reciprocal are both powers of two and normal."""
+    return bool(np.isfinite(x)) and np.frexp(x)[0] in (0.5, -0.5) and 1e-30 < abs(x) < 1e30
 
 
 @lowers("rem")

@@ -3,7 +3,8 @@
 import numpy as np
 
 from jaxsat.engine.native.builder import Builder
-from jaxsat.engine.native.lowering import Elements, as_elements, lowers
+from jaxsat.engine.native.ir import Scalar
+from jaxsat.engine.native.lowering import Elements, as_elements, filled, lowers
 
 
 @lowers("reshape")
@@ -76,18 +77,20 @@ def _rev(b: Builder, eqn, x: Elements) -> Elements:
 @lowers("pad")
 def _pad(b: Builder, eqn, x: Elements, padding: Elements) -> Elements:
     del b
-    config = eqn.params["padding_config"]
-    apart = [size + max(size - 1, 0) * between for size, (_, _, between) in zip(x.shape, config)]
-    spread = np.full(apart, padding[()], object)
-    spread[tuple(slice(None, None, between + 1) for _, _, between in config)] = x
-    widths = [(max(low, 0), max(high, 0)) for low, high, _ in config]
-    grown = np.full([s + low + high for s, (low, high) in zip(apart, widths)], padding[()], object)
-    grown[tuple(slice(low, low + s) for s, (low, _) in zip(apart, widths))] = spread
-    cut = [
-        slice(max(-low, 0), size - max(-high, 0))
-        for size, (low, high, _) in zip(grown.shape, config, strict=True)
-    ]
-    return grown[tuple(cut)]
+    for axis, (low, high, between) in enumerate(eqn.params["padding_config"]):
+        x = _padded(np.moveaxis(x, axis, 0), padding[()], low, high, between)
+        x = np.moveaxis(x, 0, axis)
+    return x
+
+
+def _padded(x: Elements, scalar: Scalar, low: int, high: int, between: int) -> Elements:
+    """Padded along the first axis; what is negative is cut off."""
+    size, rest = len(x), x.shape[1:]
+    spread = filled((size + max(size - 1, 0) * between, *rest), scalar)
+    spread[:: between + 1] = x
+    before, after = (filled((max(width, 0), *rest), scalar) for width in (low, high))
+    whole = np.concatenate([before, spread, after])
+    return whole[max(-low, 0) : len(whole) - max(-high, 0)]
 
 
 @lowers("iota")
@@ -122,3 +125,9 @@ def _empty(b: Builder, eqn) -> Elements:
     return as_elements(np.zeros(eqn.outvars[0].aval.shape, eqn.outvars[0].aval.dtype))
 
 
+@lowers("unstack")
+def _unstack(b: Builder, eqn, x: Elements) -> list[Elements]:
+    """What unpacking an array that is known gives."""
+    del b
+    first = np.moveaxis(x, eqn.params["axis"], 0)
+    return [first[i : i + 1].reshape(first.shape[1:]) for i in range(len(first))]

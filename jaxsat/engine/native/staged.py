@@ -1,0 +1,186 @@
+"""A trajectory cut into functions of one case: begin, advance, finish, observe.
+
+What makes a case (its dispersed loop) is computed once, by `begin`, and is *fixed* from then on;
+the progress of its trajectory is *moving*. `WithDerivatives` carries the derivatives by the gains
+along beside both.
+"""
+
+import abc
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import PyTree
+
+from jaxsat.engine.interface import CostGradient
+from jaxsat.engine.program import AbstractCopies, Copy, Program
+from jaxsat.engine.scan import advance_one, begin_one, finish_one, observe_one
+
+
+class Made(AbstractCopies):
+    """The one copy that has been made already."""
+
+    copy: Copy
+
+    def __call__(self, case: PyTree, gains: PyTree) -> Copy:
+        """The copy, whatever the case."""
+        del case, gains
+        return self.copy
+
+
+class AbstractStaged(abc.ABC):
+    """The functions of which a trajectory is made; `numbers` are those of engine and program."""
+
+    @abc.abstractmethod
+    def begin(self, case: PyTree, numbers: PyTree, gains: PyTree) -> tuple[PyTree, PyTree]:
+        """What is fixed, and what moves, at time zero. Called before all others."""
+
+    @abc.abstractmethod
+    def advance(self, fixed, moving, numbers, first, count) -> PyTree:
+        """What moves, `count` intervals after number `first`."""
+
+    @abc.abstractmethod
+    def finish(self, fixed, moving, numbers, first, count) -> PyTree:
+        """What is told of the trajectory at its end, `count` intervals after number `first`."""
+
+    @abc.abstractmethod
+    def observe(self, fixed, moving, numbers, number) -> PyTree:
+        """What is seen at the beginning of interval `number`."""
+
+    @abc.abstractmethod
+    def learn(self, zero: list[bool]) -> None:
+        """Told, after `begin`, which leaves of what is fixed are nothing but zeros."""
+
+
+def any_length(program: Program) -> Program:
+    """The program with a length that says nothing."""
+    rest = (program.interval, 1, program.tolerances, program.cost, program.state_limit)
+    return Program(program.copies, *rest)
+
+
+class Plain(AbstractStaged):
+    """A program as an engine with the numbers of `ScanEngine` runs it."""
+
+    def __init__(self, engine: Any, program: Program):
+        self.static = eqx.partition((engine, any_length(program)), eqx.is_array)[1]
+        self._rest: Any = None
+
+    def begin(self, case, numbers, gains):
+        """The copy's arrays and the progress."""
+        copy = eqx.combine(numbers, self.static)[1].copies(case, gains)
+        arrays, self._rest = eqx.partition(copy, eqx.is_array)
+        return arrays, begin_one(*self._with(arrays, numbers), None, None)
+
+    def advance(self, fixed, moving, numbers, first, count):
+        """The progress further on."""
+        return advance_one(*self._with(fixed, numbers), None, None, moving, first, count)
+
+    def finish(self, fixed, moving, numbers, first, count):
+        """Outputs."""
+        engine, program = self._with(fixed, numbers)
+        # the length as a number: the same machine code is for all lengths
+        object.__setattr__(program, "intervals", first + count)
+        return finish_one(engine, program, None, None, moving)
+
+    def observe(self, fixed, moving, numbers, number):
+        """Signals."""
+        return observe_one(*self._with(fixed, numbers), None, None, moving, number)
+
+    def learn(self, zero: list[bool]) -> None:
+        """All the same to it."""
+
+    def _with(self, arrays, numbers) -> tuple[Any, Program]:
+        engine, program = eqx.combine(numbers, self.static)
+        made = Made(eqx.combine(arrays, self._rest))
+        return engine, eqx.tree_at(lambda program: program.copies, program, made)
+
+
+class WithDerivatives(AbstractStaged):
+    """A program together with the derivatives by every gain, in forward mode.
+
+    A derivative has the gains' numbers along its leading axis. Leaves of what is fixed that no gain
+    moves have none.
+    """
+
+    def __init__(self, plain: Plain):
+        self._plain = plain
+        self._moved: list[bool] = []
+
+    def begin(self, case, numbers, gains):
+        """Values and derivatives of what is fixed and of what moves."""
+        flat, restore = ravel_pytree(gains)
+        directions = jnp.eye(flat.size, dtype=flat.dtype)
+
+        def values(flat):
+            return self._plain.begin(case, numbers, restore(flat))
+
+        (fixed, moving), (d_fixed, d_moving) = _pushed(values, flat, directions)
+        return (fixed, d_fixed), (moving, d_moving)
+
+    def learn(self, zero: list[bool]) -> None:
+        """Leaves: first values, then derivatives."""
+        self._moved = [not is_zero for is_zero in zero]
+
+    def advance(self, fixed, moving, numbers, first, count):
+        """Values and derivatives further on."""
+
+        def values(both):
+            return self._plain.advance(*both, numbers, first, count)
+
+        return self._along(values, fixed, moving)
+
+    def finish(self, fixed, moving, numbers, first, count):
+        """Outputs, and the derivatives of the cost."""
+
+        def values(both):
+            return self._plain.finish(*both, numbers, first, count)
+
+        outputs, derivatives = self._along(values, fixed, moving)
+        return CostGradient(outputs, derivatives.cost)
+
+    def observe(self, fixed, moving, numbers, number):
+        """Signals."""
+        return self._plain.observe(fixed[0], moving[0], numbers, number)
+
+    def _along(self, values: Callable, fixed, moving):
+        (x, d_x), (y, d_y) = fixed, moving
+        leaves = jax.tree.leaves(d_x)
+        moved = iter(self._moved[-len(leaves) :] if leaves else [])
+        d_x = jax.tree.map(lambda d: d if next(moved) else None, d_x)
+        return _pushed(values, (x, y), (d_x, d_y))
+
+
+def _pushed(function: Callable, x: PyTree, directions: PyTree) -> tuple[PyTree, PyTree]:
+    """A function's value, and its derivatives along directions stacked before the leaves of `x`.
+
+    None in place of a direction's leaf is one along which that leaf stays. Derivatives of what is
+    no real number are None.
+    """
+    whole = jax.tree.structure(x).flatten_up_to(directions)
+    leaves, structure = jax.tree.flatten(x)
+    chosen = [i for i, direction in enumerate(whole) if direction is not None]
+
+    def of_chosen(values):
+        now = list(leaves)
+        for i, value in zip(chosen, values, strict=True):
+            now[i] = value
+        return function(jax.tree.unflatten(structure, now))
+
+    def one(direction):
+        value, derivative = jax.jvp(of_chosen, ([leaves[i] for i in chosen],), (direction,))
+        real = jax.tree.map(lambda d: None if d.dtype == jax.dtypes.float0 else d, derivative)
+        return value, real
+
+    return jax.vmap(one, out_axes=(None, 0))([whole[i] for i in chosen])
+
+
+def zero_leaves(constants: list[list[Any]]) -> list[bool]:
+    """Which leaves, given as lists of scalars, are known to be nothing but zeros."""
+    return [
+        all(isinstance(x, np.generic) and x.dtype.kind == "f" and x == 0 for x in leaf)
+        for leaf in constants
+    ]
