@@ -116,7 +116,7 @@ def corners_example():
     """The printed law, whose switches one engine locates and the other does not."""
     begin = three_axis_start(PAPER_THREE_AXIS)
     scan = ScanEngine(diffrax.Tsit5(), lanes=LANES, tolerance=Tolerance(1e-10, 1e-10))
-    reference = ReferenceEngine(adaptive(1e-11, 1e-11), width=LANES)
+    reference = ReferenceEngine(adaptive(1e-11, 1e-11, min_step=1e-9), width=LANES)
     return Example(Kicked(three_axis_loop(PAPER_THREE_AXIS), begin), 12.0, scan, reference, 2e-6)
 
 
