@@ -65,7 +65,8 @@ def _shift_right_logical(x, y):
 
 
 def _count_ones(x):
-    return np.bitwise_count(x).astype(np.asarray(x).dtype)
+    x = np.asarray(x)  # NumPy counts the bits of |x|
+    return np.bitwise_count(x.view(x.dtype.str.replace("i", "u"))).astype(x.dtype)
 
 
 OPERATIONS: dict[str, Arithmetic] = {
