@@ -10,6 +10,7 @@ from jaxsat.checks import all_positive, as_float, require_positive
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
 from jaxsat.control.internal_model import InternalModel, Turn
 from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.quotients import reciprocal
 from jaxsat.smooth import Width, as_width, sat
 
 
@@ -70,17 +71,17 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         """
         w = state.attitude.as_wz().w
         bounded = sat(self._steering(state), self.a, self.saturation_width, self.saturated)
-        fraction = 1 / (1 + w[0] ** 2 + w[1] ** 2)  # one division for both components
-        return -self.k3 * w * fraction + self.mu * bounded
+        pull = self.k3 * reciprocal(1 + w[0] ** 2 + w[1] ** 2)
+        return self.mu * bounded - pull * w
 
     def _steering(self, state: PlantState) -> Float[Array, "2"]:
         """q (w2, -w1), what sat bounds in (41)."""
         attitude = state.attitude.as_wz()
         w1, w2 = attitude.w
         relative_rate3 = self.model.relative_rate(state)[2]
-        divisor = w1**2 + w2**2 + self.tilt_width**2
-        fraction = 1 / jnp.where(divisor > 0, divisor, 1.0)
-        q = (attitude.z + relative_rate3 * (1 / self.mu)) * fraction
+        divisor = self.mu * (w1**2 + w2**2 + self.tilt_width**2)
+        inverse = reciprocal(jnp.where(divisor > 0, divisor, 1.0))
+        q = (self.mu * attitude.z + relative_rate3) * inverse
         return q * jnp.stack([w2, -w1])
 
     def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
@@ -117,11 +118,13 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
             return memory
         return self.internal_model.turned_back(turn, memory)
 
-    def turned_back_rate(self, turn: Turn | None, memory: Memory, rate: Memory) -> Memory:
+    def turned_back_rate(
+        self, turn: Turn | None, rate_error: Float[Array, "2"], rate: Memory
+    ) -> Memory:
         """What the rate error alone does to the internal model."""
         if self.internal_model is None:
             return rate
-        return self.internal_model.turned_back_rate(turn, memory, rate)
+        return self.internal_model.turned_back_rate(turn, rate_error)
 
     def advance(
         self, rate_error: Float[Array, "2"], memory: Memory, period: Float[Array, ""]

@@ -1,7 +1,8 @@
 """Elementary functions of the compiled engine against mpmath, over the whole domain.
 
-Each is evaluated twice: with NumPy, operation by operation, and by XLA, which fuses a*b + c. Both
-must meet the bound, so neither a fused nor an unfused multiplication does harm.
+Each is evaluated three times: with NumPy, operation by operation, by XLA and by the compiled
+engine, which fuse a*b + c. All must meet the bound, so neither a fused nor an unfused
+multiplication does harm.
 """
 
 from itertools import product
@@ -10,8 +11,10 @@ import jax
 import mpmath as mp
 import numpy as np
 import pytest
+from jax import lax
 
 from jaxsat.engine.native.functions import FUNCTIONS, program
+from jaxsat.engine.native.mapped import Mapped
 from native.numpy_interpreter import evaluate
 
 mp.mp.dps = 40
@@ -163,8 +166,8 @@ def _exact(name: str, arguments: tuple[np.ndarray, ...]) -> list[mp.mpf]:
 def _bounded_power(x: float, y: float) -> mp.mpf:
     if x < 0 and y != np.floor(y):
         return mp.nan
-    if x == 0 or abs(y * np.log(abs(x))) > 2000:
-        with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):
+        if x == 0 or abs(y * np.log(abs(x))) > 2000:
             return mp.mpf(float(np.power(x, y)))
     return _power(mp.mpf(x), mp.mpf(y))
 
@@ -191,10 +194,18 @@ def _by_numpy(name: str, arguments: tuple[np.ndarray, ...]) -> np.ndarray:
     return np.asarray(evaluate(program(name, *(["float64"] * len(arguments))), *arguments)[0])
 
 
+def _by_machine_code(name: str, arguments: tuple[np.ndarray, ...]) -> np.ndarray:
+    numbers = tuple(0.0 for _ in arguments)
+    function = Mapped(lambda numbers, shared: getattr(lax, name)(*numbers), numbers)
+    return function(arguments)
+
+
 def _assert_accurate(name: str, arguments: tuple[np.ndarray, ...]) -> None:
     exact = _exact(name, arguments)
     unfused = _ulps(_by_numpy(name, arguments), exact)
     assert unfused.max() <= ULPS[name], [a[unfused.argmax()] for a in arguments]
+    compiled = _ulps(_by_machine_code(name, arguments), exact)
+    assert compiled.max() <= ULPS[name], [a[compiled.argmax()] for a in arguments]
     # XLA takes subnormal numbers for zero.
     normal = np.all([(np.abs(a) > 1e-307) for a in arguments], axis=0)
     fused = _ulps(np.asarray(jax.jit(FUNCTIONS[name])(*arguments)), exact, 1e-307)
@@ -217,9 +228,13 @@ def test_every_function_is_accurate_on_many_points(name):
 def test_special_values_are_those_of_numpy(name):
     pairs = np.array(list(product(EDGES, EDGES))).T
     arguments = tuple(pairs) if name in TWO_ARGUMENTS else (EDGES,)
-    values = _by_numpy(name, arguments)
     with np.errstate(all="ignore"):
         expected = NUMPY[name](*arguments)
+    for values in (_by_numpy(name, arguments), _by_machine_code(name, arguments)):
+        _assert_special(values, expected, ULPS[name])
+
+
+def _assert_special(values: np.ndarray, expected: np.ndarray, ulps: float) -> None:
     np.testing.assert_array_equal(np.isnan(values), np.isnan(expected))
     whole = ~np.isnan(expected)
     np.testing.assert_array_equal(np.signbit(values[whole]), np.signbit(expected[whole]))
@@ -229,7 +244,7 @@ def test_special_values_are_those_of_numpy(name):
     rest = whole & ~special
     with np.errstate(all="ignore"):
         distance = np.abs(values[rest] - expected[rest]) / np.spacing(np.abs(expected[rest]))
-    assert distance.max() <= ULPS[name] + 4
+    assert distance.max() <= ulps + 4
 
 
 def test_erf_inv_and_logistic_have_the_right_ends():

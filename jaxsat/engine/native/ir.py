@@ -8,7 +8,7 @@ prints it as LLVM code; nothing else is known of it.
 """
 
 from dataclasses import dataclass, field
-from itertools import count
+from itertools import compress, count
 
 import numpy as np
 
@@ -190,9 +190,11 @@ class Sweep:
             case Store(index=index, value=value):
                 self.need([index, value])
             case Switch():
-                pairs = [list(zip(results, step.outs, strict=True)) for results in step.yields]
-                for block, results in zip(step.blocks, pairs, strict=True):
-                    self.need(result for result, out in results if out.number in self.used)
+                used = [out.number in self.used for out in step.outs]
+                step.outs = list(compress(step.outs, used))
+                step.yields = [list(compress(results, used)) for results in step.yields]
+                for block, results in zip(step.blocks, step.yields, strict=True):
+                    self.need(results)
                     self.block(block)
                 self.need([step.index])
             case Loop():

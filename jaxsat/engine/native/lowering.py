@@ -114,7 +114,7 @@ def each(function: Callable[..., Scalar], *arrays: Elements) -> Elements:
 def filled(shape: tuple[int, ...], scalar: Scalar) -> Elements:
     """An array of one scalar."""
     out = np.empty(shape, object)
-    out[...] = scalar
+    out.fill(scalar)  # out[...] = scalar would turn NumPy's scalars into Python's
     return out
 
 

@@ -122,9 +122,9 @@ def quotient(num: Double, num_low: ArrayLike, den: Double, den_low: ArrayLike) -
 
 def polynomial(x: Double, coefficients: Sequence[float]) -> Double:
     """A polynomial, lowest power first, by Estrin's scheme: few steps wait for one another."""
-    terms: list[ArrayLike] = list(coefficients)
+    terms: list[Double | float] = list(coefficients)
     while len(terms) > 1:
         pairs = [low + high * x for low, high in zip(terms[::2], terms[1::2], strict=False)]
-        terms = pairs + terms[len(pairs) * 2 :]
+        terms = [*pairs, *terms[len(pairs) * 2 :]]
         x = x * x
     return jnp.asarray(terms[0])

@@ -108,9 +108,10 @@ def _window(start: Integer) -> tuple[Integer, Integer, Integer]:
         ]
     shift = start & np.int64(63)
     rest = np.int64(63) - shift
-    return tuple(
+    high, middle, low = (
         (a << shift) | lax.shift_right_logical(shift_right(b, 1), rest) for a, b in pairwise(words)
     )
+    return high, middle, low
 
 
 def _full(like: Integer, word: Integer | np.int64) -> Integer:
