@@ -26,6 +26,10 @@ RULES: dict[str, Rule] = {}
 class CannotLower(Exception):
     """A program holds what the compiled engine does not know; the message says what and where."""
 
+    def __init__(self, what: str, place: str = ""):
+        super().__init__(f"{what} ({place})" if place else what)
+        self.what, self.place = what, place
+
 
 def lowers(*names: str) -> Callable[[Rule], Rule]:
     """Make a function the rule of these primitives."""
@@ -62,16 +66,21 @@ def lower_open(
 
 def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elements]:
     name = eqn.primitive.name
-    rule = RULES.get(name)
-    if rule is None:
-        raise CannotLower(f"The primitive `{name}` has no native rule ({_where(eqn)}).")
     try:
-        outputs = rule(b, eqn, *arrays)
+        if name not in RULES:
+            raise CannotLower(f"The primitive `{name}` has no native rule")
+        outputs = RULES[name](b, eqn, *arrays)
     except CannotLower as error:
-        if "(" in str(error):
+        if error.place:
             raise
-        raise CannotLower(f"{error} (`{name}`, {_where(eqn)}).") from None
+        what = error.what if f"`{name}`" in error.what else f"{error.what}, in `{name}`"
+        raise CannotLower(what if not _is_call(eqn) else error.what, _where(eqn)) from None
     return [outputs] if isinstance(outputs, np.ndarray) else outputs
+
+
+def _is_call(eqn: JaxprEqn) -> bool:
+    """Whether what failed in an equation is an equation inside it."""
+    return any(key in eqn.params for key in ("jaxpr", "call_jaxpr", "branches", "body_jaxpr"))
 
 
 def _where(eqn: JaxprEqn) -> str:
