@@ -246,8 +246,8 @@ static int moved_on(Block *b, const Job *job, Rows kept_y) {
 void adaptive(const double *start, const double *torque, const double *gains, const double *limits,
               const double *tolerance, double interval, int64_t intervals, int64_t begin,
               int64_t end, double *results) {
-    static _Thread_local Block block;
-    static _Thread_local Rows k[STAGES], kept;
+    Block block __attribute__((aligned(64)));
+    Rows k[STAGES] __attribute__((aligned(64))), kept;
     Block *b = &block;
     Job job = {{gains[0], gains[1], gains[2], gains[3]},
                {tolerance[0], tolerance[1], tolerance[2], tolerance[3]},
