@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 import jaxsat
+from jaxsat.cli.bound import bound
 from jaxsat.cli.compare import compare
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.montecarlo import montecarlo
@@ -38,6 +39,7 @@ app = App(
 app.command(simulate)
 app.command(montecarlo)
 app.command(compare)
+app.command(bound)
 app.command(tune)
 app.command(controllability)
 app.command(reproduce)

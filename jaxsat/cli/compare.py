@@ -11,13 +11,23 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from jaxsat.cli.bound import searched
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.montecarlo import progress_text
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console, report
+from jaxsat.cli.study_executors import chosen_executor
+from jaxsat.cli.study_text import progress_text
+from jaxsat.cli.terminal import (
+    SUCCESS,
+    FailedRun,
+    Terminated,
+    UserMistake,
+    console,
+    output_problem,
+    report,
+)
 
 if TYPE_CHECKING:
     from jaxsat.comparison import Row, Setting, Start, Verdict
-    from jaxsat.montecarlo import Study, StudyProgress
+    from jaxsat.montecarlo import AbstractExecutor, Study, StudyProgress
 
 Level = Literal["nominal", "mc", "hard", "all"]
 Law = Literal["three-slew", "oscillatory", "switching", "three-axis", "rate", "all"]
@@ -25,6 +35,7 @@ Law = Literal["three-slew", "oscillatory", "switching", "three-axis", "rate", "a
 STUDIES = "studies"
 """Folder of the stores inside the output folder."""
 
+BOUNDS = "bounds"
 RESULT = "comparison.json"
 
 
@@ -36,8 +47,9 @@ def compare(
     count: Annotated[int, Parameter(name=["--count", "-n"])] = 200,
     seed: int,
     out: Path = Path("jaxsat-comparison"),
-    engine: Literal["auto", "scan", "diffrax"] = "auto",
+    engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: int | None = None,
+    bounds: int = 0,
     elsewhere: Annotated[bool, Parameter(negative="")] = False,
     quiet: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -65,6 +77,9 @@ def compare(
         As for `jaxsat montecarlo`.
     workers
         Chunks computed at once; as many as processors if left out.
+    bounds
+        Starts of a search for the least time and the least effort from the paper's start under
+        each limit, open loop, as `jaxsat bound` does; 0 leaves it out.
     elsewhere
         Go on with stores that were begun with other versions or on another processor.
     quiet
@@ -82,16 +97,20 @@ def compare(
     ]
     _refuse_strangers(out)
     _tell_of_untuned(limits)
-    run = _Runner(count, seed, out, engine, workers or os.cpu_count() or 1, elsewhere, quiet)
+    executor = chosen_executor(workers, None, None, None)
+    run = _Runner(count, seed, out, engine, executor, elsewhere, quiet)
     try:
         rows = [run.row(setting) for setting in settings]
-    except KeyboardInterrupt:
+        least = [_least(limit, bounds, seed, out) for limit in limits if bounds]
+    except (KeyboardInterrupt, Terminated) as stop:
         kept = f"what is done is in {out}; the same command goes on from there"
-        raise KeyboardInterrupt(kept) from None
+        raise type(stop)(kept) from None
     verdicts = _verdicts(rows)
-    _write(out, rows, verdicts, seed)
+    _write(out, rows, verdicts, least, seed)
     if not quiet:
         _print(rows, verdicts)
+        for one in least:
+            console().print(_least_text(one))
         console().print(f"written to {out}")
     return SUCCESS
 
@@ -105,12 +124,13 @@ class _Runner:
         seed: int,
         out: Path,
         engine: Any,
-        workers: int,
+        executor: "AbstractExecutor",
         elsewhere: bool,
         quiet: bool,
     ):
         self._count, self._seed, self._out, self._engine = count, seed, out, engine
-        self._workers, self._elsewhere, self._quiet = workers, elsewhere, quiet
+        self._executor, self._elsewhere, self._quiet = executor, elsewhere, quiet
+        self._told: str | None = None
 
     def row(self, setting: "Setting") -> "Row":
         """The random starts and the paper's under one setting."""
@@ -131,6 +151,9 @@ class _Runner:
             study = study_of(setting, start, count, self._seed, engine=self._engine, **wide)
         except ValueError as error:
             raise UserMistake(str(error)) from None
+        if study.remark not in (None, self._told) and not self._quiet:
+            console(error=True).print(study.remark)
+        self._told = study.remark
         level, limit, law = setting
         target = self._out / STUDIES / f"{level}-{limit:g}-{law}-{start.value}.zarr"
         self._run(study, target, f"{law}, {limit:g} N m, {level}, {start.value} start")
@@ -139,10 +162,9 @@ class _Runner:
         return {name: np.asarray(dataset[name])[:count] for name in names}
 
     def _run(self, study: "Study", target: Path, what: str) -> None:
-        from jaxsat.montecarlo import Serial, Threads, run_study
+        from jaxsat.montecarlo import ClusterError, run_study
         from jaxsat.results import OutputError
 
-        executor = Threads(self._workers) if self._workers > 1 else Serial()
         status = console(error=True).status(f"{what}: compiling")
 
         def told(progress: "StudyProgress") -> None:
@@ -154,14 +176,16 @@ class _Runner:
                     lambda: run_study(
                         study,
                         target,
-                        executor=executor,
+                        executor=self._executor,
                         report=None if self._quiet else told,
                         elsewhere=self._elsewhere,
                     )
                 )
-        except (OutputError, ValueError) as error:
+        except OutputError as error:
             hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
-            raise UserMistake(f"{error}{hint}") from None
+            raise output_problem(error, hint) from None
+        except ClusterError as error:
+            raise FailedRun(str(error)) from None
 
 
 def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:
@@ -202,7 +226,7 @@ def _refuse_strangers(out: Path) -> None:
     if not out.is_dir():
         raise UserMistake(f"{out} is a file; give another folder with --out.")
     found = {entry.name for entry in out.iterdir()}
-    if found and not found & {STUDIES, RESULT}:
+    if found and not found & {STUDIES, BOUNDS, RESULT}:
         raise UserMistake(
             f"{out} holds what jaxsat compare did not write; give another folder with --out."
         )
@@ -217,7 +241,48 @@ def _verdicts(rows: Sequence["Row"]) -> list["Verdict"]:
     return [verdict(group) for group in groups.values()]
 
 
-def _write(out: Path, rows: Sequence["Row"], verdicts: Sequence["Verdict"], seed: int) -> None:
+def _least(limit: float, starts: int, seed: int, out: Path) -> dict[str, Any]:
+    """Least time and effort from the paper's start; kept in the output folder once found."""
+    kept = out / BOUNDS / f"{limit:g}.json"
+    wanted = {"torque_limit": limit, "starts": starts, "seed": seed}
+    if kept.exists():
+        found = json.loads(kept.read_text(encoding="utf-8"))
+        if wanted.items() <= found.items():
+            return found
+    from jaxsat.bounds import Objective, manoeuvre_of
+    from jaxsat.comparison import Setting, horizon, scenario_of
+    from jaxsat.scenario import build
+
+    run = build(scenario_of(Setting("nominal", limit, "rate")))
+    manoeuvre = manoeuvre_of(run.loop, run.start)
+    found = dict(wanted)
+    for objective in Objective:
+        what = f"least {objective.value}, {limit:g} N m"
+        best = searched(manoeuvre, objective, starts, horizon(limit) / 5, seed, what)
+        found[objective.value] = None if best is None else best.solution.value
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    kept.write_text(json.dumps(found), encoding="utf-8")
+    return found
+
+
+def _least_text(least: dict[str, Any]) -> str:
+    found = [
+        "none found" if value is None else f"{value:.3g} {unit}"
+        for value, unit in ((least["time"], "s"), (least["effort"], "N m s"))
+    ]
+    return (
+        f"{least['torque_limit']:g} N m, open loop from the paper's start: least time {found[0]}, "
+        f"least effort {found[1]} (best of {least['starts']} starts, not certified)"
+    )
+
+
+def _write(
+    out: Path,
+    rows: Sequence["Row"],
+    verdicts: Sequence["Verdict"],
+    least: Sequence[dict[str, Any]],
+    seed: int,
+) -> None:
     from jaxsat.comparison import horizon
     from jaxsat.report.comparison_figures import settling_comparison
     from jaxsat.report.saving import save_figures
@@ -228,6 +293,7 @@ def _write(out: Path, rows: Sequence["Row"], verdicts: Sequence["Verdict"], seed
         "seed": seed,
         "rows": [row.plain() for row in rows],
         "verdicts": [one._asdict() for one in verdicts],
+        "bounds_from_papers_start": list(least),
         **provenance(),
     }
     panels: dict[tuple[str, float], dict[str, Any]] = {}
@@ -242,7 +308,7 @@ def _write(out: Path, rows: Sequence["Row"], verdicts: Sequence["Verdict"], seed
         partial.write_text(text, encoding="utf-8")
         partial.replace(out / RESULT)
     except OSError as error:
-        raise UserMistake(f"{out} cannot be written: {error.strerror or error}.") from None
+        raise FailedRun(f"{out} cannot be written: {error.strerror or error}.") from None
 
 
 HEADINGS = (

@@ -10,8 +10,13 @@ from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem
 if TYPE_CHECKING:
     import xarray as xr
 
-    from jaxsat.montecarlo import Study, Summary
+    from jaxsat.montecarlo import Sensitivity, Study, Summary
+    from jaxsat.report.study_figures import DrawnNumber
     from jaxsat.scenario import Scenario
+
+
+FAN_INSTANTS = 500
+"""About as many as a figure can show."""
 
 
 def write_figures(
@@ -21,31 +26,23 @@ def write_figures(
     import numpy as np
 
     from jaxsat.report.saving import save_figures
-    from jaxsat.report.study_figures import fan_chart, study_figures
+    from jaxsat.report.study_figures import fan_figures, study_figures
     from jaxsat.results import OutputError, OutputFolder, open_study
 
     def write() -> None:
         dataset = open_study(store)
         count = summary.cases
-        drawn = {}
-        for name in study.copies.dispersions.names:
-            values = np.asarray(dataset[f"drawn_{name}"])[:count]
-            several = values.shape[1] > 1
-            drawn |= {f"{name}[{i + 1}]" if several else name: x for i, x in enumerate(values.T)}
-        ranked = [entry.name for entry in summary.settling_sensitivity]
-        axes = (ranked[0], ranked[1]) if len(ranked) > 1 else None
-        figures = study_figures(
-            {"settling_time": np.asarray(dataset["settling_time"])[:count]}, drawn, axes, title
-        )
+        columns = {"settling_time": np.asarray(dataset["settling_time"][:count])}
+        ranked = [entry.name for entry in _ranking(summary)][:2]
+        drawn = {label: _drawn(dataset, label, count) for label in ranked}
+        figures = study_figures(columns, drawn, title)
         numbers = np.arange(min(count, study.engine.width))
-        signals = study.engine.histories(study.program, study.cases(numbers), study.gains)
-        times = np.arange(study.program.intervals + 1) * float(study.program.interval)
-        attitude = np.concatenate([signals.w, signals.z[:, :, None]], axis=2)
-        labels = ("w1", "w2", "z")
-        figures["attitude-fan"] = fan_chart(times, attitude, labels, "1, rad", f"{title}: attitude")
-        labels = ("ω1", "ω2", "ω3")
-        omega = np.asarray(signals.omega)
-        figures["rates-fan"] = fan_chart(times, omega, labels, "rad/s", f"{title}: rates")
+        every = max(1, study.program.intervals // FAN_INSTANTS)
+        signals = study.engine.histories(
+            study.program, study.cases(numbers), study.gains, every=every
+        )
+        times = study.program.instants(every) * float(study.program.interval)
+        figures |= fan_figures(times, signals, title)
         with OutputFolder(folder, overwrite=True) as made:
             save_figures(figures, made.path)
 
@@ -53,6 +50,25 @@ def write_figures(
         interruptibly(write)
     except OutputError as error:
         raise output_problem(error) from None
+
+
+def _ranking(summary: "Summary") -> list["Sensitivity"]:
+    """What settling depends on, or the cost where all cases settle or none."""
+    return (
+        summary.settling_sensitivity if 0 < summary.settled.value < 1 else summary.cost_sensitivity
+    )
+
+
+def _drawn(dataset: "xr.Dataset", label: str, count: int) -> "DrawnNumber":
+    """What was drawn of a number that is called as in a sensitivity ranking: name or name[i]."""
+    import numpy as np
+
+    from jaxsat.report.study_figures import DrawnNumber
+
+    name, _, component = label.removesuffix("]").partition("[")
+    column = dataset[f"drawn_{name}"]
+    values = np.asarray(column[:count, int(component or 1) - 1])
+    return DrawnNumber(values, column.attrs["units"], column.attrs["long_name"])
 
 
 def write_one_case(

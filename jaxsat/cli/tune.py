@@ -26,7 +26,7 @@ def tune(
     *,
     out: Path | None = None,
     overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
-    engine: Literal["auto", "scan", "diffrax"] = "auto",
+    engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: int | None = None,
     width: int = 32,
     baselines: Annotated[bool, Parameter(negative="")] = False,
@@ -49,7 +49,8 @@ def tune(
         KEY=VALUE to put in place of what the scenario says, such as tuning.steps=20; may be given
         several times.
     engine
-        scan, a plain loop of jaxsat's own; diffrax, the method of a single run; auto is scan.
+        native, machine code made for the program; scan, a plain loop under XLA; diffrax, the
+        method of a single run; auto is native where that can be, else scan.
     workers
         Threads that share a batch out; as many as processors if left out.
     width
@@ -70,7 +71,14 @@ def tune(
     from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
 
     try:
-        plan = build_plan(chosen, engine=engine, width=width, workers=workers or _processors())
+        with console(error=True).status("compiling"):
+            plan = interruptibly(
+                lambda: build_plan(
+                    chosen, engine=engine, width=width, workers=workers or _processors()
+                )
+            )
+        if plan.remark is not None and not quiet:
+            report(plan.remark, "")
         with TuningFolder(target, plan_identity(plan), elsewhere=elsewhere) as folder:
             done = folder.has(SUMMARY) and (folder.has("baselines.json") or not baselines)
             if not done:

@@ -64,9 +64,9 @@ class AbstractController(eqx.Module):
         del turn
         return memory
 
-    def turned_back_rate(self, turn: PyTree, memory: Memory, rate: Memory) -> Memory:
-        """Time derivative of the memory turned back, from that of the memory itself."""
-        del turn, memory
+    def turned_back_rate(self, turn: PyTree, rate_error: Float[Array, "2"], rate: Memory) -> Memory:
+        """Time derivative of the memory turned back, where that of the memory is `rate`."""
+        del turn, rate_error
         return rate
 
     @abc.abstractmethod

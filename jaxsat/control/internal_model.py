@@ -59,29 +59,25 @@ class InternalModel(eqx.Module):
         """How far the oscillators turn by themselves from time zero to `t` (s)."""
         return Turn(jnp.cos(self.frequency * t), jnp.sin(self.frequency * t))
 
-    def turned(self, turn: Turn, state: OscillatorState) -> OscillatorState:
-        """What a state at time zero becomes by the oscillators' own motion."""
-        return self._rotated(turn.cosine, turn.sine, state)
+    def turned(self, turn: Turn, back: OscillatorState) -> OscillatorState:
+        """What a state turned back has become by the oscillators' own motion."""
+        cosine, sine = turn
+        return OscillatorState(
+            (back.position * cosine + back.velocity * sine) / self.frequency,
+            back.velocity * cosine - back.position * sine,
+        )
 
     def turned_back(self, turn: Turn, state: OscillatorState) -> OscillatorState:
-        """The state at time zero from which the oscillators by themselves come here.
+        """Ωα and dα/dt at time zero from which the oscillators by themselves come to a state.
 
         It changes by the rate error alone, so an integrator need not follow the oscillation.
         """
-        return self._rotated(turn.cosine, -turn.sine, state)
-
-    def turned_back_rate(
-        self, turn: Turn, state: OscillatorState, rate: OscillatorState
-    ) -> OscillatorState:
-        """Time derivative of the state turned back, from that of the state itself."""
-        drive = rate.velocity + self.frequency**2 * state.position
-        none = jnp.zeros_like(drive)
-        return self.turned_back(turn, OscillatorState(none, drive))
-
-    def _rotated(
-        self, cosine: Float[Array, "2"], sine: Float[Array, "2"], state: OscillatorState
-    ) -> OscillatorState:
+        cosine, sine = turn
+        scaled = self.frequency * state.position
         return OscillatorState(
-            state.position * cosine + state.velocity * sine * (1 / self.frequency),
-            state.velocity * cosine - state.position * self.frequency * sine,
+            scaled * cosine - state.velocity * sine, state.velocity * cosine + scaled * sine
         )
+
+    def turned_back_rate(self, turn: Turn, rate_error: Float[Array, "2"]) -> OscillatorState:
+        """Time derivative of the state turned back."""
+        return OscillatorState(-rate_error * turn.sine, rate_error * turn.cosine)

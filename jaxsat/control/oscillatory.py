@@ -29,6 +29,9 @@ RealScalar = Float[Array, ""]
 NO_AMPLITUDE = 1e-9
 """Keeps the amplitude (rad/s) away from zero, where its root has no derivative."""
 
+TINY = 1e-12
+"""Keeps a quotient of two zeros finite."""
+
 
 class AbstractDemand(eqx.Module):
     """Which oscillation to ask for, given the slow rate s (rad/s) and slow turn ẑ (rad)."""
@@ -40,40 +43,58 @@ class AbstractDemand(eqx.Module):
         """(α, β) in (rad/s)²; `coupling` is c, `frequency` ν in rad/s."""
 
 
+def beyond(turn: RealScalar, rest: RealScalar) -> RealScalar:
+    """The part of a turn (rad) that is not within ± `rest`."""
+    return turn - jnp.clip(turn, -rest, rest)
+
+
 class MorinSamson(AbstractDemand):
-    """The product of the rates alone: d²ẑ/dt² + 2ζ k3 dẑ/dt + k3² ẑ = 0 on average."""
+    """The product of the rates alone: d²ẑ/dt² + 2ζ k3 dẑ/dt + k3² ẑ = 0 on average.
+
+    A turn within ± `rest` (rad) is left to the end game.
+    """
 
     k3: RealScalar = eqx.field(converter=as_float)
     damping: RealScalar = eqx.field(converter=as_float)
+    rest: RealScalar = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self):
         require_positive("k3", self.k3)
         require_positive("damping", self.damping)
+        require_positive("rest", self.rest, zero_allowed=True)
 
     def __call__(
         self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
     ) -> tuple[RealScalar, RealScalar]:
-        """α = -(2 / c)(k3² ẑ + 2ζ k3 s), β = 0."""
+        """α = -(2 / c)(k3² ẑ + 2ζ k3 s), β = 0, of ẑ what is beyond `rest`."""
         del frequency
-        alpha = -2 / coupling * (self.k3**2 * turn + 2 * self.damping * self.k3 * rate)
+        wanted = self.k3**2 * beyond(turn, self.rest) + 2 * self.damping * self.k3 * rate
+        alpha = -2 / coupling * wanted
         return alpha, jnp.zeros_like(alpha)
 
 
 class TwoChannel(AbstractDemand):
-    """Product and area: ds/dt = -k3 s and dẑ/dt = -kz ẑ on average, each on its own channel."""
+    """Product and area: ds/dt = -k3 s and dẑ/dt = -kz ẑ on average, each on its own channel.
+
+    A turn within ± `rest` (rad) is left to the end game, and so is its drift.
+    """
 
     k3: RealScalar = eqx.field(converter=as_float)
     kz: RealScalar = eqx.field(converter=as_float)
+    rest: RealScalar = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self):
         require_positive("k3", self.k3)
         require_positive("kz", self.kz)
+        require_positive("rest", self.rest, zero_allowed=True)
 
     def __call__(
         self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
     ) -> tuple[RealScalar, RealScalar]:
-        """α = -(2 / c) k3 s, β = 2ν (kz ẑ + s)."""
-        return -2 / coupling * self.k3 * rate, 2 * frequency * (self.kz * turn + rate)
+        """α = -(2 / c) k3 s, β = 2ν (kz ẑ + s), of ẑ what is beyond `rest`, and s only there."""
+        excess = beyond(turn, self.rest)
+        share = jnp.where(self.rest > 0, jnp.abs(excess) / (jnp.abs(excess) + self.rest + TINY), 1)
+        return -2 / coupling * self.k3 * rate, 2 * frequency * (self.kz * excess + share * rate)
 
 
 class Oscillation(NamedTuple):
@@ -104,6 +125,8 @@ class Oscillator(eqx.Module):
     `frequency` is ν (rad/s), `tilt_gain` k (1/s) pulls the tilt to its oscillation, `rate_gain`
     kω (1/s) the rates to theirs. `largest_amplitude` is ρm (rad/s), and `ratio` r shares the
     product out: ρ = √(h / r) about the first axis and h / ρ about the second, h = |(α, β)|.
+    Of h as much is not asked for as belongs to a slow rate of `dead_zone` (rad/s): the end game
+    can do that, and an estimate that is not yet sure is not chased.
     """
 
     model: RigidBody
@@ -113,10 +136,12 @@ class Oscillator(eqx.Module):
     rate_gain: RealScalar = eqx.field(converter=as_float)
     largest_amplitude: RealScalar = eqx.field(converter=as_float)
     ratio: RealScalar = eqx.field(converter=as_float)
+    dead_zone: RealScalar = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self):
         for name in ("frequency", "tilt_gain", "rate_gain", "largest_amplitude", "ratio"):
             require_positive(name, getattr(self, name))
+        require_positive("dead_zone", self.dead_zone, zero_allowed=True)
 
     def init(self, state: PlantState) -> Oscillation:
         """At rest."""
@@ -148,12 +173,15 @@ class Oscillator(eqx.Module):
         return Slow(rate, turn)
 
     def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
-        """What the demand asks for, scaled down so that h <= r ρm²."""
+        """What the demand asks for beyond the dead zone, scaled down so that h <= r ρm²."""
         alpha, beta = self.demand(slow.rate, slow.turn, third.coupling, self.frequency)
-        size = jnp.sqrt(alpha**2 + beta**2 + NO_AMPLITUDE**4)
+        size = _size(alpha, beta)
+        still = jnp.zeros_like(slow.turn)
+        left = _size(*self.demand(self.dead_zone, still, third.coupling, self.frequency))
         most = self.ratio * self.largest_amplitude**2
-        scale = most / jnp.maximum(size, most)
-        amplitude = jnp.sqrt(scale * size / self.ratio) + NO_AMPLITUDE
+        granted = jnp.clip(size - left, NO_AMPLITUDE**2, most)
+        scale = granted / size
+        amplitude = jnp.sqrt(granted / self.ratio) + NO_AMPLITUDE
         return Oscillation(scale * alpha, scale * beta, amplitude)
 
     def tracking(
@@ -176,6 +204,10 @@ class Oscillator(eqx.Module):
         return tracking_torque(
             moments, state.omega, tracking.rate, tracking.derivative, self.rate_gain
         )
+
+
+def _size(alpha: RealScalar, beta: RealScalar) -> RealScalar:
+    return jnp.sqrt(alpha**2 + beta**2 + NO_AMPLITUDE**4)
 
 
 class OscillatoryMemory(NamedTuple):

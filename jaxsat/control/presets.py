@@ -35,6 +35,7 @@ class _Oscillation(NamedTuple):
     ratio: float
     enter_slow_rate: float
     enter_rate: float
+    rest: float  # turn left to the regulator
 
 
 class _Approach(NamedTuple):
@@ -46,15 +47,21 @@ class _Approach(NamedTuple):
     lost_rate: float = 0.05
 
 
+DEAD_ZONE = 1e-5
+"""Slow rate (rad/s) that the oscillation leaves to the regulator."""
+
+STATE_SCALE, TORQUE_SCALE = (0.1, 0.1, 0.05, 0.002, 0.002, 0.001), 0.3
+"""Of the regulator, so that rates stay below 1e-3 rad/s while it removes what is left."""
+
 _MORIN_SAMSON = {
-    1.0: _Oscillation(0.0749, 0.0271, 0.89, 0.0287, 0.866, 0.266, 2.36, 2.24e-5, 9.0e-4),
-    5.0: _Oscillation(0.169, 0.0887, 0.245, 0.0491, 0.859, 0.099, 2.99, 3.58e-5, 1.09e-3),
-    20.0: _Oscillation(0.382, 1.59, 0.134, 0.130, 0.802, 0.404, 1.72, 3.11e-5, 1.54e-3),
+    1.0: _Oscillation(0.0749, 0.0271, 0.89, 0.0287, 0.866, 0.266, 2.36, 2.24e-5, 2e-3, 0.02),
+    5.0: _Oscillation(0.169, 0.0887, 0.245, 0.0491, 0.859, 0.099, 2.99, 3.58e-5, 2e-3, 0.02),
+    20.0: _Oscillation(0.382, 1.59, 0.134, 0.130, 0.802, 0.404, 1.72, 3.11e-5, 2e-3, 0.02),
 }
 _TWO_CHANNEL = {
-    1.0: _Oscillation(0.170, 1.36, 0.161, 0.113, 0.0494, 0.122, 1.02, 4e-5, 2.5e-3),
-    5.0: _Oscillation(0.287, 0.262, 0.454, 0.0925, 0.0713, 0.146, 1.24, 3e-5, 1.4e-3),
-    20.0: _Oscillation(0.382, 0.319, 6.03, 0.117, 0.159, 0.786, 1.07, 3e-5, 1.2e-3),
+    1.0: _Oscillation(0.170, 1.36, 0.161, 0.113, 0.0494, 0.122, 1.5, 4e-5, 2.5e-3, 0.008),
+    5.0: _Oscillation(0.4, 0.262, 0.454, 0.13, 0.13, 0.146, 1.24, 3e-5, 2e-3, 0.008),
+    20.0: _Oscillation(0.6, 0.319, 6.03, 0.2, 0.25, 0.786, 1.07, 3e-5, 2e-3, 0.008),
 }
 _APPROACH = {
     1.0: _Approach((0.551, 10.0, 6e-5), 7.9e-3, (0.897, 2.58, 2.80, 4.0e-3, 1.14e-2), 2e-3),
@@ -85,7 +92,7 @@ def oscillatory_settling(
     errors of axes and inertia. Raises `ValueError` for a torque limit that is not positive.
     """
     gains = _gains(_MORIN_SAMSON, torque_limit)
-    demand = MorinSamson(gains.k3, gains.turn)
+    demand = MorinSamson(gains.k3, gains.turn, gains.rest)
     fine = _fine_stage(model, demand, gains, fade_lean=False)
     estimator = _estimator(model, observe, estimate, ripple)
     return OscillatorySettling(
@@ -105,7 +112,7 @@ def three_slew_settling(
     """Rate law, three slews, two-channel law and regulator; arguments as above."""
     gains = _gains(_TWO_CHANNEL, torque_limit)
     approach = _gains(_APPROACH, torque_limit)
-    demand = TwoChannel(gains.k3, gains.turn)
+    demand = TwoChannel(gains.k3, gains.turn, gains.rest)
     return ThreeSlewSettling(
         rate_law=FiniteTimeRate(model, torque_limit, *approach.rate),
         planner=SlewPlanner(model, torque_limit, *approach.slews),
@@ -149,9 +156,11 @@ def _fine_stage(model, demand, gains: _Oscillation, *, fade_lean: bool) -> FineS
         rate_gain=gains.rate_gain,
         largest_amplitude=gains.largest_amplitude,
         ratio=gains.ratio,
+        dead_zone=DEAD_ZONE,
     )
+    regulator = OrbitalRegulator.design(model, STATE_SCALE, TORQUE_SCALE)
     handover = Handover(gains.enter_slow_rate, gains.enter_rate)
-    return FineStage(oscillator, OrbitalRegulator.design(model), handover, fade_lean)
+    return FineStage(oscillator, regulator, handover, fade_lean)
 
 
 def _estimator(

@@ -79,9 +79,9 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         attitude = state.attitude.as_wz()
         w1, w2 = attitude.w
         relative_rate3 = self.model.relative_rate(state)[2]
-        divisor = w1**2 + w2**2 + self.tilt_width**2
+        divisor = self.mu * (w1**2 + w2**2 + self.tilt_width**2)
         inverse = reciprocal(jnp.where(divisor > 0, divisor, 1.0))
-        q = (attitude.z + relative_rate3 * (1 / self.mu)) * inverse
+        q = (self.mu * attitude.z + relative_rate3) * inverse
         return q * jnp.stack([w2, -w1])
 
     def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
@@ -118,11 +118,13 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
             return memory
         return self.internal_model.turned_back(turn, memory)
 
-    def turned_back_rate(self, turn: Turn | None, memory: Memory, rate: Memory) -> Memory:
+    def turned_back_rate(
+        self, turn: Turn | None, rate_error: Float[Array, "2"], rate: Memory
+    ) -> Memory:
         """What the rate error alone does to the internal model."""
         if self.internal_model is None:
             return rate
-        return self.internal_model.turned_back_rate(turn, memory, rate)
+        return self.internal_model.turned_back_rate(turn, rate_error)
 
     def advance(
         self, rate_error: Float[Array, "2"], memory: Memory, period: Float[Array, ""]

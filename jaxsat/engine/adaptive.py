@@ -26,8 +26,16 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from jaxsat.checks import as_float, require_positive
 from jaxsat.engine.crossing import Bracket, located, sign_change
 from jaxsat.engine.program import Copy, Program
-from jaxsat.engine.progress import Integrals, Outputs, Progress, begun, looked_at, outputs_of
-from jaxsat.engine.rates import plant_state, running_cost
+from jaxsat.engine.progress import (
+    Integrals,
+    Outputs,
+    Progress,
+    Sight,
+    begun,
+    looked_at,
+    outputs_of,
+)
+from jaxsat.engine.rates import running_cost
 from jaxsat.engine.runge_kutta import dense_weights, stage_rates, tableau_of, weighted
 from jaxsat.simulation import AbstractContinuousLoop, Outcome, Signals
 
@@ -174,7 +182,7 @@ def iterate(
 
 def advance_adaptively(solver, tolerance, program, copy, progress, bound) -> Progress:
     """Progress of one trajectory up to instant number `bound`."""
-    course = Course.of(program, copy)
+    course, bound = Course.of(program, copy), jnp.asarray(bound)
     return jax.lax.while_loop(
         lambda progress: unfinished(program, bound, progress),
         lambda progress: iterate(solver, tolerance, course, bound, progress),
@@ -188,15 +196,15 @@ def finish(program: Program, copy: Copy, progress: Progress) -> Outputs:
     course, stretch = Course.of(program, copy), progress.state.stretch
     flat = _dense(stretch, _part(stretch, end))
     state = course.state(end, flat)
-    progress = looked_at(progress, end, copy.loop.signals(end, state), program.tolerances)
+    plant = copy.loop.plant_state(state)
+    sight = Sight.of(copy.loop.plant, plant)
+    progress = looked_at(progress, end, sight, program.tolerances)
     success = progress.code == int(Outcome.SUCCESS)
-    cost, last_cost = course.restore(flat)[1], course.restore(progress.state.state)[1]
-    effort = _effort(stretch, _part(stretch, end))
+    cost = course.restore(jnp.where(success, flat, progress.state.state))[1]
     progress = progress._replace(
-        integrals=Integrals(jnp.where(success, cost, last_cost), effort),
-        ended_at=jnp.where(success, end, progress.state.t),
+        integrals=Integrals(cost, _effort(stretch, _part(stretch, end))),
+        ended_at=jnp.where(success, end, progress.ended_at),
     )
-    plant = plant_state(copy.loop, state)
     return outputs_of(progress, plant, end, copy.drawn, program.cost)
 
 
@@ -246,10 +254,12 @@ def _attempt(solver, tolerance, course: Course, progress: Progress) -> Progress:
     stretch = stretch._replace(turns=turns)
     further = Walk(walk.t + seconds, walk.number, state, sides, gaps, stretch)
     integrals = progress.integrals._replace(effort=_effort(stretch, part))
-    moved = progress._replace(state=further, integrals=integrals)
+    moved = progress._replace(state=further, integrals=integrals, ended_at=further.t)
     following = _judged(tolerance, course.program, progress, moved, accepted)
-    factor = _constant(_factor(size))
-    return following._replace(step=jnp.maximum(step * factor, tolerance.min_step))
+    # no longer step after one that met a switch: a law that slides would lose its way
+    factor = jnp.minimum(_factor(size), jnp.where(part < 1, 1.0, LARGEST_FACTOR))
+    proposal = step * _constant(factor)
+    return following._replace(step=jnp.maximum(proposal, tolerance.min_step))
 
 
 def _judged(tolerance, program, before: Progress, moved: Progress, accepted) -> Progress:
@@ -338,8 +348,9 @@ def _look_back(course: Course, bound, progress: Progress) -> Progress:
         walk: Walk = progress.state
         t = walk.number * program.interval
         state = course.state(t, _dense(walk.stretch, _part(walk.stretch, t)))
-        seen = looked_at(progress, t, course.loop.signals(t, state), program.tolerances)
-        return seen._replace(state=walk._replace(number=walk.number + 1), ended_at=t)
+        sight = Sight.of(course.loop.plant, course.loop.plant_state(state))
+        seen = looked_at(progress, t, sight, program.tolerances)
+        return seen._replace(state=walk._replace(number=walk.number + 1))
 
     return jax.lax.while_loop(pending, look, progress)
 

@@ -13,6 +13,13 @@ from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.simulation import Signals
 
+SPARE = 8
+"""Lanes behind the last case that only hold padding.
+
+A compiler may take the last few lanes, one vector of them, through a scalar copy of a loop that
+rounds differently: reading two of three components needs one, so as not to read past the end.
+"""
+
 
 class Replay(NamedTuple):
     """One case again: its outputs, and its signals at the instants `times` (s)."""
@@ -37,8 +44,8 @@ Mode = Literal["forward", "reverse"]
 class AbstractEngine(eqx.Module):
     """Runs a program for many cases, `width` at a time.
 
-    Cases go through one compiled program of that width, the last ones padded, so that the bits of
-    a case depend neither on how many others there are nor on which.
+    Cases go through one compiled program of that width and `SPARE` more, the rest padded, so that
+    the bits of a case depend neither on how many others there are, nor on which, nor on its place.
     """
 
     width: eqx.AbstractVar[int]
@@ -49,19 +56,22 @@ class AbstractEngine(eqx.Module):
 
     @abc.abstractmethod
     def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
-        """Outputs of exactly `width` cases."""
+        """Outputs of a padded block."""
 
     @abc.abstractmethod
     def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree
+        self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
     ) -> tuple[Outputs, Signals]:
-        """Outputs and signals (times after cases) of exactly `width` cases."""
+        """Outputs and signals (times after cases) of a padded block.
+
+        The signals are those at `program.instants(every)`.
+        """
 
     @abc.abstractmethod
     def block_gradient(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
     ) -> CostGradient:
-        """Outputs of exactly `width` cases and the derivatives of their costs."""
+        """Outputs of a padded block and the derivatives of its costs."""
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
         """Outputs of all cases, which are the entries of `cases` along the leading axis.
@@ -87,19 +97,21 @@ class AbstractEngine(eqx.Module):
 
     def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
         """One case (no leading axis) again, with its history and the same bits as before."""
-        cases = jax.tree.map(lambda x: jnp.stack([x] * self.width), case)
+        cases = jax.tree.map(lambda x: jnp.stack([x] * (self.width + SPARE)), case)
         outputs, signals = self.replay_block(program, cases, gains)
         outputs, signals = jax.tree.map(lambda x: np.asarray(x[0]), (outputs, signals))
         times = np.arange(program.intervals + 1) * float(program.interval)
         return Replay(outputs, times, signals)
 
-    def histories(self, program: Program, cases: PyTree, gains: PyTree = None) -> Signals:
-        """Signals (cases, times) of at most `width` cases."""
+    def histories(
+        self, program: Program, cases: PyTree, gains: PyTree = None, every: int = 1
+    ) -> Signals:
+        """Signals (cases, times) of at most `width` cases, at `program.instants(every)`."""
         cases = jax.tree.map(np.asarray, cases)
         count = len(jax.tree.leaves(cases)[0])
         if not 1 <= count <= self.width:
             raise ValueError(f"There must be 1 to {self.width} cases, but got {count}.")
-        signals = self.replay_block(program, jax.tree.map(self._padded, cases), gains)[1]
+        signals = self.replay_block(program, jax.tree.map(self._padded, cases), gains, every)[1]
         return jax.tree.map(lambda x: np.asarray(x[:count]), signals)
 
     def _in_blocks(self, run, program: Program, cases: PyTree, gains: PyTree):
@@ -111,9 +123,9 @@ class AbstractEngine(eqx.Module):
         for first in range(0, count, self.width):
             block = jax.tree.map(lambda x: x[first : first + self.width], cases)  # noqa: B023
             found = run(program, jax.tree.map(self._padded, block), gains)
-            blocks.append(jax.tree.map(np.asarray, found))
+            blocks.append(jax.tree.map(lambda x: np.asarray(x)[: self.width], found))
         return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *blocks)
 
     def _padded(self, block: np.ndarray) -> Array:
-        missing = self.width - len(block)
+        missing = self.width + SPARE - len(block)
         return jnp.asarray(np.concatenate([block, np.repeat(block[:1], missing, axis=0)]))

@@ -52,6 +52,10 @@ class Program(eqx.Module):
         if self.intervals < 1:
             raise ValueError(f"Argument `intervals` must be at least 1, but got {self.intervals}.")
 
+    def instants(self, every: int = 1) -> np.ndarray:
+        """Numbers of the intervals that begin at every so many intervals, and of the end."""
+        return np.unique(np.append(np.arange(0, self.intervals, every), self.intervals))
+
     @property
     def duration(self) -> Float[Array, ""]:
         """The time of the whole trajectory, s."""

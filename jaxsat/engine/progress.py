@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, require_positive
-from jaxsat.dynamics import PlantState
+from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.metrics import Tolerances, within
 from jaxsat.simulation import Outcome, Signals
 
@@ -149,8 +149,23 @@ def begun(state: PyTree, omega: Float[Array, "3"], possible, step: float | Array
     return Progress(state, integrals, zero, zero + jnp.inf, zero, code, zero + step, nothing)
 
 
+class Sight(NamedTuple):
+    """What of the signals is judged at an instant; see `Signals`."""
+
+    w: Float[Array, "2"]
+    z: Float[Array, ""]
+    relative_rate: Float[Array, "3"]
+    omega: Float[Array, "3"]
+
+    @staticmethod
+    def of(plant: RigidBody, state: PlantState) -> "Sight":
+        """What is judged of a plant in a state."""
+        wz = state.attitude.as_wz()
+        return Sight(wz.w, wz.z, plant.relative_rate(state), state.omega)
+
+
 def looked_at(
-    progress: Progress, t: Float[Array, ""], signals: Signals, tolerances: Tolerances
+    progress: Progress, t: Float[Array, ""], signals: Signals | Sight, tolerances: Tolerances
 ) -> Progress:
     """Settling and peak rate with one more instant taken into account."""
     good = within(signals.w[None], signals.z[None], signals.relative_rate[None], tolerances)[0]

@@ -9,15 +9,14 @@ from jaxsat.engine.progress import Integrals, RunningCost
 from jaxsat.simulation import (
     AbstractContinuousLoop,
     AbstractLoop,
-    ErrorCoordinateLoop,
+    Motion,
     SampledLoop,
 )
-from jaxsat.simulation.loops import Motion
 
 
 def plant_state(loop: AbstractLoop, state: PyTree) -> PlantState:
     """The plant's part of any loop's state."""
-    return loop.plant_state(state) if isinstance(loop, ErrorCoordinateLoop) else state.plant
+    return loop.plant_state(state) if isinstance(loop, AbstractContinuousLoop) else state.plant
 
 
 def augmented_rate(program: Program, loop: AbstractContinuousLoop):

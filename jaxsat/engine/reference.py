@@ -58,10 +58,12 @@ class ReferenceEngine(AbstractEngine):
         return _run(self, program, cases, gains)[0]
 
     def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree
+        self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
     ) -> tuple[Outputs, Signals]:
         """Outputs and history of one block, both from the program that runs blocks."""
-        return _run(self, program, cases, gains)
+        outputs, signals = _run(self, program, cases, gains)
+        instants = program.instants(every)
+        return outputs, jax.tree.map(lambda x: x[:, instants], signals)
 
     def block_gradient(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode

@@ -4,6 +4,7 @@ Runs of any length are pieces of one compiled loop with the number of intervals 
 replay that stops at every interval goes through the same machine code as the run did.
 """
 
+import itertools
 import math
 from typing import Any
 
@@ -21,7 +22,7 @@ from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
 from jaxsat.engine.rates import augmented_rate, held_rate, plant_state
-from jaxsat.engine.runge_kutta import explicit_step, tableau_of
+from jaxsat.engine.runge_kutta import dense_weights, explicit_step, tableau_of
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop, Signals
 from jaxsat.simulation.loops import SampledState
 from jaxsat.simulation.solve import all_within
@@ -41,6 +42,8 @@ class ScanEngine(AbstractEngine):
 
     def __check_init__(self):
         tableau_of(self.solver)
+        if self.tolerance is not None:
+            dense_weights(self.solver)
         for name in ("substeps", "lanes"):
             if getattr(self, name) < 1:
                 raise ValueError(
@@ -68,14 +71,14 @@ class ScanEngine(AbstractEngine):
         return _finish(self, program, cases, gains, progress)
 
     def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree
+        self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
     ) -> tuple[Outputs, Signals]:
-        """Outputs of one block, stopped at every interval to be observed."""
+        """Outputs of one block, stopped at some intervals to be observed."""
         progress = _begin(self, program, cases, gains)
-        history = []
-        for number in range(program.intervals):
+        history, instants = [], program.instants(every).tolist()
+        for number, following in itertools.pairwise(instants):
             history.append(_to_host(_observe(self, program, cases, gains, progress, number)))
-            progress = _advance(self, program, cases, gains, progress, number, 1)
+            progress = _advance(self, program, cases, gains, progress, number, following - number)
         last = _observe(self, program, cases, gains, progress, program.intervals)
         history.append(_to_host(last))
         signals = jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)

@@ -1,7 +1,7 @@
 """From a nominal closed loop to the dispersed copy that is one case of a study."""
 
 from collections.abc import Mapping
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -188,7 +188,7 @@ def with_numbers(tree: Tree, numbers: Mapping[str, Array]) -> Tree:
     return tree
 
 
-def number_at(tree: PyTree, name: str) -> Array:
+def number_at(tree: PyTree, name: str) -> Any:
     """The number at a dotted name inside a module."""
     for part in name.split("."):
         tree = getattr(tree, part)

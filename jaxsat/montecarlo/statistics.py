@@ -1,5 +1,6 @@
 """What a sample of cases says: intervals, percentiles, and which dispersion matters."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -58,32 +59,49 @@ class StopRule:
 def percentile(
     values: np.ndarray, percent: float, *, resamples: int = 500, seed: int = 0, level: float = LEVEL
 ) -> Interval:
-    """A percentile with its bootstrap percentile interval; values may be infinite, not NaN."""
+    """A percentile with its bootstrap percentile interval; values may be infinite, not NaN.
+
+    The resamples are not drawn. The order statistics that a resample's percentile lies between
+    are those of as many uniform draws, whose joint distribution is known, so that a resample of
+    any size costs two numbers.
+    """
     values = np.sort(np.asarray(values, dtype=float))
     if not len(values) or np.isnan(values).any():
         raise ValueError("Argument `values` must hold at least one value and no NaN.")
+    count = len(values)
+    below, share = _place(count, percent)
     generator = np.random.default_rng(seed)
-    found = np.empty(resamples)
-    for i in range(resamples):
-        sample = np.sort(generator.integers(0, len(values), len(values)))
-        found[i] = _of_sorted(values[sample], percent)
+    first = generator.beta(below + 1, count - below, resamples)
+    above = max(1, count - below - 1)  # uniform draws beyond the first, the least of which is next
+    second = 1 - (1 - first) * generator.random(resamples) ** (1 / above)
+    places = [np.minimum((u * count).astype(int), count - 1) for u in (first, second)]
+    found = np.sort(_between(values[places[0]], values[places[1]], share))
     tails = 100 * (1 - level) / 2
-    found.sort()
     low, high = (_of_sorted(found, tail) for tail in (tails, 100 - tails))
     return Interval(_of_sorted(values, percent), low, high)
 
 
-def _of_sorted(values: np.ndarray, percent: float) -> float:
-    """Linear interpolation between order statistics that leaves infinities what they are."""
-    place = percent / 100 * (len(values) - 1)
+def _place(count: int, percent: float) -> tuple[int, float]:
+    """The order statistic below a percentile, from 0 on, and how far above it the percentile is."""
+    place = percent / 100 * (count - 1)
     below = int(np.floor(place))
-    share = place - below
+    return below, place - below
+
+
+def _of_sorted(values: np.ndarray, percent: float) -> float:
+    """Linear interpolation between order statistics."""
+    below, share = _place(len(values), percent)
+    above = min(below + 1, len(values) - 1)
+    return float(_between(values[below], values[above], share))
+
+
+def _between(low, high, share: float):
+    """Linear interpolation that leaves infinities what they are."""
     if share == 0:
-        return float(values[below])
-    low, high = values[below], values[below + 1]
-    if not np.isfinite(high):
-        return float(high if share > 0 else low)
-    return float(low + share * (high - low))
+        return low
+    with np.errstate(invalid="ignore"):
+        inside = low + share * (high - low)
+    return np.where(np.isfinite(high), inside, high)
 
 
 class Sensitivity(NamedTuple):
@@ -113,6 +131,11 @@ def sensitivity(drawn: dict[str, np.ndarray], result: np.ndarray) -> list[Sensit
             found.append(
                 Sensitivity(label, _spearman(column, result), first_order_index(column, result))
             )
+    return ranked(found)
+
+
+def ranked(found: Iterable[Sensitivity]) -> list[Sensitivity]:
+    """The largest first-order index first, those that are not known last."""
     return sorted(found, key=lambda entry: -np.nan_to_num(entry.first_order, nan=-1.0))
 
 

@@ -7,7 +7,14 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.montecarlo.ensemble import DRAWN
-from jaxsat.montecarlo.statistics import Interval, Sensitivity, percentile, sensitivity, wilson
+from jaxsat.montecarlo.statistics import (
+    Interval,
+    Sensitivity,
+    percentile,
+    ranked,
+    sensitivity,
+    wilson,
+)
 from jaxsat.results.store import DONE
 from jaxsat.simulation import Outcome
 
@@ -38,17 +45,25 @@ def summarise(
     dataset: xr.Dataset | Mapping[str, np.ndarray], count: int | None = None, worst: int = 10
 ) -> Summary:
     """The summary of the done cases among the first `count` (all unless given)."""
-    names = [str(name) for name in dataset if name != "status"]
-    columns = {name: np.asarray(dataset[name])[:count] for name in names}
-    numbers = np.arange(len(columns["code"]))
+    done = np.ones(len(dataset["code"]), bool)[:count]
     if "status" in dataset:
         done = np.asarray(dataset["status"])[:count] == DONE
-        numbers, columns = numbers[done], {name: x[done] for name, x in columns.items()}
-    if not len(numbers):
+    if not done.any():
         raise ValueError("A summary must have at least one case that is done, but got none.")
+
+    def column(name: str) -> np.ndarray:
+        return np.asarray(dataset[name])[:count][done]
+
+    numbers = np.flatnonzero(done)
+    columns = {name: column(name) for name in ("code", "settling_time", "effort", "cost")}
     settled = np.isfinite(columns["settling_time"])
     success = columns["code"] == int(Outcome.SUCCESS)
-    drawn = {n.removeprefix(DRAWN): x for n, x in columns.items() if n.startswith(DRAWN)}
+    names = [str(name) for name in dataset if str(name).startswith(DRAWN)]
+    rankings: tuple[list[Sensitivity], list[Sensitivity]] = ([], [])
+    for name in names:  # one at a time, which keeps memory small
+        drawn = {name.removeprefix(DRAWN): column(name)}
+        for ranking, result in zip(rankings, (columns["cost"], settled), strict=True):
+            ranking += sensitivity(drawn, result.astype(float))
     return Summary(
         cases=len(numbers),
         settled=wilson(int(settled.sum()), len(numbers)),
@@ -56,8 +71,8 @@ def summarise(
         effort=_percentiles(columns["effort"][success]),
         outcomes=_outcomes(columns["code"], settled),
         worst=numbers[_badness(columns)[:worst]].tolist(),
-        cost_sensitivity=sensitivity(drawn, columns["cost"]),
-        settling_sensitivity=sensitivity(drawn, settled.astype(float)),
+        cost_sensitivity=ranked(rankings[0]),
+        settling_sensitivity=ranked(rankings[1]),
     )
 
 

@@ -1,21 +1,34 @@
 """Figures of a Monte-Carlo study: its columns or histories in, a matplotlib `Figure` out."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
 from jaxsat.report.style import LINES, panels
+from jaxsat.simulation import Signals
 
 BANDS = ((1.0, 99.0), (10.0, 90.0), (25.0, 75.0))
 """Percentiles between which the shades of a fan chart lie."""
 
+SHADES = ("#dbeefa", "#a9d6f3", "#6fbbe8")
+"""Of the bands from the widest to the narrowest."""
 
-def fan_chart(
-    times: np.ndarray, values: np.ndarray, labels: tuple[str, ...], unit: str, title: str
-) -> Figure:
-    """Median and percentile bands over time, a panel for each component.
+RARE = 3.0
+"""How many times as much as the second band the widest may span before it is cut."""
+
+SYMBOLS = {"omega": "ω", "inertia": "ΔJ/J ", "rate_error": "η", "constant_torque": "T"}
+"""How components of some dispersed quantities are called on an axis."""
+
+SETTLED_VIEW = 30
+"""Cases from which on the interval of the estimate sets the range that is shown."""
+
+
+def fan_chart(times: np.ndarray, values: np.ndarray, labels: Sequence[str], title: str) -> Figure:
+    """Median and percentile bands over time (s), a panel for each component.
 
     `values` has shape (cases, times, components); NaN, after the end of a failed case, is left out.
     """
@@ -23,15 +36,42 @@ def fan_chart(
     for panel, label, component in zip(axes, labels, np.moveaxis(values, 2, 0), strict=True):
         alive = np.isfinite(component).any(axis=0)
         t, alive_values = times[alive], component[:, alive]
-        for low, high in BANDS:
+        for (low, high), shade in zip(BANDS, SHADES, strict=True):
             bounds = np.nanpercentile(alive_values, (low, high), axis=0)
-            panel.fill_between(t, *bounds, color="#56B4E9", alpha=0.25, linewidth=0)
+            panel.fill_between(t, *bounds, color=shade, linewidth=0)
         panel.plot(t, np.nanmedian(alive_values, axis=0), **LINES[0])
-        panel.set_ylabel(f"{label} ({unit})")
+        panel.set_ylabel(label)
+        panel.margins(x=0)
+        _cut_rare(panel, alive_values)
     axes[-1].set_xlabel("time (s)")
     bands = ", ".join(f"{low:g}-{high:g} %" for low, high in BANDS)
     axes[0].set_title(f"median of {len(values)} cases; shaded {bands}", fontsize=8, loc="left")
+    figure.align_ylabels(axes)
     return figure
+
+
+def _cut_rare(panel: Axes, values: np.ndarray) -> None:
+    """Leave the widest band's peaks out where they would hide the rest: w is large upside down."""
+    (least, low), (high, most) = (
+        np.nanpercentile(values, band, axis=0).reshape(2, -1)
+        for band in ((BANDS[0][0], BANDS[1][0]), (BANDS[1][1], BANDS[0][1]))
+    )
+    bottom, top = low.min(), high.max()
+    span = top - bottom
+    if most.max() - least.min() > RARE * span:
+        panel.set_ylim(bottom - span / 2, top + span / 2)
+        panel.set_title("rare peaks are cut off", fontsize=8, loc="right")
+
+
+def fan_figures(times: np.ndarray, signals: Signals, title: str) -> dict[str, Figure]:
+    """Fan charts of attitude and rates from signals (cases, times)."""
+    attitude = np.concatenate([signals.w, np.asarray(signals.z)[:, :, None]], axis=2)
+    rates = np.asarray(signals.omega)
+    names = ("ω1 (rad/s)", "ω2 (rad/s)", "ω3 (rad/s)")
+    return {
+        "attitude-fan": fan_chart(times, attitude, ("w1", "w2", "z (rad)"), f"{title}: attitude"),
+        "rates-fan": fan_chart(times, rates, names, f"{title}: rates"),
+    }
 
 
 def settling_distribution(settling_time: np.ndarray, title: str) -> Figure:
@@ -41,16 +81,36 @@ def settling_distribution(settling_time: np.ndarray, title: str) -> Figure:
     if len(settled):
         bins = np.histogram_bin_edges(settled, "auto" if len(settled) < 5000 else 60).tolist()
         counts.hist(settled, bins=bins, color="#56B4E9", edgecolor="#ffffff", linewidth=0.4)
-        steps = np.concatenate([[0.0], np.sort(settled)])
-        share = np.arange(len(steps)) / len(settling_time)
-        fraction.step(steps, share, where="post", **LINES[0])
+        steps = np.concatenate([[0.0], np.sort(settled), [1.05 * settled.max()]])
+        number = np.append(np.arange(len(settled) + 1), len(settled))
+        fraction.step(steps, number / len(settling_time), where="post", **LINES[0])
+        for panel in (counts, fraction):
+            panel.set_xlim(0, steps[-1] or 1.0)
+    counts.tick_params(labelbottom=False)
     counts.set_ylabel("cases")
     fraction.set_ylabel("fraction settled")
-    fraction.set_ylim(0, 1)
+    fraction.set_ylim(0, 1.02)
     fraction.set_xlabel("settling time (s)")
     never = len(settling_time) - len(settled)
     counts.set_title(f"{len(settled)} settled, {never} not", fontsize=8, loc="left")
     return figure
+
+
+class DrawnNumber(NamedTuple):
+    """A dispersed number of every case, its unit and what it means."""
+
+    values: np.ndarray
+    unit: str
+    meaning: str
+
+
+def axis_label(name: str, number: DrawnNumber) -> str:
+    """What an axis of it says: name, unit, and in a second line what it means."""
+    unit = "" if number.unit == "1" else f" ({number.unit})"
+    base, _, component = name.removesuffix("]").partition("[")
+    symbol = SYMBOLS.get(base)
+    short = f"{symbol}{component}" if symbol and component else name.replace("_", " ")
+    return f"{short}{unit}\n{number.meaning}"
 
 
 def success_map(
@@ -67,6 +127,12 @@ def success_map(
     panel.grid(False)
     panel.set_xlabel(labels[0])
     panel.set_ylabel(labels[1])
+    each = len(x) / cells**2
+    panel.set_title(
+        f"{len(x)} cases, {each:.0f} a cell on average; white where none",
+        fontsize=8,
+        loc="left",
+    )
     return figure
 
 
@@ -78,30 +144,38 @@ def convergence(settled: np.ndarray, title: str, level: float = 0.95) -> Figure:
     weight = stats.norm.ppf((1 + level) / 2) ** 2 / count
     centre = (fraction + weight / 2) / (1 + weight)
     half = np.sqrt(weight * (fraction * (1 - fraction) + weight / 4)) / (1 + weight)
-    panel.fill_between(count, centre - half, centre + half, color="#56B4E9", alpha=0.3)
+    low, high = centre - half, centre + half
+    panel.fill_between(count, low, high, color=SHADES[1], linewidth=0)
     panel.plot(count, fraction, **LINES[0])
     panel.set_xscale("log")
-    panel.set_ylim(-0.02, 1.02)
+    panel.set_xlim(1, max(2, len(settled)))
+    seen = count >= min(SETTLED_VIEW, len(settled) / 2)
+    room = 0.05 * (high[seen].max() - low[seen].min())
+    panel.set_ylim(max(-0.02, low[seen].min() - room), min(1.02, high[seen].max() + room))
     panel.set_xlabel("cases")
     panel.set_ylabel("fraction settled")
-    panel.set_title(f"with its {level:.0%} Wilson interval", fontsize=8, loc="left")
+    found = f"{fraction[-1]:.4g} ({low[-1]:.4g} to {high[-1]:.4g})"
+    panel.set_title(
+        f"{found} after {len(settled)} cases; shaded the {level:.0%} Wilson interval",
+        fontsize=8,
+        loc="left",
+    )
     return figure
 
 
 def study_figures(
-    columns: Mapping[str, np.ndarray],
-    drawn: Mapping[str, np.ndarray],
-    axes: tuple[str, str] | None,
-    title: str,
+    columns: Mapping[str, np.ndarray], drawn: Mapping[str, DrawnNumber], title: str
 ) -> dict[str, Figure]:
-    """The figures of a study's columns; `axes` are two of the names in `drawn` for the map."""
+    """The figures of a study's columns; with two numbers in `drawn`, also a map over these."""
     settling_time = np.asarray(columns["settling_time"])
     settled = np.isfinite(settling_time)
     figures = {
         "settling": settling_distribution(settling_time, f"{title}: settling time"),
         "convergence": convergence(settled, f"{title}: estimate"),
     }
-    if axes is not None:
-        x, y = (np.asarray(drawn[name]) for name in axes)
-        figures["success"] = success_map(x, y, settled, axes, f"{title}: where it settles")
+    if len(drawn) == 2:
+        x, y = (np.asarray(number.values) for number in drawn.values())
+        first, second = (axis_label(name, number) for name, number in drawn.items())
+        where = f"{title}: where it settles"
+        figures["success"] = success_map(x, y, settled, (first, second), where)
     return figures

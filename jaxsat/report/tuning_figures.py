@@ -1,7 +1,6 @@
 """Figures of a tuning run: its history or the verdict's columns in, a matplotlib `Figure` out."""
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -48,23 +47,18 @@ def gains_figure(history: xr.Dataset, title: str) -> Figure:
     """Every gain on its way, all starts, and that of the best iterate so far."""
     labels = [str(label) for label in history["parameter"].values]
     figure, axes = panels(len(labels), title, height=1.7)
-    logarithmic = _logarithmic(history, len(labels))
-    for panel, label, log in zip(axes, labels, logarithmic, strict=True):
+    scales = np.atleast_1d(history.attrs["parameter_scales"])
+    units = np.atleast_1d(history.attrs["parameter_units"])
+    for panel, label, scale, unit in zip(axes, labels, scales, units, strict=True):
         one = history.sel(parameter=label)
         for start in history["start"].values:
             panel.plot(history["step"], one["gain"].sel(start=start), **FAINT)
         panel.plot(history["validation"], one["best_gain"], **LINES[0], drawstyle="steps-post")
-        panel.set_yscale("log" if log else "linear")
-        panel.set_ylabel(label)
+        panel.set_yscale("log" if scale == "log" else "linear")
+        panel.set_ylabel(f"{label} ({unit})")
     axes[0].set_title("grey: every start; black: best so far", fontsize=8, loc="left")
     axes[-1].set_xlabel("step")
     return figure
-
-
-def _logarithmic(history: xr.Dataset, count: int) -> Sequence[bool]:
-    bounds = json.loads(history.attrs["bounds"])
-    scales = [scale == "log" for _, _, scale in bounds]
-    return scales if len(scales) == count else [True] * count  # entries of arrays share a scale
 
 
 def before_after_figure(
@@ -95,15 +89,8 @@ def baselines_figure(traces: Mapping[str, np.ndarray], title: str) -> Figure:
     """Validation loss of the best point so far over trajectories spent, a line each method."""
     figure, (panel,) = panels(1, title, height=3.6)
     for (name, trace), look in zip(traces.items(), METHODS, strict=False):
-        panel.step(
-            trace[:, 0],
-            trace[:, 1],
-            where="post",
-            markersize=3.5,
-            linewidth=1.2,
-            label=name,
-            **look,
-        )
+        look = {"drawstyle": "steps-post", "markersize": 3.5, "linewidth": 1.2, **look}
+        panel.plot(trace[:, 0], trace[:, 1], label=name, **look)
     panel.set_xscale("symlog", linthresh=100)
     panel.set_yscale("log")
     panel.set_xlabel("trajectories computed (whole horizons; a gradient of n gains counts n + 1)")

@@ -2,7 +2,6 @@
 
 import contextlib
 import ctypes
-import errno
 import json
 import os
 import shutil
@@ -11,31 +10,11 @@ import tempfile
 from pathlib import Path
 from types import TracebackType
 
+from jaxsat.results.errors import OutputError, system_failure
+from jaxsat.results.locking import FolderLock, lock_folder, remove_stale
+
 MARKER = ".jaxsat.json"
 """File by which jaxsat knows a folder as its own; it lists everything that jaxsat wrote there."""
-
-
-FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
-"""System errors of a disk that is full or broken, which no other command would have avoided."""
-
-
-class OutputError(Exception):
-    """A place that cannot be written; the message says why and what to do.
-
-    `failure` is true where the disk failed, or another process is in the way, and false where
-    something else should have been asked for.
-    """
-
-    failure: bool
-
-    def __init__(self, message: str, *, failure: bool = False):
-        super().__init__(message)
-        self.failure = failure
-
-
-def system_failure(message: str, error: OSError) -> OutputError:
-    """The system's error in our words; a failure if it is one of the disk."""
-    return OutputError(message, failure=error.errno in FAILURES)
 
 
 class OutputFolder:
@@ -50,6 +29,7 @@ class OutputFolder:
     target: Path
     overwrite: bool
     path: Path
+    _lock: FolderLock
 
     def __init__(self, target: str | Path, *, overwrite: bool = False):
         self.target = Path(os.path.realpath(target))
@@ -78,6 +58,7 @@ class OutputFolder:
                 _explain(self.target, self._finish)
         finally:
             shutil.rmtree(self.path, ignore_errors=True)
+            self._lock.close()
             self._remove_new_parents()
         if isinstance(error, OSError):
             raise system_failure(_reason(self.target, error), error) from error
@@ -108,7 +89,9 @@ class OutputFolder:
             raise OutputError(f"{parent} is a file; give another folder with --out.")
         self.target.parent.mkdir(parents=True, exist_ok=True)
         prefix = f".{self.target.name}.partial-"
+        remove_stale(self.target.parent, prefix)
         self.path = Path(tempfile.mkdtemp(prefix=prefix, dir=self.target.parent))
+        self._lock = lock_folder(self.path)
         usual = 0o777 & ~_umask()
         self.path.chmod(usual)  # mkdtemp keeps others out, which a result need not
 

@@ -1,10 +1,17 @@
 """One writer a folder: a lock that ends with the process that holds it, however it ends."""
 
+import contextlib
+import glob
 import os
+import shutil
 import sys
+import time
 from pathlib import Path
 
-from jaxsat.results.folder import OutputError
+from jaxsat.results.errors import OutputError
+
+LOCKED_BY = 10.0
+"""Seconds. A folder of this age that nobody holds a lock on has nobody who writes to it."""
 
 
 class FolderLock:
@@ -33,6 +40,21 @@ def lock_folder(path: Path) -> FolderLock:
         message = f"{path} is being written to by another process."
         raise OutputError(message, failure=True) from error
     return FolderLock(handle)
+
+
+def remove_stale(parent: Path, prefix: str) -> None:
+    """Remove the folders of that prefix whose writers, which hold locks on them, have died.
+
+    A folder too young to be locked yet is left alone, and so is all where there are no locks.
+    """
+    if sys.platform == "win32":
+        return
+    for folder in parent.glob(f"{glob.escape(prefix)}*"):
+        with contextlib.suppress(OutputError, OSError):
+            if time.time() - folder.stat().st_mtime > LOCKED_BY and folder.is_dir():
+                lock = lock_folder(folder)
+                shutil.rmtree(folder, ignore_errors=True)
+                lock.close()
 
 
 if sys.platform == "win32":

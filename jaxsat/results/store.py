@@ -5,6 +5,8 @@ broken-off study goes on. Files are replaced whole, so killing a run loses at mo
 it was working on.
 """
 
+import contextlib
+import errno
 import json
 import os
 import shutil
@@ -17,8 +19,8 @@ import numpy as np
 import xarray as xr
 import zarr
 
-from jaxsat.results.folder import OutputError, system_failure
-from jaxsat.results.locking import lock_folder
+from jaxsat.results.errors import OutputError, system_failure
+from jaxsat.results.locking import lock_folder, remove_stale
 from jaxsat.results.provenance import machine, provenance
 
 FORMAT = 1
@@ -60,17 +62,15 @@ class StudyStore:
         self._remark = remark
         self._identity = json.loads(json.dumps(identity))
         self._columns = dict(columns)
-        if os.path.lexists(self.path) and not self._is_empty():
-            self._lock = lock_folder(self.path)
-            try:
-                self._continue(count, elsewhere)
-            except BaseException:
-                self._lock.close()
-                raise
-        else:
+        self._arrays: dict[str, zarr.Array] = {}
+        if not os.path.lexists(self.path) or self._is_empty():
             self._make(count, chunk)
-            self._lock = lock_folder(self.path)
-            self._open()
+        self._lock = lock_folder(self.path)
+        try:
+            self._continue(count, elsewhere)
+        except BaseException:
+            self._lock.close()
+            raise
 
     def __enter__(self) -> "StudyStore":
         """The store itself."""
@@ -118,13 +118,23 @@ class StudyStore:
         try:
             for name, column in self._columns.items():
                 self._array(name)[place] = np.asarray(values[name], column.dtype)
+            for name in self._columns:
+                self._keep(name, chunk)  # on the disk before the ledger says so
             self._array("status")[place] = np.full(len(numbers), DONE, np.uint8)
+            self._keep("status", chunk)
         except OSError as error:
             raise OutputError(
                 f"{self.path} cannot be written: {error.strerror or error}. What is in it is good; "
                 "make room and run the same study again to go on.",
                 failure=True,
             ) from error
+
+    def _keep(self, name: str, chunk: int) -> None:
+        """Have the system write a chunk's file to the disk, if it has one: all NaN is no file."""
+        array = self._array(name)
+        key = array.metadata.encode_chunk_key((chunk, *(0 for _ in array.shape[1:])))
+        with contextlib.suppress(FileNotFoundError), (self.path / name / key).open("rb") as file:
+            os.fsync(file.fileno())
 
     def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
         """Some columns of a chunk, as stored."""
@@ -133,7 +143,9 @@ class StudyStore:
         return {name: np.asarray(self._array(name)[place]) for name in names}
 
     def _array(self, name: str) -> zarr.Array:
-        return cast(zarr.Array, self._group[name])
+        if name not in self._arrays:
+            self._arrays[name] = cast(zarr.Array, self._group[name])
+        return self._arrays[name]
 
     def _is_empty(self) -> bool:
         return self.path.is_dir() and not any(self.path.iterdir())
@@ -145,16 +157,27 @@ class StudyStore:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             prefix = f".{self.path.name}.partial-"
+            remove_stale(self.path.parent, prefix)
             made = Path(tempfile.mkdtemp(prefix=prefix, dir=self.path.parent))
+            lock = lock_folder(made)
             try:
                 _make_arrays(made, self._columns, count, chunk, self._identity, self._remark)
                 made.chmod(0o755)
-                made.rename(self.path)
+                self._put_in_place(made)
             finally:
                 shutil.rmtree(made, ignore_errors=True)
+                lock.close()
         except OSError as error:
             message = f"{self.path} cannot be made: {error.strerror or error}."
             raise system_failure(message, error) from error
+
+    def _put_in_place(self, made: Path) -> None:
+        """Give a new store its name, unless another process was faster: its store is continued."""
+        try:
+            made.rename(self.path)
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
 
     def _open(self) -> None:
         try:

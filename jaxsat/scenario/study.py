@@ -37,10 +37,14 @@ from jaxsat.montecarlo import (
 from jaxsat.scenario.build import SOLVERS, Run, build
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import SolverTable
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 
-TOLERANCE = 1e-9
+TOLERANCE = 2e-8
 """Of the scan engine's adaptive steps, relative and absolute, where a scenario names none."""
+
+ADAPTIVE_SOLVERS = ("tsit5", "dopri5")
+"""Those with a dense output of their own, on which switches are located."""
 
 EngineName = Literal["auto", "native", "scan", "diffrax"]
 SMOOTH_STEP = 0.01
@@ -67,12 +71,13 @@ def build_study(
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
-    `engine` "native" and "scan" take fixed steps for sampled and smooth loops and adaptive ones for
-    laws with corners, "native" as machine code made for the program; "diffrax" takes the method of
-    a single run. "auto" is "native" on a processor; where that cannot be, the study's `remark` says
-    why, and it is "scan" for sampled and smooth loops and "diffrax" for others. Raises `ValueError`
-    where the scenario disperses nothing or something that its loop does not have, and for "native"
-    where that cannot be.
+    `engine` "native" and "scan" take fixed steps for sampled and smooth loops and adaptive ones,
+    ended by the law's switches, for laws with corners, "native" as machine code made for the
+    program; "diffrax" takes the method of a single run. "auto" is "native" on a processor; where
+    that cannot be, the study's `remark` says why, and it is "scan", or "diffrax" if the scenario
+    names a solver that the adaptive steps cannot take. Raises `ValueError` where the scenario
+    disperses nothing or something that its loop does not have, and for "native" where that cannot
+    be.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
@@ -130,12 +135,12 @@ def _engine(
     """The engine, and why it is not the native one if that was wanted."""
     loop, solver = run.loop, scenario.simulation.solver
     smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
-    suits = isinstance(loop, SampledLoop) or smooth or solver.step_s is not None
-    adaptive = not suits or (solver.steps == "adaptive" and not isinstance(loop, SampledLoop))
-    tolerance = None
-    if adaptive:
-        rtol, atol = (as_float(bound or TOLERANCE) for bound in (solver.rtol, solver.atol))
-        tolerance = Tolerance(rtol, atol)
+    fixed = smooth or solver.step_s is not None
+    adaptive = not isinstance(loop, SampledLoop) and (solver.steps == "adaptive" or not fixed)
+    suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)
+    if name == "diffrax" or (name == "auto" and not suits):
+        return ReferenceEngine(method=run.method, width=width), None
+    tolerance = _tolerance(solver) if adaptive else None
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
     kind = SOLVERS[solver.name or "tsit5"]()
     remark = None
@@ -146,12 +151,21 @@ def _engine(
         if name == "native":
             raise ValueError(f"The native engine cannot run this: {obstacle}")
         remark = f"not the native engine: {obstacle}"
-    if name == "diffrax" or (name != "scan" and not suits):
-        return ReferenceEngine(method=run.method, width=width), remark
     engine = ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
         solver=kind, substeps=substeps, lanes=width, tolerance=tolerance
     )
     return engine, remark
+
+
+def _tolerance(solver: SolverTable) -> Tolerance:
+    """The scenario's own numbers, and what they are in studies where it names none."""
+    given = {
+        "rtol": solver.rtol or TOLERANCE,
+        "atol": solver.atol or TOLERANCE,
+        "min_step": solver.min_step_s,
+        "max_steps": solver.max_steps,
+    }
+    return Tolerance(**{name: value for name, value in given.items() if value is not None})
 
 
 def _native(

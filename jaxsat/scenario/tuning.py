@@ -1,22 +1,30 @@
 """From a scenario with a `[tuning]` table to a tuning plan, and back to a scenario."""
 
+import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any, cast
 
 import equinox as eqx
 import numpy as np
 
-from jaxsat.engine import Program, RunningCost, Unsettled
+from jaxsat.checks import as_float
+from jaxsat.engine import Program, RunningCost, ScanEngine, Unsettled
+from jaxsat.engine.native import CannotLower, NativeEngine
+from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.changes import controller_of
-from jaxsat.scenario.build import build_loop
+from jaxsat.scenario.build import DEFAULT_SUBSTEPS, build_loop
+from jaxsat.scenario.build_plant import orbit_rate
 from jaxsat.scenario.control_tables import SAMPLED_LAWS
 from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.quantities import Table
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.study import EngineName, build_study
 from jaxsat.scenario.tuning_tables import TUNABLE, CostTable, ParametersTable, TuningTable
 from jaxsat.tuning import (
     AbstractAggregate,
+    Counter,
     Descent,
     Mean,
     Objective,
@@ -35,13 +43,19 @@ FINER = 10.0
 """Tolerances of the refined run are this many times smaller; fixed steps are halved."""
 
 
+STEPS_A_SECOND = 6
+"""Adaptive steps that a run may take, on average, where the scenario says nothing: gains that make
+the loop stiff would hold up all others."""
+
+
 def build_plan(
     scenario: Scenario, *, engine: EngineName = "auto", width: int = 64, workers: int = 1
 ) -> TuningPlan:
     """The tuning run that a scenario describes.
 
-    `engine` and `width` are those of a study. Raises `ValueError` where the scenario has no
-    `[tuning]` table, or disperses what its loop does not have.
+    `engine` and `width` are those of a study; where "auto" does not come to the native engine the
+    plan's `remark` says why. Raises `ValueError` where the scenario has no `[tuning]` table or
+    disperses what its loop does not have, and for "native" where that cannot be.
     """
     table = scenario.tuning
     if table is None:
@@ -57,26 +71,40 @@ def build_plan(
     bounded, unbounded = _cost(table.cost), _plain_cost(table.cost)
 
     def trials(chosen: Scenario, cost: RunningCost, number: int) -> Trials:
-        study = build_study(chosen, 1, seed=number, engine=_engine(engine), width=width)
-        program = _with_cost(study.program, cost)
-        return Trials(program, study.design, study.engine, space, workers, table.gradient)
+        study = build_study(
+            chosen, 1, seed=number, engine=engine if engine == "diffrax" else "scan", width=width
+        )
+        program = _with_cost(study.program, cost, _tolerances(scenario))
+        return Trials(
+            program,
+            study.design,
+            study.engine,
+            space,
+            workers,
+            table.gradient,
+            table.half_width,
+        )
 
-    made = trials(scenario, bounded, seed)
-    interval = float(made.program.interval)
+    runs = {
+        "smooth": trials(smooth, bounded, seed),
+        "exact": trials(scenario, bounded, seed),
+        "refined": trials(_refined(smooth), bounded, seed),
+        "held_out": trials(scenario, unbounded, unseen),
+        "trained_on": trials(scenario, unbounded, seed),
+    }
+    runs, remark = _compiled(runs, start, engine)
+    made = runs["exact"]
     return TuningPlan(
         space,
         start,
-        smooth=trials(smooth, bounded, seed),
-        exact=made,
-        refined=trials(_refined(smooth), bounded, seed),
-        held_out=trials(scenario, unbounded, unseen),
-        trained_on=trials(scenario, unbounded, seed),
-        settings=_settings(table, seed, interval),
+        **runs,
+        settings=_settings(table, seed, float(made.program.interval)),
         widths=widths,
         description={
             "scenario": scenario.model_dump(mode="json", exclude={"title", "description"}),
             "engine": made.engine.identity(),
         },
+        remark=remark,
     )
 
 
@@ -92,9 +120,31 @@ def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> S
     return _with_control(scenario, numbers)
 
 
-def _engine(name: EngineName) -> EngineName:
-    """The scan engine also for laws with corners: a batch goes at each case's own pace there."""
-    return "scan" if name == "auto" else name
+def _compiled(
+    runs: dict[str, Trials], start: np.ndarray, name: EngineName
+) -> tuple[dict[str, Trials], str | None]:
+    """The same with the native engine where that is wanted and can be; else why it cannot."""
+    if name in ("scan", "diffrax"):
+        return runs, None
+    try:
+        found = {key: _native(trials) for key, trials in runs.items()}
+        for key in ("smooth", "exact"):  # one interval of one case makes the machine code
+            probe = dataclasses.replace(found[key], counter=Counter())
+            point = probe.space.to_search(start[None])
+            probe.evaluate(point, np.arange(1), intervals=1)
+            probe.differentiate(point, np.arange(1), intervals=1)
+    except (CannotLower, RuntimeError, ValueError) as error:
+        if name == "native":
+            raise ValueError(f"The native engine cannot run this: {error}") from error
+        return runs, f"not the native engine: {error}"
+    return found, None
+
+
+def _native(trials: Trials) -> Trials:
+    scan = cast(ScanEngine, trials.engine)
+    method = (scan.solver, scan.substeps, scan.tolerance)
+    engine = NativeEngine(*method, workers=trials.workers, width=scan.width)
+    return dataclasses.replace(trials, engine=engine, workers=1)  # threads of its own
 
 
 def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
@@ -104,8 +154,12 @@ def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
         return scenario
     error = uses_error_coordinates(flattened(scenario))
     if solver.step_s is None and solver.steps != "fixed":
-        both = {"rtol": solver.rtol or table.tolerance, "atol": solver.atol or table.tolerance}
-        solver = solver.model_copy(update={"steps": "adaptive", **both})
+        given = {
+            "rtol": solver.rtol or table.tolerance,
+            "atol": solver.atol or table.tolerance,
+            "max_steps": solver.max_steps or math.ceil(STEPS_A_SECOND * simulation.duration_s),
+        }
+        solver = solver.model_copy(update={"steps": "adaptive", **given})
     changes = {"coordinates": "error" if error else "torque", "solver": solver}
     return scenario.model_copy(update={"simulation": simulation.model_copy(update=changes)})
 
@@ -114,8 +168,6 @@ def _refined(scenario: Scenario) -> Scenario:
     """The scenario in finer steps."""
     solver = scenario.simulation.solver
     if scenario.control.law in SAMPLED_LAWS:
-        from jaxsat.scenario.build import DEFAULT_SUBSTEPS
-
         changes: dict[str, Any] = {"substeps": 2 * (solver.substeps or DEFAULT_SUBSTEPS)}
     elif solver.step_s is not None:
         changes = {"step_s": solver.step_s / 2}
@@ -149,6 +201,11 @@ def _search(scenario: Scenario, table: ParametersTable) -> tuple[SearchSpace, np
     return SearchSpace(tuple(parameters)), np.concatenate(values)
 
 
+def _unit(table: type[Table], key: str) -> str:
+    extra = table.model_fields[key].json_schema_extra
+    return str(extra.get("unit", "1")) if isinstance(extra, dict) else "1"
+
+
 def _cost(table: CostTable) -> RunningCost:
     weights = table.model_dump()
     return RunningCost(**weights, unsettled=Unsettled())
@@ -159,12 +216,22 @@ def _plain_cost(table: CostTable) -> RunningCost:
     return eqx.tree_at(
         lambda cost: (cost.settling, cost.limit),
         _cost(table),
-        (np.asarray(0.0), np.asarray(np.inf)),
+        (as_float(0.0), as_float(np.inf)),
     )
 
 
-def _with_cost(program: Program, cost: RunningCost) -> Program:
-    rest = (program.tolerances, cost, program.state_limit)
+def _tolerances(scenario: Scenario) -> Tolerances:
+    """When a case counts as settled: under the rate law, which has no attitude to go to, by its
+    rate alone, which at rest is that of the orbit."""
+    usual = Tolerances()
+    if scenario.control.law != "rate":
+        return usual
+    return Tolerances(np.inf, np.inf, usual.relative_rate + orbit_rate(scenario))
+
+
+def _with_cost(program: Program, cost: RunningCost, tolerances: Tolerances) -> Program:
+    cost = eqx.tree_at(lambda cost: cost.unsettled, cost, Unsettled(tolerances))
+    rest = (tolerances, cost, program.state_limit)
     return Program(program.copies, program.interval, program.intervals, *rest)
 
 

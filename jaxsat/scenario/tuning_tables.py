@@ -148,7 +148,12 @@ class TuningTable(Table):
     case_bound: Positive = quantity(
         "A case's derivative counts for at most this many times the median length", "1", 10.0
     )
-    gradient: Literal["forward", "reverse"] = choice("Mode of differentiation", "forward")
+    gradient: Literal["forward", "reverse", "differences"] = choice(
+        'Mode of automatic differentiation, or central differences ("differences") for laws that '
+        "switch where it is blind",
+        "forward",
+    )
+    half_width: Positive = quantity("Half width of those differences, along the search", "1", 0.02)
     steps: Count = quantity("Steps of the descent", "1", 60)
     cases: Count = quantity("Cases of a step", "1", 32)
     fresh_cases: Switch = choice("Whether every step takes new cases", True)

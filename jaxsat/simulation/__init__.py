@@ -1,10 +1,11 @@
 """Closed loops and how they are integrated."""
 
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
 from jaxsat.simulation.loops import (
     AbstractContinuousLoop,
     AbstractLoop,
     ContinuousLoop,
-    ErrorCoordinateLoop,
+    Motion,
     SampledLoop,
 )
 from jaxsat.simulation.methods import Method, adaptive, default_method, fixed
@@ -17,6 +18,7 @@ __all__ = [
     "ContinuousLoop",
     "ErrorCoordinateLoop",
     "Method",
+    "Motion",
     "Outcome",
     "SampledLoop",
     "Signals",

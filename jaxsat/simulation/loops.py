@@ -1,8 +1,8 @@
 """Closed loops: what an integrator sees of plant, controller and actuators together.
 
-Three forms of the same thing. `ContinuousLoop` is the direct one. `ErrorCoordinateLoop` replaces
-ω1 and ω2 by the rate error η, in which the printed three-axis law has no jumps. `SampledLoop`
-runs a sampled controller and holds its torque in between.
+`ContinuousLoop` is the direct form; `jaxsat.simulation.error_coordinates` has another, in which the
+printed three-axis law has no jumps. `SampledLoop` runs a sampled controller and holds its torque
+in between.
 """
 
 import abc
@@ -11,10 +11,8 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int, PyTree
 
-from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, concrete, require_positive
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController, AbstractSampledController
 from jaxsat.control.controller import Memory
@@ -34,12 +32,13 @@ class AbstractLoop(eqx.Module):
 
 
 class Motion(NamedTuple):
-    """A loop at one instant: time derivative of its state, the plant's state and ω_r (rad/s) in
-    it, and the torque of the thrusters (N m)."""
+    """A loop at one instant: time derivative of its state, the plant's state with its ω_r (rad/s)
+    and rate error η (rad/s), and the torque of the thrusters (N m)."""
 
     rate: PyTree
     plant: PlantState
     relative_rate: Float[Array, "3"]
+    rate_error: Float[Array, "2"]
     torque: Float[Array, "3"]
 
 
@@ -50,6 +49,10 @@ class AbstractContinuousLoop(AbstractLoop):
     its state moves by itself in a way known exactly can be taken out: then the state turned back
     is integrated, which changes by the rest alone.
     """
+
+    @abc.abstractmethod
+    def plant_state(self, state: PyTree) -> PlantState:
+        """The plant's part of the state."""
 
     @abc.abstractmethod
     def motion(self, t: Float[Array, ""], state: PyTree) -> Motion:
@@ -84,11 +87,13 @@ class AbstractContinuousLoop(AbstractLoop):
         return self.motion(t, state).rate
 
 
-def _turned_back_motion(loop: AbstractContinuousLoop, controller, t, back) -> Motion:
+def motion_turned_back(
+    loop: AbstractContinuousLoop, controller: AbstractController, t: Float[Array, ""], back: PyTree
+) -> Motion:
+    """`motion` for a state whose `memory` alone is turned back, as its controller tells."""
     turn = controller.turn(t)
-    state = back._replace(memory=controller.turned(turn, back.memory))
-    motion = loop.motion(t, state)
-    rate = controller.turned_back_rate(turn, state.memory, motion.rate.memory)
+    motion = loop.motion(t, back._replace(memory=controller.turned(turn, back.memory)))
+    rate = controller.turned_back_rate(turn, motion.rate_error, motion.rate.memory)
     return motion._replace(rate=motion.rate._replace(memory=rate))
 
 
@@ -110,17 +115,23 @@ class ContinuousLoop(AbstractContinuousLoop):
         """The plant's state and the controller's first memory."""
         return LoopState(state, self.controller.init(state))
 
+    def plant_state(self, state: LoopState) -> PlantState:
+        """It is a part."""
+        return state.plant
+
     def motion(self, t: Float[Array, ""], state: LoopState) -> Motion:
         """Equations (1) and (36) under the controller's torque."""
         command, memory_rate = self.controller(t, state.plant, state.memory)
         torque = self.actuators(command)
         rate = LoopState(self.plant.rate(t, state.plant, torque), memory_rate)
-        return Motion(rate, state.plant, self.plant.relative_rate(state.plant), torque)
+        relative_rate = self.plant.relative_rate(state.plant)
+        error = self.controller.rate_error(state.plant)
+        return Motion(rate, state.plant, relative_rate, error, torque)
 
     def signals(self, t: Float[Array, ""], state: LoopState) -> Signals:
         """Everything worth saving at one instant."""
         torque = self.motion(t, state).torque
-        return _signals(self.plant, self.controller, t, state.plant, state.memory, torque)
+        return continuous_signals(self.plant, self.controller, t, state.plant, state.memory, torque)
 
     def switches(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
         """Those of the controller and of the thrusters."""
@@ -146,128 +157,7 @@ class ContinuousLoop(AbstractContinuousLoop):
 
     def turned_back_motion(self, t: Float[Array, ""], back: LoopState) -> Motion:
         """`motion` for a state turned back."""
-        return _turned_back_motion(self, self.controller, t, back)
-
-
-class ErrorState(NamedTuple):
-    """Attitude, third rate (rad/s), rate error η (rad/s) and memory."""
-
-    attitude: AbstractAttitude
-    omega3: Float[Array, ""]
-    rate_error: Float[Array, "2"]
-    memory: Memory
-
-
-class ErrorCoordinateLoop(AbstractContinuousLoop):
-    """The loop of (43): a backstepping law whose model is the plant, in error coordinates.
-
-    With unlimited torques about body x and y and the same inertia and orbit in law and plant, the
-    derivative of the reference cancels, so no derivative of sat appears and the loop is Lipschitz
-    away from w = 0. Only a disturbance of ω3 that the law does not know brings it back, through
-    the dependence of the reference on ω3. Raises `ValueError` where law and plant differ.
-    """
-
-    plant: RigidBody
-    law: AbstractBacksteppingLaw
-
-    def __check_init__(self):
-        known = [concrete(x) for x in jax.tree.leaves((self.plant, self.law))]
-        if any(leaf is None for leaf in known):
-            return
-        believed, true = self.law.model, self.plant
-        same_body = np.array_equal(believed.spacecraft.inertia, true.spacecraft.inertia)
-        same_orbit = bool(eqx.tree_equal(believed.orbit, true.orbit))
-        inertia = np.asarray(true.spacecraft.inertia)
-        principal = np.array_equal(inertia, np.diag(np.diag(inertia)))
-        if not (same_body and same_orbit and principal):
-            raise ValueError(
-                "Error coordinates must have principal body axes and the same inertia and orbit "
-                "in law and plant; simulate this loop at torque level instead."
-            )
-        if believed.third_rate_held != true.third_rate_held:
-            raise ValueError("Law and plant must agree on whether the third rate is held.")
-
-    def start(self, state: PlantState) -> ErrorState:
-        """The rates turned into rate errors."""
-        error, memory = self.law.rate_error(state), self.law.init(state)
-        return ErrorState(state.attitude, state.omega[2], error, memory)
-
-    def plant_state(self, state: ErrorState) -> PlantState:
-        """The rate errors turned back into rates."""
-        return self._with_rates(state, self._reference(state.attitude, state.omega3))
-
-    def motion(self, t: Float[Array, ""], state: ErrorState) -> Motion:
-        """Equations (36) and (43), with (37) for ω3, and the torque by (39) or (42)."""
-        held = self.plant.third_rate_held
-        variables = (state.attitude,) if held else (state.attitude, state.omega3)
-        reference, along = jax.linearize(
-            lambda attitude, omega3=state.omega3: self._reference(attitude, omega3), *variables
-        )
-        plant_state = self._with_rates(state, reference)
-        relative_rate = self.plant.relative_rate(plant_state)
-        attitude_rate = state.attitude.rate(relative_rate)
-        unmodelled = self._unmodelled(t, plant_state)
-        feedback = self.law.feedback(plant_state, state.rate_error, state.memory)
-        moments = self.plant.spacecraft.moments
-        error_rate = (feedback + unmodelled[:2]) * (1 / moments[:2])  # inverted once, not a stage
-        omega3_rate = jnp.zeros_like(state.omega3)
-        believed = (attitude_rate,)
-        if not held:
-            disturbance = self.plant.disturbance_torque(t, plant_state)
-            omega3_rate = self.plant.angular_acceleration(plant_state.omega, disturbance)[2]
-            unknown = unmodelled[2] / moments[2]
-            still = jax.tree.map(jnp.zeros_like, state.attitude)
-            error_rate = error_rate - along(still, unknown)
-            believed = (attitude_rate, omega3_rate - unknown)
-        rate = ErrorState(
-            attitude_rate,
-            omega3_rate,
-            error_rate,
-            self.law.memory_rate(state.rate_error, state.memory),
-        )
-        command = self.law.torque_of(t, plant_state, feedback, along(*believed))
-        torque = jnp.concatenate([command, jnp.zeros_like(command[:1])])
-        return Motion(rate, plant_state, relative_rate, torque)
-
-    def signals(self, t: Float[Array, ""], state: ErrorState) -> Signals:
-        """Everything worth saving at one instant, the torque by (39) or (42)."""
-        motion = self.motion(t, state)
-        return _signals(self.plant, self.law, t, motion.plant, state.memory, motion.torque)
-
-    def switches(self, t: Float[Array, ""], state: ErrorState) -> Float[Array, " m"]:
-        """Those of the law."""
-        del t
-        return self.law.switches(self._probe(state.attitude, state.omega3))
-
-    def piece(self, sides: Bool[Array, " m"]) -> "ErrorCoordinateLoop":
-        """With the law held in one of its pieces."""
-        return eqx.tree_at(lambda loop: loop.law, self, self.law.piece(sides))
-
-    def turned_back(self, t: Float[Array, ""], state: ErrorState) -> ErrorState:
-        """With the law's memory turned back."""
-        return state._replace(memory=self.law.turned_back(self.law.turn(t), state.memory))
-
-    def turned(self, t: Float[Array, ""], back: ErrorState) -> ErrorState:
-        """With the law's memory as it is."""
-        return back._replace(memory=self.law.turned(self.law.turn(t), back.memory))
-
-    def turned_back_motion(self, t: Float[Array, ""], back: ErrorState) -> Motion:
-        """`motion` for a state turned back."""
-        return _turned_back_motion(self, self.law, t, back)
-
-    def _probe(self, attitude: AbstractAttitude, omega3: Float[Array, ""]) -> PlantState:
-        zero = jnp.zeros_like(omega3)
-        return PlantState(attitude, jnp.stack([zero, zero, omega3]))
-
-    def _reference(self, attitude: AbstractAttitude, omega3: Float[Array, ""]) -> Float[Array, "2"]:
-        return self.law.reference_rate(self._probe(attitude, omega3))
-
-    def _with_rates(self, state: ErrorState, reference: Float[Array, "2"]) -> PlantState:
-        omega1, omega2 = reference + state.rate_error
-        return PlantState(state.attitude, jnp.stack([omega1, omega2, state.omega3]))
-
-    def _unmodelled(self, t: Float[Array, ""], state: PlantState) -> Float[Array, "3"]:
-        return self.plant.disturbance_torque(t, state) - self.law.model.disturbance_torque(t, state)
+        return motion_turned_back(self, self.controller, t, back)
 
 
 def _as_delay(value: ArrayLike | None) -> Float[Array, ""] | None:
@@ -362,7 +252,9 @@ class SampledLoop(AbstractLoop):
         return self.plant.rate(t, state, torque)
 
 
-def _signals(plant, controller, t, state, memory, torque) -> Signals:
+def continuous_signals(plant, controller, t, state, memory, torque) -> Signals:
+    """The signals of a continuous controller that asks for a torque (N m) at time `t` (s)."""
+
     def unmodelled(time):
         disturbance = plant.disturbance_torque(time, state)
         if isinstance(controller, AbstractBacksteppingLaw):

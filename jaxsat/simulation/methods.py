@@ -5,7 +5,8 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
-from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
 
 ADAPTIVE_MAX_STEPS = 2**17
 """Many times what a sound run needs; a law that slides on a corner uses them up in seconds."""

@@ -23,7 +23,7 @@ from jaxsat.tuning.optimisers import Descent
 from jaxsat.tuning.parameters import Parameter, SearchSpace
 from jaxsat.tuning.plan import Settings, TuningPlan
 from jaxsat.tuning.receipt import Comparison, Receipt, compare, make_receipt
-from jaxsat.tuning.trials import Counter, Gained, GainedCase, Slopes, Trials
+from jaxsat.tuning.trials import Counter, Gained, GainedCase, Slopes, Trials, Way
 from jaxsat.tuning.verdict import Judgement, Verdict, judge, make_verdict, mean_interval
 
 __all__ = [
@@ -52,6 +52,7 @@ __all__ = [
     "TuningPlan",
     "ValidationRecord",
     "Verdict",
+    "Way",
     "Worst",
     "advance",
     "begin",

@@ -73,11 +73,12 @@ class _Search:
         """Loss and gradient of the smooth law at one point."""
         self._pay(self.plan.settings.cases * (1 + self.plan.space.size))
         found = self.plan.smooth.differentiate(point[None], self.numbers)
-        judged = self.plan.settings.objective.judged(found.outputs.cost[0], found.derivatives[0])
+        costs = np.asarray(found.outputs.cost)[0]
+        judged = self.plan.settings.objective.judged(costs, found.derivatives[0])
         self._note(point, judged.loss)
         return judged.loss, judged.gradient
 
-    def _pay(self, trajectories: float) -> None:
+    def _pay(self, trajectories: int) -> None:
         if self.spent + trajectories > self.budget:
             raise _Spent
         self.spent += trajectories
@@ -149,7 +150,7 @@ METHODS: dict[str, tuple[Callable[[_Search, np.ndarray], None], str | None]] = {
     "Nelder-Mead": (nelder_mead, None),
     "random search": (random_search, None),
     "CMA-ES": (cma_es, "cma"),
-    "BFGS": (bfgs, "optimistix"),
+    "BFGS": (bfgs, None),
 }
 """Every method, and the package that it needs beyond those of jaxsat."""
 

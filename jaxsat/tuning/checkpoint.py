@@ -66,7 +66,7 @@ class TuningFolder:
         arrays = _to_arrays(state)
         about = {"format": FORMAT, "identity": self._identity, "machine": machine()}
         buffer = io.BytesIO()
-        np.savez(buffer, about=np.array(json.dumps(about)), **arrays)
+        np.savez(buffer, **(arrays | {"about": np.array(json.dumps(about))}))  # pyright: ignore
         self.write(CHECKPOINT, buffer.getvalue())
 
     def write(self, name: str, content: str | bytes) -> None:

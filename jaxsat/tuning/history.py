@@ -1,7 +1,5 @@
 """The history of a run as a labelled dataset."""
 
-import json
-
 import numpy as np
 import xarray as xr
 
@@ -75,7 +73,8 @@ def history_dataset(plan: TuningPlan, state: DescentState, title: str, scenario:
         attrs={
             "title": title,
             "scenario": scenario,
-            "bounds": json.dumps([[p.low, p.high, p.scale] for p in plan.space.parameters]),
+            "parameter_units": list(plan.space.units),
+            "parameter_scales": list(plan.space.scales),
             **provenance_attributes(),
         },
     )

@@ -2,12 +2,10 @@
 
 import inspect
 from dataclasses import dataclass
-from typing import Literal
 
 import jax.numpy as jnp
 import optax
 
-Schedule = Literal["constant", "cosine", "exponential"]
 SCHEDULES = ("constant", "cosine", "exponential")
 LAST = 0.05
 """What is left of the learning rate at the end of a schedule that falls."""
@@ -23,7 +21,7 @@ class Descent:
 
     optimiser: str = "adam"
     learning_rate: float = 0.1
-    schedule: Schedule = "cosine"
+    schedule: str = "cosine"
     clip: float = 1.0
 
     def __post_init__(self):

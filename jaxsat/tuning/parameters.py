@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -10,7 +9,6 @@ from jaxtyping import Float
 Values = Float[np.ndarray, "*points parameters"]
 """Numbers of the controller, one column for each entry of a parameter."""
 
-Scale = Literal["log", "logit"]
 SCALES = ("log", "logit")
 FARTHEST = 12.0
 """Logits beyond ±this are within 1e-5 of a bound, where they would have no slope left."""
@@ -21,16 +19,17 @@ class Parameter:
     """A tuned number, or array of numbers, at a dotted `name` inside the controller.
 
     It is searched in the logarithm of its value, cut off at the bounds ("log"), or in the logit of
-    its place between them ("logit"), where the bounds are never reached. `label` is its name for a
-    person; `shape` that of the array.
+    its place between them ("logit"), where the bounds are never reached. `shape` is that of the
+    array, `label` its name for a person.
     """
 
     name: str
     low: float
     high: float
-    scale: Scale = "log"
+    scale: str = "log"
     shape: tuple[int, ...] = ()
     label: str = ""
+    unit: str = "1"
 
     def __post_init__(self):
         if self.scale not in SCALES:
@@ -110,6 +109,16 @@ class SearchSpace:
             several = [f"{name}[{i + 1}]" for i in range(parameter.size)]
             found += [name] if parameter.shape == () else several
         return tuple(found)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The unit of every number."""
+        return tuple(p.unit for p in self.parameters for _ in range(p.size))
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """The scale of every number."""
+        return tuple(p.scale for p in self.parameters for _ in range(p.size))
 
     def to_search(self, values: Values) -> Values:
         """From values to where the search goes on."""

@@ -87,7 +87,7 @@ class TuningPlan:
     cost, `refined` the smooth law in finer steps, and `held_out` the exact law under the plain cost
     with cases of a seed that is never tuned on; `trained_on` is the same for the seed of the
     training. `widths` says how the smooth law is rounded; `description` is plain data that tells
-    runs apart.
+    runs apart, `remark` something to be told about the engine.
     """
 
     space: SearchSpace
@@ -100,6 +100,7 @@ class TuningPlan:
     settings: Settings
     widths: Mapping[str, float] = field(default_factory=dict)
     description: Mapping[str, Any] = field(default_factory=dict)
+    remark: str | None = None
 
     @property
     def intervals(self) -> int:

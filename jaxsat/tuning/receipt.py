@@ -19,6 +19,9 @@ from jaxsat.tuning.trials import Trials
 DIFFERENCES = (1e-2, 1e-3, 1e-4, 1e-5)
 """Half widths of the central differences, along the search."""
 
+FAR = 1e3
+"""Beyond any bound of a search."""
+
 TRUSTED = 0.01
 """Largest relative error of a derivative that is trusted."""
 
@@ -101,11 +104,11 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
     else:
         compared += compared
     smooth, exact, refined = (
-        trials.evaluate(np.stack([first, best]), numbers)
+        np.asarray(trials.evaluate(np.stack([first, best]), numbers).cost)
         for trials in (plan.smooth, plan.exact, plan.refined)
     )
-    bias = _relative(smooth.cost, exact.cost)
-    steps = _relative(smooth.cost, refined.cost)
+    bias = _relative(smooth, exact)
+    steps = _relative(smooth, refined)
     return Receipt(
         plan.space.labels,
         *compared,
@@ -126,8 +129,14 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
 def compare(
     trials: Trials, point: Float[np.ndarray, " parameters"], numbers: np.ndarray
 ) -> Comparison:
-    """Derivatives of the mean cost at a point, automatic and by central differences."""
-    size = len(point)
+    """Derivatives of the mean cost at a point, by the trials' way and by central differences.
+
+    A point at a bound is moved inside by the largest half width, so that both sides are there.
+    """
+    size, space = len(point), trials.space
+    low, high = space.projected(np.array([[-FAR] * size, [FAR] * size]))
+    margin = max(DIFFERENCES)
+    point = np.clip(point, low + margin, high - margin)
     shifts = np.array(DIFFERENCES)[:, None, None] * np.eye(size)[None]
     shifted = np.concatenate([point + shifts, point - shifts]).reshape(-1, size)
     around = trials.evaluate(shifted, numbers)
@@ -141,7 +150,7 @@ def compare(
     if not good.any():
         nothing = np.full(size, np.nan)
         return Comparison(nothing, nothing, nothing, nothing, 0, left_out)
-    means = around.cost[:, good].mean(axis=1).reshape(2, len(DIFFERENCES), size)
+    means = np.asarray(around.cost)[:, good].mean(axis=1).reshape(2, len(DIFFERENCES), size)
     differences = (means[0] - means[1]) / (2 * np.array(DIFFERENCES)[:, None])
     automatic = slopes.derivatives[0][good].mean(axis=0)
     floor = SMALL * np.abs(differences).max(axis=1, keepdims=True)

@@ -104,12 +104,12 @@ def _receipt(receipt: Receipt) -> list[str]:
         "exact law, end": receipt.exact_end,
     }
     blocks = [
-        "Derivatives of the mean cost by automatic differentiation and by the central difference "
-        "that agrees best. What the run rests on is the law it differentiates, in the rows `start` "
-        "and `end`; those of the exact law show what automatic differentiation makes of it."
+        "Derivatives of the mean cost as the run takes them and by the central difference that "
+        "agrees best. What the run rests on is the law it differentiates, in the rows `start` and "
+        "`end`; those of the exact law show what the same way makes of it."
     ]
     rows = [row for place, entry in places.items() for row in _compared(place, receipt, entry)]
-    head = ["where", "gain", "automatic", "difference", "half width", "relative error", "cases"]
+    head = ["where", "gain", "derivative", "difference", "half width", "relative error", "cases"]
     blocks.append(_table(head, rows))
     widths = ", ".join(f"{name} = {value:g}" for name, value in receipt.widths.items())
     blocks.append(

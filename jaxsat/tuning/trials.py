@@ -1,25 +1,28 @@
 """Running many cases at many points of the search at once, and counting what that takes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.engine import AbstractCopies, AbstractEngine, Copy, Mode, Outputs, Program
+from jaxsat.engine import AbstractCopies, AbstractEngine, Copy, Outputs, Program
 from jaxsat.montecarlo import AbstractDesign, Dispersed, StudyCase
 from jaxsat.tuning.parameters import SearchSpace, Values
+
+Way = Literal["forward", "reverse", "differences"]
+"""How derivatives are taken: by either mode of the engine, or by central differences of costs."""
 
 
 class GainedCase(NamedTuple):
     """A case and the gains that it is run with."""
 
     case: PyTree
-    gains: dict[str, Array]
+    gains: Mapping[str, Array | np.ndarray]
 
 
 class Gained(AbstractCopies):
@@ -33,9 +36,8 @@ class Gained(AbstractCopies):
 
     def __call__(self, case: GainedCase, gains: dict[str, Array] | None = None) -> Copy:
         """The copy of one case."""
-        own = case.gains
-        if gains is not None:
-            own = {name: value + gains[name] for name, value in own.items()}
+        shift = gains or {}
+        own = {name: jnp.asarray(value) + shift.get(name, 0) for name, value in case.gains.items()}
         return self.copies(case.case, own)
 
 
@@ -48,7 +50,10 @@ class Slopes(NamedTuple):
 
 @dataclass
 class Counter:
-    """Trajectories computed, in units of whole horizons; a gradient of n gains counts n + 1."""
+    """Trajectories computed, in units of whole horizons.
+
+    A gradient of n gains counts n + 1; by differences, the 2n + 1 that it takes.
+    """
 
     trajectories: float = 0.0
 
@@ -57,7 +62,9 @@ class Counter:
 class Trials:
     """A program over dispersed copies, the cases of a design, and an engine to run them.
 
-    `workers` threads share the blocks of a batch out; the results do not depend on how.
+    `workers` threads share the blocks of a batch out; the results do not depend on how. Derivatives
+    by "differences", of half width `half_width` along the search, see what automatic
+    differentiation is blind to, such as thresholds at which a law switches between samples.
     """
 
     program: Program
@@ -65,7 +72,8 @@ class Trials:
     engine: AbstractEngine
     space: SearchSpace
     workers: int = 1
-    mode: Mode = "forward"
+    way: Way = "forward"
+    half_width: float = 0.02
     counter: Counter = field(default_factory=Counter)
 
     def __post_init__(self):
@@ -91,11 +99,14 @@ class Trials:
         self, points: Values, numbers: np.ndarray, intervals: int | None = None
     ) -> Slopes:
         """Outputs and derivatives of the costs along the search, in the units of the search."""
+        if self.way == "differences":
+            return self._differences(points, numbers, intervals)
+        mode = self.way
         program, space = self._program(intervals), self.space
         zero = jax.tree.map(jnp.asarray, space.gains(np.zeros(space.size)))
 
         def run(cases: GainedCase) -> Any:
-            return self.engine.gradient(program, cases, zero, self.mode)
+            return self.engine.gradient(program, cases, zero, mode)
 
         found = self._over_blocks(run, points, numbers)
         self._count(points, numbers, 1 + space.size, intervals)
@@ -104,6 +115,20 @@ class Trials:
         return Slopes(
             _by_point(found.outputs, points, numbers), by_value * space.slope(points)[:, None, :]
         )
+
+    def _differences(self, points: Values, numbers: np.ndarray, intervals: int | None) -> Slopes:
+        size, count = self.space.size, len(points)
+        shifts = self.half_width * np.concatenate(
+            [np.eye(size), -np.eye(size), np.zeros((1, size))]
+        )
+        spread = self.space.projected(points[:, None] + shifts[None])
+        apart = np.diagonal(spread[:, :size] - spread[:, size : 2 * size], axis1=1, axis2=2)
+        around = spread.reshape(-1, size)
+        outputs = self.evaluate(around, numbers, intervals)
+        costs = np.asarray(outputs.cost).reshape(count, 2 * size + 1, -1)
+        slopes = (costs[:, :size] - costs[:, size : 2 * size]) / apart[:, :, None]
+        middle = jax.tree.map(lambda x: x[2 * size :: 2 * size + 1], outputs)
+        return Slopes(middle, np.moveaxis(slopes, 1, 2))
 
     def drawn(self, numbers: np.ndarray) -> StudyCase:
         """The cases of these numbers."""

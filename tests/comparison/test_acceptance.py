@@ -11,7 +11,7 @@ from jaxsat.scenario import build, load
 
 
 def drawn(setting, start, numbers):
-    study = study_of(setting, start, 100, 7)
+    study = study_of(setting, start, 100, 7, engine="scan")
     cases = study.cases(np.asarray(numbers))
     return jax.vmap(lambda case: study.copies(case).drawn)(cases)
 
@@ -54,7 +54,7 @@ def test_nothing_but_the_start_is_drawn_in_the_nominal_level():
 
 
 def test_the_papers_start_is_the_papers():
-    study = study_of(Setting("hard", 5.0, "rate"), Start.PAPER, 1, 7)
+    study = study_of(Setting("hard", 5.0, "rate"), Start.PAPER, 1, 7, engine="scan")
     case = jax.tree.map(lambda x: x[0], study.cases(np.array([0])))
     start: PlantState = study.copies(case).start
     wz = start.attitude.as_wz()

@@ -217,3 +217,45 @@ def test_new_gains_compile_nothing():
     second = first_step(oscillator(tilt_gain=0.7), state)
     assert len(traced) == 1
     assert not np.allclose(first, second)
+
+
+def test_a_turn_at_rest_is_left_to_the_end_game():
+    """Within ± rest the area channel is silent; beyond it begins at zero."""
+    rate, coupling, frequency = jnp.array(1e-4), jnp.array(C), jnp.array(NU)
+    plain, resting = TwoChannel(0.02, 0.012), TwoChannel(0.02, 0.012, 0.01)
+
+    def asked(demand, turn):
+        return np.array(demand(rate, jnp.array(turn), coupling, frequency))
+
+    alpha = -2 / C * 0.02 * 1e-4
+    np.testing.assert_allclose(asked(resting, 0.0099), [alpha, 0.0])
+    np.testing.assert_allclose(asked(resting, -0.0099), [alpha, 0.0])
+    near, far = asked(resting, 0.010001)[1], asked(resting, 3.0)[1]
+    assert 0 < near < 1e-7
+    assert far == pytest.approx(2 * NU * (0.012 * 2.99 + 1e-4 * 2.99 / 3.0))
+    np.testing.assert_allclose(asked(plain, 0.0)[1], 2 * NU * 1e-4)
+
+    plain, resting = MorinSamson(0.01, 0.85), MorinSamson(0.01, 0.85, 0.02)
+    np.testing.assert_allclose(asked(resting, 0.05), asked(plain, 0.03))
+    np.testing.assert_allclose(asked(resting, -0.01), asked(plain, 0.0))
+
+
+@pytest.mark.parametrize("demand", list(DEMANDS))
+def test_what_belongs_to_the_dead_zone_is_not_asked_for(demand):
+    """|(α, β)| is less by that of the dead zone's slow rate, its direction the same."""
+    plain, law = oscillator(demand), oscillator(demand, dead_zone=2e-5)
+    third = known(jnp.array(0.0))
+
+    def asked(law, rate):
+        found = law.oscillation(Slow(jnp.array(rate), jnp.array(0.0)), third)
+        return np.array([found.alpha, found.beta]), float(found.amplitude)
+
+    left = np.linalg.norm(asked(plain, 2e-5)[0])
+    wanted, amplitude = asked(law, 1e-4)
+    whole, _ = asked(plain, 1e-4)
+    np.testing.assert_allclose(wanted, whole * (1 - left / np.linalg.norm(whole)), rtol=1e-6)
+    assert amplitude == pytest.approx(np.sqrt(np.linalg.norm(wanted) / 2.0), rel=1e-3)
+    assert asked(law, 1.9e-5)[1] < 1e-8
+    slope = jax.grad(lambda rate: law.oscillation(Slow(rate, jnp.array(0.0)), third).amplitude)
+    assert np.isfinite(slope(1.9e-5))
+    assert np.isfinite(slope(0.0))

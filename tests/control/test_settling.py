@@ -99,6 +99,36 @@ def test_gains_are_leaves_and_batches_agree_with_single_runs(name):
     np.testing.assert_allclose(jax.vmap(first_torque)(frequencies, rates), one_by_one, rtol=1e-12)
 
 
-def test_limits_without_gains_are_refused():
-    with pytest.raises(ValueError, match=r"must be one of \[1.0, 5.0, 20.0\]"):
-        oscillatory_settling(body(), 3.0)
+@pytest.mark.parametrize("name", list(MAKERS))
+def test_gains_between_tuned_limits_lie_between_theirs(name):
+    """Those of a tuned limit as they are, monotone in between, the nearest ones beyond."""
+
+    def gains(limit):
+        law = MAKERS[name](body(), limit)
+        return np.array(list(_numbers(law).values()))
+
+    one, two, five = (gains(limit) for limit in (1.0, 2.0, 5.0))
+    low, high = np.minimum(one, five), np.maximum(one, five)
+    assert np.all((low <= two) & (two <= high))
+    assert np.any((low < two) & (two < high))
+    np.testing.assert_array_equal(gains(0.5), one)
+    np.testing.assert_allclose(gains(1.0001), one, rtol=1e-3)
+
+
+def _numbers(law):
+    """Gains by place, but for the torque limit itself and what the model says."""
+    oscillator, handover = law.fine.oscillator, law.fine.handover
+    found = {
+        name: float(getattr(oscillator, name))
+        for name in ("frequency", "tilt_gain", "rate_gain", "largest_amplitude", "ratio")
+    }
+    found |= {"k3": float(oscillator.demand.k3), "enter": float(handover.enter_slow_rate)}
+    if hasattr(law, "planner"):
+        found |= {"share": float(law.planner.share), "dead_zone": float(law.rate_law.dead_zone)}
+    return found
+
+
+@pytest.mark.parametrize("limit", [0.0, -5.0, np.inf, np.nan])
+def test_limits_that_are_none_are_refused(limit):
+    with pytest.raises(ValueError, match="`torque_limit` must be positive and finite"):
+        oscillatory_settling(body(), limit)

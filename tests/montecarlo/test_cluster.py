@@ -1,7 +1,9 @@
 """Studies on the workers of a dask cluster: the same bits, whatever becomes of the workers."""
 
 import os
+import shutil
 import signal
+import sys
 
 import numpy as np
 import pytest
@@ -79,3 +81,15 @@ def test_a_worker_killed_is_replaced_and_changes_nothing(tmp_path, whole):
     assert os.getpid() not in set.union(*pids)
     assert len(pids) == 25
     assert len(set.union(*pids)) == 3, "the one killed was replaced"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("sbatch") is None, reason="needs Slurm")
+def test_a_slurm_job_computes(tmp_path, whole):
+    jobqueue = pytest.importorskip("dask_jobqueue")
+    options = {"cores": 1, "memory": "2GB", "walltime": "00:10:00"}
+    with jobqueue.SLURMCluster(**options, python=sys.executable) as cluster:
+        cluster.scale(jobs=1)
+        executor = scheduler_at(cluster.scheduler_address)
+        run_study(tumbling(), tmp_path / "s", executor=executor, elsewhere=True)
+    assert contents(tmp_path / "s")["status"].sum() == len(whole["code"])

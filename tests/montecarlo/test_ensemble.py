@@ -1,14 +1,11 @@
 """Studies: the same bits however they are computed, broken off or gone on with."""
 
-import os
-import signal
-import subprocess
-import sys
-from pathlib import Path
+import dataclasses
 
 import numpy as np
 import pytest
 
+from jaxsat.engine import ReferenceEngine
 from jaxsat.montecarlo import (
     LatinHypercube,
     Serial,
@@ -21,9 +18,10 @@ from jaxsat.montecarlo import (
 )
 from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.results import OutputError, open_study
+from jaxsat.scenario import load
+from jaxsat.scenario.study import build_study
+from jaxsat.simulation import adaptive
 from montecarlo.studies import tumbling
-
-TESTS = Path(__file__).parents[1]
 
 
 def contents(path):
@@ -129,25 +127,43 @@ def test_summary(tmp_path, whole):
     assert summarise(open_study(tmp_path / "s"), 10).cases == 10
 
 
-def environment(**more):
-    paths = os.pathsep.join([str(TESTS.parent), str(TESTS)])
-    return {**os.environ, "PYTHONPATH": paths, **more}
+@pytest.fixture(scope="module")
+def by_diffrax():
+    return _by_column(adaptive_tumbling().evaluate(np.arange(40)))
 
 
-@pytest.mark.slow
-def test_killing_a_study_loses_no_finished_chunk(tmp_path):
-    """SIGKILL at some instants; then the store is completed and equals one never broken off."""
-    command = [sys.executable, "-m", "montecarlo.studies", str(tmp_path / "s")]
-    for lines in (3, 40):
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment())
-        told = [process.stdout.readline() for _ in range(lines)]
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        process.stdout.close()
-        done = contents(tmp_path / "s")["status"].sum()
-        assert done >= int(told[-1])
-    study = tumbling(4000, 8, duration=200.0)
-    run_study(study, tmp_path / "s", executor=Threads(2))
-    found = contents(tmp_path / "s")
-    assert found.pop("status").sum() == 4000
-    same(found, _by_column(study.evaluate(np.arange(4000))))
+def adaptive_tumbling(**options):
+    """The same study under diffrax with adaptive steps, at the pace of each block's slowest."""
+    study = tumbling(count=40, duration=10.0, **options)
+    engine = ReferenceEngine(adaptive(1e-8, 1e-8), 8)
+    return dataclasses.replace(study, engine=engine)
+
+
+def test_the_bits_of_diffrax_depend_on_the_case_alone(tmp_path, by_diffrax):
+    """Order and companions, chunks that fill blocks in other ways, a resumed run, a replay."""
+    order = np.random.default_rng(0).permutation(40)
+    found = _by_column(adaptive_tumbling().evaluate(order))
+    same(found, {name: values[order] for name, values in by_diffrax.items()})
+    few = np.array([3, 17, 17, 39, 0])
+    found = _by_column(adaptive_tumbling().evaluate(few))
+    same(found, {name: values[few] for name, values in by_diffrax.items()})
+
+    run_study(adaptive_tumbling(chunk=7), tmp_path / "s", until=StopRule(0.9, least=1))
+    assert contents(tmp_path / "s")["status"].sum() == 7
+    run_study(adaptive_tumbling(chunk=7), tmp_path / "s", executor=Threads(2))
+    same(without_status(contents(tmp_path / "s")), by_diffrax)
+
+    for name, value in _by_column(adaptive_tumbling().replay(23).outputs).items():
+        np.testing.assert_array_equal(value, by_diffrax[name][23], err_msg=name)
+
+
+def test_the_place_in_a_block_changes_no_bit():
+    """Every case once in every place, in a loop that decodes rates from error coordinates."""
+    overrides = ["simulation.duration_s=2", "simulation.solver.step_s=0.1"]
+    scenario = load("benchmark-three-axis", overrides)
+    study = build_study(scenario, 16, seed=3, engine="scan", width=16)
+    expected = _by_column(study.evaluate(np.arange(16)))
+    for turn in range(1, 16):
+        order = np.roll(np.arange(16), turn)
+        found = _by_column(study.evaluate(order))
+        same(found, {name: values[order] for name, values in expected.items()})

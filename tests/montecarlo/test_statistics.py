@@ -29,6 +29,21 @@ def test_percentile_intervals_cover():
     assert 0.89 <= inside / 200 <= 0.99
 
 
+@pytest.mark.parametrize(("count", "percent"), [(7, 50.0), (60, 37.0), (60, 99.0), (200, 90.0)])
+def test_resamples_have_the_distribution_of_drawn_ones(count, percent):
+    """Against resamples that are drawn, by the ends of the intervals at several levels."""
+    values = np.sort(np.random.default_rng(4).exponential(size=count))
+    drawn = np.random.default_rng(5).choice(values, (40000, count))
+    expected = np.percentile(drawn, percent, axis=1)
+    for level in (0.2, 0.8, 0.95):
+        found = percentile(values, percent, resamples=40000, level=level)
+        tails = np.array([(1 - level) / 2, (1 + level) / 2])
+        below = np.array([np.mean(expected < found.low), np.mean(expected < found.high)])
+        upto = np.array([np.mean(expected <= found.low), np.mean(expected <= found.high)])
+        assert np.all(below - 0.012 <= tails), (level, below, upto)
+        assert np.all(tails <= upto + 0.012), (level, below, upto)
+
+
 def test_percentiles_are_those_of_numpy_and_may_be_infinite():
     values = np.random.default_rng(1).normal(size=501)
     for percent in (0.0, 12.3, 50.0, 99.0, 100.0):

@@ -4,6 +4,7 @@ import numpy as np
 
 from jaxsat.montecarlo import wilson
 from jaxsat.report.study_figures import (
+    DrawnNumber,
     convergence,
     fan_chart,
     settling_distribution,
@@ -17,7 +18,7 @@ RNG = np.random.default_rng(0)
 def test_a_fan_chart_draws_median_and_bands():
     values = RNG.normal(size=(200, 11, 2))
     values[0, 5:] = np.nan
-    figure = fan_chart(np.arange(11.0), values, ("a", "b"), "m", "title")
+    figure = fan_chart(np.arange(11.0), values, ("a (m)", "b (m)"), "title")
     first, second = figure.axes
     np.testing.assert_allclose(first.lines[0].get_ydata(), np.nanmedian(values[:, :, 0], axis=0))
     assert len(second.collections) == 3
@@ -54,5 +55,22 @@ def test_convergence_ends_at_the_wilson_interval():
 
 def test_the_figures_of_a_study():
     times = RNG.exponential(size=50)
-    figures = study_figures({"settling_time": times}, {"a": times, "b": -times}, ("a", "b"), "t")
+    drawn = {
+        "omega[1]": DrawnNumber(times, "rad/s", "initial angular velocity"),
+        "turn": DrawnNumber(-times, "rad", "initial z"),
+    }
+    figures = study_figures({"settling_time": times}, drawn, "t")
     assert set(figures) == {"settling", "convergence", "success"}
+    panel = figures["success"].axes[0]
+    assert panel.get_xlabel() == "ω1 (rad/s)\ninitial angular velocity"
+    assert panel.get_ylabel() == "turn (rad)\ninitial z"
+    assert set(study_figures({"settling_time": times}, {}, "t")) == {"settling", "convergence"}
+
+
+def test_rare_peaks_do_not_hide_the_fan():
+    values = RNG.normal(size=(200, 11, 2))
+    values[:4, 5, 0] = 1e3
+    cut, whole = fan_chart(np.arange(11.0), values, ("a", "b"), "title").axes
+    assert cut.get_ylim()[1] < 5
+    assert cut.get_title(loc="right") == "rare peaks are cut off"
+    assert whole.get_title(loc="right") == ""

@@ -2,14 +2,16 @@
 
 import errno
 import json
+import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
-from jaxsat.results import Column, OutputError, StudyStore, open_study
+from jaxsat.results import Column, OutputError, OutputFolder, StudyStore, open_study
 from jaxsat.results import store as store_module
+from jaxsat.results.locking import lock_folder, remove_stale
 
 COLUMNS = {
     "cost": Column((), "float64", "1", "the cost"),
@@ -124,3 +126,44 @@ def test_a_full_disk_is_told_and_leaves_a_store_that_goes_on(tmp_path, monkeypat
 def test_a_store_cannot_lack_a_column(tmp_path):
     with made(tmp_path / "s") as store, pytest.raises(ValueError, match="omega"):
         store.write(0, {"cost": np.zeros(4), "code": np.zeros(4)})
+
+
+def test_what_a_killed_process_left_is_removed(tmp_path):
+    """Only what nobody holds a lock on, and only once it is old enough to have been locked."""
+    names = (".s.partial-a", ".s.partial-b", ".s.partial-c", ".t.partial-a")
+    stale, young, held, other = (tmp_path / name for name in names)
+    for folder in (stale, young, held, other):
+        folder.mkdir()
+        (folder / "file").write_text("something")
+    for folder in (stale, held, other):
+        os.utime(folder, (0, 0))
+    lock = lock_folder(held)
+    made(tmp_path / "s").close()
+    lock.close()
+    assert not stale.exists()
+    assert young.exists()
+    assert held.exists()
+    assert other.exists()
+    with OutputFolder(tmp_path / "t") as folder:
+        os.utime(folder.path, (0, 0))
+        remove_stale(tmp_path, ".t.partial-")
+        assert folder.path.exists(), "its writer lives"
+    assert not other.exists()
+
+
+def test_a_store_made_by_another_process_meanwhile_is_continued(tmp_path, monkeypatch):
+    plain = StudyStore._make
+
+    def late(self, count, chunk):
+        plain(self, count, chunk)
+        with made(tmp_path / "s") as first:
+            first.write(0, values(first.numbers(0)))
+        plain(self, count, chunk)
+
+    monkeypatch.setattr(
+        StudyStore, "_is_empty", lambda self: not (self.path / "zarr.json").exists()
+    )
+    monkeypatch.setattr(StudyStore, "_make", late)
+    with made(tmp_path / "s") as store:
+        np.testing.assert_array_equal(store.pending(), [1, 2])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["s"]

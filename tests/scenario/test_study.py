@@ -7,7 +7,7 @@ from jaxsat.engine import ReferenceEngine, ScanEngine
 from jaxsat.montecarlo import QUANTITIES, LatinHypercube, Sobol
 from jaxsat.scenario import ScenarioError, dump, load
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
-from jaxsat.scenario.study import _KINDS, build_dispersions, build_study, dispersion_key
+from jaxsat.scenario.study import _KINDS, TOLERANCE, build_dispersions, build_study, dispersion_key
 
 OMEGA = "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=[0.1, 0.2, 0.3]}"
 
@@ -50,9 +50,15 @@ def test_sampling_and_design_reach_the_study():
 
 def test_engines_that_suit():
     benchmark = load("benchmark-three-axis")
-    assert isinstance(build_study(benchmark, 4).engine, ReferenceEngine)
-    corners = build_study(benchmark, 4, engine="scan").engine
-    assert corners.tolerance.rtol == 1e-9
+    assert build_study(benchmark, 4).engine.tolerance.rtol == TOLERANCE
+    assert isinstance(build_study(benchmark, 4, engine="diffrax").engine, ReferenceEngine)
+    other = load("benchmark-three-axis", ["simulation.solver.name=dopri8"])
+    assert isinstance(build_study(other, 4).engine, ReferenceEngine)
+    with pytest.raises(ValueError, match="Tsit5 or Dopri5"):
+        build_study(other, 4, engine="scan")
+    passing = ["simulation.solver.min_step_s=1e-3", "simulation.solver.max_steps=500"]
+    judged = build_study(load("benchmark-three-axis", passing), 4).engine.tolerance
+    assert (judged.min_step, judged.max_steps) == (1e-3, 500)
     loose = ["simulation.solver.steps=adaptive", "simulation.solver.rtol=1e-6"]
     found = build_study(load("benchmark-three-axis", loose), 4, engine="scan").engine
     assert found.tolerance.rtol == 1e-6

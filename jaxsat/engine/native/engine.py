@@ -99,13 +99,15 @@ class NativeEngine(AbstractEngine):
         return self.evaluate(program, cases, gains)
 
     def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree
+        self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
     ) -> tuple[Outputs, Signals]:
         """Outputs and signals of one block."""
         cases, count = _counted(cases)
         kernel = self.kernel(program, cases, gains)
         inputs = self._inputs(kernel, cases, program, gains)
-        return kernel.replay(inputs, count, program.intervals)
+        outputs, signals = kernel.replay(inputs, count, program.intervals)
+        instants = program.instants(every)
+        return outputs, jax.tree.map(lambda x: x[:, instants], signals)
 
     def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
         """One case (no leading axis) again, with its history and the same bits as before."""

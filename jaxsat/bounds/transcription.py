@@ -1,0 +1,207 @@
+"""Multiple shooting: the manoeuvre as a nonlinear program, solved by IPOPT through CasADi.
+
+The time is cut into intervals of equal, unknown length with a constant torque in each. The states
+at their ends are unknowns as well, tied together by Runge-Kutta steps.
+"""
+
+import enum
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.bounds.manoeuvre import Manoeuvre
+
+STATES = 7
+"""Quaternion and ω."""
+
+
+class Objective(enum.Enum):
+    """What is to be least: the duration (s), or ∫ Σ|T_i| dt (N m s)."""
+
+    TIME = "time"
+    EFFORT = "effort"
+
+
+class Solution(NamedTuple):
+    """A local optimum: its value (s or N m s), duration (s), thrusts and states.
+
+    `thrust` (intervals, m) in N m is held over equal intervals; `states` are those at their ends.
+    """
+
+    value: float
+    duration: float
+    thrust: Float[np.ndarray, "intervals m"]
+    states: Float[np.ndarray, "ends 7"]
+
+
+@dataclass(frozen=True)
+class Transcription:
+    """The nonlinear program of a manoeuvre.
+
+    `substeps` classical Runge-Kutta steps in each of the `intervals`; `longest` (s) bounds the
+    duration, which least effort needs, as it would else be slower than any horizon.
+    """
+
+    manoeuvre: Manoeuvre
+    objective: Objective
+    longest: float
+    intervals: int = 100
+    substeps: int = 2
+    iterations: int = 1000
+
+    def __post_init__(self):
+        for name in ("intervals", "substeps", "iterations", "longest"):
+            if not getattr(self, name) > 0:
+                raise ValueError(
+                    f"Argument `{name}` must be positive, but got {getattr(self, name)}."
+                )
+
+    def solver(self) -> Any:
+        """The CasADi function that solves it from a guess; one for all guesses.
+
+        Raises `ModuleNotFoundError` where CasADi is not installed.
+        """
+        casadi = _casadi()
+        m = self.manoeuvre.torque_axes.shape[1]
+        states = casadi.MX.sym("states", STATES, self.intervals + 1)
+        thrust = casadi.MX.sym("thrust", m, self.intervals)
+        sizes = casadi.MX.sym("sizes", 3, self.intervals)
+        duration = casadi.MX.sym("duration")
+        step = self._interval(casadi).map(self.intervals)
+        length = duration / self.intervals
+        begins = casadi.DM(np.arange(self.intervals)[None, :]) * length
+        after = step(states[:, :-1], thrust, begins, casadi.repmat(length, 1, self.intervals))
+        torque = casadi.mtimes(casadi.DM(self.manoeuvre.torque_axes), thrust)
+        by_time = self.objective is Objective.TIME
+        goal = duration if by_time else length * casadi.sum2(casadi.sum1(sizes))
+        constraints = [
+            casadi.vec(states[:, 1:] - after),
+            self._arrival(casadi, states[:, -1]),
+            casadi.vec(sizes - torque),
+            casadi.vec(sizes + torque),
+        ]
+        unknowns = [casadi.vec(states), casadi.vec(thrust), casadi.vec(sizes), duration]
+        program = {"x": casadi.vertcat(*unknowns), "f": goal, "g": casadi.vertcat(*constraints)}
+        options = {
+            "print_time": False,
+            "ipopt": {
+                "print_level": 0,
+                "sb": "yes",
+                "max_iter": self.iterations,
+                "tol": 1e-8,
+                "mu_strategy": "adaptive",
+            },
+        }
+        return casadi.nlpsol("solver", "ipopt", program, options)
+
+    def solve(self, solver: Any, seed: int) -> Solution | None:
+        """The local optimum from a random guess; None where IPOPT finds none."""
+        lower, upper = self._bounds()
+        equal = STATES * self.intervals + 6
+        free = 2 * 3 * self.intervals
+        found = solver(
+            x0=self._guess(np.random.default_rng(seed)),
+            lbx=lower,
+            ubx=upper,
+            lbg=0.0,
+            ubg=np.concatenate([np.zeros(equal), np.full(free, np.inf)]),
+        )
+        if not solver.stats()["success"]:
+            return None
+        return self._solution(np.asarray(found["x"]).ravel(), float(found["f"]))
+
+    def _interval(self, casadi) -> Any:
+        """The state after one interval of constant thrust."""
+        man = self.manoeuvre
+        state, thrust = casadi.SX.sym("x", STATES), casadi.SX.sym("u", man.torque_axes.shape[1])
+        begin, length = casadi.SX.sym("t"), casadi.SX.sym("h")
+        inertia = casadi.DM(man.inertia)
+        inverse = casadi.DM(np.linalg.inv(man.inertia))
+
+        def rate(t, x):
+            q0, q, omega = x[0], x[1:4], x[4:7]
+            frame = -man.orbit_rate * _second_column(casadi, q0, q)
+            relative = omega - frame
+            disturbance = man.amplitude * casadi.sin(man.frequency * t + man.phase) + man.constant
+            torque = casadi.mtimes(casadi.DM(man.torque_axes), thrust) + disturbance
+            turning = casadi.cross(omega, casadi.mtimes(inertia, omega))
+            return casadi.vertcat(
+                -casadi.dot(q, relative) / 2,
+                (q0 * relative + casadi.cross(q, relative)) / 2,
+                casadi.mtimes(inverse, torque - turning),
+            )
+
+        h, x, t = length / self.substeps, state, begin
+        for _ in range(self.substeps):
+            k1 = rate(t, x)
+            k2 = rate(t + h / 2, x + h / 2 * k1)
+            k3 = rate(t + h / 2, x + h / 2 * k2)
+            k4 = rate(t + h, x + h * k3)
+            x, t = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), t + h
+        return casadi.Function("interval", [state, thrust, begin, length], [x])
+
+    def _arrival(self, casadi, end) -> Any:
+        """Zero in the orbit frame and at rest there; q and -q are the same attitude."""
+        frame = -self.manoeuvre.orbit_rate * _second_column(casadi, end[0], end[1:4])
+        return casadi.vertcat(end[1:4], end[4:7] - frame)
+
+    def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        man, n = self.manoeuvre, self.intervals
+        start = np.concatenate([man.quaternion, man.omega])
+        free = np.full(STATES * n, np.inf)
+        thrust = np.full(man.torque_axes.shape[1] * n, man.limit)
+        sizes = np.full(3 * n, np.inf)
+        lower = [start, -free, -thrust, np.zeros(3 * n), [1e-2]]
+        upper = [start, free, thrust, sizes, [self.longest]]
+        return np.concatenate(lower), np.concatenate(upper)
+
+    def _guess(self, random: np.random.Generator) -> np.ndarray:
+        """A straight way to one of the two signs of the target, plus noise, and noisy thrust."""
+        man, n = self.manoeuvre, self.intervals
+        share = np.linspace(0, 1, n + 1)[:, None]
+        sign = random.choice([-1.0, 1.0])
+        target = np.array([sign, 0, 0, 0, 0, -man.orbit_rate, 0])
+        start = np.concatenate([man.quaternion, man.omega])
+        bumps = np.sin(np.pi * share * random.integers(1, 4, STATES))
+        states = start + share * (target - start) + 0.5 * bumps * random.normal(size=STATES)
+        states[:, :4] /= np.linalg.norm(states[:, :4], axis=1, keepdims=True)
+        states[:, 4:] *= [1, 1, 0.3]
+        thrust = man.limit * random.uniform(-0.5, 0.5, (n, man.torque_axes.shape[1]))
+        spread = (1.0, 3.0) if self.objective is Objective.TIME else (2.0, 8.0)
+        duration = min(self.longest, man.slew_time() * random.uniform(*spread))
+        states[:, 4:] = (
+            start[4:]
+            + share * (target - start)[4:]
+            + (bumps[:, 4:] * random.normal(size=3) * np.pi / duration)
+        )
+        sizes = np.abs(thrust @ man.torque_axes.T)
+        return np.concatenate([states.ravel(), thrust.ravel(), sizes.ravel(), [duration]])
+
+    def _solution(self, unknowns: np.ndarray, value: float) -> Solution:
+        n, m = self.intervals, self.manoeuvre.torque_axes.shape[1]
+        ends = np.cumsum([STATES * (n + 1), m * n])
+        states, thrust, _ = np.split(unknowns, ends)
+        return Solution(
+            value, float(unknowns[-1]), thrust.reshape(n, m), states.reshape(n + 1, STATES)
+        )
+
+
+def _second_column(casadi, q0, q):
+    """C (0, 1, 0)ᵀ of a quaternion from the orbit to the body frame."""
+    return casadi.vertcat(
+        2 * (q[0] * q[1] + q0 * q[2]),
+        q0**2 - q[0] ** 2 + q[1] ** 2 - q[2] ** 2,
+        2 * (q[1] * q[2] - q0 * q[0]),
+    )
+
+
+def _casadi() -> Any:
+    try:
+        import casadi
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            "Bounds need CasADi; install it with `pip install 'jaxsat[bounds]'`."
+        ) from error
+    return casadi

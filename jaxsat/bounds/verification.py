@@ -1,0 +1,62 @@
+"""What an open-loop solution really does, by an integrator and equations of its own."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from jaxsat.bounds.manoeuvre import Manoeuvre
+from jaxsat.bounds.transcription import Solution
+
+TOLERANCE = 1e-11
+
+
+class Arrival(NamedTuple):
+    """How far from the target a flight ends, in angle (rad) and relative rate (rad/s).
+
+    `effort` is ∫ Σ|T_i| dt (N m s) and `largest_thrust` the largest of any thruster (N m).
+    """
+
+    angle: float
+    rate: float
+    effort: float
+    largest_thrust: float
+
+
+def fly(manoeuvre: Manoeuvre, solution: Solution) -> Arrival:
+    """Fly a solution's thrusts by DOP853, the attitude as direction cosines by (1), (10), (11)."""
+    inverse = np.linalg.inv(manoeuvre.inertia)
+    length = solution.duration / len(solution.thrust)
+
+    def rate(t, y, torque):
+        cosines, omega = y[:9].reshape(3, 3), y[9:]
+        relative = omega + manoeuvre.orbit_rate * cosines[:, 1]
+        turning = np.cross(omega, manoeuvre.inertia @ omega)
+        total = torque + manoeuvre.disturbance(t) - turning
+        turned = -np.cross(relative, cosines, axisb=0, axisc=0)
+        return np.concatenate([turned.ravel(), inverse @ total])
+
+    y = np.concatenate([_cosines(manoeuvre.quaternion).ravel(), manoeuvre.omega])
+    for number, thrust in enumerate(solution.thrust):
+        span = (number * length, (number + 1) * length)
+        torque = manoeuvre.torque_axes @ thrust
+        flown = solve_ivp(rate, span, y, "DOP853", args=(torque,), rtol=TOLERANCE, atol=TOLERANCE)
+        y = flown.y[:, -1]
+    cosines, omega = y[:9].reshape(3, 3), y[9:]
+    relative = omega + manoeuvre.orbit_rate * cosines[:, 1]
+    sine = np.array([cosines[1, 2] - cosines[2, 1], cosines[2, 0] - cosines[0, 2]])
+    sine = np.append(sine, cosines[0, 1] - cosines[1, 0]) / 2
+    angle = np.arctan2(np.linalg.norm(sine), (np.trace(cosines) - 1) / 2)
+    torques = solution.thrust @ manoeuvre.torque_axes.T
+    return Arrival(
+        float(angle),
+        float(np.linalg.norm(relative)),
+        float(np.abs(torques).sum() * length),
+        float(np.abs(solution.thrust).max()),
+    )
+
+
+def _cosines(quaternion: np.ndarray) -> np.ndarray:
+    q0, q = quaternion[0], quaternion[1:]
+    cross = np.array([[0, -q[2], q[1]], [q[2], 0, -q[0]], [-q[1], q[0], 0]])
+    return (q0**2 - q @ q) * np.eye(3) + 2 * np.outer(q, q) - 2 * q0 * cross

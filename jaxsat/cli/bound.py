@@ -1,0 +1,135 @@
+"""`jaxsat bound`: the least time or effort in which a scenario's manoeuvre can be done."""
+
+import json
+import math
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, console, report
+
+if TYPE_CHECKING:
+    from jaxsat.bounds import Bound
+
+UNITS = {"time": "s", "effort": "N m s"}
+
+
+def bound(
+    scenario: str,
+    /,
+    *,
+    objective: Literal["time", "effort"] = "time",
+    starts: int = 12,
+    longest: float | None = None,
+    seed: int = 0,
+    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+    out: Path | None = None,
+    quiet: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Find how fast, or with how little effort, the scenario's start can be brought to rest.
+
+    An open-loop optimum to compare feedback laws with: thrusts known in advance take the
+    spacecraft exactly to rest in the orbit frame. It is the best of several starts of a local
+    search, not certified, and is flown again by an independent integrator.
+
+    Parameters
+    ----------
+    scenario
+        A name from `jaxsat scenarios list`, or a TOML file; its control law does not matter.
+    objective
+        time, or effort, the integral of the sum of the torques' sizes.
+    starts
+        Random guesses from which the search begins.
+    longest
+        Longest duration in seconds; that of the scenario if left out.
+    seed
+        Seed of the guesses.
+    overrides
+        KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
+    out
+        JSON file for the thrusts, the states and what was found; none if left out.
+    quiet
+        Print nothing unless something is wrong.
+    """
+    chosen = load_or_explain(scenario, overrides)
+    use_double_precision()
+    from jaxsat.bounds import Objective, manoeuvre_of
+    from jaxsat.scenario import build
+
+    try:
+        run = build(chosen)
+        manoeuvre = manoeuvre_of(run.loop, run.start)
+    except ValueError as error:
+        raise UserMistake(str(error)) from None
+    limit = chosen.simulation.duration_s if longest is None else longest
+    unit = UNITS[objective]
+    found = searched(manoeuvre, Objective(objective), starts, limit, seed, f"least {objective}")
+    if found is None:
+        report(f"none of {starts} starts found a way within {limit:g} s; give more starts")
+        return FAILED_RUN
+    if out is not None:
+        _write(out, found)
+    if not quiet:
+        arrival, values = found.arrival, found.values
+        print_line = console().print
+        print_line(f"least {objective:<10} {found.solution.value:.4g} {unit}")
+        print_line(f"duration         {found.solution.duration:.4g} s")
+        print_line(f"effort           {arrival.effort:.4g} N m s")
+        print_line(
+            f"flown again      ends {arrival.angle:.1e} rad and {arrival.rate:.1e} rad/s from rest "
+            "in the orbit frame"
+        )
+        listed = ", ".join(f"{value:.4g}" for value in values)
+        print_line(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
+    return SUCCESS
+
+
+def searched(
+    manoeuvre: Any, objective: Any, starts: int, longest: float, seed: int, what: str
+) -> "Bound | None":
+    """The best of several starts, told of while it runs."""
+    from jaxsat.bounds import best_of_starts
+
+    status = console(error=True).status(f"{what}: start 1 of {starts}")
+
+    def told(done: int, best: float) -> None:
+        known = f", {best:.4g} so far" if math.isfinite(best) else ""
+        status.update(f"{what}: {done} of {starts} starts{known}")
+
+    try:
+        with status:
+            return interruptibly(
+                lambda: best_of_starts(
+                    manoeuvre, objective, starts, longest=longest, seed=seed, report=told
+                )
+            )
+    except (ValueError, ModuleNotFoundError) as error:
+        raise UserMistake(str(error)) from None
+
+
+def _write(target: Path, found: "Bound") -> None:
+    from jaxsat.results import provenance
+
+    solution = found.solution
+    record = {
+        "command": shlex.join(["jaxsat", *sys.argv[1:]]),
+        "objective": found.objective.value,
+        "value": solution.value,
+        "duration_s": solution.duration,
+        "starts": found.starts,
+        "local_optima": found.values,
+        "flown_again": found.arrival._asdict(),
+        "thrust_N_m": solution.thrust.tolist(),
+        "states_quaternion_omega": solution.states.tolist(),
+        **provenance(),
+    }
+    text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    try:
+        target.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UserMistake(f"{target} cannot be written: {error.strerror or error}.") from None

@@ -1,0 +1,25 @@
+"""What goes wrong with places to write to."""
+
+import errno
+
+FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
+"""System errors of a disk that is full or broken, which no other command would have avoided."""
+
+
+class OutputError(Exception):
+    """A place that cannot be written; the message says why and what to do.
+
+    `failure` is true where the disk failed, or another process is in the way, and false where
+    something else should have been asked for.
+    """
+
+    failure: bool
+
+    def __init__(self, message: str, *, failure: bool = False):
+        super().__init__(message)
+        self.failure = failure
+
+
+def system_failure(message: str, error: OSError) -> OutputError:
+    """The system's error in our words; a failure if it is one of the disk."""
+    return OutputError(message, failure=error.errno in FAILURES)

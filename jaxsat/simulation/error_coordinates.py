@@ -1,0 +1,145 @@
+"""The loop of (43): rate errors in place of rates, so that a law with corners has no jumps."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.attitude import AbstractAttitude
+from jaxsat.checks import concrete
+from jaxsat.control import AbstractBacksteppingLaw
+from jaxsat.control.controller import Memory
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.simulation.loops import (
+    AbstractContinuousLoop,
+    Motion,
+    continuous_signals,
+    motion_turned_back,
+)
+from jaxsat.simulation.trajectory import Signals
+
+
+class ErrorState(NamedTuple):
+    """Attitude, third rate (rad/s), rate error η (rad/s) and memory."""
+
+    attitude: AbstractAttitude
+    omega3: Float[Array, ""]
+    rate_error: Float[Array, "2"]
+    memory: Memory
+
+
+class ErrorCoordinateLoop(AbstractContinuousLoop):
+    """The loop of (43): a backstepping law whose model is the plant, in error coordinates.
+
+    With unlimited torques about body x and y and the same inertia and orbit in law and plant, the
+    derivative of the reference cancels, so no derivative of sat appears and the loop is Lipschitz
+    away from w = 0. Only a disturbance of ω3 that the law does not know brings it back, through
+    the dependence of the reference on ω3. Raises `ValueError` where law and plant differ.
+    """
+
+    plant: RigidBody
+    law: AbstractBacksteppingLaw
+
+    def __check_init__(self):
+        known = [concrete(x) for x in jax.tree.leaves((self.plant, self.law))]
+        if any(leaf is None for leaf in known):
+            return
+        believed, true = self.law.model, self.plant
+        same_body = np.array_equal(believed.spacecraft.inertia, true.spacecraft.inertia)
+        same_orbit = bool(eqx.tree_equal(believed.orbit, true.orbit))
+        inertia = np.asarray(true.spacecraft.inertia)
+        principal = np.array_equal(inertia, np.diag(np.diag(inertia)))
+        if not (same_body and same_orbit and principal):
+            raise ValueError(
+                "Error coordinates must have principal body axes and the same inertia and orbit "
+                "in law and plant; simulate this loop at torque level instead."
+            )
+        if believed.third_rate_held != true.third_rate_held:
+            raise ValueError("Law and plant must agree on whether the third rate is held.")
+
+    def start(self, state: PlantState) -> ErrorState:
+        """The rates turned into rate errors."""
+        error, memory = self.law.rate_error(state), self.law.init(state)
+        return ErrorState(state.attitude, state.omega[2], error, memory)
+
+    def plant_state(self, state: ErrorState) -> PlantState:
+        """The rate errors turned back into rates."""
+        return self._with_rates(state, self._reference(state.attitude, state.omega3))
+
+    def motion(self, t: Float[Array, ""], state: ErrorState) -> Motion:
+        """Equations (36) and (43), with (37) for ω3, and the torque by (39) or (42)."""
+        held = self.plant.third_rate_held
+        variables = (state.attitude,) if held else (state.attitude, state.omega3)
+        reference, along = jax.linearize(
+            lambda attitude, omega3=state.omega3: self._reference(attitude, omega3), *variables
+        )
+        plant_state = self._with_rates(state, reference)
+        relative_rate = self.plant.relative_rate(plant_state)
+        attitude_rate = state.attitude.rate(relative_rate)
+        unmodelled = self._unmodelled(t, plant_state)
+        feedback = self.law.feedback(plant_state, state.rate_error, state.memory)
+        moments = self.plant.spacecraft.moments
+        error_rate = (feedback + unmodelled[:2]) / moments[:2]
+        omega3_rate = jnp.zeros_like(state.omega3)
+        believed = (attitude_rate,)
+        if not held:
+            disturbance = self.plant.disturbance_torque(t, plant_state)
+            omega3_rate = self.plant.angular_acceleration(plant_state.omega, disturbance)[2]
+            unknown = unmodelled[2] / moments[2]
+            still = jax.tree.map(jnp.zeros_like, state.attitude)
+            error_rate = error_rate - along(still, unknown)
+            believed = (attitude_rate, omega3_rate - unknown)
+        rate = ErrorState(
+            attitude_rate,
+            omega3_rate,
+            error_rate,
+            self.law.memory_rate(state.rate_error, state.memory),
+        )
+        command = self.law.torque_of(t, plant_state, feedback, along(*believed))
+        torque = jnp.concatenate([command, jnp.zeros_like(command[:1])])
+        return Motion(rate, plant_state, relative_rate, state.rate_error, torque)
+
+    def signals(self, t: Float[Array, ""], state: ErrorState) -> Signals:
+        """Everything worth saving at one instant, the torque by (39) or (42)."""
+        motion = self.motion(t, state)
+        return continuous_signals(
+            self.plant, self.law, t, motion.plant, state.memory, motion.torque
+        )
+
+    def switches(self, t: Float[Array, ""], state: ErrorState) -> Float[Array, " m"]:
+        """Those of the law."""
+        del t
+        return self.law.switches(self._probe(state.attitude, state.omega3))
+
+    def piece(self, sides: Bool[Array, " m"]) -> "ErrorCoordinateLoop":
+        """With the law held in one of its pieces."""
+        return eqx.tree_at(lambda loop: loop.law, self, self.law.piece(sides))
+
+    def turned_back(self, t: Float[Array, ""], state: ErrorState) -> ErrorState:
+        """With the law's memory turned back."""
+        return state._replace(memory=self.law.turned_back(self.law.turn(t), state.memory))
+
+    def turned(self, t: Float[Array, ""], back: ErrorState) -> ErrorState:
+        """With the law's memory as it is."""
+        return back._replace(memory=self.law.turned(self.law.turn(t), back.memory))
+
+    def turned_back_motion(self, t: Float[Array, ""], back: ErrorState) -> Motion:
+        """`motion` for a state turned back."""
+        return motion_turned_back(self, self.law, t, back)
+
+    def _probe(self, attitude: AbstractAttitude, omega3: Float[Array, ""]) -> PlantState:
+        zero = jnp.zeros_like(omega3)
+        return PlantState(attitude, jnp.stack([zero, zero, omega3]))
+
+    def _reference(self, attitude: AbstractAttitude, omega3: Float[Array, ""]) -> Float[Array, "2"]:
+        return self.law.reference_rate(self._probe(attitude, omega3))
+
+    def _with_rates(self, state: ErrorState, reference: Float[Array, "2"]) -> PlantState:
+        omega1, omega2 = reference + state.rate_error
+        return PlantState(state.attitude, jnp.stack([omega1, omega2, state.omega3]))
+
+    def _unmodelled(self, t: Float[Array, ""], state: PlantState) -> Float[Array, "3"]:
+        return self.plant.disturbance_torque(t, state) - self.law.model.disturbance_torque(t, state)

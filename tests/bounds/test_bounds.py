@@ -1,0 +1,156 @@
+"""Open-loop optima against exact ones, and their flights against other equations."""
+
+import dataclasses
+import json
+import signal
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsat.bounds import Manoeuvre, Objective, Transcription, best_of_starts, fly, manoeuvre_of
+from jaxsat.cli import main
+from jaxsat.control.switching import ONE_MODE, AbstractSampledController
+from jaxsat.dynamics import PlantState
+from jaxsat.scenario import build, load
+from jaxsat.simulation import SampledLoop, simulate
+
+pytest.importorskip("casadi")
+
+
+class _Replayed(AbstractSampledController):
+    """Thrusts known in advance."""
+
+    mode_names = ONE_MODE
+
+    thrust: jnp.ndarray
+    period: jnp.ndarray
+
+    def init(self, state):
+        return jnp.array(0)
+
+    def step(self, t, state, memory):
+        return self.thrust[jnp.minimum(memory, len(self.thrust) - 1)], memory + 1
+
+    def rate_error(self, state, memory):
+        return jnp.full(2, jnp.nan)
+
+    def mode(self, memory):
+        return jnp.array(0)
+
+
+INERTIA = (449.5, 264.6, 312.5)
+NONE = np.zeros(3)
+
+
+def planar(angle, rate, limit=5.0):
+    """A body turned about x alone, without orbit or disturbance."""
+    quaternion = np.array([np.cos(angle / 2), np.sin(angle / 2), 0.0, 0.0])
+    omega = np.array([rate, 0.0, 0.0])
+    return Manoeuvre(
+        np.diag(INERTIA), np.eye(3)[:, :2], limit, 0.0, quaternion, omega, NONE, NONE, NONE, NONE
+    )
+
+
+def test_rest_to_rest_is_bang_bang():
+    """2 √(J θ / Tm): half the time full thrust, half the time full brake."""
+    found = best_of_starts(planar(0.1, 0.0), Objective.TIME, 2, longest=100.0, intervals=30)
+    exact = 2 * np.sqrt(INERTIA[0] * 0.1 / 5.0)
+    assert found.solution.value == pytest.approx(exact, rel=1e-4)
+    np.testing.assert_allclose(found.solution.thrust[:15, 0], -5.0, atol=1e-3)
+    np.testing.assert_allclose(found.solution.thrust[15:, 0], 5.0, atol=1e-3)
+    assert found.values == sorted(found.values)
+
+
+def test_least_effort_is_the_angular_momentum():
+    """∫ Σ|T_i| dt >= |H(0)|; coasting to the target and braking there attains it."""
+    found = best_of_starts(planar(-0.1, 0.01), Objective.EFFORT, 2, longest=60.0, intervals=30)
+    assert found.solution.value == pytest.approx(INERTIA[0] * 0.01, rel=2e-3)
+    assert found.arrival.effort == pytest.approx(found.solution.value, rel=1e-6)
+    assert found.solution.duration <= 60.0
+
+
+@pytest.fixture(scope="module")
+def paper():
+    run = build(load("acceptance-nominal"))
+    return run, manoeuvre_of(run.loop, run.start)
+
+
+def test_manoeuvre_is_that_of_the_scenario(paper):
+    run, manoeuvre = paper
+    np.testing.assert_array_equal(np.diag(manoeuvre.inertia), INERTIA)
+    np.testing.assert_array_equal(manoeuvre.torque_axes, np.eye(3)[:, :2])
+    assert (manoeuvre.limit, manoeuvre.orbit_rate) == (5.0, 0.0011)
+    for t in (0.0, 3.7):
+        ours = run.loop.plant.disturbance_torque(jnp.asarray(t), run.start)
+        np.testing.assert_allclose(manoeuvre.disturbance(t), ours, atol=1e-15)
+
+
+def test_flight_is_that_of_the_plant(paper):
+    """The states that the program ties together, the flight and jaxsat's own loop agree."""
+    _, manoeuvre = paper
+    transcription = Transcription(manoeuvre, Objective.TIME, 100.0, intervals=30, substeps=4)
+    solution = next(
+        filter(None, (transcription.solve(transcription.solver(), seed) for seed in range(9)))
+    )
+    arrival = fly(manoeuvre, solution)
+    assert arrival.angle < 1e-4
+    assert arrival.rate < 1e-5
+    assert arrival.largest_thrust <= 5 * (1 + 1e-6)
+    loop = build(load("acceptance-nominal")).loop
+    thrust = jnp.asarray(solution.thrust)
+    controller = _Replayed(thrust, jnp.asarray(solution.duration / len(thrust)))
+    loop = SampledLoop(loop.plant, controller, loop.actuators, 20)
+    start = build(load("acceptance-nominal")).start
+    times = controller.period * jnp.arange(len(thrust) + 1)
+    run = simulate(loop, PlantState(start.attitude, start.omega), times)
+    np.testing.assert_allclose(run.signals.omega, solution.states[:, 4:], atol=2e-6)
+    assert np.linalg.norm(run.signals.w[-1]) < 1e-4
+    assert np.linalg.norm(run.signals.relative_rate[-1]) < 1e-5
+
+
+@pytest.mark.slow
+def test_known_least_time_from_the_papers_start(paper):
+    """An independent transcription found 30.5 s at 5 N m."""
+    found = best_of_starts(paper[1], Objective.TIME, 12, longest=100.0)
+    assert found.solution.value == pytest.approx(30.5, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "message"),
+    [
+        ("paper-three-axis", [], "thrusters with a limit"),
+        ("paper-rate", ["orbit.relation=exact"], "must be positive and finite"),
+        ("switching", ["orbit.relation=small-angle"], "small angle"),
+        ("two-torque-free", ["disturbance.gravity_gradient=true"], "GravityGradient"),
+    ],
+)
+def test_other_manoeuvres_are_refused(name, changes, message):
+    run = build(load(name, changes))
+    with pytest.raises(ValueError, match=message):
+        manoeuvre_of(run.loop, run.start)
+
+
+def test_starts_and_intervals_are_checked(paper):
+    with pytest.raises(ValueError, match="`starts` must be at least 1"):
+        best_of_starts(paper[1], Objective.TIME, 0, longest=100.0)
+    with pytest.raises(ValueError, match="`intervals` must be positive"):
+        Transcription(paper[1], Objective.TIME, 100.0, intervals=0)
+    with pytest.raises(ValueError, match="at least two thrusters"):
+        dataclasses.replace(paper[1], torque_axes=np.eye(3)[:, :1])
+
+
+def test_command_line(tmp_path, capsys):
+    handler = signal.getsignal(signal.SIGTERM)
+    quick = ["initial.w=[0.05, 0.0]", "initial.z_rad=0", "initial.omega_rad_s=[0, -0.0011, 0]"]
+    sets = [token for change in quick for token in ("--set", change)]
+    target = tmp_path / "bound.json"
+    with pytest.raises(SystemExit) as caught:
+        main(["bound", "two-torque-free", "--starts", "1", *sets, "--out", str(target)])
+    signal.signal(signal.SIGTERM, handler)
+    out = capsys.readouterr().out
+    assert caught.value.code == 0
+    assert "not certified" in out
+    record = json.loads(target.read_text())
+    assert len(record["thrust_N_m"]) == 100
+    assert record["value"] == pytest.approx(2 * np.sqrt(INERTIA[0] * 0.1 / 5.0), rel=0.02)

@@ -1,0 +1,84 @@
+"""`jaxsat tune`."""
+
+import json
+import signal
+
+import pytest
+
+from jaxsat.cli import main
+from jaxsat.scenario import load
+from tuning.scenarios import RATE
+
+FIGURES = ("loss", "gains", "before-after")
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rate.toml").write_text(RATE, encoding="utf-8")
+    handler = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture
+def jaxsat(capsys):
+    def run(*tokens):
+        with pytest.raises(SystemExit) as caught:
+            main(["tune", *tokens])
+        output = capsys.readouterr()
+        return caught.value.code, output.out, output.err
+
+    return run
+
+
+def test_a_run_leaves_everything_in_its_folder(jaxsat, tmp_path):
+    short = ("rate.toml", "--set", "tuning.steps=2", "--width", "4", "--workers", "1")
+    status, out, err = jaxsat(*short, "--out", "run")
+    assert status == 0, err
+    assert out.startswith("# Tuning: A slow tumble, stopped\n\n## Gains")
+    folder = tmp_path / "run"
+    names = {path.name for path in folder.iterdir()}
+    figures = {f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")}
+    files = {"tuned.toml", "history.nc", "receipt.json", "verdict.json", "summary.md"}
+    assert names == files | figures | {"checkpoint.npz"}
+    gains = json.loads((folder / "verdict.json").read_text())["gains"]
+    tuned = load(folder / "tuned.toml").control
+    assert tuned.k1 == pytest.approx(gains["k1"]["after"])
+    assert tuned.k1 != 0.5
+
+    status, out, _ = jaxsat(*short, "--out", "run")
+    assert status == 0
+    assert "already written to run" in out
+    status, _, err = jaxsat("rate.toml", "--set", "tuning.steps=3", "--out", "run")
+    assert status == 2
+    assert "holds another run" in err
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("tuning.parameters.k3={low=0.1, high=1}", 'must be one of k1, k2 under the law "rate"'),
+        ("tuning.parameters.k1={low=2, high=1}", "must be above low = 2"),
+        ("tuning.parameters.k1={low=1, high=2}", "must be bounds around control.k1 = 0.5"),
+        ("tuning.parameters.k1={low=-1, high=2}", "must be greater than 0"),
+        ("tuning.parameters.k9={low=1, high=2}", "must be one of the keys of [tuning.parameters]"),
+        ("tuning.optimiser=adma", "must be an optimiser of optax"),
+        ("tuning.aggregate=median", 'must be one of "mean", "cvar", "quantile", "worst"'),
+        ("tuning.smoothing.tilt_width=0.1", "must be one of omega3_width_rad_s"),
+        ("tuning.horizon_s=[4, 9]", "up to simulation.duration_s = 8.0, got 9"),
+        ("tuning.screened=2", "must be 0 or at least starts = 3"),
+        ("dispersion.design=latin-hypercube", 'must be "independent" or "sobol" for tuning'),
+        ("tuning.held_out_seed=5", "held-out seed must not be the seed tuned on"),
+    ],
+)
+def test_mistakes_exit_with_two(jaxsat, change, message):
+    status, _, err = jaxsat("rate.toml", "--set", change)
+    assert status == 2
+    assert message in err
+
+
+def test_a_scenario_without_the_table_is_refused(jaxsat):
+    status, _, err = jaxsat("paper-rate")
+    assert status == 2
+    assert "[tuning] table" in err

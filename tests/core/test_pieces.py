@@ -1,0 +1,88 @@
+"""Pieces of laws with corners, and the internal model without its own oscillation."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from core.cases import (
+    PAPER_RATE,
+    PAPER_THREE_AXIS,
+    actuators,
+    bodies,
+    rate_loop,
+    rate_start,
+    three_axis_law,
+    three_axis_loop,
+    three_axis_start,
+)
+from jaxsat.control import InternalModel, RateLaw
+from jaxsat.control.internal_model import OscillatorState
+from jaxsat.simulation import ContinuousLoop
+from jaxsat.smooth import as_width, root_abs, sat, signed_root
+
+LOOPS = {
+    "error": lambda: (three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)),
+    "limited": lambda: (
+        ContinuousLoop(
+            bodies(PAPER_THREE_AXIS)[0], three_axis_law(PAPER_THREE_AXIS), actuators(3.0)
+        ),
+        three_axis_start(PAPER_THREE_AXIS),
+    ),
+    "rate": lambda: (rate_loop(PAPER_RATE), rate_start(PAPER_RATE)),
+}
+T = jnp.array(1.3)
+
+
+def same(one, other, tolerance=1e-12):
+    for x, y in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_allclose(x, y, rtol=tolerance, atol=tolerance)
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_loop_is_its_piece_where_its_switches_say_so(name):
+    loop, start = LOOPS[name]()
+    state = loop.start(start)
+    switches = loop.switches(T, state)
+    assert switches.shape[0] == {"error": 2, "limited": 4, "rate": 3}[name]
+    same(loop.piece(switches > 0).motion(T, state), loop.motion(T, state))
+    other = loop.piece(switches < 0).motion(T, state)
+    assert np.abs(other.torque - loop.motion(T, state).torque).max() > 1e-3
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_state_turned_back_moves_as_the_state_does(name):
+    """Its rate is that of `turned_back` along the loop, by the chain rule."""
+    loop, start = LOOPS[name]()
+    state = jax.tree.map(lambda x: x + 0.01, loop.start(start))
+    back = loop.turned_back(T, state)
+    same(loop.turned(T, back), state)
+    expected = jax.jvp(loop.turned_back, (T, state), (jnp.ones(()), loop(T, state)))[1]
+    same(loop.turned_back_motion(T, back).rate, expected, 1e-10)
+
+
+def test_oscillators_left_alone_stand_still_turned_back():
+    model = InternalModel([0.7, 0.8])
+    start = OscillatorState(jnp.array([1.0, -0.4]), jnp.array([0.2, 0.3]))
+    later = model.advance(start, jnp.zeros(2), jnp.array(37.0))
+    back = model.turned_back(model.turn(jnp.array(37.0)), later)
+    same(back, OscillatorState(model.frequency * start.position, start.velocity), 1e-13)
+
+
+def test_a_width_of_zero_is_the_corner_itself():
+    assert as_width(0.0) is None
+    assert as_width(None) is None
+    assert as_width(0.3) == 0.3
+    assert RateLaw(bodies(PAPER_RATE)[1], 5.0, 10.0, 0.0).width is None
+
+
+def test_functions_with_corners_stay_on_their_side():
+    x, bound = jnp.array([-2.0, 0.5, 2.0]), jnp.array(1.0)
+    np.testing.assert_array_equal(sat(x, bound), [-1, 0.5, 1])
+    np.testing.assert_array_equal(sat(x, bound, None, jnp.zeros(3, bool)), x)
+    np.testing.assert_array_equal(sat(x, bound, None, jnp.ones(3, bool)), [-1, 1, 1])
+    four = jnp.array(4.0)
+    for positive, roots in ((None, (2, 2, 2, -2)), (True, (2, 2, 0, 0)), (False, (0, 0, 2, -2))):
+        side = None if positive is None else jnp.array(positive)
+        found = [f(v, None, side) for v in (four, -four) for f in (root_abs, signed_root)]
+        np.testing.assert_array_equal(found, roots)

@@ -1,0 +1,228 @@
+"""Tuning from a scenario: derivatives, descent, checkpoints, receipt, verdict, baselines."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+from jaxsat.engine import AbstractCopies, Program
+from jaxsat.results import OutputError
+from jaxsat.scenario import build, dump, load
+from jaxsat.scenario.tuning import build_plan, tuned_scenario
+from jaxsat.tuning import advance, begin, compare, descend, make_receipt, make_verdict
+from jaxsat.tuning.baselines import METHODS, run_baselines
+from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
+from jaxsat.tuning.history import history_dataset
+from jaxsat.tuning.summary import summary_page
+from tuning.scenarios import RATE
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    file = tmp_path_factory.mktemp("scenario") / "rate.toml"
+    file.write_text(RATE, encoding="utf-8")
+    return load(file)
+
+
+@pytest.fixture(scope="module")
+def plan(scenario):
+    return build_plan(scenario, width=4)
+
+
+@pytest.fixture(scope="module")
+def final(plan):
+    return descend(plan, begin(plan))
+
+
+def points(plan):
+    return plan.space.to_search(np.array([[0.5, 0.3], [1.2, 0.1], [0.2, 1.0]]))
+
+
+def same_bits(one, other):
+    jax.tree.map(np.testing.assert_array_equal, one, other)
+
+
+def test_many_points_at_once_are_the_same_as_one_by_one(plan):
+    numbers = np.array([3, 0, 7])
+    together = plan.smooth.differentiate(points(plan), numbers)
+    assert together.derivatives.shape == (3, 3, 2)
+    for i in range(3):
+        alone = plan.smooth.differentiate(points(plan)[i : i + 1], numbers)
+        same_bits(alone, jax.tree.map(lambda x, i=i: x[i : i + 1], together))
+    threads = dataclasses.replace(plan.smooth, workers=2)
+    same_bits(threads.differentiate(points(plan), numbers), together)
+
+
+def test_derivatives_along_the_search_are_those_of_the_cost(plan):
+    numbers, step = np.arange(4), 1e-5
+    found = plan.smooth.differentiate(points(plan), numbers)
+    for i in range(2):
+        shift = step * np.eye(2)[i]
+        costs = [
+            plan.smooth.evaluate(points(plan) + sign * shift, numbers).cost for sign in (1, -1)
+        ]
+        expected = (costs[0] - costs[1]) / (2 * step)
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(found.derivatives[..., i], expected, atol=1e-6 * scale)
+
+
+def test_differences_agree_with_automatic_differentiation(plan):
+    numbers = np.arange(3)
+    trials = dataclasses.replace(plan.smooth, way="differences", half_width=1e-4)
+    found, expected = (t.differentiate(points(plan), numbers) for t in (trials, plan.smooth))
+    scale = np.abs(expected.derivatives).max()
+    np.testing.assert_allclose(found.derivatives, expected.derivatives, atol=1e-6 * scale)
+    np.testing.assert_allclose(found.outputs.cost, expected.outputs.cost, rtol=1e-12)
+
+
+def test_trajectories_are_counted(plan):
+    trials = dataclasses.replace(plan.smooth, counter=type(plan.smooth.counter)())
+    trials.evaluate(points(plan), np.arange(5))
+    assert trials.counter.trajectories == 15
+    trials.evaluate(points(plan), np.arange(5), intervals=4)  # of 8
+    assert trials.counter.trajectories == 15 + 15 / 2
+    trials.differentiate(points(plan), np.arange(5))  # with two gains
+    assert trials.counter.trajectories == 15 + 15 / 2 + 15 * 3
+
+
+def test_the_loss_falls_and_the_best_iterate_is_kept(plan, final):
+    losses = [check.best_loss for check in final.validations]
+    assert losses[-1] < losses[0]
+    assert losses == sorted(losses, reverse=True)
+    every = np.stack([check.loss for check in final.validations])
+    assert final.best_loss == np.nanmin(every)
+    costs = plan.exact.evaluate(final.best_point[None], plan.settings.validation()).cost[0]
+    assert plan.settings.objective.value(costs) == final.best_loss
+
+
+def test_the_worse_half_of_the_starts_is_given_up(final):
+    assert final.alive.sum() == 2
+    middle = next(check for check in final.validations if check.step == 2)
+    assert not final.alive[np.argmax(middle.loss)]
+    assert np.isnan(final.steps[-1].loss).sum() == 1
+
+
+def test_a_run_broken_off_goes_on_to_the_same_bits(plan, final, tmp_path):
+    identity = plan_identity(plan)
+    with TuningFolder(tmp_path / "run", identity) as folder:
+        state = folder.state(plan)
+        for _ in range(3):
+            state = advance(plan, state)
+            folder.keep(state)
+    with TuningFolder(tmp_path / "run", identity) as folder:
+        resumed = descend(plan, folder.state(plan), keep=folder.keep)
+    assert resumed.step == final.step
+    for name in ("points", "alive", "best_point", "best_loss", "trajectories"):
+        np.testing.assert_array_equal(getattr(resumed, name), getattr(final, name))
+    same_bits(resumed.optimiser, final.optimiser)
+    same_bits(resumed.steps, final.steps)
+    same_bits(resumed.validations, final.validations)
+
+
+def test_a_folder_holds_one_run(plan, tmp_path):
+    with TuningFolder(tmp_path / "run", {"steps": 4}) as folder:
+        folder.keep(begin(plan))
+        with pytest.raises(OutputError, match="another process"):
+            TuningFolder(tmp_path / "run", {"steps": 4})
+    with pytest.raises(OutputError, match="another run \\(steps: 4 there, 5 here"):
+        TuningFolder(tmp_path / "run", {"steps": 5})
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").touch()
+    with pytest.raises(OutputError, match="did not write"):
+        TuningFolder(tmp_path / "mine", {})
+    (tmp_path / "run" / "checkpoint.npz").write_bytes(b"not a state")
+    with pytest.raises(OutputError, match="no state of a tuning run"):
+        TuningFolder(tmp_path / "run", {"steps": 4})
+
+
+def test_the_tuned_scenario_flies_with_the_tuned_gains(scenario, plan, final, tmp_path):
+    (tmp_path / "tuned.toml").write_text(dump(tuned_scenario(scenario, plan, final.best_point)))
+    again = load(tmp_path / "tuned.toml")
+    values = plan.space.to_values(final.best_point)
+    law = build(again).loop.controller
+    np.testing.assert_allclose([law.k1, law.k2], values, rtol=1e-12)
+    assert again.control.omega3_width_rad_s == scenario.control.omega3_width_rad_s
+    assert again.tuning == scenario.tuning
+
+
+def test_a_sound_gradient_has_a_clean_receipt(plan, final):
+    receipt = make_receipt(plan, final)
+    assert receipt.problems == []
+    assert receipt.start.trusted
+    assert receipt.end.error.max() < 1e-6
+    assert 1e-3 < receipt.smoothing_bias < 0.1
+    assert 1e-7 < receipt.step_sensitivity < 1e-2
+    assert receipt.gradient_samples == 4 * (3 + 3 + 2 + 2)
+    assert receipt.failed == receipt.masked == 0
+
+
+class Blind(AbstractCopies):
+    """Copies that hide one gain from automatic differentiation, as a switch would."""
+
+    inner: AbstractCopies
+
+    def __call__(self, case, gains=None):
+        return self.inner(case, {**gains, "k2": jax.lax.stop_gradient(gains["k2"])})
+
+
+def test_a_wrong_gradient_is_told_at_the_top(plan, final, monkeypatch):
+    program = plan.smooth.program
+    copies = eqx.tree_at(lambda p: p.copies, program, program.copies)
+    blind = dataclasses.replace(plan.smooth, program=copies)
+    inner = type(plan.smooth)._program
+
+    def hidden(trials, intervals):
+        whole: Program = inner(trials, intervals)
+        gained = whole.copies
+        return eqx.tree_at(lambda p: p.copies.copies, whole, Blind(gained.copies))
+
+    monkeypatch.setattr(type(plan.smooth), "_program", hidden)
+    comparison = compare(blind, final.best_point, np.arange(3))
+    assert not comparison.trusted
+    assert comparison.error[0] < 1e-6
+    assert comparison.error[1] == pytest.approx(1.0)
+    monkeypatch.undo()
+    receipt = dataclasses.replace(make_receipt(plan, final), end=comparison)
+    assert receipt.problems == [
+        "at the end the derivative by k2 is 100.0% off the best central difference"
+    ]
+    page = summary_page("a run", receipt, make_verdict(plan, final.best_point))
+    assert page.splitlines()[2].startswith("**The gradient of this run is not trustworthy:**")
+
+
+def test_the_verdict_is_about_the_exact_law_on_other_cases(plan, final):
+    verdict = make_verdict(plan, final.best_point)
+    np.testing.assert_allclose(verdict.gains_before, [0.5, 0.3])
+    numbers = np.arange(8)
+    both = plan.space.to_search(np.stack([verdict.gains_before, verdict.gains_after]))
+    costs = plan.held_out.evaluate(both, numbers).cost
+    np.testing.assert_allclose(verdict.after.columns["cost"], costs[1], rtol=1e-12)
+    assert not np.isin(costs, plan.trained_on.evaluate(both, numbers).cost).any()
+    expected = costs[0].mean() - costs[1].mean()
+    np.testing.assert_allclose(verdict.better.value, expected)
+    assert verdict.better.low < expected < verdict.better.high
+    data = verdict.as_data()
+    assert data["gains"]["k1"]["before"] == pytest.approx(0.5)
+    assert data["after"]["cases"] == 8
+
+
+def test_baselines_spend_no_more_than_their_budget(plan, final):
+    found = {entry.method: entry for entry in run_baselines(plan, final, 120.0)}
+    assert set(found) == {"gradient descent", *METHODS}
+    for entry in list(found.values())[1:]:
+        assert 0 < entry.trajectories <= 120
+        assert entry.trace[-1, 0] == entry.trajectories
+        assert np.all(np.diff(entry.trace[:, 0]) >= 0)
+    assert found["BFGS"].judgement.loss < found["gradient descent"].trace[0, 1]
+
+
+def test_the_history_has_gains_and_losses(scenario, plan, final):
+    dataset = history_dataset(plan, final, scenario.title, dump(scenario))
+    assert dataset["gain"].dims == ("step", "start", "parameter")
+    assert dataset.sizes["step"] == 4
+    np.testing.assert_allclose(dataset["gain"][0, 0], [0.5, 0.3])
+    best = dataset["best_gain"][-1].values
+    np.testing.assert_allclose(best, plan.space.to_values(final.best_point))
+    assert dataset["loss"].attrs["units"] == "1"
