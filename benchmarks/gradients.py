@@ -23,6 +23,7 @@ ROUNDS = 3
 FIXED = ("simulation.solver.steps=fixed", "simulation.solver.step_s=0.05")
 SMOOTH = ("control.saturation_width=0.3",)
 WAYS = {
+    "native, adaptive": ((), "native", ("forward", "differences")),
     "scan, adaptive": ((), "scan", ("forward", "differences")),
     "scan, fixed 0.05 s, smooth": ((*FIXED, *SMOOTH), "scan", ("forward", "reverse")),
     "diffrax, fixed 0.05 s, smooth": ((*FIXED, *SMOOTH), "diffrax", ("forward", "reverse")),
@@ -50,9 +51,7 @@ def measure(label, overrides, engine, ways, args):
     works = {"primal": lambda: plain.evaluate(point, numbers)}
     for way, one in trials.items():
         works[way] = lambda one=one: one.differentiate(point, numbers)
-    few = {
-        name: timed(work) for name, work in works.items()
-    }  # the first call of each compiles
+    few = {name: timed(work) for name, work in works.items()}  # the first call of each compiles
     best = dict.fromkeys(works, np.inf)
     for _ in range(ROUNDS):
         for name, work in works.items():
