@@ -50,9 +50,7 @@ def measure(label, overrides, engine, ways, args):
     works = {"primal": lambda: plain.evaluate(point, numbers)}
     for way, one in trials.items():
         works[way] = lambda one=one: one.differentiate(point, numbers)
-    few = {
-        name: timed(work) for name, work in works.items()
-    }  # the first call of each compiles
+    few = {name: timed(work) for name, work in works.items()}  # the first call of each compiles
     best = dict.fromkeys(works, np.inf)
     for _ in range(ROUNDS):
         for name, work in works.items():
