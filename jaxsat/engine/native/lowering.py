@@ -60,7 +60,10 @@ def lower_open(
     known.update(zip(jaxpr.invars, arrays, strict=True))
 
     def read(atom: Any):
-        return as_elements(atom.val, atom.aval.dtype) if isinstance(atom, Literal) else known[atom]
+        if isinstance(atom, Literal):
+            aval: Any = atom.aval
+            return as_elements(atom.val, aval.dtype)
+        return known[atom]
 
     for eqn in jaxpr.eqns:
         outputs = _apply(b, eqn, [read(atom) for atom in eqn.invars])
