@@ -17,9 +17,10 @@ Width = Float[Array, ""] | None
 
 def as_width(value: ArrayLike | None) -> Width:
     """A width as an array, and None where it is known to be zero."""
-    known = None if value is None else concrete(value)
-    zero = value is None or (known is not None and not np.any(known))
-    return None if zero else as_float(value)
+    if value is None:
+        return None
+    known = concrete(value)
+    return None if known is not None and not np.any(known) else as_float(value)
 
 
 def sat(

@@ -27,19 +27,21 @@ INLINE Torque torque_of(const Block *b, int l) {
     return d;
 }
 /* The state with the oscillators turned to time t, and back the rate. */
-INLINE State turned(const Torque *d, double s1, double c1, double s2, double c2, State y) {
-    double p1 = y.p1, p2 = y.p2;
-    y.p1 = p1 * c1 + y.v1 * s1 / d->frequency1;
-    y.p2 = p2 * c2 + y.v2 * s2 / d->frequency2;
-    y.v1 = y.v1 * c1 - p1 * d->frequency1 * s1;
-    y.v2 = y.v2 * c2 - p2 * d->frequency2 * s2;
-    return y;
+INLINE void turned(const Torque *d, double s1, double c1, double s2, double c2, const State *back,
+                   State *y) {
+#define SAME(x) y->x = back->x;
+    EACH(SAME)
+    y->p1 = back->p1 * c1 + back->v1 * s1 / d->frequency1;
+    y->p2 = back->p2 * c2 + back->v2 * s2 / d->frequency2;
+    y->v1 = back->v1 * c1 - back->p1 * d->frequency1 * s1;
+    y->v2 = back->v2 * c2 - back->p2 * d->frequency2 * s2;
 }
 INLINE State stage(const Gains *g, const Torque *d, double t, int b1, int b2, const State *back) {
     double s1, c1, s2, c2;
     sincos_of(d->frequency1 * t, &s1, &c1);
     sincos_of(d->frequency2 * t, &s2, &c2);
-    State y = turned(d, s1, c1, s2, c2, *back);
+    State y;
+    turned(d, s1, c1, s2, c2, back, &y);
     double d1 = d->amplitude1 * sin_of(d->frequency1 * t + d->phase1);
     double d2 = d->amplitude2 * sin_of(d->frequency2 * t + d->phase2);
     Seen seen;
@@ -246,8 +248,8 @@ static int moved_on(Block *b, const Job *job, Rows kept_y) {
 void adaptive(const double *start, const double *torque, const double *gains, const double *limits,
               const double *tolerance, double interval, int64_t intervals, int64_t begin,
               int64_t end, double *results) {
-    static _Thread_local Block block;
-    static _Thread_local Rows k[STAGES], kept;
+    Block block __attribute__((aligned(64)));
+    Rows k[STAGES] __attribute__((aligned(64))), kept;
     Block *b = &block;
     Job job = {{gains[0], gains[1], gains[2], gains[3]},
                {tolerance[0], tolerance[1], tolerance[2], tolerance[3]},

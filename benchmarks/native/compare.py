@@ -34,7 +34,7 @@ from jaxsat.montecarlo import Study
 SUBSTEPS = 20
 GAINS = {"k3": K3, "mu": MU, "a": A, "k4": K4}
 LIMITS = np.array([0.05, 0.05, 1e-3])
-PIECE = 64
+PIECE = 256
 """Cases that a thread takes at a time."""
 
 

@@ -70,7 +70,7 @@ static void interval(Block *b, const Gains *gains, const double *limits, double 
 void fixed(const double *start, const double *torque, const double *gains, const double *limits,
            double length, int64_t intervals, int64_t substeps, int64_t begin, int64_t end,
            double *results) {
-    Block b;
+    Block b __attribute__((aligned(64)));
     Gains g = {gains[0], gains[1], gains[2], gains[3]};
     for (int64_t first = begin; first < end; first += LANES) {
         memset(&b, 0, sizeof b);

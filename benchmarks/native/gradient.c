@@ -69,9 +69,12 @@ INLINE Slopes along(const Gains *g, const Point *at, const Slopes *x, Unit n) {
     return d;
 }
 
+/* What the sensitivities need of a stage that the state has been through. */
+enum { POINT = 18, STAGES = 4 };
 typedef struct {
     Rows y, by[4];
     double torque[TORQUES][LANES], peak[LANES], settled[LANES];
+    double points[STAGES][POINT][LANES];
 } Block;
 
 INLINE State moved(const State *y, double h, const State *k) {
@@ -80,66 +83,108 @@ INLINE State moved(const State *y, double h, const State *k) {
     EACH(MOVE)
     return s;
 }
-INLINE Point point(const Gains *g, const Torque *d, double t, const State *y) {
-    Point at;
+INLINE State stage(const Gains *g, const Torque *d, double t, const State *y, Seen *seen, int *b1,
+                   int *b2) {
     Steering s = steering(y);
     double d1 = d->amplitude1 * sin_of(d->frequency1 * t + d->phase1);
     double d2 = d->amplitude2 * sin_of(d->frequency2 * t + d->phase2);
-    at.y = *y;
-    at.f1 = d->frequency1;
-    at.f2 = d->frequency2;
-    at.b1 = fabs(s.s1) > g->a;
-    at.b2 = fabs(s.s2) > g->a;
-    at.d = rate(g, d1, d2, at.f1, at.f2, at.b1, at.b2, y, &at.seen);
-    return at;
+    *b1 = fabs(s.s1) > g->a;
+    *b2 = fabs(s.s2) > g->a;
+    return rate(g, d1, d2, d->frequency1, d->frequency2, *b1, *b2, y, seen);
 }
 INLINE Torque torque_of(Block *b, int l) {
     Torque d = {b->torque[0][l], b->torque[1][l], b->torque[2][l],
                 b->torque[3][l], b->torque[4][l], b->torque[5][l]};
     return d;
 }
-INLINE State sum(State a, double n, State k) {
-#define ADD(x) a.x += n * k.x;
-    EACH(ADD)
-    return a;
+/* Field by field: the compiler does not take structures apart in such loops otherwise. */
+INLINE void keep(double (*rows)[LANES], int l, const State *y, const State *d, const Seen *seen,
+                 int b1, int b2) {
+    rows[0][l] = y->w1; rows[1][l] = y->w2; rows[2][l] = y->z; rows[3][l] = y->e1;
+    rows[4][l] = y->e2; rows[5][l] = y->p1; rows[6][l] = y->p2; rows[7][l] = y->v1;
+    rows[8][l] = y->v2; rows[9][l] = d->w1; rows[10][l] = d->w2; rows[11][l] = d->z;
+    rows[12][l] = seen->r1; rows[13][l] = seen->r2; rows[14][l] = seen->u1;
+    rows[15][l] = seen->u2;
+    rows[16][l] = b1 ? 1 : 0;
+    rows[17][l] = b2 ? 1 : 0;
+}
+INLINE Slopes along_kept(double (*rows)[LANES], int l, double f1, double f2, const Gains *g,
+                         const Slopes *x, Unit unit) {
+    Point at;
+    at.y.w1 = rows[0][l]; at.y.w2 = rows[1][l]; at.y.z = rows[2][l]; at.y.e1 = rows[3][l];
+    at.y.e2 = rows[4][l]; at.y.p1 = rows[5][l]; at.y.p2 = rows[6][l]; at.y.v1 = rows[7][l];
+    at.y.v2 = rows[8][l]; at.d.w1 = rows[9][l]; at.d.w2 = rows[10][l]; at.d.z = rows[11][l];
+    at.seen.r1 = rows[12][l]; at.seen.r2 = rows[13][l]; at.seen.u1 = rows[14][l];
+    at.seen.u2 = rows[15][l];
+    at.b1 = rows[16][l] != 0;
+    at.b2 = rows[17][l] != 0;
+    at.f1 = f1;
+    at.f2 = f2;
+    return along(g, &at, x, unit);
 }
 
-/* One direction through the four stages that the state has been through. */
-INLINE void along_step(Block *b, int l, int gain, Unit unit, const Gains *g, double h,
-                       const Point *one, const Point *two, const Point *three, const Point *four) {
-    Slopes x = loaded(b->by[gain], l), m, all, k;
-    all = along(g, one, &x, unit);
-    m = moved(&x, h / 2, &all);
-    k = along(g, two, &m, unit);
-    all = sum(all, 2, k);
-    m = moved(&x, h / 2, &k);
-    k = along(g, three, &m, unit);
-    all = sum(all, 2, k);
-    m = moved(&x, h, &k);
-    k = along(g, four, &m, unit);
-    all = sum(all, 1, k);
-    stored(b->by[gain], l, moved(&x, h / 6, &all));
+/* One direction through the four stages. */
+INLINE void along_step(Block *b, int gain, Unit unit, const Gains *gains, double h) {
+    const Gains g = *gains;
+    double (*p)[POINT][LANES] = b->points;
+#pragma omp simd simdlen(8)
+    for (int l = 0; l < LANES; l++) {
+        double f1 = b->torque[2][l], f2 = b->torque[3][l];
+        Slopes x = loaded(b->by[gain], l);
+        Slopes one = along_kept(p[0], l, f1, f2, &g, &x, unit);
+        Slopes m1 = moved(&x, h / 2, &one);
+        Slopes two = along_kept(p[1], l, f1, f2, &g, &m1, unit);
+        Slopes m2 = moved(&x, h / 2, &two);
+        Slopes three = along_kept(p[2], l, f1, f2, &g, &m2, unit);
+        Slopes m3 = moved(&x, h, &three);
+        Slopes four = along_kept(p[3], l, f1, f2, &g, &m3, unit);
+#define WHOLE(x) one.x += 2 * (two.x + three.x) + four.x;
+        EACH(WHOLE)
+        stored(b->by[gain], l, moved(&x, h / 6, &one));
+    }
 }
 
 static void step(Block *b, const Gains *gains, double t, double h) {
     const Gains g = *gains;
 #pragma omp simd simdlen(8)
     for (int l = 0; l < LANES; l++) {
-        State y = loaded(b->y, l), m;
+        State y = loaded(b->y, l);
         Torque d = torque_of(b, l);
-        Point one = point(&g, &d, t, &y);
-        m = moved(&y, h / 2, &one.d);
-        Point two = point(&g, &d, t + h / 2, &m);
-        m = moved(&y, h / 2, &two.d);
-        Point three = point(&g, &d, t + h / 2, &m);
-        m = moved(&y, h, &three.d);
-        Point four = point(&g, &d, t + h, &m);
-        State all = sum(sum(sum(one.d, 2, two.d), 2, three.d), 1, four.d);
-        stored(b->y, l, moved(&y, h / 6, &all));
-        along_step(b, l, 0, (Unit){1, 0, 0, 0}, &g, h, &one, &two, &three, &four);
-        along_step(b, l, 1, (Unit){0, 1, 0, 0}, &g, h, &one, &two, &three, &four);
-        along_step(b, l, 2, (Unit){0, 0, 1, 0}, &g, h, &one, &two, &three, &four);
-        along_step(b, l, 3, (Unit){0, 0, 0, 1}, &g, h, &one, &two, &three, &four);
+        Seen seen1, seen2, seen3, seen4;
+        int b1, b2, c1, c2, d1, d2, e1, e2;
+        State one = stage(&g, &d, t, &y, &seen1, &b1, &b2);
+        keep(b->points[0], l, &y, &one, &seen1, b1, b2);
+        State m1 = moved(&y, h / 2, &one);
+        State two = stage(&g, &d, t + h / 2, &m1, &seen2, &c1, &c2);
+        keep(b->points[1], l, &m1, &two, &seen2, c1, c2);
+        State m2 = moved(&y, h / 2, &two);
+        State three = stage(&g, &d, t + h / 2, &m2, &seen3, &d1, &d2);
+        keep(b->points[2], l, &m2, &three, &seen3, d1, d2);
+        State m3 = moved(&y, h, &three);
+        State four = stage(&g, &d, t + h, &m3, &seen4, &e1, &e2);
+        keep(b->points[3], l, &m3, &four, &seen4, e1, e2);
+        EACH(WHOLE)
+        stored(b->y, l, moved(&y, h / 6, &one));
+    }
+    along_step(b, 0, (Unit){1, 0, 0, 0}, gains, h);
+    along_step(b, 1, (Unit){0, 1, 0, 0}, gains, h);
+    along_step(b, 2, (Unit){0, 0, 1, 0}, gains, h);
+    along_step(b, 3, (Unit){0, 0, 0, 1}, gains, h);
+}
+
+/* The rates at the start are given, so the rate errors there move as the reference does. */
+static void begin_slopes(Block *b, const Gains *g) {
+    for (int l = 0; l < LANES; l++) {
+        State y = loaded(b->y, l);
+        Steering s = steering(&y);
+        int b1 = fabs(s.s1) > g->a, b2 = fabs(s.s2) > g->a;
+        double inverse = 1 / (1 + y.w1 * y.w1 + y.w2 * y.w2);
+        b->by[0][3][l] = y.w1 * inverse;
+        b->by[0][4][l] = y.w2 * inverse;
+        b->by[1][3][l] = -(b1 ? copysign(g->a, s.s1) : s.s1);
+        b->by[1][4][l] = -(b2 ? copysign(g->a, s.s2) : s.s2);
+        b->by[2][3][l] = b1 ? -g->mu * copysign(1, s.s1) : 0;
+        b->by[2][4][l] = b2 ? -g->mu * copysign(1, s.s2) : 0;
     }
 }
 
@@ -149,9 +194,11 @@ static void look(Block *b, const Gains *gains, const double *limits, double t) {
     for (int l = 0; l < LANES; l++) {
         State y = loaded(b->y, l);
         Torque d = torque_of(b, l);
-        Point at = point(&g, &d, t, &y);
+        Seen seen;
+        int b1, b2;
+        stage(&g, &d, t, &y, &seen, &b1, &b2);
         Kept kept = {b->peak[l], b->settled[l]};
-        kept = looked(kept, t, &y, &at.seen, limits);
+        kept = looked(kept, t, &y, &seen, limits);
         b->peak[l] = kept.peak;
         b->settled[l] = kept.settled;
     }
@@ -160,7 +207,7 @@ static void look(Block *b, const Gains *gains, const double *limits, double t) {
 void gradient(const double *start, const double *torque, const double *gains, const double *limits,
               double length, int64_t intervals, int64_t substeps, int64_t begin, int64_t end,
               double *results) {
-    Block b;
+    Block b __attribute__((aligned(64)));
     Gains g = {gains[0], gains[1], gains[2], gains[3]};
     double h = length / substeps;
     for (int64_t first = begin; first < end; first += LANES) {
@@ -171,6 +218,7 @@ void gradient(const double *start, const double *torque, const double *gains, co
             for (int i = 0; i < TORQUES; i++) b.torque[i][l] = torque[TORQUES * c + i];
             b.settled[l] = INFINITY;
         }
+        begin_slopes(&b, &g);
         for (int64_t i = 0; i < intervals; i++) {
             look(&b, &g, limits, i * length);
             for (int64_t s = 0; s < substeps; s++) step(&b, &g, i * length + s * h, h);

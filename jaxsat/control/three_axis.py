@@ -110,11 +110,13 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
 
     def turned(self, turn: Turn | None, memory: Memory) -> Memory:
         """The internal model as it is."""
-        return memory if self.internal_model is None else self.internal_model.turned(turn, memory)
+        if self.internal_model is None or turn is None:
+            return memory
+        return self.internal_model.turned(turn, memory)
 
     def turned_back(self, turn: Turn | None, memory: Memory) -> Memory:
         """The internal model without its own oscillation."""
-        if self.internal_model is None:
+        if self.internal_model is None or turn is None:
             return memory
         return self.internal_model.turned_back(turn, memory)
 
@@ -122,7 +124,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         self, turn: Turn | None, rate_error: Float[Array, "2"], rate: Memory
     ) -> Memory:
         """What the rate error alone does to the internal model."""
-        if self.internal_model is None:
+        if self.internal_model is None or turn is None:
             return rate
         return self.internal_model.turned_back_rate(turn, rate_error)
 

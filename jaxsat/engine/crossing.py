@@ -28,7 +28,7 @@ class _Search(NamedTuple):
     point: Float[Array, ""]
     moved: Float[Array, ""]
     was_low: Bool[Array, ""]
-    count: Int[Array, ""]
+    tried: Int[Array, ""]
 
 
 def located(
@@ -44,11 +44,11 @@ def located(
     """
 
     def unfinished(search: _Search):
-        return wanted & (search.moved > CLOSE_ENOUGH) & (search.count < ITERATIONS)
+        return wanted & (search.moved > CLOSE_ENOUGH) & (search.tried < ITERATIONS)
 
     def improve(search: _Search) -> _Search:
         low, low_value, high, high_value = search.bracket
-        halve = (low_value >= 0) | (search.count % 3 == 2)
+        halve = (low_value >= 0) | (search.tried % 3 == 2)
         slope = jnp.where(halve, 1.0, high_value - low_value)
         secant = low - low_value * (high - low) / slope
         point = jnp.where(halve, (low + high) / 2, jnp.clip(secant, low, high))
@@ -65,7 +65,7 @@ def located(
             jnp.where(is_low, keep_high, value),
         )
         moved = jnp.abs(point - search.point)
-        return _Search(closer, point, moved, is_low, search.count + 1)
+        return _Search(closer, point, moved, is_low, search.tried + 1)
 
     none = jnp.zeros_like(bracket.low)
     first = _Search(bracket, none - 1.0, none + jnp.inf, none > 0, jnp.array(0))

@@ -137,7 +137,8 @@ def _dopri5_dense(solver: diffrax.Dopri5) -> np.ndarray:
     """From the values and rates at both ends and the value in the middle."""
     last = len(solver.tableau.b_sol) - 1
     begin, end = np.eye(last + 1)[0], np.eye(last + 1)[last]
-    after, middle = solver.tableau.b_sol, solver.interpolation_cls.c_mid
+    after = solver.tableau.b_sol
+    middle = getattr(solver.interpolation_cls, "c_mid")  # noqa: B009 (a class, typed as a function)
     return np.stack(
         [
             begin,

@@ -104,7 +104,7 @@ def _to_host(signals: Signals) -> Signals:
 def begin_one(engine: ScanEngine, program: Program, case: PyTree, gains: PyTree) -> Progress:
     """Progress of one trajectory at time zero."""
     copy = program.copies(case, gains)
-    if _is_adaptive(engine, copy.loop):
+    if engine.tolerance is not None and _is_adaptive(engine, copy.loop):
         return adaptive.begin(engine.tolerance, program, copy)
     return begun(copy.loop.start(copy.start), copy.start.omega, copy.possible)
 

@@ -181,4 +181,5 @@ def _native(
     obstacle = native_obstacle(method, program, example)
     if obstacle is not None:
         return None, obstacle
-    return NativeEngine(*method, width=width), ""
+    engine = NativeEngine(solver=solver, substeps=substeps, tolerance=tolerance, width=width)
+    return engine, ""

@@ -10,6 +10,7 @@ from control.cases import ORBIT_RATE, actuators, body, paper_disturbance
 from jaxsat.attitude import WZ
 from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.dynamics import PlantState
+from jaxsat.environment import PeriodicTorque
 from jaxsat.metrics import Tolerances, settling_time, within
 from jaxsat.simulation import SampledLoop, simulate
 
@@ -20,9 +21,10 @@ def paper_start():
     return PlantState(WZ([-1.0, 1.0], 1.27).as_quaternion(), [0.1, -0.11, 0.0])
 
 
-def flight(name, limit, horizon, start=None, **options):
+def flight(name, limit, horizon, start=None, disturbance=None, **options):
     controller = MAKERS[name](body(), limit, **options)
-    loop = SampledLoop(body(disturbance=paper_disturbance()), controller, actuators(limit), 1)
+    disturbance = paper_disturbance() if disturbance is None else disturbance
+    loop = SampledLoop(body(disturbance=disturbance), controller, actuators(limit), 1)
     times = 0.1 * jnp.arange(round(horizon * 10) + 1)
     return times, simulate(loop, paper_start() if start is None else start, times).signals
 
@@ -44,6 +46,20 @@ def test_paper_start_settles(name, limit, latest):
     # d3 leaves a ripple of a3 / (J3 Ω) that nothing can remove; it is all that is left of ω3.
     late = np.asarray(run.omega[4000:, 2])
     assert 1e-5 < np.std(late) < 6e-5
+
+
+@pytest.mark.slow
+def test_ten_times_the_ripple_settles_and_is_left_alone():
+    """What remains of ω3 is a3 / (J3 Ω) = 3.2e-4 rad/s, of z a3 / (J3 Ω²) = 3.2e-3 rad."""
+    torque = PeriodicTorque([0.01, 0.02, 0.01], [0.7, 0.8, 0.1])
+    times, run = flight("three-slew", 20.0, 400, disturbance=torque)
+    good = within(run.w, run.z, run.relative_rate, Tolerances())
+    assert settling_time(times, good) < 200
+    late = slice(-int(2 * np.pi / 0.1 / 0.1 * 2), None)  # two periods
+    omega3, z = np.asarray(run.omega[late, 2]), np.asarray(run.z[late])
+    ripple = 0.01 / (312.5 * 0.1)
+    assert np.std(omega3) == pytest.approx(ripple / np.sqrt(2), rel=0.1)
+    assert np.std(z) == pytest.approx(10 * ripple / np.sqrt(2), rel=0.2)
 
 
 def test_modes_change_with_hysteresis():

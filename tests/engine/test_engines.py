@@ -9,7 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from core.cases import PAPER_THREE_AXIS, actuators, bodies, three_axis_law, three_axis_start
+from core.cases import (
+    PAPER_THREE_AXIS,
+    actuators,
+    bodies,
+    three_axis_law,
+    three_axis_loop,
+    three_axis_start,
+)
 from core.test_switching import CASE, start, switching_loop
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import (
@@ -17,6 +24,7 @@ from jaxsat.engine import (
     Copy,
     ReferenceEngine,
     ScanEngine,
+    Tolerance,
     program_of,
 )
 from jaxsat.metrics import Tolerances, settling_time, within
@@ -104,7 +112,16 @@ def error_example():
     return Example(Kicked(ErrorCoordinateLoop(plant, law), turned), 12.0, scan, reference, 2e-5)
 
 
+def corners_example():
+    """The printed law, whose switches one engine locates and the other does not."""
+    begin = three_axis_start(PAPER_THREE_AXIS)
+    scan = ScanEngine(diffrax.Tsit5(), lanes=LANES, tolerance=Tolerance(1e-10, 1e-10))
+    reference = ReferenceEngine(adaptive(1e-11, 1e-11, min_step=1e-9), width=LANES)
+    return Example(Kicked(three_axis_loop(PAPER_THREE_AXIS), begin), 12.0, scan, reference, 2e-6)
+
+
 EXAMPLES = {
+    "corners": corners_example,
     "sampled": sampled_example,
     "continuous": continuous_example,
     "error": error_example,
@@ -114,7 +131,7 @@ KICKS = 0.02 * np.random.default_rng(1).normal(size=(11, 3)) * [1, 1, 0]
 
 @pytest.fixture(
     scope="module",
-    params=["sampled", "continuous", pytest.param("error", marks=pytest.mark.slow)],
+    params=["sampled", "continuous", "corners", pytest.param("error", marks=pytest.mark.slow)],
 )
 def example(request):
     return EXAMPLES[request.param]()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxsat.engine import ReferenceEngine, ScanEngine
+from jaxsat.engine import ReferenceEngine
 from jaxsat.montecarlo import QUANTITIES, LatinHypercube, Sobol
 from jaxsat.scenario import ScenarioError, dump, load
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
@@ -41,7 +41,7 @@ def test_sampling_and_design_reach_the_study():
     assert loop.delay == 0.05
     assert loop.sensors.rate_noise == 1e-5
     assert study.design == Sobol(3)
-    assert isinstance(study.engine, ScanEngine)
+    assert not isinstance(study.engine, ReferenceEngine)
     assert study.program.intervals == 20000
     other = build_study(load("switching", [*overrides, "dispersion.design=latin-hypercube"]), 7)
     assert other.design == LatinHypercube(0, 7)

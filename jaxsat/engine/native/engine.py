@@ -183,7 +183,9 @@ def _kernel(
 
 def _as_scan(method: Method) -> ScanEngine:
     solver, substeps, tolerance = method
-    return ScanEngine(solver, substeps, 1, tolerance)
+    return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
+        solver=solver, substeps=substeps, lanes=1, tolerance=tolerance
+    )
 
 
 def _by_gain(derivatives: np.ndarray, gains: PyTree) -> PyTree:

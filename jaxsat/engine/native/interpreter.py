@@ -4,6 +4,7 @@ A varying value is an array over the lanes, a uniform one a NumPy scalar.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class _Run:
         self.known: dict[int, np.ndarray] = {}
         self.memories: dict[int, np.ndarray] = {}
 
-    def value(self, x):
+    def value(self, x) -> Any:
         return self.known[x.number] if isinstance(x, Value) else x
 
     def memory(self, memory: Memory) -> np.ndarray:

@@ -6,6 +6,7 @@ An array of the jaxpr is a NumPy object array of constants and values. A rule is
 """
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
@@ -15,7 +16,10 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 from jaxsat.engine.native.builder import Builder, is_uniform
 from jaxsat.engine.native.ir import Function, Scalar, Value, swept
 
-Elements = np.ndarray
+if TYPE_CHECKING:
+    Elements = Any  # type checkers know no arrays of values
+else:
+    Elements = np.ndarray
 """An object array of scalars."""
 
 Rule = Callable[..., "Elements | Sequence[Elements]"]
@@ -25,6 +29,10 @@ RULES: dict[str, Rule] = {}
 
 class CannotLower(Exception):
     """A program holds what the compiled engine does not know; the message says what and where."""
+
+    def __init__(self, what: str, place: str = ""):
+        super().__init__(f"{what} ({place})" if place else what)
+        self.what, self.place = what, place
 
 
 def lowers(*names: str) -> Callable[[Rule], Rule]:
@@ -51,8 +59,11 @@ def lower_open(
     known = dict(zip(jaxpr.constvars, constants, strict=True))
     known.update(zip(jaxpr.invars, arrays, strict=True))
 
-    def read(atom):
-        return as_elements(atom.val, atom.aval.dtype) if isinstance(atom, Literal) else known[atom]
+    def read(atom: Any):
+        if isinstance(atom, Literal):
+            aval: Any = atom.aval
+            return as_elements(atom.val, aval.dtype)
+        return known[atom]
 
     for eqn in jaxpr.eqns:
         outputs = _apply(b, eqn, [read(atom) for atom in eqn.invars])
@@ -62,16 +73,21 @@ def lower_open(
 
 def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elements]:
     name = eqn.primitive.name
-    rule = RULES.get(name)
-    if rule is None:
-        raise CannotLower(f"The primitive `{name}` has no native rule ({_where(eqn)}).")
     try:
-        outputs = rule(b, eqn, *arrays)
+        if name not in RULES:
+            raise CannotLower(f"The primitive `{name}` has no native rule")
+        outputs = RULES[name](b, eqn, *arrays)
     except CannotLower as error:
-        if "(" in str(error):
+        if error.place:
             raise
-        raise CannotLower(f"{error} (`{name}`, {_where(eqn)}).") from None
+        what = error.what if f"`{name}`" in error.what else f"{error.what}, in `{name}`"
+        raise CannotLower(what if not _is_call(eqn) else error.what, _where(eqn)) from None
     return [outputs] if isinstance(outputs, np.ndarray) else outputs
+
+
+def _is_call(eqn: JaxprEqn) -> bool:
+    """Whether what failed in an equation is an equation inside it."""
+    return any(key in eqn.params for key in ("jaxpr", "call_jaxpr", "branches", "body_jaxpr"))
 
 
 def _where(eqn: JaxprEqn) -> str:
@@ -93,9 +109,9 @@ def as_elements(array, dtype=None) -> Elements:
 
 def each(function: Callable[..., Scalar], *arrays: Elements) -> Elements:
     """A function of scalars applied to arrays element by element, broadcast to one shape."""
-    arrays = tuple(np.broadcast_arrays(*arrays)) if len(arrays) > 1 else arrays
-    shape, size = arrays[0].shape, arrays[0].size
-    flats = [list(x.flat) for x in arrays]
+    together = list(np.broadcast_arrays(*arrays)) if len(arrays) > 1 else list(arrays)
+    shape, size = together[0].shape, together[0].size
+    flats = [list(x.flat) for x in together]
     out = np.empty(size, object)
     for i, scalars in enumerate(zip(*flats, strict=True)):
         out[i] = function(*scalars)

@@ -129,7 +129,7 @@ class WithDerivatives(AbstractStaged):
         """Values and derivatives further on."""
 
         def values(both):
-            return self._plain.advance(*both, numbers, first, count)
+            return self._plain.advance(both[0], both[1], numbers, first, count)
 
         return self._along(values, fixed, moving)
 
@@ -137,7 +137,7 @@ class WithDerivatives(AbstractStaged):
         """Outputs, and the derivatives of the cost."""
 
         def values(both):
-            return self._plain.finish(*both, numbers, first, count)
+            return self._plain.finish(both[0], both[1], numbers, first, count)
 
         outputs, derivatives = self._along(values, fixed, moving)
         return CostGradient(outputs, derivatives.cost)

@@ -1,5 +1,7 @@
 """Arithmetic, comparisons, selections and conversions, element by element."""
 
+from typing import Any
+
 import jax
 import numpy as np
 
@@ -133,14 +135,15 @@ def quotient(b: Builder, x: Scalar, y: Scalar) -> Scalar:
     """x / y; whole numbers as XLA has them: -1 where y is zero."""
     if x.dtype.kind == "f":
         if not isinstance(y, Value) and _is_power_of_two(y):
-            return b.operation("mul", x, y.dtype.type(1) / y)  # the same in all bits
+            return b.operation("mul", x, y.dtype.type(1 / float(y)))  # the same in all bits
         return b.operation("div", x, y)
-    return _whole(b, "div", x, y, x.dtype.type(-1 if x.dtype.kind == "i" else ~x.dtype.type(0)))
+    by_zero = -1 if x.dtype.kind == "i" else 2 ** (8 * x.dtype.itemsize) - 1
+    return _whole(b, "div", x, y, x.dtype.type(by_zero))
 
 
-def _is_power_of_two(x: np.generic) -> bool:
+def _is_power_of_two(x: Any) -> bool:
     """Whether a number and its reciprocal are both powers of two and normal."""
-    return bool(np.isfinite(x) and abs(np.frexp(x)[0]) == 0.5 and 1e-30 < abs(x) < 1e30)
+    return bool(1e-30 < abs(x) < 1e30 and abs(np.frexp(x)[0]) == 0.5)
 
 
 @lowers("rem")

@@ -1,0 +1,92 @@
+"""Where a step meets a switch of its loop, with derivatives that move the instant."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.engine.crossing import Bracket, located
+from jaxsat.engine.walk import Course, Stretch, Walk, constant, dense
+
+
+class Landing(NamedTuple):
+    """Where a step ends: its length (s), flat state, and the sides with their functions there."""
+
+    seconds: Float[Array, ""]
+    state: Float[Array, " n"]
+    sides: Bool[Array, " m"]
+    gaps: Float[Array, " m"]
+
+
+def until_switch(
+    course: Course,
+    walk: Walk,
+    stretch: Stretch,
+    after: Float[Array, " n"],
+    wanted: Bool[Array, ""],
+    min_step: Float[Array, ""],
+) -> Landing:
+    """The landing of a step that begins at `walk`, goes along `stretch` and would end in `after`.
+
+    It is at the first switch, though at least `min_step` (s) away, or at the end of the step. A
+    step for which it is not `wanted` costs no search.
+    """
+    whole, end = stretch.length, walk.t + stretch.length
+    if not walk.sides.size:
+        return Landing(whole, after, walk.sides, walk.gaps)
+    sign = jnp.where(walk.sides, -1.0, 1.0)
+
+    still = constant((course, walk.t, stretch))
+
+    def gaps_at(part):
+        still_course, t, still_stretch = still
+        return still_course.gaps(walk.sides, t + part * whole, dense(still_stretch, part))
+
+    def excess(part):  # positive beyond a surface
+        return jnp.max(sign * gaps_at(part))
+
+    end_gaps = course.gaps(walk.sides, end, after)
+    bracket = _bracket(sign, constant(walk.gaps), excess, constant(end_gaps))
+    crosses = wanted & (bracket.high_value > 0)
+    part = constant(located(excess, bracket, crosses))
+    one_hot = jnp.arange(sign.size) == jnp.argmax(sign * gaps_at(part))
+    seconds = _corrected(course, walk, stretch, one_hot, part)
+    seconds = jnp.clip(seconds, jnp.minimum(min_step, whole), whole)
+    seconds = jnp.where(crosses, seconds, whole)
+    state = jnp.where(crosses, dense(stretch, seconds / whole), after)
+    flipped = walk.sides ^ (one_hot & crosses)
+    gaps = course.gaps(flipped, walk.t + seconds, state)
+    # what jumps with the piece may be on another side there
+    sides = jnp.where(crosses & ~one_hot, gaps > 0, flipped)
+    return Landing(seconds, state, sides, gaps)
+
+
+def _bracket(sign, begin_gaps, excess, end_gaps) -> Bracket:
+    """The half of the step that first crosses a surface, if its `high_value` is positive."""
+    begin_value, end_value = jnp.max(sign * begin_gaps), jnp.max(sign * end_gaps)
+    half = jnp.full_like(begin_value, 0.5)
+    middle_value = excess(half)
+    early = middle_value > 0
+    return Bracket(
+        jnp.where(early, 0.0, half),
+        jnp.where(early, begin_value, middle_value),
+        jnp.where(early, half, 1.0),
+        jnp.where(early, middle_value, end_value),
+    )
+
+
+def _corrected(course: Course, walk: Walk, stretch: Stretch, one_hot, part) -> Float[Array, ""]:
+    """The seconds until the switch: one step of Newton's method, which moves with parameters."""
+    first = part * stretch.length
+
+    def gap(seconds):
+        flat = dense(stretch, seconds / stretch.length)
+        gaps = course.gaps(walk.sides, walk.t + seconds, flat)
+        return jnp.sum(jnp.where(one_hot, gaps, 0.0))
+
+    value, slope = jax.jvp(gap, (first,), (jnp.ones_like(first),))
+    slope = constant(slope)
+    correction = -value / jnp.where(slope == 0, 1.0, slope)
+    sound = (slope != 0) & (jnp.abs(correction) < 1e-2 * stretch.length)
+    return jnp.where(sound, first + correction, first)

@@ -1,0 +1,131 @@
+"""Where an adaptive trajectory is, its last step, and how its flat state is read."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from jaxsat.engine.program import Copy, Program
+from jaxsat.engine.rates import running_cost
+from jaxsat.simulation import AbstractContinuousLoop
+
+AXES = 3
+"""Of the torque, whose integrals end the flat state."""
+
+
+class Stretch(NamedTuple):
+    """The last step with its dense output.
+
+    It began at `begin` (s) in the flat state `state`, and after the part θ of its `length` (s) has
+    grown by Σ_p θ^p growth[p]. The torques change their signs at the parts `turns`; `effort` is
+    that before the step.
+    """
+
+    begin: Float[Array, ""]
+    length: Float[Array, ""]
+    state: Float[Array, " n"]
+    growth: Float[Array, "4 n"]
+    turns: Float[Array, "3"]
+    effort: Float[Array, ""]
+
+
+class Walk(NamedTuple):
+    """Where a trajectory is: time (s), next instant to be looked at by number, flat state, the
+    sides of the switching functions it is on with their values, and its last step.
+
+    The flat state is the loop's state turned back, the cost, and the three torques' integrals
+    since the step began.
+    """
+
+    t: Float[Array, ""]
+    number: Int[Array, ""]
+    state: Float[Array, " n"]
+    sides: Bool[Array, " m"]
+    gaps: Float[Array, " m"]
+    stretch: Stretch
+
+
+class Course(NamedTuple):
+    """What stays the same along one trajectory: program, loop, and how the flat state is read."""
+
+    program: Program
+    loop: AbstractContinuousLoop
+    restore: Callable[[Float[Array, " n"]], PyTree]
+
+    @staticmethod
+    def of(program: Program, copy: Copy) -> "Course":
+        """The course of one case."""
+        shapes = jax.eval_shape(flat_parts, copy)
+        template = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+        return Course(program, continuous(copy), ravel_pytree(template)[1])
+
+    def state(self, t: Float[Array, ""], flat: Float[Array, " n"]) -> PyTree:
+        """The loop's state in a flat one."""
+        return self.loop.turned(t, self.restore(flat)[0])
+
+    def gaps(self, sides, t: Float[Array, ""], flat: Float[Array, " n"]) -> Float[Array, " m"]:
+        """The switching functions as the piece on these sides has them."""
+        return self.loop.piece(sides).switches(t, self.state(t, flat))
+
+    def rate(self, sides) -> Callable:
+        """The rate of the flat state in the piece on these sides."""
+        piece = self.loop.piece(sides)
+
+        @eqx.filter_jit  # traced once for all stages
+        def rate(piece, cost, t, flat):
+            motion = piece.turned_back_motion(t, self.restore(flat)[0])
+            return flat_of((motion.rate, running_cost(cost, motion), motion.torque))
+
+        return lambda t, flat: rate(piece, self.program.cost, t, flat)
+
+
+def continuous(copy: Copy) -> AbstractContinuousLoop:
+    """The copy's loop, which must be one that adaptive steps can go through."""
+    if not isinstance(copy.loop, AbstractContinuousLoop):
+        raise TypeError(f"A continuous loop must take adaptive steps, but got {type(copy.loop)}.")
+    return copy.loop
+
+
+def flat_parts(copy: Copy) -> PyTree:
+    """What the flat state is at time zero, part by part."""
+    zero = jnp.zeros((), copy.start.omega.dtype)
+    loop = continuous(copy)
+    back = loop.turned_back(zero, loop.start(copy.start))
+    return back, zero, jnp.zeros(AXES, zero.dtype)
+
+
+def flat_of(tree: PyTree) -> Float[Array, " n"]:
+    """The parts as one vector."""
+    return ravel_pytree(tree)[0]
+
+
+def constant(tree: PyTree) -> PyTree:
+    """The tree with nothing to be differentiated."""
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)
+
+
+def part_of(stretch: Stretch, t: Float[Array, ""]) -> Float[Array, ""]:
+    """The part of the step that has gone by at time `t` (s)."""
+    return (t - stretch.begin) / stretch.length
+
+
+def dense(stretch: Stretch, part: Float[Array, ""]) -> Float[Array, " n"]:
+    """The flat state after a part of the step."""
+    one, two, three, four = stretch.growth
+    return stretch.state + part * (one + part * (two + part * (three + part * four)))
+
+
+def effort_until(stretch: Stretch, part: Float[Array, ""]) -> Float[Array, ""]:
+    """∫ Σ|T_i| until a part of the step, from the integrals of T_i between its signs' changes."""
+    turns = jnp.minimum(stretch.turns, part)
+    one, two, three, four = stretch.growth[:, -AXES:]
+
+    def integral(at):
+        return at * (one + at * (two + at * (three + at * four)))
+
+    until = integral(turns)
+    return stretch.effort + jnp.sum(jnp.abs(until) + jnp.abs(integral(part) - until))
