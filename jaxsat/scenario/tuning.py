@@ -143,8 +143,10 @@ def _compiled(
 def _native(trials: Trials) -> Trials:
     scan = cast(ScanEngine, trials.engine)
     method = (scan.solver, scan.substeps, scan.tolerance)
-    engine = NativeEngine(  # pyright: ignore[reportCallIssue]  (width is a field after others)
-        *method, workers=trials.workers, width=scan.width
+    engine = NativeEngine(
+        *method,
+        workers=trials.workers,
+        width=scan.width,  # pyright: ignore[reportCallIssue]  (an abstract field comes first)
     )
     return dataclasses.replace(trials, engine=engine, workers=1)  # threads of its own
 
