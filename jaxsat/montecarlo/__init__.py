@@ -17,7 +17,7 @@ from jaxsat.montecarlo.distributions import (
     TruncatedNormal,
     Uniform,
 )
-from jaxsat.montecarlo.ensemble import Study, StudyProgress, run_study
+from jaxsat.montecarlo.ensemble import Study, StudyProgress, require_counts, run_study
 from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Devices, Serial, Threads
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.montecarlo.statistics import (
@@ -60,6 +60,7 @@ __all__ = [
     "first_order_index",
     "number_at",
     "percentile",
+    "require_counts",
     "run_study",
     "sensitivity",
     "summarise",

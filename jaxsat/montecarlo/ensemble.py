@@ -37,6 +37,13 @@ COLUMNS = {
 }
 
 
+def require_counts(**counts: int) -> None:
+    """Raise `ValueError` for a number of things that is below one."""
+    for name, count in counts.items():
+        if count < 1:
+            raise ValueError(f"Argument `{name}` must be at least 1, but got {count}.")
+
+
 @dataclass(frozen=True)
 class Study:
     """What is computed: a program over dispersed copies, a design, an engine, n cases.
@@ -59,11 +66,7 @@ class Study:
     def __post_init__(self):
         if not isinstance(self.program.copies, Dispersed):
             raise TypeError("Argument `program` must run dispersed copies.")
-        for name in ("count", "chunk"):
-            if getattr(self, name) < 1:
-                raise ValueError(
-                    f"Argument `{name}` must be at least 1, but got {getattr(self, name)}."
-                )
+        require_counts(count=self.count, chunk=self.chunk)
         if isinstance(self.design, LatinHypercube) and self.design.size != self.count:
             raise ValueError(
                 f"A Latin hypercube must have the study's size {self.count}, "

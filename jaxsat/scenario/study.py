@@ -33,6 +33,7 @@ from jaxsat.montecarlo import (
     StudyCase,
     TruncatedNormal,
     Uniform,
+    require_counts,
 )
 from jaxsat.scenario.build import SOLVERS, Run, build
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
@@ -84,6 +85,7 @@ def build_study(
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
+    require_counts(count=count, width=width, chunk=1 if chunk is None else chunk)
     run = build(scenario)
     seed = scenario.simulation.seed if seed is None else seed
     copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)

@@ -115,7 +115,7 @@ def test_three_axis_law_against_the_oracle(case, duration):
 
 
 @pytest.mark.parametrize("relation", ["exact", "small-angle"])
-@pytest.mark.parametrize("limit", [np.inf, 3.0])
+@pytest.mark.parametrize("limit", [pytest.param(np.inf, marks=pytest.mark.slow), 3.0])
 def test_smooth_three_axis_law_at_torque_level(relation, limit):
     """The derivative of the reference by jvp against the chain rule by hand, torques clipped."""
     case = {**PAPER_THREE_AXIS, "relation": relation, "third_rate": "free"}

@@ -259,6 +259,7 @@ def test_gradient_of_a_terminal_cost(loop_of, gains, end, tolerance):
     np.testing.assert_allclose(values * found, values * exact, rtol=0, atol=tolerance * logarithmic)
 
 
+@pytest.mark.slow
 def test_reverse_mode_gradient():
     gains, times = jnp.array([5.0, 10.0]), jnp.linspace(0.0, 1.0, 3)
     start, adjoint = rate_start(PAPER_RATE), diffrax.RecursiveCheckpointAdjoint()

@@ -47,9 +47,9 @@ def program(loop, begin, cost=COST):
 @pytest.mark.parametrize(
     ("kind", "engine", "mode"),
     [
-        ("error", "scan", "forward"),
-        ("error", "scan", "reverse"),
-        ("error", "adaptive", "forward"),
+        pytest.param("error", "scan", "forward", marks=pytest.mark.slow),
+        pytest.param("error", "scan", "reverse", marks=pytest.mark.slow),
+        pytest.param("error", "adaptive", "forward", marks=pytest.mark.slow),
         pytest.param("error", "diffrax", "forward", marks=pytest.mark.slow),
         pytest.param("error", "diffrax", "reverse", marks=pytest.mark.slow),
         ("sampled", "scan", "forward"),
@@ -75,7 +75,8 @@ def test_adaptive_steps_of_the_scan_engine_have_no_reverse_mode():
         ENGINES["adaptive"].gradient(prog, KICKS[:1], jnp.array(1.0), "reverse")
 
 
-@pytest.mark.parametrize("engine", ["scan", pytest.param("diffrax", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["scan", "diffrax"])
 def test_a_failed_run_is_charged_for_the_time_it_lacks(engine):
     """Two cases that fail at once, as no state may be as large as theirs."""
     loop, begin = error_loop()

@@ -148,7 +148,7 @@ BROKEN = [
         (20, "control.law", "did you mean three-axis?")]),
     ('law = "three-axis"\n', "", [(19, "control.law", "must be one of")]),
     ('law = "three-axis"', 'law = "coast"', [
-        (21, "control.k3", '(a key of the law "three-axis", "switching")'),
+        (21, "control.k3", '(a key of the law "three-axis", "switching", "oscillatory")'),
         (22, "control.mu", "got"), (23, "control.a", "got"), (24, "control.k4", "got"),
         (25, "control.model", "got")]),
     ("k3 = 0.05", "k3 = 0", [(21, "control.k3", "must be greater than 0 1/s, got 0")]),
@@ -340,7 +340,7 @@ def test_not_toml(content, line, message, tmp_path):
     ("name", "message"),
     [
         ("paper-rats", "or a TOML file, got neither, did you mean paper-rate?"),
-        ("nothing-like-it", "paper-rate, paper-three-axis, switching, two-torque-free"),
+        ("nothing-like-it", "paper-rate, paper-three-axis, rate-limited, switching"),
         ("missing.toml", "must be a file that exists"),
         ("paper-rate.toml", "(jaxsat has a scenario paper-rate)"),
         (".", "got a folder"),
