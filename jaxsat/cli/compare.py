@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from jaxsat.cli.bound import searched
+from jaxsat.cli.comparison_text import comparison_lines, least_text
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_text import progress_text
@@ -108,9 +109,8 @@ def compare(
     verdicts = _verdicts(rows)
     _write(out, rows, verdicts, least, seed)
     if not quiet:
-        _print(rows, verdicts)
-        for one in least:
-            console().print(_least_text(one))
+        for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):
+            console().print(line)
         console().print(f"written to {out}")
     return SUCCESS
 
@@ -265,17 +265,6 @@ def _least(limit: float, starts: int, seed: int, out: Path) -> dict[str, Any]:
     return found
 
 
-def _least_text(least: dict[str, Any]) -> str:
-    found = [
-        "none found" if value is None else f"{value:.3g} {unit}"
-        for value, unit in ((least["time"], "s"), (least["effort"], "N m s"))
-    ]
-    return (
-        f"{least['torque_limit']:g} N m, open loop from the paper's start: least time {found[0]}, "
-        f"least effort {found[1]} (best of {least['starts']} starts, not certified)"
-    )
-
-
 def _write(
     out: Path,
     rows: Sequence["Row"],
@@ -309,70 +298,3 @@ def _write(
         partial.replace(out / RESULT)
     except OSError as error:
         raise FailedRun(f"{out} cannot be written: {error.strerror or error}.") from None
-
-
-HEADINGS = (
-    "N m",
-    "level",
-    "law",
-    "settled",
-    "95 % interval",
-    "t50 (s)",
-    "t90 (s)",
-    "effort (N m s)",
-    "peak rate (rad/s)",
-    "paper's start (s)",
-)
-
-
-def _print(rows: Sequence["Row"], verdicts: Sequence["Verdict"]) -> None:
-    output = console()
-    for line in _aligned([list(HEADINGS), *map(_cells, rows)]):
-        output.print(line)
-    output.print(
-        f"{rows[0].cases} random starts each; t50 and t90: half and 90 % of all cases have settled "
-        "(95 % bootstrap interval); median effort, largest rate"
-    )
-    for one in verdicts:
-        where = f"{one.torque_limit:g} N m, {one.level}"
-        taken = "take none" if one.law is None else f"take {one.law}"
-        output.print(f"{where}: {taken}. {one.reason[0].upper()}{one.reason[1:]}.")
-
-
-def _aligned(lines: Sequence[Sequence[str]]) -> list[str]:
-    """Columns of equal width, the names of level and law to the left and numbers to the right."""
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return [
-        "  ".join(
-            cell.ljust(width) if place in (1, 2) else cell.rjust(width)
-            for place, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in lines
-    ]
-
-
-def _cells(row: "Row") -> list[str]:
-    settled = row.settled
-    return [
-        f"{row.setting.torque_limit:g}",
-        row.setting.level,
-        row.setting.law,
-        f"{settled.value:.1%}",
-        f"{settled.low:.1%} to {settled.high:.1%}",
-        _interval(row.t50),
-        _interval(row.t90),
-        _number(row.effort, ".0f"),
-        _number(row.peak_rate, ".2g"),
-        _number(row.paper_start, ".0f"),
-    ]
-
-
-def _interval(found) -> str:
-    if not math.isfinite(found.value):
-        return "never"
-    ends = (_number(end, ".0f") for end in found[1:])
-    return f"{found.value:.0f} ({' to '.join(ends)})"
-
-
-def _number(value: float, form: str) -> str:
-    return format(value, form) if math.isfinite(value) else "never"
