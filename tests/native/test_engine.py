@@ -12,7 +12,12 @@ from jaxsat.simulation import Outcome
 
 
 def native(example, **options) -> NativeEngine:
-    return NativeEngine(example.scan.solver, example.scan.substeps, **options)
+    scan = example.scan
+    return NativeEngine(scan.solver, scan.substeps, tolerance=scan.tolerance, **options)
+
+
+def adapts(example) -> bool:
+    return example.scan.tolerance is not None
 
 
 @pytest.fixture(scope="module", params=list(EXAMPLES))
@@ -38,11 +43,12 @@ def test_it_agrees_with_the_scan_engine_step_by_step(example):
     """One interval at a time from the same states, the scan engine's."""
     short = program(example, 0.1 if float(program(example).interval) < 1 else 1.0)
     expected = example.scan.evaluate(short, KICKS)
-    close(native(example).evaluate(short, KICKS), expected, 1e-12)
+    close(native(example).evaluate(short, KICKS), expected, 1e-8 if adapts(example) else 1e-12)
 
 
 def test_it_agrees_with_the_scan_engine_over_the_whole_run(example, found):
-    close(found, example.scan.evaluate(program(example), KICKS), 1e-9)
+    expected = example.scan.evaluate(program(example), KICKS)
+    close(found, expected, 1e-7 if adapts(example) else 1e-9)
 
 
 def test_bits_depend_on_neither_lanes_nor_threads_nor_companions(example, found):
@@ -88,7 +94,7 @@ def test_other_numbers_need_no_new_machine_code(example, found):
     assert engine.kernel(stiffer, KICKS) is kernel
     other = engine.evaluate(stiffer, KICKS)
     assert np.abs(other.omega - found.omega).max() > 1e-9
-    close(other, example.scan.evaluate(stiffer, KICKS), 1e-9)
+    close(other, example.scan.evaluate(stiffer, KICKS), 1e-7 if adapts(example) else 1e-9)
 
 
 @pytest.mark.slow

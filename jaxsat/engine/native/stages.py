@@ -84,7 +84,7 @@ def add_stage(module: Module, stage: Stage) -> None:
     body.line("ret void")
     head = (
         f"define void @{stage.function.name}(ptr noalias %pointers, ptr noalias %state, "
-        "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) #0 {"
+        "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) noinline #0 {"
     )
     module.functions[stage.function.name] = "\n".join([head, *body.text(), "}"])
 
