@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 
 from jaxsat.engine.native import cache, target
 from jaxsat.engine.native.drivers import advance_lanes, run_blocks, run_lanes
-from jaxsat.engine.native.llvm import Module
+from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.stages import add_stage
 from jaxsat.engine.native.trajectory import ALIGNMENT, TrajectoryStages
 

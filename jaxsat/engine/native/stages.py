@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jaxsat.engine.native.ir import Function, Sweep, Value
-from jaxsat.engine.native.llvm import Body, Module
+from jaxsat.engine.native.lines import Module
+from jaxsat.engine.native.llvm import Body
 from jaxsat.engine.native.words import memory_type, scalar_type, vector_type
 
 

@@ -92,7 +92,8 @@ def trajectory_stages(
     if staged.paced:
         traced("going", staged.going, *begun, numbers, whole, whole)
         slot = state.slot(np.dtype(bool), False)
-        places["going"], going = [slot], slot.offset
+        where: list[Place] = [slot]
+        places["going"], going = where, slot.offset
     inputs = [*sources, *of_program]
     later = [_later(name, jaxprs[name], inputs, place) for name, place in places.items()]
     dtypes = [np.dtype(aval.dtype) for aval in jaxprs["begin"].in_avals]
