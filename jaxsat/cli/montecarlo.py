@@ -35,7 +35,7 @@ def montecarlo(
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: int | None = None,
     width: int = 64,
-    chunk: int = 256,
+    chunk: int | None = None,
     until_ci: str | None = None,
     case: int | None = None,
     processes: int | None = None,
@@ -81,7 +81,7 @@ def montecarlo(
         Cases that go through the compiled loop together; results may depend on it in their last
         bits.
     chunk
-        Cases that are computed and written together.
+        Cases that are computed and written together; what suits the engine if left out.
     until_ci
         Stop once the settled fraction is known to within this, such as 0.5%.
     case

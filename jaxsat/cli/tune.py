@@ -110,8 +110,8 @@ def _descended(
 
     def keep(state: "DescentState") -> None:
         best = tuned_scenario(scenario, plan, state.best_point)
-        folder.write(TUNED, dump(best))
         folder.keep(state)
+        folder.write(TUNED, dump(best))
         kept["step"] = state.step
 
     def work() -> "DescentState":

@@ -47,6 +47,9 @@ ADAPTIVE_SOLVERS = ("tsit5", "dopri5")
 """Those with a dense output of their own, on which switches are located."""
 
 EngineName = Literal["auto", "native", "scan", "diffrax"]
+CHUNK, LARGEST_CHUNK = 256, 4096
+"""Cases computed and written together: of any engine, and at most of the native one."""
+
 SMOOTH_STEP = 0.01
 """Seconds; steps of the scan engine for a smooth loop whose scenario names none."""
 
@@ -67,7 +70,7 @@ def build_study(
     seed: int | None = None,
     engine: EngineName = "auto",
     width: int = 64,
-    chunk: int = 256,
+    chunk: int | None = None,
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
@@ -77,7 +80,7 @@ def build_study(
     that cannot be, the study's `remark` says why, and it is "scan", or "diffrax" if the scenario
     names a solver that the adaptive steps cannot take. Raises `ValueError` where the scenario
     disperses nothing or something that its loop does not have, and for "native" where that cannot
-    be.
+    be. `chunk` is the number of cases written together, by default what suits the engine.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
@@ -87,11 +90,17 @@ def build_study(
     table = scenario.simulation
     program = program_of(copies, run.loop, table.duration_s, table.save_every_s)
     design = _design(scenario.dispersion, seed, count)
-    points = design.points(np.arange(1), copies.dimensions())
-    example = StudyCase(np.zeros(1, np.uint32), points)
+    example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
     chosen, remark = _engine(scenario, run, (program, example), engine, width)
     description = {"scenario": _numbers(scenario)}
+    chunk = _suitable_chunk(chosen, count) if chunk is None else chunk
     return Study(program, design, chosen, count, chunk, description=description, remark=remark)
+
+
+def _suitable_chunk(engine: AbstractEngine, count: int) -> int:
+    """Cases of a chunk: some seconds of work for the engine, and some chunks to show progress."""
+    most = LARGEST_CHUNK if isinstance(engine, NativeEngine) else CHUNK
+    return max(CHUNK, min(most, count // 16))
 
 
 def _numbers(scenario: Scenario) -> dict[str, Any]:

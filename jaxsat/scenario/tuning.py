@@ -142,8 +142,13 @@ def _compiled(
 
 def _native(trials: Trials) -> Trials:
     scan = cast(ScanEngine, trials.engine)
-    method = (scan.solver, scan.substeps, scan.tolerance)
-    engine = NativeEngine(*method, workers=trials.workers, width=scan.width)
+    engine = NativeEngine(
+        solver=scan.solver,
+        substeps=scan.substeps,
+        tolerance=scan.tolerance,
+        workers=trials.workers,
+        width=scan.width,
+    )
     return dataclasses.replace(trials, engine=engine, workers=1)  # threads of its own
 
 

@@ -31,7 +31,7 @@ def _warnings(receipt: Receipt, verdict: Verdict) -> list[str]:
         reasons = "; ".join(receipt.problems)
         found.append(f"**The gradient of this run is not trustworthy:** {reasons}.")
     if not verdict.after.loss < verdict.before.loss:
-        found.append("**The tuned gains are no better than the old ones on held-out cases.**")
+        found.append("**By the objective tuned, the new gains are no better on held-out cases.**")
     return found
 
 

@@ -1,7 +1,12 @@
 """`jaxsat tune`."""
 
 import json
+import os
 import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -82,3 +87,25 @@ def test_a_scenario_without_the_table_is_refused(jaxsat):
     status, _, err = jaxsat("paper-rate")
     assert status == 2
     assert "[tuning] table" in err
+
+
+@pytest.mark.slow
+def test_an_interrupted_run_keeps_its_best_and_goes_on(jaxsat, tmp_path):
+    short = ("rate.toml", "--set", "tuning.steps=60", "--width", "4", "--workers", "1")
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-m", "jaxsat", "tune", *short, "--out", "run"]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    run = subprocess.Popen(command, stderr=subprocess.PIPE, env=environment, text=True)
+    while not (tmp_path / "run" / "tuned.toml").exists():
+        time.sleep(0.05)
+        assert run.poll() is None, run.stderr.read()
+    run.send_signal(signal.SIGINT)
+    message = run.communicate(timeout=120)[1]
+    assert run.returncode == 130
+    assert "the same command goes on from there" in message
+    status, _, err = jaxsat(*short, "--out", "run")
+    assert status == 0, err
+    status, _, err = jaxsat(*short, "--out", "whole")
+    assert status == 0, err
+    verdicts = [json.loads((tmp_path / n / "verdict.json").read_text()) for n in ("run", "whole")]
+    assert verdicts[0] == verdicts[1]
