@@ -5,6 +5,7 @@ The rules that lower primitives are written against this class alone.
 
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,7 @@ class Builder:
         self.block = Block()
         self.mask: Scalar | None = None
         self.functions: dict[tuple, Function] = {}
+        self.repeated: dict[int, Any] = {}
 
     def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
         """One arithmetic operation; `dtype` is the result's where the operands do not tell it."""

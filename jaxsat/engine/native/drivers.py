@@ -40,3 +40,110 @@ work:
 out:
   ret void
 }}"""
+
+
+_WHERE = "ptr %pointers, ptr %state, ptr %cases"
+
+
+def advance_lanes(lanes: int, going: int) -> str:
+    """The stage `advance` of trajectories that have a pace each: `attempt` while any is `going`."""
+    flags = f"<{lanes} x i8>"
+    return f"""
+define void @advance({_WHERE}, ptr %wanted, i64 %a, i64 %b) noinline #0 {{
+entry:
+  %mask = alloca {flags}, align 128
+  %flags = getelementptr i8, ptr %state, i64 {going}
+  %lane = load {flags}, ptr %wanted, align 1
+  br label %head
+head:
+  call void @going({_WHERE}, ptr %wanted, i64 %a, i64 %b)
+  %on = load {flags}, ptr %flags
+  %active = and {flags} %lane, %on
+  store {flags} %active, ptr %mask
+  %bits = bitcast {flags} %active to i{8 * lanes}
+  %any = icmp ne i{8 * lanes} %bits, 0
+  br i1 %any, label %work, label %out
+work:
+  call void @attempt({_WHERE}, ptr %mask, i64 %a, i64 %b)
+  br label %head
+out:
+  ret void
+}}"""
+
+
+def run_lanes(lanes: int, going: int) -> str:
+    """`run(pointers, state, begin, end, a, b)` where a lane whose case has ended takes the next.
+
+    The stages are those of `advance_lanes`, so a case has the same bits.
+    """
+    flags, numbers = f"<{lanes} x i8>", f"<{lanes} x i64>"
+    bits = f"i{8 * lanes}"
+    assign = "\n".join(_assigned(lane) for lane in range(lanes))
+    return f"""
+define void @run(ptr %pointers, ptr %state, i64 %begin, i64 %end, i64 %a, i64 %b) #0 {{
+entry:
+  %cases = alloca {numbers}, align 128
+  %fresh = alloca {flags}, align 128
+  %running = alloca {flags}, align 128
+  %ended = alloca {flags}, align 128
+  %flags = getelementptr i8, ptr %state, i64 {going}
+  %one = insertelement {numbers} poison, i64 %begin, i64 0
+  %first = shufflevector {numbers} %one, {numbers} poison, <{lanes} x i32> zeroinitializer
+  store {numbers} %first, ptr %cases
+  store {flags} zeroinitializer, ptr %running
+  store {flags} splat (i8 1), ptr %ended
+  br label %assign
+assign:
+  %next0 = phi i64 [ %begin, %entry ], [ %next{lanes}, %finish ]
+{assign}
+  %before = load {flags}, ptr %running
+  %gone = load {flags}, ptr %ended
+  %stay = xor {flags} %gone, splat (i8 1)
+  %kept = and {flags} %before, %stay
+  %new = load {flags}, ptr %fresh
+  %now = or {flags} %kept, %new
+  store {flags} %now, ptr %running
+  call void @begin({_WHERE}, ptr %fresh, i64 %a, i64 %b)
+  br label %head
+head:
+  call void @going({_WHERE}, ptr %running, i64 %a, i64 %b)
+  %lane = load {flags}, ptr %running
+  %on = load {flags}, ptr %flags
+  %off = xor {flags} %on, splat (i8 1)
+  %over = and {flags} %lane, %off
+  %overbits = bitcast {flags} %over to {bits}
+  %anyover = icmp ne {bits} %overbits, 0
+  br i1 %anyover, label %finish, label %check
+finish:
+  store {flags} %over, ptr %ended
+  call void @finish({_WHERE}, ptr %ended, i64 %a, i64 %b)
+  br label %assign
+check:
+  %lanebits = bitcast {flags} %lane to {bits}
+  %any = icmp ne {bits} %lanebits, 0
+  br i1 %any, label %work, label %out
+work:
+  call void @attempt({_WHERE}, ptr %running, i64 %a, i64 %b)
+  br label %head
+out:
+  ret void
+}}"""
+
+
+def _assigned(lane: int) -> str:
+    """The next case, if there is one, for a lane whose last one has ended."""
+    return f"""
+  %e{lane} = getelementptr i8, ptr %ended, i64 {lane}
+  %f{lane} = getelementptr i8, ptr %fresh, i64 {lane}
+  %c{lane} = getelementptr i64, ptr %cases, i64 {lane}
+  %byte{lane} = load i8, ptr %e{lane}
+  %free{lane} = icmp ne i8 %byte{lane}, 0
+  %left{lane} = icmp slt i64 %next{lane}, %end
+  %takes{lane} = and i1 %free{lane}, %left{lane}
+  %old{lane} = load i64, ptr %c{lane}
+  %case{lane} = select i1 %takes{lane}, i64 %next{lane}, i64 %old{lane}
+  store i64 %case{lane}, ptr %c{lane}
+  %is{lane} = zext i1 %takes{lane} to i8
+  store i8 %is{lane}, ptr %f{lane}
+  %more{lane} = zext i1 %takes{lane} to i64
+  %next{lane + 1} = add i64 %next{lane}, %more{lane}"""

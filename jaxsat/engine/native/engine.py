@@ -84,7 +84,7 @@ class NativeEngine(AbstractEngine):
         self, program: Program, cases: PyTree, gains: PyTree = None, *, derivatives: bool = False
     ) -> Kernel:
         """The machine code for such a program, made once for all numbers of the same kind."""
-        lanes = self.lanes or target.host().lanes
+        lanes = self.lanes or _lanes(self.method)
         return _kernel(self.method, program, cases, gains, lanes, derivatives)
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
@@ -153,7 +153,7 @@ def native_obstacle(
     if not target.LLVMLITE:
         return NO_LLVMLITE
     try:
-        _kernel(method, program, cases, gains, target.host().lanes, False)
+        _kernel(method, program, cases, gains, _lanes(method), False)
     except (CannotLower, RuntimeError) as error:
         return str(error)
     return None
@@ -179,6 +179,12 @@ def _kernel(
             )
             _kernels[key] = Kernel(stages, lanes)
         return _kernels[key]
+
+
+def _lanes(method: Method) -> int:
+    """What suits: one register where lanes wait for one another's switches, else two."""
+    lanes = target.host().lanes
+    return lanes if method[2] is None else lanes // 2
 
 
 def _as_scan(method: Method) -> ScanEngine:

@@ -7,6 +7,7 @@ which loops, switches and calls hold blocks of their own. `interpreter` runs it 
 prints it as LLVM code; nothing else is known of it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import compress, count
 
@@ -116,12 +117,16 @@ class Switch:
 
 @dataclass(slots=True)
 class Function:
-    """A program of its own, called from others; what is stored is told by `Store` steps alone."""
+    """A program of its own, called from others; what is stored is told by `Store` steps alone.
+
+    `parts` are functions for single results, for who needs one only, or nothing.
+    """
 
     name: str
     params: list[Value]
     block: Block
     results: list[Scalar]
+    parts: Sequence["Function"] = ()
 
 
 @dataclass(slots=True)
@@ -182,8 +187,14 @@ class Sweep:
 
     def _mark(self, step: Step) -> None:
         match step:
-            case Operation(args=args) | Call(args=args):
+            case Operation(args=args):
                 self.need(args)
+            case Call():
+                self.need(step.args)
+                used = [out.number in self.used for out in step.outs]
+                if step.function.parts and sum(used) == 1:
+                    step.function = step.function.parts[used.index(True)]
+                    step.outs = list(compress(step.outs, used))
             case Load(memory=memory, index=index):
                 self.used.add(memory.number)
                 self.need([index])

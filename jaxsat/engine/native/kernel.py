@@ -11,13 +11,16 @@ import numpy as np
 from jaxtyping import PyTree
 
 from jaxsat.engine.native import cache, target
-from jaxsat.engine.native.drivers import run_blocks
-from jaxsat.engine.native.llvm import Module
+from jaxsat.engine.native.drivers import advance_lanes, run_blocks, run_lanes
+from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.stages import add_stage
 from jaxsat.engine.native.trajectory import ALIGNMENT, TrajectoryStages
 
 PIECE = 4
 """Vectors of cases that a thread takes at a time."""
+
+REFILLED = 64
+"""The same at most, where a lane that has ended takes the next case."""
 
 RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
 STAGE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 2)
@@ -37,9 +40,13 @@ class Kernel:
         module = Module(lanes)
         for stage in stages.stages:
             add_stage(module, stage)
-        module.functions["run"] = run_blocks(lanes, ["begin", "advance", "finish"])
+        if stages.going is None:
+            module.functions["run"] = run_blocks(lanes, ["begin", "advance", "finish"])
+        else:
+            module.functions["advance"] = advance_lanes(lanes, stages.going)
+            module.functions["run"] = run_lanes(lanes, stages.going)
         self.text = module.text(target.host().attributes())
-        names = ["run", *(stage.function.name for stage in stages.stages)]
+        names = ["run", "begin", "advance", "finish", "observe"]
         self._keep, self._addresses = target.loaded(cache.object_code(self.text), names)
 
     def run(self, inputs: Sequence[np.ndarray], count: int, intervals: int, workers: int) -> Any:
@@ -47,7 +54,8 @@ class Kernel:
         outputs, leaves = _room(self.stages.outputs, count)
         pointers = _pointers([*inputs, *leaves])
         run = RUN(self._addresses["run"])
-        pieces = iter(range(0, count, PIECE * self.lanes))
+        piece = self._piece(count, workers)
+        pieces = iter(range(0, count, piece))
         stopped = False
 
         def work() -> None:
@@ -55,10 +63,10 @@ class Kernel:
             for begin in pieces:  # next() of a range iterator is atomic
                 if stopped:
                     return
-                end = min(begin + PIECE * self.lanes, count)
+                end = min(begin + piece, count)
                 run(pointers, state.address, begin, end, 0, intervals)
 
-        workers = min(workers, -(-count // (PIECE * self.lanes)))
+        workers = min(workers, -(-count // piece))
         if workers <= 1:
             work()
             return outputs
@@ -69,6 +77,13 @@ class Kernel:
             finally:
                 stopped = True
         return outputs
+
+    def _piece(self, count: int, workers: int) -> int:
+        """Cases that a thread takes at a time: more where lanes are refilled."""
+        vectors = PIECE
+        if self.stages.going is not None:
+            vectors = min(max(PIECE, count // (2 * self.lanes * workers)), REFILLED)
+        return vectors * self.lanes
 
     def replay(
         self, inputs: Sequence[np.ndarray], count: int, intervals: int

@@ -5,6 +5,7 @@ An array of the jaxpr is a NumPy object array of constants and values. A rule is
 `jaxsat.engine.native.rules`.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,9 @@ else:
 """An object array of scalars."""
 
 Rule = Callable[..., "Elements | Sequence[Elements]"]
+
+REPEATED, LONG = 3, 64
+"""A function called so often and of so many equations is made once, not written out."""
 
 RULES: dict[str, Rule] = {}
 
@@ -65,10 +69,34 @@ def lower_open(
             return as_elements(atom.val, aval.dtype)
         return known[atom]
 
+    note_repeated(b, jaxpr)
     for eqn in jaxpr.eqns:
         outputs = _apply(b, eqn, [read(atom) for atom in eqn.invars])
         known.update(zip(eqn.outvars, outputs, strict=True))
     return [read(atom) for atom in jaxpr.outvars]
+
+
+def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
+    """Tell the builder which long functions are called several times."""
+    called = [eqn.params["jaxpr"] for eqn in jaxpr.eqns if eqn.primitive.name in ("jit", "pjit")]
+    for inner, times in Counter(map(id, called)).items():
+        found = next(one for one in called if id(one) == inner)
+        if times >= REPEATED and equations(found.jaxpr) >= LONG:
+            b.repeated[inner] = found
+
+
+def equations(jaxpr: Jaxpr) -> int:
+    """How many equations a jaxpr has, those of the jaxprs inside it included."""
+    count = 0
+    for eqn in jaxpr.eqns:
+        count += 1
+        for value in eqn.params.values():
+            for inner in value if isinstance(value, tuple | list) else [value]:
+                inner = getattr(inner, "jaxpr", inner)
+                if hasattr(inner, "eqns"):
+                    repeated = eqn.params.get("length", 1) if eqn.primitive.name == "scan" else 1
+                    count += repeated * equations(inner)
+    return count
 
 
 def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elements]:

@@ -14,7 +14,7 @@ from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.drivers import run_blocks
 from jaxsat.engine.native.interpreter import interpret
 from jaxsat.engine.native.ir import Function, Value
-from jaxsat.engine.native.llvm import Module
+from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.lowering import arrays_of, lower, scalars_of
 from jaxsat.engine.native.stages import PerCase, Place, Shared, Stage, add_stage
 

@@ -1,4 +1,4 @@
-"""A trajectory cut into functions of one case: begin, advance, finish, observe.
+"""A trajectory cut into functions of one case: begin, advance (or attempt), finish, observe.
 
 What makes a case (its dispersed loop) is computed once, by `begin`, and is *fixed* from then on;
 the progress of its trajectory is *moving*. `WithDerivatives` carries the derivatives by the gains
@@ -14,11 +14,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import PyTree
+from jaxtyping import Array, Bool, PyTree
 
+from jaxsat.engine import adaptive
 from jaxsat.engine.interface import CostGradient
 from jaxsat.engine.program import AbstractCopies, Copy, Program
 from jaxsat.engine.scan import advance_one, begin_one, finish_one, observe_one
+from jaxsat.engine.walk import Course
+from jaxsat.simulation import SampledLoop
 
 
 class Made(AbstractCopies):
@@ -42,6 +45,22 @@ class AbstractStaged(abc.ABC):
     @abc.abstractmethod
     def advance(self, fixed, moving, numbers, first, count) -> PyTree:
         """What moves, `count` intervals after number `first`."""
+
+    @property
+    @abc.abstractmethod
+    def paced(self) -> bool:
+        """Whether every trajectory has its own pace: then it advances by `attempt` while `going`.
+
+        Known after `begin`.
+        """
+
+    @abc.abstractmethod
+    def attempt(self, fixed, moving, numbers, first, count) -> PyTree:
+        """What moves, after one step tried; `count` intervals after number `first` is the end."""
+
+    @abc.abstractmethod
+    def going(self, fixed, moving, numbers, first, count) -> Bool[Array, ""]:
+        """Whether that end is still ahead."""
 
     @abc.abstractmethod
     def finish(self, fixed, moving, numbers, first, count) -> PyTree:
@@ -78,6 +97,23 @@ class Plain(AbstractStaged):
     def advance(self, fixed, moving, numbers, first, count):
         """The progress further on."""
         return advance_one(*self._with(fixed, numbers), None, None, moving, first, count)
+
+    @property
+    def paced(self) -> bool:
+        """Whether steps are adaptive."""
+        adapts = self.static[0].tolerance is not None
+        return adapts and not isinstance(self._rest.loop, SampledLoop)
+
+    def attempt(self, fixed, moving, numbers, first, count):
+        """The progress after one step tried."""
+        engine, program = self._with(fixed, numbers)
+        course = Course.of(program, program.copies(None, None))
+        return adaptive.iterate(engine.solver, engine.tolerance, course, first + count, moving)
+
+    def going(self, fixed, moving, numbers, first, count):
+        """Whether the trajectory is to go on."""
+        program = self._with(fixed, numbers)[1]
+        return adaptive.unfinished(program, first + count, moving)
 
     def finish(self, fixed, moving, numbers, first, count):
         """Outputs."""
@@ -132,6 +168,23 @@ class WithDerivatives(AbstractStaged):
             return self._plain.advance(both[0], both[1], numbers, first, count)
 
         return self._along(values, fixed, moving)
+
+    @property
+    def paced(self) -> bool:
+        """As the program itself."""
+        return self._plain.paced
+
+    def attempt(self, fixed, moving, numbers, first, count):
+        """Values and derivatives after one step tried."""
+
+        def values(both):
+            return self._plain.attempt(both[0], both[1], numbers, first, count)
+
+        return self._along(values, fixed, moving)
+
+    def going(self, fixed, moving, numbers, first, count):
+        """Whether the trajectory is to go on."""
+        return self._plain.going(fixed[0], moving[0], numbers, first, count)
 
     def finish(self, fixed, moving, numbers, first, count):
         """Outputs, and the derivatives of the cost."""

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from jaxsat.engine.native.ir import Function, Sweep, Value
-from jaxsat.engine.native.llvm import Body, Module
+from jaxsat.engine.native.lines import Module
+from jaxsat.engine.native.llvm import Body
 from jaxsat.engine.native.words import memory_type, scalar_type, vector_type
 
 
@@ -84,7 +85,7 @@ def add_stage(module: Module, stage: Stage) -> None:
     body.line("ret void")
     head = (
         f"define void @{stage.function.name}(ptr noalias %pointers, ptr noalias %state, "
-        "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) #0 {"
+        "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) noinline #0 {"
     )
     module.functions[stage.function.name] = "\n".join([head, *body.text(), "}"])
 

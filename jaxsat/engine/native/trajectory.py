@@ -31,7 +31,8 @@ class TrajectoryStages:
     """The stages, the bytes of a vector's state, and the shapes of what comes out.
 
     Arrays from outside are numbered in the order: those of cases, of the program, of the gains
-    (these have the types `inputs`), the outputs, what is observed.
+    (these have the types `inputs`), the outputs, what is observed. Where every trajectory has its
+    own pace, `going` is the place of the bytes in the state that tell which lanes are to go on.
     """
 
     stages: list[Stage]
@@ -40,6 +41,7 @@ class TrajectoryStages:
     outputs: PyTree
     signals: PyTree
     jaxprs: dict[str, ClosedJaxpr]
+    going: int | None
 
 
 @dataclass(frozen=True)
@@ -72,23 +74,30 @@ def trajectory_stages(
     begin, sources, found = _begin(jaxprs["begin"], outside, len(jax.tree.leaves(fixed)), state)
     staged.learn(zero_leaves([list(array.flat) for array in found]))
     begun = (fixed, moving)
-    traced("advance", staged.advance, *begun, numbers, whole, whole)
+    onwards = "attempt" if staged.paced else "advance"
+    traced(onwards, getattr(staged, onwards), *begun, numbers, whole, whole)
     outputs = traced("finish", staged.finish, *begun, numbers, whole, whole)
     signals = traced("observe", staged.observe, *begun, numbers, whole)
 
     first = _count(jaxprs["begin"].in_avals[:n_case])
     of_program = outside[first : first + _count(jaxprs["begin"].in_avals[n_case:][:n_numbers])]
-    moves = [source.place for source in sources[-_count(jaxprs["advance"].out_avals) :]]
+    moves = [source.place for source in sources[-_count(jaxprs[onwards].out_avals) :]]
     n_outputs = len(jaxprs["finish"].out_avals)
     places: dict[str, list[Place]] = {
-        "advance": [place for place in moves if place is not None],
+        onwards: [place for place in moves if place is not None],
         "finish": _results(jaxprs["finish"].out_avals, n_inputs),
         "observe": _results(jaxprs["observe"].out_avals, n_inputs + n_outputs),
     }
+    going = None
+    if staged.paced:
+        traced("going", staged.going, *begun, numbers, whole, whole)
+        slot = state.slot(np.dtype(bool), False)
+        where: list[Place] = [slot]
+        places["going"], going = where, slot.offset
     inputs = [*sources, *of_program]
     later = [_later(name, jaxprs[name], inputs, place) for name, place in places.items()]
     dtypes = [np.dtype(aval.dtype) for aval in jaxprs["begin"].in_avals]
-    return TrajectoryStages([begin, *later], state.size, dtypes, outputs, signals, jaxprs)
+    return TrajectoryStages([begin, *later], state.size, dtypes, outputs, signals, jaxprs, going)
 
 
 def numbers_of(method: PyTree, program: PyTree) -> PyTree:

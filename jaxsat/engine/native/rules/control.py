@@ -6,7 +6,14 @@ import numpy as np
 
 from jaxsat.engine.native.builder import INT, Builder, is_uniform
 from jaxsat.engine.native.ir import Memory, Scalar
-from jaxsat.engine.native.lowering import Elements, arrays_of, lower, lowers, scalars_of
+from jaxsat.engine.native.lowering import (
+    Elements,
+    arrays_of,
+    equations,
+    lower,
+    lowers,
+    scalars_of,
+)
 from jaxsat.engine.native.memory import stored
 from jaxsat.engine.native.operations import BOOL
 from jaxsat.engine.native.rules.elementwise import extremum
@@ -51,7 +58,7 @@ def _while(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 @lowers("scan")
 def _scan(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     length, body = eqn.params["length"], eqn.params["jaxpr"]
-    if length == 1 or length * _equations(body.jaxpr) <= UNROLLED:
+    if length == 1 or length * equations(body.jaxpr) <= UNROLLED:
         return _unrolled(b, eqn, arrays)
     n_consts, n_carry = eqn.params["num_consts"], eqn.params["num_carry"]
     consts, carries = arrays[:n_consts], arrays[n_consts : n_consts + n_carry]
@@ -101,20 +108,6 @@ def _unrolled(b: Builder, eqn, arrays: Sequence[Elements]) -> list[Elements]:
     if not length:
         return carries + [np.empty(var.aval.shape, object) for var in eqn.outvars[n_carry:]]
     return carries + [np.stack(column) for column in zip(*rows, strict=True)]  # pyright: ignore
-
-
-def _equations(jaxpr) -> int:
-    """How many equations a jaxpr has, those of the jaxprs inside it included."""
-    count = 0
-    for eqn in jaxpr.eqns:
-        count += 1
-        for value in eqn.params.values():
-            for inner in value if isinstance(value, tuple | list) else [value]:
-                inner = getattr(inner, "jaxpr", inner)
-                if hasattr(inner, "eqns"):
-                    repeated = eqn.params.get("length", 1) if eqn.primitive.name == "scan" else 1
-                    count += repeated * _equations(inner)
-    return count
 
 
 def _element(b: Builder, row: Scalar | None, size: int, k: int) -> Scalar:

@@ -15,6 +15,9 @@ from jaxsat.engine.native.lowering import Elements, each, filled, function_of, l
 SPARE: dict[str, Callable] = {"square": lambda x: x * x, "rsqrt": lambda x: 1 / jnp.sqrt(x)}
 """Functions simple enough to be written out."""
 
+TOGETHER: dict[str, tuple[str, int]] = {"sin": ("sincos", 0), "cos": ("sincos", 1)}
+"""Functions that are one of the results of another: who needs both calls it once."""
+
 
 @lowers(*SPARE)
 def _short(b: Builder, eqn, x: Elements) -> Elements:
@@ -25,15 +28,20 @@ def _short(b: Builder, eqn, x: Elements) -> Elements:
 
 @lowers(*FUNCTIONS)
 def _written(b: Builder, eqn, *arrays: Elements) -> Elements:
-    name = eqn.primitive.name
+    name, place = TOGETHER.get(eqn.primitive.name, (eqn.primitive.name, 0))
     dtype = np.dtype(eqn.outvars[0].aval.dtype)
 
     def apply(*scalars: Scalar) -> Scalar:
         closed = program(name, *(x.dtype for x in scalars))
         function = function_of(b, name, closed, scalars)
+        if name == "sincos" and not function.parts:
+            function.parts = [
+                function_of(b, part, program(part, *(x.dtype for x in scalars)), scalars)
+                for part in TOGETHER
+            ]
         if not any(isinstance(x, Value) for x in scalars):
-            return dtype.type(interpret(function, scalars)[0])  # pyright: ignore
-        return b.call(function, scalars)[0]
+            return dtype.type(interpret(function, scalars)[place])  # pyright: ignore
+        return b.call(function, scalars)[place]
 
     return each(apply, *arrays)
 

@@ -1,0 +1,135 @@
+"""The text of LLVM code while it is printed: modules, names, operands and memory."""
+
+import abc
+
+import numpy as np
+
+from jaxsat.engine.native.ir import Block, Memory, Scalar, Value
+from jaxsat.engine.native.words import constant, memory_type, scalar_type, vector_type
+
+
+class Module:
+    """The text of a module: functions, constant arrays and declarations of what is used."""
+
+    def __init__(self, lanes: int):
+        self.lanes = lanes
+        self.functions: dict[str, str] = {}
+        self.constants: dict[int, str] = {}  # by the number of the memory
+        self.declarations: set[str] = set()
+
+    def text(self, attributes: str) -> str:
+        """All of it, every function with these attributes."""
+        parts = [*self.constants.values(), *self.functions.values(), *sorted(self.declarations)]
+        return "\n".join([*parts, f"attributes #0 = {{ {attributes} }}", ""])
+
+
+class AbstractLines(abc.ABC):
+    """The lines of one function while it is printed: what is written of values and memory."""
+
+    def __init__(self, module: Module):
+        self.module = module
+        self.written: list[str] = []
+        self._first: list[str] = []
+        self._count = 0
+        self.label = "entry"
+        self.spread: list[dict[int | str, str]] = [{}]
+        self._memories: dict[int, str] = {}
+        self._names: dict[int, str] = {}
+
+    def text(self) -> list[str]:
+        """Its lines, room on the stack first."""
+        return ["entry:", *self._first, *self.written]
+
+    def line(self, line: str) -> None:
+        """One more."""
+        self.written.append(line)
+
+    def fresh(self, prefix: str = "t") -> str:
+        """A name that is not in use."""
+        self._count += 1
+        return f"%{prefix}{self._count}"
+
+    def name(self, value: Value) -> str:
+        """The name of a value of the program."""
+        return self._names.setdefault(value.number, f"%v{len(self._names)}")
+
+    def operand(self, x: Scalar, varying: bool = False) -> str:
+        """A value or constant, spread over all lanes if it is to be `varying`."""
+        if not isinstance(x, Value):
+            if not varying:
+                return constant(x)
+            return f"splat ({scalar_type(x.dtype)} {constant(x)})"
+        if not varying or not x.uniform:
+            return self.name(x)
+        for known in reversed(self.spread):
+            if x.number in known:
+                return known[x.number]
+        wide = vector_type(x.dtype, self.module.lanes)
+        one, all_ = self.fresh(), self.fresh()
+        kind = scalar_type(x.dtype)
+        self.line(f"{one} = insertelement {wide} poison, {kind} {self.name(x)}, i64 0")
+        self.line(
+            f"{all_} = shufflevector {wide} {one}, {wide} poison, "
+            f"<{self.module.lanes} x i32> zeroinitializer"
+        )
+        self.spread[-1][x.number] = all_
+        return all_
+
+    @abc.abstractmethod
+    def steps(self, block: Block) -> None:
+        """The steps of a block."""
+
+    def kind(self, dtype: np.dtype, wide: bool) -> str:
+        """The type of a number, in all lanes if `wide`."""
+        return vector_type(dtype, self.module.lanes) if wide else scalar_type(dtype)
+
+    def begin(self, label: str) -> None:
+        """A new block of lines, with its label."""
+        self.line(f"{label}:")
+        self.label = label
+
+    def memory(self, memory: Memory) -> str:
+        """The name of a memory, made where it is first needed."""
+        if memory.number in self._memories:
+            return self._memories[memory.number]
+        kind = memory_type(memory.dtype)
+        if memory.initial is not None:
+            name = f"@c{len(self.module.constants)}"
+            numbers = ", ".join(f"{kind} {constant(x) if kind != 'i8' else int(x)}"
+                                for x in memory.initial)  # fmt: skip
+            head = f"{name} = internal constant [{memory.size} x {kind}]"
+            self.module.constants[memory.number] = f"{head} [{numbers}], align 128"
+        else:
+            room = memory.size * (1 if memory.uniform else self.module.lanes)
+            name = f"%m{len(self._memories)}"
+            self._first.append(f"{name} = alloca [{room} x {kind}], align 128")
+        self._memories[memory.number] = name
+        return name
+
+    def address(self, memory: Memory, index: Scalar) -> str:
+        """The address of an element of a memory, by a uniform index."""
+        place, kind = self.fresh("p"), memory_type(memory.dtype)
+        cell = kind if memory.uniform else f"<{self.module.lanes} x {kind}>"
+        typed = f"{scalar_type(index.dtype)} {self.operand(index)}"
+        self.line(f"{place} = getelementptr {cell}, ptr {self.memory(memory)}, {typed}")
+        return place
+
+    def put(self, place: str, value: str, dtype: np.dtype, wide: bool) -> None:
+        """Write a value to memory."""
+        kind = self.kind(dtype, wide)
+        if dtype.kind == "b":
+            byte, small = self.fresh(), f"<{self.module.lanes} x i8>" if wide else "i8"
+            self.line(f"{byte} = zext {kind} {value} to {small}")
+            kind, value = small, byte
+        self.line(f"store {kind} {value}, ptr {place}")
+
+    def get(self, out: str, place: str, dtype: np.dtype, wide: bool) -> None:
+        """Read a value from memory."""
+        kind = self.kind(dtype, wide)
+        if dtype.kind == "b":
+            byte, small = self.fresh(), f"<{self.module.lanes} x i8>" if wide else "i8"
+            self.line(f"{byte} = load {small}, ptr {place}")
+            self.line(f"{out} = icmp ne {small} {byte}, zeroinitializer" if wide
+                      else f"{out} = icmp ne i8 {byte}, 0")  # fmt: skip
+        else:
+            self.line(f"{out} = load {kind}, ptr {place}")
