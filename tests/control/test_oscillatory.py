@@ -171,6 +171,7 @@ def test_tilt_is_finite_upside_down_and_agrees_with_wz():
     )
 
 
+@pytest.mark.slow
 def test_gradient_with_respect_to_gains():
     """Reverse derivative of the state after 30 s against central differences."""
     start = PlantState(WZ([0.05, -0.02], 0.1).as_quaternion(), [0.001, -0.002, 0.0004])

@@ -53,7 +53,7 @@ def program(loop, begin, cost=COST):
         pytest.param("error", "diffrax", "forward", marks=pytest.mark.slow),
         pytest.param("error", "diffrax", "reverse", marks=pytest.mark.slow),
         ("sampled", "scan", "forward"),
-        ("sampled", "scan", "reverse"),
+        pytest.param("sampled", "scan", "reverse", marks=pytest.mark.slow),
     ],
 )
 def test_both_modes_against_central_differences(kind, engine, mode):

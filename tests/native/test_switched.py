@@ -32,7 +32,9 @@ def native(tolerance: float) -> NativeEngine:
     return NativeEngine(diffrax.Tsit5(), tolerance=Tolerance(tolerance, tolerance), workers=1)
 
 
-@pytest.mark.parametrize("name", ["benchmark-three-axis", "free-third-rate"])
+@pytest.mark.parametrize(
+    "name", ["benchmark-three-axis", pytest.param("free-third-rate", marks=pytest.mark.slow)]
+)
 def test_it_agrees_with_the_scan_engine_to_the_tolerance(name):
     work = study(name)
     cases, engine = work.cases(np.arange(COUNT)), native(1e-9)
@@ -46,6 +48,7 @@ def test_it_agrees_with_the_scan_engine_to_the_tolerance(name):
     same_bits(replay.outputs, jax.tree.map(lambda x: x[2], found))
 
 
+@pytest.mark.slow
 def test_gradients_of_the_exact_law_are_its_central_differences():
     work, engine = study("benchmark-three-axis"), native(1e-12)
     cases = work.cases(np.arange(COUNT))
