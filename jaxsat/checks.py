@@ -13,6 +13,11 @@ def as_float(value: ArrayLike | list | tuple) -> Inexact[Array, "..."]:
     return array.astype(array.dtype if inexact else float)
 
 
+def as_optional_float(value: ArrayLike | None) -> Inexact[Array, "..."] | None:
+    """The same, where None stands for something that is left out."""
+    return None if value is None else as_float(value)
+
+
 def concrete(value: ArrayLike) -> np.ndarray | None:
     """The value as a NumPy array, or `None` while it is being traced (then nothing is checked)."""
     return None if isinstance(value, Tracer) else np.asarray(value)

@@ -16,9 +16,6 @@ from jaxsat.scenario import Scenario, ScenarioWarning, load
 LEVELS = ("nominal", "mc", "hard")
 """Of dispersions, each a scenario `acceptance-LEVEL`."""
 
-LIMITS = (1.0, 5.0, 20.0)
-"""Torque limits in N m."""
-
 LAWS: Mapping[str, str] = MappingProxyType(
     {
         "three-slew": "stop, three slews, oscillate, regulate",
@@ -31,6 +28,9 @@ LAWS: Mapping[str, str] = MappingProxyType(
 """What each law does. The last three are the paper's, sampled like the others."""
 
 _HORIZONS = {1.0: 2000.0, 5.0: 1200.0, 20.0: 1000.0}
+LIMITS = tuple(_HORIZONS)
+"""Torque limits in N m."""
+
 _PERIOD = 0.1
 _NEVER, _ALWAYS = 1e6, 1e-12
 """Thresholds on |ω3| (rad/s) at which the switching law never or always takes the rate law."""

@@ -23,7 +23,7 @@ def study_of(
     *,
     engine: EngineName = "auto",
     width: int = 50,
-    chunk: int = 50,
+    chunk: int | None = None,
 ) -> Study:
     """`count` cases of one law on the acceptance set.
 

@@ -85,9 +85,10 @@ class AbstractEngine(eqx.Module):
     ) -> CostGradient:
         """Outputs of all cases, and the derivative of each case's cost by `gains`.
 
-        NumPy arrays. Where a law jumps in slope the derivative of the smooth pieces is given, which
-        is not that of the cost: see `jaxsat.smooth`. Raises `ValueError` for reverse mode where the
-        engine has none.
+        NumPy arrays. Adaptive steps of the scan and native engines end on a law's switches, and
+        theirs is the derivative of the cost; steps that do not, fixed ones or those of diffrax,
+        give that of the smooth pieces, which misses how the switches move. Raises `ValueError` for
+        reverse mode where the engine has none.
         """
 
         def run(program, cases, gains):

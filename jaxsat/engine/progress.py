@@ -4,19 +4,15 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.checks import as_float, require_positive
+from jaxsat.checks import as_float, as_optional_float, require_positive
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.metrics import Tolerances, within
 from jaxsat.simulation import Outcome, Signals
 
 SETTLED_BEFORE = 0.9
 """The part of the horizon in which a case must have begun to be settled."""
-
-
-def _as_limit(value: ArrayLike | None) -> Float[Array, ""] | None:
-    return None if value is None else as_float(value)
 
 
 class Unsettled(eqx.Module):
@@ -56,7 +52,7 @@ class RunningCost(eqx.Module):
     torque: Float[Array, ""] = eqx.field(converter=as_float, default=1e-3)
     settling: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     unsettled: Unsettled | None = None
-    limit: Float[Array, ""] | None = eqx.field(converter=_as_limit, default=None)
+    limit: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         for name in ("w", "z", "relative_rate", "torque", "settling"):

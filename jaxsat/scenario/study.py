@@ -42,7 +42,8 @@ from jaxsat.scenario.tables import SolverTable
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 
 TOLERANCE = 2e-8
-"""Of the scan engine's adaptive steps, relative and absolute, where a scenario names none."""
+"""Of the adaptive steps of the scan and native engines, relative and absolute, where a scenario
+names none."""
 
 ADAPTIVE_SOLVERS = ("tsit5", "dopri5")
 """Those with a dense output of their own, on which switches are located."""

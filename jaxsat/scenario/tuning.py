@@ -18,7 +18,6 @@ from jaxsat.scenario.build import DEFAULT_SUBSTEPS, build_loop
 from jaxsat.scenario.build_plant import orbit_rate
 from jaxsat.scenario.control_tables import SAMPLED_LAWS
 from jaxsat.scenario.coordinates import uses_error_coordinates
-from jaxsat.scenario.quantities import Table
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.study import EngineName, build_study
 from jaxsat.scenario.tuning_tables import TUNABLE, CostTable, ParametersTable, TuningTable
@@ -204,11 +203,6 @@ def _search(scenario: Scenario, table: ParametersTable) -> tuple[SearchSpace, np
         parameters.append(Parameter(place, bounds.low, bounds.high, bounds.scale, value.shape, key))
         values.append(value.ravel())
     return SearchSpace(tuple(parameters)), np.concatenate(values)
-
-
-def _unit(table: type[Table], key: str) -> str:
-    extra = table.model_fields[key].json_schema_extra
-    return str(extra.get("unit", "1")) if isinstance(extra, dict) else "1"
 
 
 def _cost(table: CostTable) -> RunningCost:

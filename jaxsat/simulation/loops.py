@@ -11,9 +11,9 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.checks import as_float, concrete, require_positive
+from jaxsat.checks import as_optional_float, concrete, require_positive
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController, AbstractSampledController
 from jaxsat.control.controller import Memory
 from jaxsat.dynamics import PlantState, RigidBody
@@ -160,10 +160,6 @@ class ContinuousLoop(AbstractContinuousLoop):
         return motion_turned_back(self, self.controller, t, back)
 
 
-def _as_delay(value: ArrayLike | None) -> Float[Array, ""] | None:
-    return None if value is None else as_float(value)
-
-
 class SampledState(NamedTuple):
     """State of the plant, memory of its controller, and the torque (N m) now being made."""
 
@@ -195,7 +191,7 @@ class SampledLoop(AbstractLoop):
     actuators: Actuators
     substeps: int = eqx.field(static=True, default=4)
     sensors: Sensors | None = None
-    delay: Float[Array, ""] | None = eqx.field(converter=_as_delay, default=None)
+    delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         if self.substeps < 1:

@@ -1,11 +1,9 @@
 """`jaxsat compare`."""
 
+import functools
 import json
-import signal
 
 import pytest
-
-from jaxsat.cli import main
 
 QUICK = [
     *("--law", "switching", "--law", "rate", "--level", "nominal", "--torque-limit", "20"),
@@ -13,23 +11,9 @@ QUICK = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    handler = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, handler)
-
-
 @pytest.fixture
-def jaxsat(capsys):
-    def run(*tokens):
-        with pytest.raises(SystemExit) as caught:
-            main(["compare", *tokens])
-        output = capsys.readouterr()
-        return caught.value.code, output.out, output.err
-
-    return run
+def jaxsat(command_line):
+    return functools.partial(command_line, "compare")
 
 
 def test_table_record_and_figure_and_going_on(jaxsat, tmp_path):

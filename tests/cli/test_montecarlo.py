@@ -1,7 +1,7 @@
 """`jaxsat montecarlo`."""
 
+import functools
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxsat.cli import main
 from jaxsat.results import open_study, open_trajectory
 
 SHORT = [
@@ -21,23 +20,9 @@ SHORT = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    handler = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, handler)
-
-
 @pytest.fixture
-def jaxsat(capsys):
-    def run(*tokens):
-        with pytest.raises(SystemExit) as caught:
-            main(["montecarlo", *tokens])
-        output = capsys.readouterr()
-        return caught.value.code, output.out, output.err
-
-    return run
+def jaxsat(command_line):
+    return functools.partial(command_line, "montecarlo")
 
 
 def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):

@@ -1,5 +1,6 @@
 """`jaxsat tune`."""
 
+import functools
 import json
 import os
 import signal
@@ -10,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from jaxsat.cli import main
 from jaxsat.scenario import load
 from tuning.scenarios import RATE
 
@@ -18,23 +18,13 @@ FIGURES = ("loss", "gains", "before-after")
 
 
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def _scenario(tmp_path):
     (tmp_path / "rate.toml").write_text(RATE, encoding="utf-8")
-    handler = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, handler)
 
 
 @pytest.fixture
-def jaxsat(capsys):
-    def run(*tokens):
-        with pytest.raises(SystemExit) as caught:
-            main(["tune", *tokens])
-        output = capsys.readouterr()
-        return caught.value.code, output.out, output.err
-
-    return run
+def jaxsat(command_line):
+    return functools.partial(command_line, "tune")
 
 
 def test_a_run_leaves_everything_in_its_folder(jaxsat, tmp_path):

@@ -96,9 +96,7 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
         offset = [0] * x.ndim
         for dim, place in zip(window_dims, numbers.offset_dims, strict=True):
             offset[dim] = index[place]
-        starts: list[Scalar] = [INT.type(0)] * x.ndim
-        for k, dim in enumerate(numbers.start_index_map):
-            starts[dim] = _index(b, indices[(*batch, k)])
+        starts = _starts(b, x.ndim, indices[batch], numbers.start_index_map)
         for dim, of in zip(
             numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True
         ):
@@ -110,6 +108,14 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
             found = b.select(inside, found, _filling(eqn, found.dtype))
         out[index] = found
     return out
+
+
+def _starts(b: Builder, rank: int, indices: Elements, dims: Sequence[int]) -> list[Scalar]:
+    """Where a window begins, dimension by dimension; zero in those that have no index."""
+    starts: list[Scalar] = [INT.type(0)] * rank
+    for index, dim in zip(indices, dims, strict=True):
+        starts[dim] = _index(b, index)
+    return starts
 
 
 def _inside(b: Builder, starts: Sequence[Scalar], last: Sequence[int]) -> Scalar:
@@ -150,9 +156,7 @@ def _scatter(b: Builder, eqn, x: Elements, indices: Elements, updates: Elements)
         offset = [0] * x.ndim
         for dim, place in zip(window_dims, numbers.update_window_dims, strict=True):
             offset[dim] = index[place]
-        starts: list[Scalar] = [INT.type(0)] * x.ndim
-        for k, dim in enumerate(numbers.scatter_dims_to_operand_dims):
-            starts[dim] = _index(b, indices[(*batch, k)])
+        starts = _starts(b, x.ndim, indices[batch], numbers.scatter_dims_to_operand_dims)
         for dim, of in zip(
             numbers.operand_batching_dims, numbers.scatter_indices_batching_dims, strict=True
         ):

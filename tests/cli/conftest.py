@@ -1,0 +1,28 @@
+"""The command line, run in this process in a folder of its own."""
+
+import signal
+
+import pytest
+
+from jaxsat.cli import main
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    handler = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture
+def command_line(capsys):
+    """Run the command line here; gives exit status, standard output and standard error."""
+
+    def run(*tokens):
+        with pytest.raises(SystemExit) as caught:
+            main(list(tokens))
+        output = capsys.readouterr()
+        return caught.value.code, output.out, output.err
+
+    return run
