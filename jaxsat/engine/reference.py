@@ -199,7 +199,7 @@ def _outputs(program, copy, plant, integrals, signals: Signals, code) -> Outputs
     good = within(signals.w, signals.z, signals.relative_rate, program.tolerances)
     settled = settling_time(times, good, SETTLED_BEFORE)
     rates = jnp.sqrt(jnp.sum(signals.omega**2, axis=1))
-    reached = jnp.sum(jnp.isfinite(rates)) - 1
+    reached = jnp.maximum(jnp.sum(jnp.isfinite(rates)) - 1, 0)  # even the start may be none
 
     def kept(value):
         return jnp.where(success, value, jnp.nan)

@@ -1,6 +1,7 @@
 """Gathers, scatters and dynamic slices, with indices known or not."""
 
 from collections.abc import Sequence
+from typing import SupportsIndex
 
 import jax
 import numpy as np
@@ -110,7 +111,9 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
     return out
 
 
-def _starts(b: Builder, rank: int, indices: Elements, dims: Sequence[int]) -> list[Scalar]:
+def _starts(
+    b: Builder, rank: int, indices: Elements, dims: Sequence[SupportsIndex]
+) -> list[Scalar]:
     """Where a window begins, dimension by dimension; zero in those that have no index."""
     starts: list[Scalar] = [INT.type(0)] * rank
     for index, dim in zip(indices, dims, strict=True):
