@@ -217,11 +217,12 @@ def test_effort_of_a_sampled_loop_is_that_of_its_held_torques():
 def test_gradient_against_central_differences(example):
     """Costs at shifted gains against the derivative carried along, exact for the steps taken.
 
-    The reference takes other steps, so its own differences agree as closely as the two engines do.
+    The reference takes other steps at every gain, across corners it does not locate: its costs are
+    noisy by 1e-7 of them, which a longer step of the gain keeps out of their differences.
     """
-    prog, gain, step = program(example), jnp.array(1.0), 1e-5
+    prog, gain = program(example), jnp.array(1.0)
     found = example.scan.gradient(prog, KICKS[:2], gain).derivatives
-    for engine, tolerance in ((example.scan, 1e-5), (example.reference, 1e-2)):
+    for engine, step, tolerance in ((example.scan, 1e-5, 1e-5), (example.reference, 1e-3, 1e-2)):
         costs = [engine.evaluate(prog, KICKS[:2], gain + shift).cost for shift in (step, -step)]
         exact = (costs[0] - costs[1]) / (2 * step)
         assert np.abs(exact).min() > 1e-3
