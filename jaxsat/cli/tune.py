@@ -56,7 +56,8 @@ def tune(
     width
         Cases that go through the compiled loop together.
     baselines
-        Afterwards spend as many trajectories on Nelder-Mead, random search, CMA-ES and BFGS.
+        Afterwards spend as many trajectories, or what [tuning] says, on Nelder-Mead, random
+        search, CMA-ES and BFGS.
     elsewhere
         Go on with a run that was begun with other versions or on another processor.
     quiet
@@ -164,9 +165,7 @@ def _concluded(
         _write_json(folder, "verdict.json", verdict.as_data())
         found = ()
         if baselines:
-            found = run_baselines(
-                plan, state, state.trajectories, lambda name: status.update(f"baseline: {name}")
-            )
+            found = run_baselines(plan, state, lambda name: status.update(f"baseline: {name}"))
             _write_json(folder, "baselines.json", as_data(found))
         _write_figures(plan, scenario, folder, state, verdict, found)
         folder.write(SUMMARY, summary_page(scenario.title, receipt, verdict, found))

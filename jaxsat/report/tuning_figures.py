@@ -15,6 +15,7 @@ METHODS = (
     {"color": "#D55E00", "linestyle": (0, (6, 2)), "marker": "s"},
     {"color": "#56B4E9", "linestyle": (0, (1.2, 1.2)), "marker": "^"},
     {"color": "#009E73", "linestyle": (0, (6, 2, 1.2, 2)), "marker": "D"},
+    {"color": "#0072B2", "linestyle": (0, (8, 1.5, 1.2, 1.5, 1.2, 1.5)), "marker": "P"},
     {"color": "#CC79A7", "linestyle": (0, (3, 1.5)), "marker": "v"},
 )
 

@@ -258,5 +258,8 @@ def _settings(table: TuningTable, seed: int, interval: float) -> Settings:
         receipt_cases=table.receipt_cases,
         held_out_cases=table.held_out_cases,
         alarm=table.alarm_cost,
+        target=table.target_loss,
+        baseline_cases=table.baseline_cases,
+        baseline_trajectories=table.baseline_trajectories,
         seed=seed,
     )

@@ -184,3 +184,12 @@ class TuningTable(Table):
     alarm_cost: Positive | None = quantity(
         "The verdict counts cases whose cost exceeds this", "1", None
     )
+    target_loss: Positive | None = quantity(
+        "Loss on the validation cases at which a run ends; left out, all steps are taken", "1", None
+    )
+    baseline_cases: Count | None = quantity(
+        "Cases of a round of the baselines; left out, as many as of a step", "1", None
+    )
+    baseline_trajectories: Count | None = quantity(
+        "Trajectories of a baseline; left out, as many as the descent took", "1", None
+    )

@@ -1,9 +1,12 @@
 """What else could have been done with as many trajectories: the usual ways without gradients,
 and BFGS with them.
 
-All minimise the same objective over the same fixed cases from the scenario's own gains (random
-search and CMA-ES: over the same bounds) and stop when the budget is spent; a gradient of n gains
-counts n + 1 runs. Methods without gradients see the exact law.
+All minimise the same objective from the scenario's own gains (random search and CMA-ES: over the
+same bounds), over the same fixed cases or, where the name says so, over new ones in every round.
+As in the descent, the best of the points checked on the validation cases is kept, and checks are
+paid for: one is due as soon as the search has spent as much as it costs. A search ends when the
+target is reached or the budget spent; a gradient of n gains counts n + 1 runs. Methods without
+gradients see the exact law.
 """
 
 import contextlib
@@ -30,71 +33,120 @@ GRADIENT_DESCENT = "gradient descent"
 
 
 class Found(NamedTuple):
-    """One method: what it spent, the best points on the way, and the judgement of the last.
+    """One method: what it spent, the best point, and the judgement of it.
 
     `trace` has rows of trajectories spent and the loss on the validation cases of the best point
-    so far in training; `loss` is the training loss of that point.
+    so far; `loss` is the last of these. `reached` tells whether that is the target's.
     """
 
     method: str
     trajectories: float
     loss: float
+    reached: bool
     point: Float[np.ndarray, " parameters"]
     trace: Float[np.ndarray, "points 2"]
     judgement: Judgement
 
 
-class _Spent(Exception):
-    """The budget is gone."""
+class _Ended(Exception):
+    """The budget is spent, or the target reached."""
+
+
+class _Best(NamedTuple):
+    """A point that was the best on the validation cases when `spent` had been spent."""
+
+    spent: float
+    loss: float
+    point: np.ndarray
 
 
 @dataclass
 class _Search:
-    """Losses of points on the fixed cases, and the best so far, until the budget is spent."""
+    """Losses of points on training cases, and the best of those checked on the validation cases."""
 
     plan: TuningPlan
     budget: float
+    fresh: bool = False
     spent: float = 0.0
-    best: list[tuple[float, float, np.ndarray]] = field(default_factory=list)
+    rounds: int = 0
+    unchecked: float = 0.0
+    leader: tuple[float, np.ndarray] | None = None
+    best: list[_Best] = field(default_factory=list)
 
     @property
-    def numbers(self) -> np.ndarray:
-        return np.arange(self.plan.settings.cases)
+    def cases(self) -> int:
+        """Of a round."""
+        return self.plan.settings.baseline_cases or self.plan.settings.cases
+
+    @property
+    def left(self) -> float:
+        """What a round may spend: a check of what it finds is kept back."""
+        return self.budget - self.spent - self.plan.settings.validation_cases
 
     def losses(self, points: np.ndarray) -> np.ndarray:
-        """Losses of the exact law at points of the search."""
-        self._pay(len(points) * self.plan.settings.cases)
-        costs = self.plan.exact.evaluate(points, self.numbers).cost
+        """Losses of the exact law at points of the search, on the cases of one round."""
+        numbers = self._round(len(points))
+        costs = self.plan.exact.evaluate(points, numbers).cost
         losses = np.array([self.plan.settings.objective.value(row) for row in costs])
         self._note(points[int(np.argmin(losses))], float(losses.min()))
         return losses
 
     def gradient(self, point: np.ndarray) -> tuple[float, np.ndarray]:
         """Loss and gradient of the smooth law at one point."""
-        self._pay(self.plan.settings.cases * (1 + self.plan.space.size))
-        found = self.plan.smooth.differentiate(point[None], self.numbers)
+        found = self.plan.smooth.differentiate(point[None], self._round(1 + self.plan.space.size))
         costs = np.asarray(found.outputs.cost)[0]
         judged = self.plan.settings.objective.judged(costs, found.derivatives[0])
         self._note(point, judged.loss)
         return judged.loss, judged.gradient
 
-    def _pay(self, trajectories: int) -> None:
-        if self.spent + trajectories > self.budget:
-            raise _Spent
-        self.spent += trajectories
+    def check_if_due(self, point: np.ndarray | None = None) -> None:
+        """Check a point, or the leader in training, if enough was spent since the last check."""
+        if self.unchecked >= self.plan.settings.validation_cases:
+            self.check(point)
+
+    def check(self, point: np.ndarray | None = None) -> None:
+        """Judge a point, or the leader in training since it was last judged."""
+        if point is None:
+            if self.leader is None:
+                return
+            point = self.leader[1]
+        numbers, objective = self.plan.settings.validation(), self.plan.settings.objective
+        loss = objective.value(self.plan.exact.evaluate(point[None], numbers).cost[0])
+        self.spent += len(numbers)
+        self.unchecked = 0.0
+        if not self.best or loss < self.best[-1].loss:
+            self.best.append(_Best(self.spent, loss, point.copy()))
+        if self.plan.settings.reached(self.best[-1].loss):
+            raise _Ended
+
+    def _round(self, runs: int) -> np.ndarray:
+        """Pays for runs of all cases of a round, and gives their numbers."""
+        if runs * self.cases > self.left:
+            raise _Ended
+        self.spent += runs * self.cases
+        self.unchecked += runs * self.cases
+        first = self.rounds * self.cases if self.fresh else 0
+        self.rounds += 1
+        return np.arange(first, first + self.cases)
 
     def _note(self, point: np.ndarray, loss: float) -> None:
-        if not self.best or loss < self.best[-1][1]:
-            self.best.append((self.spent, loss, point.copy()))
+        if self.fresh or self.leader is None or loss < self.leader[0]:
+            self.leader = (loss, point.copy())
 
 
 def nelder_mead(search: _Search, start: np.ndarray) -> None:
     """SciPy's simplex from the given gains, within the bounds, begun again when it has shrunk."""
     low, high = _box(search.plan)
+
+    def loss(point: np.ndarray) -> float:
+        found = float(search.losses(point[None])[0])
+        search.check_if_due()
+        return found
+
     while True:
-        first = search.best[-1][2] if search.best else start
+        first = start if search.leader is None else search.leader[1]
         scipy.optimize.minimize(
-            lambda point: float(search.losses(point[None])[0]),
+            loss,
             np.clip(first, low, high),
             method="Nelder-Mead",
             bounds=list(zip(low, high, strict=True)),
@@ -110,8 +162,8 @@ def random_search(search: _Search, start: np.ndarray) -> None:
     while True:
         round_number += 1
         drawn = space.drawn(POPULATION, seed + round_number)
-        left = int((search.budget - search.spent) // search.plan.settings.cases)
-        search.losses(space.to_search(drawn)[: max(left, 1)])
+        search.losses(space.to_search(drawn)[: max(int(search.left // search.cases), 1)])
+        search.check_if_due()
 
 
 def cma_es(search: _Search, start: np.ndarray) -> None:
@@ -135,6 +187,7 @@ def cma_es(search: _Search, start: np.ndarray) -> None:
             asked = np.array(strategy.ask())
             losses = search.losses(low + (high - low) * asked)
             strategy.tell(list(asked), losses.tolist())
+            search.check_if_due(low + (high - low) * strategy.result.xfavorite)  # the mean
         options["seed"] += 1
 
 
@@ -143,42 +196,65 @@ def bfgs(search: _Search, start: np.ndarray) -> None:
     from jaxsat.tuning.quasi_newton import minimise
 
     low, high = _box(search.plan)
-    minimise(search.gradient, start, low, high)
+
+    def gradient(point: np.ndarray) -> tuple[float, np.ndarray]:
+        found = search.gradient(point)
+        search.check_if_due()
+        return found
+
+    minimise(gradient, start, low, high)
 
 
-METHODS: dict[str, tuple[Callable[[_Search, np.ndarray], None], str | None]] = {
-    "Nelder-Mead": (nelder_mead, None),
-    "random search": (random_search, None),
-    "CMA-ES": (cma_es, "cma"),
-    "BFGS": (bfgs, None),
+class Method(NamedTuple):
+    """A search from a start, whether it sees new cases in every round, and the package that it
+    needs beyond those of jaxsat."""
+
+    search: Callable[[_Search, np.ndarray], None]
+    fresh: bool = False
+    package: str | None = None
+
+
+METHODS: dict[str, Method] = {
+    "Nelder-Mead": Method(nelder_mead),
+    "random search": Method(random_search),
+    "CMA-ES": Method(cma_es, package="cma"),
+    "CMA-ES, new cases": Method(cma_es, fresh=True, package="cma"),
+    "BFGS": Method(bfgs),
 }
-"""Every method, and the package that it needs beyond those of jaxsat."""
+"""Every method by the name that it has in tables."""
 
 
 def missing_packages() -> list[str]:
     """Packages that are not there and whose methods would be left out."""
-    needed = [package for _, package in METHODS.values() if package is not None]
-    return [package for package in needed if importlib.util.find_spec(package) is None]
+    needed = {method.package for method in METHODS.values() if method.package is not None}
+    return sorted(package for package in needed if importlib.util.find_spec(package) is None)
 
 
 def run_baselines(
     plan: TuningPlan,
     state: DescentState,
-    budget: float,
     report: Callable[[str], None] | None = None,
 ) -> list[Found]:
-    """Gradient descent as it was and every method whose package is there, all judged alike."""
+    """Gradient descent as it was and every method whose package is there, all judged alike.
+
+    Each may spend what the settings say, or as much as the descent did.
+    """
+    budget = float(plan.settings.baseline_trajectories or state.trajectories)
     start = plan.space.projected(plan.space.to_search(plan.start[None]))[0]
     found = [_descended(plan, state)]
     absent = missing_packages()
-    for name, (method, package) in METHODS.items():
-        if package in absent:
+    for name, method in METHODS.items():
+        if method.package in absent:
             continue
         if report is not None:
             report(name)
-        search = _Search(plan, budget)
-        with contextlib.suppress(_Spent):
-            method(search, start)
+        search = _Search(plan, budget, method.fresh)
+        with contextlib.suppress(_Ended):
+            search.check(start)
+            with contextlib.suppress(_Ended):
+                method.search(search, start)
+            if not plan.settings.reached(search.best[-1].loss):
+                search.check()
         found.append(_judged(plan, name, search))
     return found
 
@@ -191,24 +267,24 @@ def as_data(found: list[Found]) -> list[dict[str, Any]]:
 
 
 def _judged(plan: TuningPlan, name: str, search: _Search) -> Found:
-    points = np.stack([point for _, _, point in search.best])
-    costs = plan.exact.evaluate(points, plan.settings.validation()).cost
-    losses = [plan.settings.objective.value(row) for row in costs]
-    spent = [entry[0] for entry in search.best]
-    trace = np.array([[*spent, search.spent], [*losses, losses[-1]]]).T
-    numbers = np.arange(plan.settings.held_out_cases)
-    judgement = judge(plan, plan.held_out, points[-1:], numbers)[0]
-    return Found(name, search.spent, search.best[-1][1], points[-1], trace, judgement)
+    rows = [(entry.spent, entry.loss) for entry in search.best]
+    last = search.best[-1]
+    trace = np.array([*rows, (search.spent, last.loss)])
+    return _found(plan, name, search.spent, last.loss, last.point, trace)
 
 
 def _descended(plan: TuningPlan, state: DescentState) -> Found:
     trace = np.array([[v.trajectories, v.best_loss] for v in state.validations])
+    best = (state.best_loss, state.best_point)
+    return _found(plan, GRADIENT_DESCENT, state.trajectories, *best, trace)
+
+
+def _found(
+    plan: TuningPlan, name: str, spent: float, loss: float, point: np.ndarray, trace: np.ndarray
+) -> Found:
     numbers = np.arange(plan.settings.held_out_cases)
-    judgement = judge(plan, plan.held_out, state.best_point[None], numbers)[0]
-    last = np.nanmin(state.steps[-1].loss)
-    return Found(
-        GRADIENT_DESCENT, state.trajectories, float(last), state.best_point, trace, judgement
-    )
+    judgement = judge(plan, plan.held_out, point[None], numbers)[0]
+    return Found(name, spent, loss, plan.settings.reached(loss), point, trace, judgement)
 
 
 def _box(plan: TuningPlan) -> tuple[np.ndarray, np.ndarray]:

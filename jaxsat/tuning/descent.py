@@ -154,8 +154,9 @@ def descend(
     keep: Callable[[DescentState], None] | None = None,
     report: Callable[[Report], None] | None = None,
 ) -> DescentState:
-    """Steps until all are done; `keep` is called with every state, `report` with what to tell."""
-    while state.step < plan.settings.steps:
+    """Steps until all are done or the target is reached; `keep` is called with every state,
+    `report` with what to tell."""
+    while state.step < plan.settings.steps and not plan.settings.reached(state.best_loss):
         state = advance(plan, state)
         if keep is not None:
             keep(state)

@@ -23,7 +23,10 @@ class Settings:
     """How a run descends; see `docs/tuning.md`.
 
     `horizons` are numbers of intervals, each used for an equal share of the steps, the last one
-    the whole run. `halvings` are steps at which the worse half of the starts is given up.
+    the whole run. `halvings` are steps at which the worse half of the starts is given up. A run
+    ends early when the loss on the validation cases is down to `target`. `baseline_cases` and
+    `baseline_trajectories` are what other methods take in a round and in all; None: as many as the
+    descent.
     """
 
     objective: Objective = field(default_factory=lambda: Objective(Mean()))
@@ -40,6 +43,9 @@ class Settings:
     receipt_cases: int = 16
     held_out_cases: int = 1024
     alarm: float | None = None
+    target: float | None = None
+    baseline_cases: int | None = None
+    baseline_trajectories: int | None = None
     seed: int = 0
 
     def __post_init__(self):
@@ -70,6 +76,10 @@ class Settings:
     def validation(self) -> np.ndarray:
         """The cases by which iterates are compared."""
         return VALIDATION + np.arange(self.validation_cases)
+
+    def reached(self, loss: float) -> bool:
+        """Whether a loss on the validation cases is the target's."""
+        return self.target is not None and loss <= self.target
 
     def intervals(self, step: int, whole: int) -> int:
         """How long the runs of a step are, in intervals of the program."""

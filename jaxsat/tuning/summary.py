@@ -84,16 +84,18 @@ def _baselines(found: Sequence[Found]) -> str:
         rows.append(
             [
                 entry.method,
-                f"{entry.trajectories:.0f}",
+                f"{entry.trajectories:.0f}{' (target reached)' if entry.reached else ''}",
                 f"{entry.loss:.5g}",
                 f"{entry.judgement.loss:.5g}",
                 _number(entry.judgement.cost),
                 _percent(summary.settled),
                 _percent(entry.judgement.failed),
+                _alarm(entry.judgement),
             ]
         )
-    head = ["method", "trajectories", "objective in training", "objective held out"]
-    return _table([*head, "mean cost held out", "settled", "failed"], rows)
+    head = ["method", "trajectories", "objective on validation", "objective held out"]
+    rest = ["mean cost of those that end", "settled", "failed", "failed or above the alarm"]
+    return _table([*head, *rest], rows)
 
 
 def _receipt(receipt: Receipt) -> list[str]:
