@@ -3,6 +3,7 @@
 import functools
 import json
 
+import numpy as np
 import pytest
 
 QUICK = [
@@ -73,3 +74,29 @@ def test_a_folder_of_something_else_is_left_alone(jaxsat, tmp_path):
     status, _, err = jaxsat(*QUICK, "--out", "mine")
     assert status == 2
     assert "did not write" in err
+
+
+@pytest.mark.slow
+def test_bounds_stand_beside_the_table(jaxsat, tmp_path):
+    """No thrust turns the body for nothing: the least effort is above the momentum taken out, and
+    the least time above what full thrust about both axes needs for that."""
+    pytest.importorskip("casadi")
+    command = [*QUICK, "--bounds", "2", "--out", "c"]
+    status, out, err = jaxsat(*command)
+    assert status == 0, err
+    (least,) = json.loads((tmp_path / "c" / "comparison.json").read_text())[
+        "bounds_from_papers_start"
+    ]
+    assert (least["torque_limit"], least["starts"], least["seed"]) == (20, 2, 3)
+    momentum = np.linalg.norm([449.5 * 0.1, 264.6 * 0.11]) - 264.6 * 0.0011  # the orbit's stays
+    assert momentum < least["effort"] < 10 * momentum
+    assert max(momentum / (20 * np.sqrt(2)), 10.0) < least["time"] < 40.0  # 14.3 with more starts
+    assert f"least time {least['time']:.3g} s, least effort {least['effort']:.3g} N m s" in out
+    assert "best of 2 starts, not certified" in out
+
+    kept = tmp_path / "c" / "bounds" / "20.json"
+    before = kept.stat().st_mtime_ns
+    status, again, _ = jaxsat(*command)
+    assert status == 0
+    assert again == out
+    assert kept.stat().st_mtime_ns == before
