@@ -9,7 +9,7 @@ from jaxsat.scenario import ScenarioError, ScenarioWarning, build, dump, library
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, SampledLoop
 
 PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]
-TUNED = ["rate-limited", "switching-dispersed"]
+TUNED = ["oscillatory-dispersed", "rate-limited", "switching-dispersed"]
 SETTLING = ["two-torque-free", "two-torque-free-1", "two-torque-free-20"]
 ACCEPTANCE = ["acceptance-hard", "acceptance-mc", "acceptance-nominal"]
 NAMES = PAPER + SETTLING + ACCEPTANCE + TUNED
