@@ -251,6 +251,7 @@ def _settings(table: TuningTable, seed: int, interval: float) -> Settings:
         fresh=table.fresh_cases,
         starts=table.starts,
         screened=table.screened if table.starts > 1 else 0,
+        screening_cases=table.screening_cases,
         horizons=tuple(round(horizon / interval) for horizon in table.horizon_s or ()),
         halvings=table.halve_at,
         validation_cases=table.validation_cases,

@@ -163,6 +163,9 @@ class TuningTable(Table):
     screened: Annotated[Whole, Ge(0), Le(10**6)] = quantity(
         "Random points tried first, of which the best become starts; 0 takes the first", "1", 32
     )
+    screening_cases: Count | None = quantity(
+        "Cases on which they are tried; left out, those of the first step", "1", None
+    )
     horizon_s: Annotated[tuple[Positive, ...], Len(1, 100)] | None = quantity(
         "Horizons, each for an equal share of the steps; left out, the whole duration", "s", None
     )

@@ -86,8 +86,7 @@ def begin(plan: TuningPlan) -> DescentState:
         tried = space.to_search(space.drawn(max(settings.screened, settings.starts), settings.seed))
         kept = tried
         if settings.screened:
-            numbers = settings.numbers(0)
-            costs = plan.smooth.evaluate(tried, numbers).cost
+            costs = plan.smooth.evaluate(tried, settings.screening()).cost
             losses = np.array([settings.objective.value(row) for row in costs])
             kept = tried[np.argsort(losses, kind="stable")]
         points = np.concatenate([own, kept[: settings.starts - 1]])

@@ -23,10 +23,11 @@ class Settings:
     """How a run descends; see `docs/tuning.md`.
 
     `horizons` are numbers of intervals, each used for an equal share of the steps, the last one
-    the whole run. `halvings` are steps at which the worse half of the starts is given up. A run
-    ends early when the loss on the validation cases is down to `target`. `baseline_cases` and
-    `baseline_trajectories` are what other methods take in a round and in all; None: as many as the
-    descent.
+    the whole run. `screening_cases` of the first step's cases choose the starts (None: all), and
+    `halvings` are steps at which the worse half of the starts is given up. A run ends early when
+    the loss on the validation cases is down to `target`. `baseline_cases` and
+    `baseline_trajectories` are what other methods take in a round and in all (None: as the
+    descent).
     """
 
     objective: Objective = field(default_factory=lambda: Objective(Mean()))
@@ -36,6 +37,7 @@ class Settings:
     fresh: bool = True
     starts: int = 4
     screened: int = 32
+    screening_cases: int | None = None
     horizons: tuple[int, ...] = ()
     halvings: tuple[int, ...] = ()
     validation_cases: int = 128
@@ -72,6 +74,10 @@ class Settings:
         """The cases of a step: the next ones, or always the first."""
         first = step * self.cases if self.fresh else 0
         return np.arange(first, first + self.cases)
+
+    def screening(self) -> np.ndarray:
+        """The cases on which starts are chosen: those of the first step, or the first of them."""
+        return self.numbers(0)[: self.screening_cases]
 
     def validation(self) -> np.ndarray:
         """The cases by which iterates are compared."""

@@ -40,6 +40,10 @@ def points(plan):
     return plan.space.to_search(np.array([[0.5, 0.3], [1.2, 0.1], [0.2, 1.0]]))
 
 
+def with_settings(plan, **changes):
+    return dataclasses.replace(plan, settings=dataclasses.replace(plan.settings, **changes))
+
+
 def same_bits(one, other):
     jax.tree.map(np.testing.assert_array_equal, one, other)
 
@@ -95,6 +99,16 @@ def test_the_loss_falls_and_the_best_iterate_is_kept(plan, final):
     assert final.best_loss == np.nanmin(every)
     costs = plan.exact.evaluate(final.best_point[None], plan.settings.validation()).cost[0]
     assert plan.settings.objective.value(costs) == final.best_loss
+
+
+def test_starts_are_tried_on_as_few_cases_as_are_asked_for(plan):
+    few = begin(with_settings(plan, screening_cases=2))
+    assert few.trajectories == 5 * 2 + 3 * 4  # five points screened, three starts validated
+    assert begin(plan).trajectories == 5 * 4 + 3 * 4
+    drawn = plan.space.to_search(plan.space.drawn(5, plan.settings.seed))
+    costs = plan.smooth.evaluate(drawn, np.arange(2)).cost
+    losses = [plan.settings.objective.value(row) for row in costs]
+    np.testing.assert_array_equal(few.points[1:], drawn[np.argsort(losses)[:2]])
 
 
 def test_the_worse_half_of_the_starts_is_given_up(final):
@@ -206,10 +220,6 @@ def test_the_verdict_is_about_the_exact_law_on_other_cases(plan, final):
     data = verdict.as_data()
     assert data["gains"]["k1"]["before"] == pytest.approx(0.5)
     assert data["after"]["cases"] == 8
-
-
-def with_settings(plan, **changes):
-    return dataclasses.replace(plan, settings=dataclasses.replace(plan.settings, **changes))
 
 
 @pytest.fixture(scope="module")
