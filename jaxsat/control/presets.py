@@ -54,7 +54,7 @@ STATE_SCALE, TORQUE_SCALE = (0.1, 0.1, 0.05, 0.002, 0.002, 0.001), 0.3
 """Of the regulator, so that rates stay below 1e-3 rad/s while it removes what is left."""
 
 _MORIN_SAMSON = {
-    1.0: _Oscillation(0.0749, 0.0271, 0.89, 0.0287, 0.866, 0.266, 2.36, 2.24e-5, 2e-3, 0.02),
+    1.0: _Oscillation(0.086, 0.03, 0.26, 0.03, 0.76, 0.07, 1.52, 2.24e-5, 2e-3, 0.02),
     5.0: _Oscillation(0.193, 0.0666, 0.583, 0.0665, 0.761, 0.157, 1.52, 3.58e-5, 2e-3, 0.02),
     20.0: _Oscillation(0.382, 1.59, 0.134, 0.130, 0.802, 0.404, 1.72, 3.11e-5, 2e-3, 0.02),
 }
