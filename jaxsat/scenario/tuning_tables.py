@@ -188,7 +188,10 @@ class TuningTable(Table):
         "The verdict counts cases whose cost exceeds this", "1", None
     )
     target_loss: Positive | None = quantity(
-        "Loss on the validation cases at which a run ends; left out, all steps are taken", "1", None
+        "Loss on the validation cases at which a run ends after its first step; left out, all "
+        "steps are taken",
+        "1",
+        None,
     )
     baseline_cases: Count | None = quantity(
         "Cases of a round of the baselines; left out, as many as of a step", "1", None

@@ -153,9 +153,11 @@ def descend(
     keep: Callable[[DescentState], None] | None = None,
     report: Callable[[Report], None] | None = None,
 ) -> DescentState:
-    """Steps until all are done or the target is reached; `keep` is called with every state,
-    `report` with what to tell."""
-    while state.step < plan.settings.steps and not plan.settings.reached(state.best_loss):
+    """Steps, at least one, until all are done or the target is reached; `keep` is called with
+    every state, `report` with what to tell."""
+    while state.step < plan.settings.steps:
+        if state.step and plan.settings.reached(state.best_loss):
+            break
         state = advance(plan, state)
         if keep is not None:
             keep(state)
