@@ -111,7 +111,8 @@ class _Search:
                 return
             point = self.leader[1]
         numbers, objective = self.plan.settings.validation(), self.plan.settings.objective
-        loss = objective.value(self.plan.exact.evaluate(point[None], numbers).cost[0])
+        costs = np.asarray(self.plan.exact.evaluate(point[None], numbers).cost)[0]
+        loss = objective.value(costs)
         self.spent += len(numbers)
         self.unchecked = 0.0
         if not self.best or loss < self.best[-1].loss:
