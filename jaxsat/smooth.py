@@ -37,7 +37,7 @@ def sat(
     """
     if width is None:
         outside = jnp.abs(x) > bound if beyond is None else beyond
-        return jnp.where(outside, jnp.sign(x) * bound, x)
+        return jnp.where(outside, jnp.where(x < 0, -bound, bound), x)
     span = width * bound
     straight = bound - span
     size = jnp.abs(x)

@@ -1,6 +1,8 @@
 """One explicit Runge-Kutta step from the tableau of a diffrax solver, in plain arithmetic."""
 
+import operator
 from collections.abc import Callable
+from functools import reduce
 
 import diffrax
 import jax.numpy as jnp
@@ -78,10 +80,8 @@ def stage_rates(
 
 def weighted(weights: np.ndarray, rates: list[Float[Array, " n"]]) -> Float[Array, " n"]:
     """The sum of the rates by their weights, those of zero left out."""
-    return sum(
-        (float(w) * rate for w, rate in zip(weights, rates, strict=True) if w != 0),
-        jnp.zeros_like(rates[0]),
-    )
+    used = [float(w) * rate for w, rate in zip(weights, rates, strict=True) if w != 0]
+    return reduce(operator.add, used) if used else jnp.zeros_like(rates[0])
 
 
 def dense_weights(solver: diffrax.AbstractSolver) -> Float[np.ndarray, "4 stages"]:
@@ -160,4 +160,7 @@ def _needed_stages(tableau: diffrax.ButcherTableau) -> set[int]:
 
 def _combined(state: Array, step, weights: np.ndarray, rates: dict[int, Array]) -> Array:
     used = [(float(weights[j]), rates[j]) for j in rates if j < len(weights) and weights[j] != 0]
-    return state + step * sum(weight * slope for weight, slope in used) if used else state
+    if len(used) == 1:
+        ((weight, slope),) = used
+        return state + (step * weight) * slope  # one operation an element
+    return state + step * reduce(operator.add, (w * k for w, k in used)) if used else state

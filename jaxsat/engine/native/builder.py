@@ -38,6 +38,7 @@ class Builder:
         self.mask: Scalar | None = None
         self.functions: dict[tuple, Function] = {}
         self.repeated: dict[int, Any] = {}
+        self._negated: dict[int, Scalar] = {}  # what a value is the negative of
 
     def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
         """One arithmetic operation; `dtype` is the result's where the operands do not tell it."""
@@ -47,6 +48,8 @@ class Builder:
         if not any(isinstance(arg, Value) for arg in args):
             return dtype.type(np.asarray(evaluate(name, args, dtype)).astype(dtype)[()])
         simple = _simplified(name, args, dtype)
+        if simple is None and dtype.kind == "f":
+            simple = self._with_sign_outside(name, args)
         if simple is not None:
             return simple
         key = (name, dtype.str, *map(_identity, args))
@@ -56,7 +59,26 @@ class Builder:
             found = Value(dtype, uniform)
             self.block.steps.append(Operation(name, args, found))
             self.block.known[key] = found
+            if name == "neg":
+                self._negated[found.number] = args[0]
         return found
+
+    def _with_sign_outside(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
+        """The same value with a negation taken in or handed on, or None; equal in all bits."""
+        inner = [self._negated.get(x.number) if isinstance(x, Value) else None for x in args]
+        match name, args, inner:
+            case "neg", _, [x] if x is not None:
+                return x
+            case "add", [x, _], [_, y] if y is not None:
+                return self.operation("sub", x, y)
+            case "add", [_, y], [x, _] if x is not None:
+                return self.operation("sub", y, x)
+            case "sub", [x, _], [_, y] if y is not None:
+                return self.operation("add", x, y)
+            case "mul" | "div", [x, y], [a, b] if a is not None or b is not None:
+                whole = self.operation(name, x if a is None else a, y if b is None else b)
+                return whole if a is not None and b is not None else self.operation("neg", whole)
+        return None
 
     def select(self, predicate: Scalar, yes: Scalar, no: Scalar) -> Scalar:
         """`yes` where the predicate holds, else `no`."""
@@ -158,6 +180,31 @@ class Builder:
             return self._switch(index, blocks, yields)
         return self._masked(masks, blocks, yields)
 
+    def where_seldom(
+        self,
+        predicates: Sequence[Scalar],
+        seldom: Callable[[], Sequence[Scalar]],
+        mostly: Sequence[Scalar],
+    ) -> list[Scalar]:
+        """Of `seldom` where the predicates hold, of `mostly` elsewhere, one for one.
+
+        The former is jumped over unless one of them holds in some lane.
+        """
+        ever: Scalar = np.False_
+        for predicate in predicates:
+            ever = self.operation("or", ever, predicate)
+        if self.mask is not None:
+            ever = self.operation("and", ever, self.mask)
+        if not isinstance(ever, Value):
+            return list(seldom() if ever else mostly)
+        block = Block(self.block)
+        with self.inside(block, ever):
+            found = [
+                self.select(p, a, b) for p, a, b in zip(predicates, seldom(), mostly, strict=True)
+            ]
+        needed = self.convert(self.any(ever), INT)
+        return self._switch(needed, [Block(self.block), block], [mostly, found], seldom=True)
+
     def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
         """The results of a function."""
         key = ("call", function.name, *map(_identity, args))
@@ -182,10 +229,10 @@ class Builder:
         self.block.steps += block.steps
         self.block.known |= block.known
 
-    def _switch(self, index, blocks, yields) -> list[Scalar]:
+    def _switch(self, index, blocks, yields, *, seldom: bool = False) -> list[Scalar]:
         kinds = zip(*yields, strict=True)
         outs = [Value(several[0].dtype, all(map(is_uniform, several))) for several in kinds]
-        self.block.steps.append(Switch(index, blocks, yields, outs))
+        self.block.steps.append(Switch(index, blocks, yields, outs, seldom))
         return list(outs)
 
     def _masked(self, masks, blocks, yields) -> list[Scalar]:

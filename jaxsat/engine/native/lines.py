@@ -7,6 +7,9 @@ import numpy as np
 from jaxsat.engine.native.ir import Block, Memory, Scalar, Value
 from jaxsat.engine.native.words import constant, memory_type, scalar_type, vector_type
 
+SELDOM = "!0"
+"""Weights of a switch whose second branch hardly ever runs: its costs stay out of the first."""
+
 
 class Module:
     """The text of a module: functions, constant arrays and declarations of what is used."""
@@ -20,7 +23,9 @@ class Module:
     def text(self, attributes: str) -> str:
         """All of it, every function with these attributes."""
         parts = [*self.constants.values(), *self.functions.values(), *sorted(self.declarations)]
-        return "\n".join([*parts, f"attributes #0 = {{ {attributes} }}", ""])
+        attributes = f"attributes #0 = {{ {attributes} }}"
+        weights = f'{SELDOM} = !{{!"branch_weights", i32 100000, i32 1}}'
+        return "\n".join([*parts, attributes, weights, ""])
 
 
 class AbstractLines(abc.ABC):

@@ -21,7 +21,7 @@ from jaxsat.engine.native.ir import (
     Switch,
     Value,
 )
-from jaxsat.engine.native.lines import AbstractLines, Module
+from jaxsat.engine.native.lines import SELDOM, AbstractLines, Module
 from jaxsat.engine.native.operations import OPERATIONS
 from jaxsat.engine.native.words import (
     memory_type,
@@ -209,7 +209,8 @@ class Body(AbstractLines):
         out, kind = f"out{number}", scalar_type(step.index.dtype)
         targets = " ".join(f"{kind} {i}, label %{label}" for i, label in enumerate(labels[1:], 1))
         index = self.operand(step.index)
-        self.line(f"switch {kind} {index}, label %{labels[0]} [ {targets} ]")
+        weights = f", !prof {SELDOM}" if step.seldom else ""
+        self.line(f"switch {kind} {index}, label %{labels[0]} [ {targets} ]{weights}")
         sources = []
         for label, block, results in zip(labels, step.blocks, step.yields, strict=True):
             self.begin(label)

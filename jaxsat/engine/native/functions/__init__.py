@@ -23,7 +23,7 @@ from jaxsat.engine.native.functions.hyperbolic import cosh, sinh, tanh
 from jaxsat.engine.native.functions.inverse_trigonometric import acos, asin, atan, atan2
 from jaxsat.engine.native.functions.logarithm import log, log1p
 from jaxsat.engine.native.functions.power import cbrt, pow
-from jaxsat.engine.native.functions.trigonometric import cos, sin, sincos, tan
+from jaxsat.engine.native.functions.trigonometric import cos, near_sincos, sin, sincos, tan
 
 
 def _of_any_float(function: Callable) -> Callable:
@@ -33,7 +33,7 @@ def _of_any_float(function: Callable) -> Callable:
     def converted(*arguments: jax.Array) -> jax.Array | tuple[jax.Array, ...]:
         dtype = jnp.result_type(arguments[0])
         values = function(*(jnp.asarray(a).astype(jnp.float64) for a in arguments))
-        return jax.tree.map(lambda value: value.astype(dtype), values)
+        return jax.tree.map(lambda x: x if x.dtype == bool else x.astype(dtype), values)
 
     return converted
 
@@ -55,6 +55,7 @@ FUNCTIONS: dict[str, Callable] = {
         "log": log,
         "log1p": log1p,
         "logistic": logistic,
+        "near_sincos": near_sincos,
         "pow": pow,
         "sin": sin,
         "sincos": sincos,

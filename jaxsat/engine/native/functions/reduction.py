@@ -26,6 +26,7 @@ from jaxsat.engine.native.functions.bits import (
 )
 
 _LIMIT = 2.0**20
+_NEAR_LIMIT, _NEAR_LEAST = 2.0**14, 2.0**-29
 _TWO_OVER_PI = 2 / np.pi
 _PIECES = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487111665e-21, 8.4784276603689e-32)
 _HALF_PI_UPPER, _HALF_PI_REST = 1.5707963109016418, 1.5893254773528196e-08
@@ -52,6 +53,22 @@ def reduced(x: Double) -> tuple[Double, Double, Integer]:
     size = lax.abs(x)
     wide = (size >= _LIMIT) & (size < np.inf)
     return lax.cond(wide if jnp.ndim(wide) == 0 else jnp.any(wide), _any, _narrow, x)
+
+
+def near(x: Double) -> tuple[Double, Double, Integer, Truth]:
+    """As `reduced`, quicker, with a multiple of which only two bits count; and where it is wrong.
+
+    It is wrong beyond 2^14 and near a multiple of pi/2, where r takes more pieces: seldom.
+    """
+    multiple, whole = rounded(x * _TWO_OVER_PI)
+    first, second, third, _ = _PIECES
+    y = x - multiple * first
+    r = y - multiple * second
+    low = ((y - r) - multiple * second) - multiple * third
+    size = lax.abs(x)
+    wrong = (size >= _NEAR_LIMIT) & (size < np.inf)
+    wrong = wrong | ((r * r < _NEAR_LEAST**2) & (size >= 0.5))
+    return r, low, whole, wrong
 
 
 def _narrow(x: Double) -> tuple[Double, Double, Integer]:
