@@ -68,12 +68,11 @@ def stage_rates(
     t: Float[Array, ""],
     step: Float[Array, ""],
     state: Float[Array, " n"],
+    first: Float[Array, " n"],
 ) -> list[Float[Array, " n"]]:
-    """The rates at all stages of a step of a flat state."""
-    rates: dict[int, Array] = {}
-    for stage, (row, node) in enumerate(
-        zip([np.zeros(0), *tableau.a_lower], [0.0, *tableau.c], strict=True)
-    ):
+    """The rates at all stages of a step of a flat state, whose rate is `first` where it begins."""
+    rates: dict[int, Array] = {0: first}
+    for stage, (row, node) in enumerate(zip(tableau.a_lower, tableau.c, strict=True), 1):
         rates[stage] = rate(t + node * step, _combined(state, step, row, rates))
     return list(rates.values())
 
@@ -88,7 +87,8 @@ def dense_weights(solver: diffrax.AbstractSolver) -> Float[np.ndarray, "4 stages
     """Weights of the stages in the powers 1 to 4 of a solver's own dense output.
 
     After the part θ of a step of length h the state has grown by h Σ_p θ^p Σ_i weights[p, i] k_i,
-    to fourth order. Raises `ValueError` for a solver other than Tsit5 and Dopri5.
+    to fourth order. Raises `ValueError` for a solver other than Tsit5 and Dopri5. The last stage of
+    both is at the end of the step, in the state there.
     """
     if isinstance(solver, diffrax.Tsit5):
         return _TSIT5_DENSE

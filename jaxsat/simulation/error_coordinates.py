@@ -66,6 +66,11 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         error, memory = self.law.rate_error(state), self.law.init(state)
         return ErrorState(state.attitude, state.omega[2], error, memory)
 
+    @property
+    def torque_count(self) -> int:
+        """About body x and y."""
+        return 2
+
     def plant_state(self, state: ErrorState) -> PlantState:
         """The rate errors turned back into rates."""
         return self._with_rates(state, self._reference(state.attitude, state.omega3))

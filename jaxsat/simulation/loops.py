@@ -50,6 +50,11 @@ class AbstractContinuousLoop(AbstractLoop):
     is integrated, which changes by the rest alone.
     """
 
+    @property
+    @abc.abstractmethod
+    def torque_count(self) -> int:
+        """Torque beyond this many of its components is always zero."""
+
     @abc.abstractmethod
     def plant_state(self, state: PyTree) -> PlantState:
         """The plant's part of the state."""
@@ -114,6 +119,11 @@ class ContinuousLoop(AbstractContinuousLoop):
     def start(self, state: PlantState) -> LoopState:
         """The plant's state and the controller's first memory."""
         return LoopState(state, self.controller.init(state))
+
+    @property
+    def torque_count(self) -> int:
+        """Thrusters may turn about any axis."""
+        return 3
 
     def plant_state(self, state: LoopState) -> PlantState:
         """It is a part."""

@@ -165,20 +165,9 @@ class Builder:
             with self.inside(block, masks[number] if masks else self.mask):
                 yields.append(branch())
             blocks.append(block)
-        small = all(isinstance(step, Operation) for block in blocks for step in block.steps)
-        if small and sum(len(block.steps) for block in blocks) <= CHEAP:
-            for block in blocks:
-                self._take_in(block)
-            chosen = yields[-1]
-            for number in reversed(range(len(branches) - 1)):
-                here = self.operation("eq", index, index.dtype.type(number))
-                chosen = [
-                    self.select(here, a, b) for a, b in zip(yields[number], chosen, strict=True)
-                ]
-            return chosen
-        if masks is None:
+        if masks is None and not _cheap(blocks):
             return self._switch(index, blocks, yields)
-        return self._masked(masks, blocks, yields)
+        return self._everywhere(index, masks, blocks, yields)
 
     def where_seldom(
         self,
@@ -235,19 +224,38 @@ class Builder:
         self.block.steps.append(Switch(index, blocks, yields, outs, seldom))
         return list(outs)
 
-    def _masked(self, masks, blocks, yields) -> list[Scalar]:
-        """Every branch that any lane needs, and of each lane's results those of its own branch."""
+    def _everywhere(self, index, masks, blocks, yields) -> list[Scalar]:
+        """Cheap branches in all lanes, others where any lane needs them; each lane gets its own."""
+        whole = _cheap(blocks)
         chosen: list[Scalar] | None = None
-        for mask, block, results in zip(masks, blocks, yields, strict=True):
-            nothing = [result.dtype.type(0) for result in results]
-            needed = self.convert(self.any(mask), INT)
-            outs = self._switch(needed, [Block(self.block), block], [nothing, results])
+        dear = []
+        for number in reversed(range(len(blocks))):
+            block, results = blocks[number], yields[number]
+            if not (whole or _cheap([block])):
+                dear.append(number)
+                continue
+            self._take_in(block)
             if chosen is None:
-                chosen = outs
+                chosen = list(results)
             else:
-                chosen = [self.select(mask, a, b) for a, b in zip(outs, chosen, strict=True)]
+                here = self.operation("eq", index, index.dtype.type(number))
+                chosen = [self.select(here, a, b) for a, b in zip(results, chosen, strict=True)]
+        for number in reversed(dear):
+            block, results, mask = blocks[number], yields[number], masks[number]
+            if chosen is None:
+                chosen = [result.dtype.type(0) for result in results]
+            with self.inside(block, mask):
+                found = [self.select(mask, a, b) for a, b in zip(results, chosen, strict=True)]
+            needed = self.convert(self.any(mask), INT)
+            chosen = self._switch(needed, [Block(self.block), block], [chosen, found])
         assert chosen is not None
         return chosen
+
+
+def _cheap(blocks: Sequence[Block]) -> bool:
+    """Whether branches are sooner computed than jumped over."""
+    plain = all(isinstance(step, Operation) for block in blocks for step in block.steps)
+    return plain and sum(len(block.steps) for block in blocks) <= CHEAP
 
 
 def is_uniform(x: Scalar) -> bool:
