@@ -13,6 +13,7 @@ from jaxsat.engine.program import Copy, Program
 from jaxsat.engine.rates import running_cost
 from jaxsat.simulation import AbstractContinuousLoop
 
+
 class Stretch(NamedTuple):
     """The last step with its dense output.
 

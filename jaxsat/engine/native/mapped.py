@@ -16,7 +16,8 @@ from jaxsat.engine.native.interpreter import interpret
 from jaxsat.engine.native.ir import Function, Value
 from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.lowering import arrays_of, lower, scalars_of
-from jaxsat.engine.native.stages import PerCase, Place, Shared, Stage, add_stage
+from jaxsat.engine.native.places import PerCase, Place, Shared
+from jaxsat.engine.native.stages import Stage, add_stage
 
 del rules  # imported for the table it fills
 

@@ -9,6 +9,7 @@ A stage is called for one vector of trajectories as
 something is to be written; `a` and `b` are whole numbers for all lanes.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,42 +17,19 @@ import numpy as np
 from jaxsat.engine.native.ir import Function, Sweep, Value
 from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.llvm import Body
+from jaxsat.engine.native.places import (
+    FROM,
+    Known,
+    Number,
+    PerCase,
+    Place,
+    Shared,
+    Slot,
+    array_of,
+    known_to_functions,
+    read_later,
+)
 from jaxsat.engine.native.words import memory_type, scalar_type, vector_type
-
-
-@dataclass(frozen=True)
-class PerCase:
-    """Element `element` of an array (cases, size)."""
-
-    array: int
-    element: int
-    size: int
-
-
-@dataclass(frozen=True)
-class Shared:
-    """Element `element` of an array that is the same for all cases."""
-
-    array: int
-    element: int
-
-
-@dataclass(frozen=True)
-class Slot:
-    """A place in the state, in bytes from its beginning; room for all lanes or, uniform, one."""
-
-    offset: int
-    uniform: bool
-
-
-@dataclass(frozen=True)
-class Number:
-    """The stage's argument `a` or `b`."""
-
-    name: str
-
-
-Place = PerCase | Shared | Slot | Number
 
 
 @dataclass
@@ -76,15 +54,24 @@ class Stage:
 
 def add_stage(module: Module, stage: Stage) -> None:
     """Print a stage into a module."""
-    body = _StageBody(module)
-    for param, place in zip(stage.function.params, stage.inputs, strict=True):
+    inputs = list(zip(stage.function.params, stage.inputs, strict=True))
+    places = {x.number: place for x, place in inputs if isinstance(place, Shared | Slot)}
+    body = _StageBody(module, known_to_functions(stage.function.block, places))
+    for param, place in inputs:
         body.read(param, place)
     body.steps(stage.function.block)
-    for result, place in zip(stage.function.results, stage.outputs, strict=True):
+    moved = [
+        (result, place)
+        for result, place in zip(stage.function.results, stage.outputs, strict=True)
+        if not (isinstance(result, Value) and places.get(result.number) == place)
+    ]
+    for result, _ in moved:
+        body.operand(result)  # read before anything is written
+    for result, place in moved:
         body.write(result, place)
     body.line("ret void")
     head = (
-        f"define void @{stage.function.name}(ptr noalias %pointers, ptr noalias %state, "
+        f"define void @{stage.function.name}({FROM}, "
         "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) noinline #0 {"
     )
     module.functions[stage.function.name] = "\n".join([head, *body.text(), "}"])
@@ -93,46 +80,29 @@ def add_stage(module: Module, stage: Stage) -> None:
 class _StageBody(Body):
     """A body that can read and write places."""
 
-    def __init__(self, module: Module):
-        super().__init__(module)
-        self._arrays: dict[int, str] = {}
+    def __init__(self, module: Module, known: Mapping[int, Known]):
+        super().__init__(module, known)
         lanes = module.lanes
         self.line(f"%number = load <{lanes} x i64>, ptr %cases, align 64")
         self.line(f"%bytes = load <{lanes} x i8>, ptr %wanted, align 1")
         self.line(f"%lane = icmp ne <{lanes} x i8> %bytes, zeroinitializer")
 
-    def _array(self, array: int) -> str:
-        if array not in self._arrays:
-            place, address = self.fresh("p"), self.fresh("a")
-            self.line(f"{place} = getelementptr ptr, ptr %pointers, i64 {array}")
-            self.line(f"{address} = load ptr, ptr {place}")
-            self._arrays[array] = address
-        return self._arrays[array]
-
     def read(self, param: Value, place: Place) -> None:
-        """Give a parameter its value."""
-        out = self.name(param)
+        """Give a parameter its value, now or where it is needed."""
         match place:
             case Number(name=name):
                 kind = scalar_type(param.dtype)
                 word = "bitcast" if kind == "i64" else "trunc"
-                self.line(f"{out} = {word} i64 %{name} to {kind}")
-            case Slot(offset=offset, uniform=uniform):
-                where = self.fresh("p")
-                self.line(f"{where} = getelementptr i8, ptr %state, i64 {offset}")
-                self.get(out, where, param.dtype, not uniform)
-            case Shared():
-                where, kind = self.fresh("p"), memory_type(param.dtype)
-                base = self._array(place.array)
-                self.line(f"{where} = getelementptr {kind}, ptr {base}, i64 {place.element}")
-                self.get(out, where, param.dtype, False)
+                self.line(f"{self.name(param)} = {word} i64 %{name} to {kind}")
             case PerCase():
-                self._gather(out, param.dtype, place)
+                self._gather(self.name(param), param.dtype, place)
+            case _:
+                read_later(self, param, place)
 
     def _gather(self, out: str, dtype: np.dtype, place: PerCase) -> None:
         lanes, kind = self.module.lanes, memory_type(dtype)
         cells, name = f"<{lanes} x {kind}>", f"@gather.{kind}"
-        index, base = self._indices(place), self._array(place.array)
+        index, base = self._indices(place), array_of(self, place.array)
         self.module.functions.setdefault(name, _gather_text(name, kind, lanes))
         found = out if dtype.kind != "b" else self.fresh()
         self.line(f"{found} = call {cells} {name}(ptr {base}, <{lanes} x i64> {index})")
@@ -169,7 +139,7 @@ class _StageBody(Body):
             byte = self.fresh()
             self.line(f"{byte} = zext {wide} {value} to <{lanes} x i8>")
             value = byte
-        index, base = self._indices(place), self._array(place.array)
+        index, base = self._indices(place), array_of(self, place.array)
         self.module.functions.setdefault(name, _scatter_text(name, kind, lanes))
         self.line(
             f"call void {name}(ptr {base}, <{lanes} x i64> {index}, "

@@ -18,8 +18,9 @@ from jaxsat.engine.native import rules
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.ir import Function, Scalar, Value
 from jaxsat.engine.native.lowering import Elements, arrays_of, lower, scalars_of
+from jaxsat.engine.native.places import Number, PerCase, Place, Shared, Slot
 from jaxsat.engine.native.staged import AbstractStaged, zero_leaves
-from jaxsat.engine.native.stages import Number, PerCase, Place, Shared, Slot, Stage
+from jaxsat.engine.native.stages import Stage
 
 del rules  # imported for the table it fills
 

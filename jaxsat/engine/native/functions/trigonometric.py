@@ -11,6 +11,7 @@ from jaxsat.engine.native.functions.bits import (
     bits_of,
     double_of,
     fast_two_sum,
+    horner,
     polynomial,
     quotient,
     select,
@@ -73,8 +74,8 @@ def _of_reduced(x: Double, r: Double, low: Double, quadrant: Integer) -> tuple[D
     cube = z * r
     half = 0.5 * z
     near_one = 1.0 - half
-    sine = r + (cube * polynomial(z, _SINE) + low * near_one)
-    cosine = near_one + (((1.0 - near_one) - half) + (z * z * polynomial(z, _COSINE) - r * low))
+    sine = r + (cube * horner(z, _SINE) + low * near_one)
+    cosine = near_one + (((1.0 - near_one) - half) + (z * z * horner(z, _COSINE) - r * low))
     odd = (quadrant & np.int64(1)) != 0
     first = _signed(select(odd, cosine, sine), quadrant)
     second = _signed(select(odd, sine, cosine), quadrant + np.int64(1))
