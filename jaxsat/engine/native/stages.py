@@ -9,12 +9,13 @@ A stage is called for one vector of trajectories as
 something is to be written; `a` and `b` are whole numbers for all lanes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from jaxsat.engine.native.ir import Function, Sweep, Value
+from jaxsat.engine.native.builder import is_uniform
+from jaxsat.engine.native.ir import Function, Operation, Scalar, Sweep, Value
 from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.llvm import Body
 from jaxsat.engine.native.places import (
@@ -65,16 +66,39 @@ def add_stage(module: Module, stage: Stage) -> None:
         for result, place in zip(stage.function.results, stage.outputs, strict=True)
         if not (isinstance(result, Value) and places.get(result.number) == place)
     ]
-    for result, _ in moved:
-        body.operand(result)  # read before anything is written
-    for result, place in moved:
-        body.write(result, place)
+    chosen = {
+        step.out.number: step
+        for step in stage.function.block.steps
+        if isinstance(step, Operation) and step.name == "select"
+    }
+    masked = [(*_new(result, place, places, chosen), place) for result, place in moved]
+    for result, conditions, _ in masked:
+        for scalar in (result, *conditions):
+            body.operand(scalar)  # read before anything is written
+    for result, conditions, place in masked:
+        body.write(result, conditions, place)
     body.line("ret void")
     head = (
         f"define void @{stage.function.name}({FROM}, "
         "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) noinline #0 {"
     )
     module.functions[stage.function.name] = "\n".join([head, *body.text(), "}"])
+
+
+def _new(
+    result: Scalar, place: Place, places: Mapping[int, Place], chosen: Mapping[int, Operation]
+) -> tuple[Scalar, list[Scalar]]:
+    """What is new of a result where several conditions hold: elsewhere its place stays as it is."""
+    conditions: list[Scalar] = []
+    while isinstance(result, Value) and result.number in chosen:
+        condition, yes, no = chosen[result.number].args
+        if not (isinstance(no, Value) and places.get(no.number) == place):
+            break
+        if is_uniform(condition):
+            break
+        conditions.append(condition)
+        result = yes
+    return result, conditions
 
 
 class _StageBody(Body):
@@ -116,8 +140,20 @@ class _StageBody(Body):
         self.line(f"{moved} = add {wide} {scaled}, splat (i64 {place.element})")
         return moved
 
-    def write(self, result, place: Place) -> None:
-        """Put a result where it belongs, for the wanted lanes."""
+    def _lanes(self, conditions: Sequence[Scalar]) -> str:
+        """The wanted lanes in which conditions hold."""
+        mask, bits = "%lane", f"<{self.module.lanes} x i1>"
+        for condition in conditions:
+
+            def both(out: str, mask: str = mask, condition: Scalar = condition) -> None:
+                self.line(f"{out} = and {bits} {mask}, {self.operand(condition)}")
+
+            assert isinstance(condition, Value)
+            mask = self.once_in_block((mask, condition.number), both)
+        return mask
+
+    def write(self, result: Scalar, conditions: Sequence[Scalar], place: Place) -> None:
+        """Put a result where it belongs, for the wanted lanes in which conditions hold."""
         dtype = result.dtype
         wide = vector_type(dtype, self.module.lanes)
         if isinstance(place, Slot):
@@ -128,7 +164,7 @@ class _StageBody(Body):
                 return
             old, new = self.fresh(), self.fresh()
             self.get(old, where, dtype, True)
-            lane = f"<{self.module.lanes} x i1> %lane"
+            lane = f"<{self.module.lanes} x i1> {self._lanes(conditions)}"
             self.line(f"{new} = select {lane}, {wide} {self.operand(result, True)}, {wide} {old}")
             self.put(where, new, dtype, True)
             return
