@@ -25,7 +25,7 @@ else:
 
 Rule = Callable[..., "Elements | Sequence[Elements]"]
 
-REPEATED, LONG = 3, 64
+REPEATED, LONG = 3, 400
 """A function called so often and of so many equations is made once, not written out."""
 
 RULES: dict[str, Rule] = {}
