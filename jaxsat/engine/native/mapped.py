@@ -15,7 +15,13 @@ from jaxsat.engine.native.drivers import run_blocks
 from jaxsat.engine.native.interpreter import interpret
 from jaxsat.engine.native.ir import Function, Value
 from jaxsat.engine.native.lines import Module
-from jaxsat.engine.native.lowering import arrays_of, lower, scalars_of
+from jaxsat.engine.native.lowering import (
+    arrays_of,
+    lower,
+    number_type,
+    numbers_in,
+    scalars_of,
+)
 from jaxsat.engine.native.stages import PerCase, Place, Shared, Stage, add_stage
 
 del rules  # imported for the table it fills
@@ -92,8 +98,8 @@ class Mapped:
 
     def _inputs(self, cases: PyTree, shared: PyTree) -> list[np.ndarray]:
         leaves = [*jax.tree.leaves(cases), *jax.tree.leaves(shared)]
-        dtypes = [aval.dtype for aval in self.jaxpr.in_avals]
-        return [np.ascontiguousarray(x, d) for x, d in zip(leaves, dtypes, strict=True)]
+        dtypes = [number_type(aval.dtype) for aval in self.jaxpr.in_avals]
+        return [np.ascontiguousarray(numbers_in(x), d) for x, d in zip(leaves, dtypes, strict=True)]
 
 
 def _one_stage(jaxpr: ClosedJaxpr, per_case: int) -> Stage:
@@ -103,7 +109,7 @@ def _one_stage(jaxpr: ClosedJaxpr, per_case: int) -> Stage:
     for array, aval in enumerate(jaxpr.in_avals):
         size = int(np.prod(aval.shape))
         for element in range(size):
-            params.append(Value(np.dtype(aval.dtype), array >= per_case))
+            params.append(Value(number_type(aval.dtype), array >= per_case))
             varying = PerCase(array, element, size)
             inputs.append(varying if array < per_case else Shared(array, element))
     b = Builder()

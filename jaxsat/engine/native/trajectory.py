@@ -17,7 +17,7 @@ from jaxtyping import PyTree
 from jaxsat.engine.native import rules
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.ir import Function, Scalar, Value
-from jaxsat.engine.native.lowering import Elements, arrays_of, lower, scalars_of
+from jaxsat.engine.native.lowering import Elements, arrays_of, lower, number_type, scalars_of
 from jaxsat.engine.native.staged import AbstractStaged, zero_leaves
 from jaxsat.engine.native.stages import Number, PerCase, Place, Shared, Slot, Stage
 
@@ -96,7 +96,7 @@ def trajectory_stages(
         places["going"], going = where, slot.offset
     inputs = [*sources, *of_program]
     later = [_later(name, jaxprs[name], inputs, place) for name, place in places.items()]
-    dtypes = [np.dtype(aval.dtype) for aval in jaxprs["begin"].in_avals]
+    dtypes = [number_type(aval.dtype) for aval in jaxprs["begin"].in_avals]
     return TrajectoryStages([begin, *later], state.size, dtypes, outputs, signals, jaxprs, going)
 
 
@@ -124,7 +124,7 @@ def _elements(avals: Sequence[Any]) -> Iterator[tuple[int, int, int, np.dtype]]:
     for array, aval in enumerate(avals):
         size = int(np.prod(aval.shape))
         for element in range(size):
-            yield array, element, size, np.dtype(aval.dtype)
+            yield array, element, size, number_type(aval.dtype)
 
 
 def _count(avals: Sequence[Any]) -> int:

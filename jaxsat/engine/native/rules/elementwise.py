@@ -263,3 +263,20 @@ def _round(b: Builder, eqn, x: Elements) -> Elements:
         return b.operation("copysign", whole, x)
 
     return each(away, x)
+
+
+@lowers("eq_to", "le_to", "lt_to")
+def _in_total_order(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
+    """Comparisons by bits: -0.0 before 0.0, NaN after infinity (before it with a sign)."""
+    name = eqn.primitive.name.removesuffix("_to")
+    return each(lambda x, y: b.operation(name, _ordered(b, x), _ordered(b, y)), x, y)
+
+
+def _ordered(b: Builder, x: Scalar) -> Scalar:
+    """A whole number that is ordered like the bits of a float."""
+    if x.dtype.kind != "f":
+        return b.convert(x, np.dtype(np.uint8)) if x.dtype == BOOL else x
+    whole = np.dtype(f"i{x.dtype.itemsize}")
+    bits = b.operation("bitcast", x, dtype=whole)
+    below = b.operation("lt", bits, whole.type(0))
+    return b.select(below, b.operation("xor", bits, whole.type(np.iinfo(whole).max)), bits)

@@ -9,7 +9,14 @@ from jax.lax import GatherScatterMode
 
 from jaxsat.engine.native.builder import INT, Builder
 from jaxsat.engine.native.ir import Scalar, Value
-from jaxsat.engine.native.lowering import CannotLower, Elements, lowers
+from jaxsat.engine.native.lowering import (
+    CannotLower,
+    Elements,
+    as_elements,
+    filled,
+    lower_open,
+    lowers,
+)
 from jaxsat.engine.native.memory import element
 from jaxsat.engine.native.operations import BOOL
 from jaxsat.engine.native.rules.elementwise import extremum
@@ -169,17 +176,26 @@ def _scatter(b: Builder, eqn, x: Elements, indices: Elements, updates: Elements)
             starts = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
             inside = np.True_
         at = _linear(b, _shifted(b, starts, offset), x.shape)
-        _put(b, flat, at, inside, _joined(b, join, updates[index]))
+        _put(b, flat, at, inside, _joined(b, eqn, join, updates[index]))
     out = np.empty(len(flat), object)
     out[:] = flat
     return out.reshape(x.shape)
 
 
-def _joined(b: Builder, join: str, new: Scalar):
+def _joined(b: Builder, eqn, join: str, new: Scalar):
     if not join:
-        return lambda old: new
+        return lambda old: _updated(b, eqn, old, new)
     if join in ("min", "max"):
         return lambda old: extremum(b, join, old, new)
     if join in ("add", "mul", "sub"):
         return lambda old: b.operation(join, old, new)
     raise CannotLower(f"A scatter that joins by {join} is not supported")
+
+
+def _updated(b: Builder, eqn, old: Scalar, new: Scalar) -> Scalar:
+    """What takes the place of an element: the new one, or a function of the old one."""
+    program, constants = eqn.params["update_jaxpr"], eqn.params["update_consts"]
+    if program is None:
+        return new
+    known = [as_elements(constant) for constant in constants]
+    return lower_open(b, program, known, [filled((), old), filled((), new)])[0][()]

@@ -1,0 +1,90 @@
+"""Reductions by any function, and of windows that move along."""
+
+from collections.abc import Callable, Sequence
+from functools import reduce
+
+import numpy as np
+
+from jaxsat.engine.native.builder import Builder
+from jaxsat.engine.native.ir import Scalar
+from jaxsat.engine.native.lowering import Elements, filled, lower, lower_open, lowers
+from jaxsat.engine.native.rules.reductions import empty_value, joining
+
+
+def _by_program(b: Builder, eqn) -> Callable[[Sequence[Scalar], Sequence[Scalar]], list[Scalar]]:
+    """How elements are joined by the equation's own program."""
+    program, constants = eqn.params["jaxpr"], eqn.params.get("consts", ())
+
+    def join(left: Sequence[Scalar], right: Sequence[Scalar]) -> list[Scalar]:
+        arrays = [filled((), x) for x in (*left, *right)]
+        if hasattr(program, "consts"):
+            return [found[()] for found in lower(b, program, arrays)]
+        return [found[()] for found in lower_open(b, program, constants, arrays)]
+
+    return join
+
+
+@lowers("reduce")
+def _reduce(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
+    half = len(arrays) // 2
+    xs, first = arrays[:half], [x[()] for x in arrays[half:]]
+    axes = tuple(eqn.params["dimensions"])
+    kept = [axis for axis in range(xs[0].ndim) if axis not in axes]
+    shape = eqn.outvars[0].aval.shape
+    length = int(np.prod([xs[0].shape[axis] for axis in axes]))
+    several = [x.transpose([*kept, *axes]).reshape(*shape, length) for x in xs]
+    outs = [np.empty(shape, object) for _ in xs]
+    for index in np.ndindex(*shape):
+        found = reduce(_by_program(b, eqn), zip(*(x[index] for x in several), strict=True), first)
+        for out, scalar in zip(outs, found, strict=True):
+            out[index] = scalar
+    return outs
+
+
+@lowers("reduce_window_sum", "reduce_window_max", "reduce_window_min")
+def _named_window(b: Builder, eqn, x: Elements) -> Elements:
+    name = eqn.primitive.name.removeprefix("reduce_window_")
+    join = joining(b, name)
+    start = empty_value(name, eqn.outvars[0].aval.dtype)
+    windows = _windows(eqn, [x])
+    shape = eqn.outvars[0].aval.shape
+    out = np.empty(shape, object)
+    for index in np.ndindex(*shape):
+        scalars = [scalar for (scalar,) in windows(index)]
+        out[index] = reduce(join, scalars) if scalars else start
+    return out
+
+
+@lowers("reduce_window")
+def _window(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
+    half = len(arrays) // 2
+    xs, first = list(arrays[:half]), [x[()] for x in arrays[half:]]
+    windows, join = _windows(eqn, xs), _by_program(b, eqn)
+    shape = eqn.outvars[0].aval.shape
+    outs = [np.empty(shape, object) for _ in xs]
+    for index in np.ndindex(*shape):
+        for out, scalar in zip(outs, reduce(join, windows(index), first), strict=True):
+            out[index] = scalar
+    return outs
+
+
+def _windows(eqn, xs: Sequence[Elements]) -> Callable[[tuple[int, ...]], list]:
+    """The elements that a window holds, by the place of its result; padding is left out."""
+    params, shape = eqn.params, xs[0].shape
+
+    def inside(place: tuple[int, ...]) -> list[tuple[Scalar, ...]]:
+        found = []
+        for offset in np.ndindex(*params["window_dimensions"]):
+            at = []
+            for axis, size in enumerate(shape):
+                number = place[axis] * params["window_strides"][axis] - params["padding"][axis][0]
+                number += offset[axis] * params["window_dilation"][axis]
+                spread = params["base_dilation"][axis]
+                if number % spread or not 0 <= number // spread < size:
+                    break
+                at.append(number // spread)
+            else:
+                found.append(tuple(x[tuple(at)] for x in xs))
+        return found
+
+    return inside
