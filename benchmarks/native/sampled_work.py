@@ -6,7 +6,7 @@ import diffrax
 import equinox as eqx
 import jax
 import numpy as np
-from hand_written import NUMBER, POINTER, WHOLE, address, library
+from hand_written import POINTER, WHOLE, address, library
 
 from jaxsat.engine import NativeEngine
 from jaxsat.engine.native.functions import error_function
@@ -14,7 +14,6 @@ from jaxsat.montecarlo import Study
 from jaxsat.scenario import load
 from jaxsat.scenario.study import build_study
 
-del NUMBER
 COLUMNS = 11
 
 
@@ -26,7 +25,7 @@ def sampled_study(count: int, duration: float) -> Study:
 
 def sampled_engine(workers: int) -> NativeEngine:
     """One step of Bogacki and Shampine's third order a period, as the scenario has it."""
-    return NativeEngine(diffrax.Bosh3(), workers=workers)
+    return NativeEngine(solver=diffrax.Bosh3(), workers=workers)
 
 
 class Sampled:
