@@ -7,6 +7,7 @@ An array of the jaxpr is a NumPy object array of constants and values. A rule is
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -147,6 +148,7 @@ def _where(eqn: JaxprEqn) -> str:
     return source_info_util.summarize(eqn.source_info)
 
 
+@cache
 def number_type(dtype: Any) -> np.dtype:
     """The type of the numbers that an array of this type is lowered to."""
     if jnp.issubdtype(dtype, jax.dtypes.prng_key):
