@@ -121,6 +121,8 @@ def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elemen
             raise
         what = error.what if f"`{name}`" in error.what else f"{error.what}, in `{name}`"
         raise CannotLower(what if not _is_call(eqn) else error.what, _where(eqn)) from None
+    except Exception as error:  # whatever it is, another engine can run the program
+        raise CannotLower(f"The rule of `{name}` broke down: {error}", _where(eqn)) from error
     return [outputs] if isinstance(outputs, np.ndarray) else outputs
 
 

@@ -36,11 +36,20 @@ class Mapped:
 
     `function(case, shared)` is given as for one case and may be anything of `jax.numpy` that the
     compiled engine knows; `case` and `shared` are examples, for their shapes and types. Raises
-    `CannotLower` for what it does not know.
+    `CannotLower` for what it does not know. `cpu` is the processor to make code for, this one
+    unless given.
     """
 
-    def __init__(self, function: Callable, case: PyTree, shared: PyTree = None, lanes: int = 0):
-        self.lanes = lanes or target.host().lanes
+    def __init__(
+        self,
+        function: Callable,
+        case: PyTree,
+        shared: PyTree = None,
+        lanes: int = 0,
+        cpu: target.Host | None = None,
+    ):
+        self.cpu = cpu or target.host()
+        self.lanes = lanes or self.cpu.lanes
         self.jaxpr, self._shape = jax.make_jaxpr(function, return_shape=True)(case, shared)
         self._per_case = len(jax.tree.leaves(case))
         self.stage = _one_stage(self.jaxpr, self._per_case)
@@ -86,15 +95,15 @@ class Mapped:
         module = Module(self.lanes)
         add_stage(module, self.stage)
         module.functions["run"] = run_blocks(self.lanes, [self.stage.function.name])
-        return module.text(target.host().attributes())
+        return module.text(self.cpu.attributes())
 
     def assembly(self) -> str:
         """The machine code for this processor, as text."""
-        return target.assembly(self.text)
+        return target.assembly(self.text, self.cpu)
 
     @cached_property
     def _code(self):
-        return target.loaded(target.object_code(self.text), ["run"])
+        return target.loaded(target.object_code(self.text, self.cpu), ["run"])
 
     def _inputs(self, cases: PyTree, shared: PyTree) -> list[np.ndarray]:
         leaves = [*jax.tree.leaves(cases), *jax.tree.leaves(shared)]
