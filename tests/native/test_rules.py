@@ -79,7 +79,8 @@ def test_whole_numbers(dtype):
             for shift in (lax.shift_left, lax.shift_right_logical, lax.shift_right_arithmetic)
             for other in (count, jnp.asarray(3, dtype))
         ]
-        return sums, bits, shifts, jnp.maximum(x, shared), x < y, x == y
+        far = lax.shift_right_arithmetic(~x, jnp.asarray(3, dtype))
+        return sums, bits, shifts, far, jnp.maximum(x, shared), x < y, x == y
 
     check(function, (numbers(dtype=dtype), numbers(dtype=dtype, seed=1)), dtype(3))
 
