@@ -95,7 +95,7 @@ def _bent(x):
 
 _bent.defvjp(lambda x: (jnp.sin(x), x), lambda x, g: (3 * g * jnp.cos(x),))
 
-KEY = random.key(5)
+KEY, WIDE = random.key(5), np.arange(625.0).reshape(25, 25)
 
 ELEMENTARY = {
     name: ("x", getattr(lax, name))
@@ -293,5 +293,6 @@ IMPOSSIBLE = {
     "rbg": ("i", lambda i: random.uniform(random.key(i, impl="rbg"))),
     "pure_callback": ("x", lambda x: jax.pure_callback(np.sin, jax.ShapeDtypeStruct((), float), x)),
     "debug_print": ("x", lambda x: (jax.debug.print("{}", x), x)[1]),
+    "dot_general": ("x", lambda x: (x * WIDE) @ (x + WIDE)),
     "reduce_precision": ("x", lambda x: lax.reduce_precision(x, 8, 23)),
 }

@@ -38,6 +38,7 @@ class Builder:
         self.mask: Scalar | None = None
         self.functions: dict[tuple, Function] = {}
         self.repeated: dict[int, Any] = {}
+        self.written = 0  # operations so far
 
     def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
         """One arithmetic operation; `dtype` is the result's where the operands do not tell it."""
@@ -58,6 +59,7 @@ class Builder:
         if found is None:
             found = Value(dtype, uniform or name == "any")
             self.block.steps.append(Operation(name, args, found))
+            self.written += 1
             self.block.known[key] = found
         return found
 

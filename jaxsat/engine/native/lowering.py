@@ -30,6 +30,9 @@ Rule = Callable[..., "Elements | Sequence[Elements]"]
 REPEATED, LONG = 3, 64
 """A function called so often and of so many equations is made once, not written out."""
 
+LONGEST = 20_000
+"""Operations that one equation may become: LLVM takes minutes over more."""
+
 RULES: dict[str, Rule] = {}
 
 KINDS = "fiub"
@@ -115,7 +118,11 @@ def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elemen
         for var in eqn.outvars:
             aval: Any = var.aval
             number_type(aval.dtype)
+        before = b.written
         outputs = RULES[name](b, eqn, *arrays)
+        if b.written - before > LONGEST and not _is_call(eqn):
+            many = b.written - before
+            raise CannotLower(f"`{name}` would be written out as {many} operations")
     except CannotLower as error:
         if error.place:
             raise
