@@ -99,6 +99,18 @@ def test_conversions():
     check(function, (numbers(), numbers(dtype=np.int32), flags))
 
 
+def test_rounding_to_fewer_bits():
+    def function(case, shared):
+        del shared
+        several = [lax.reduce_precision(case, *n) for n in ((8, 23), (5, 10), (11, 3))]
+        return several, lax.reduce_precision(case.astype(jnp.float32), 5, 7)
+
+    scales = 10.0 ** np.linspace(-50, 45, CASES)
+    scaled = np.random.default_rng(0).normal(size=CASES) * scales
+    for cases in (numbers(), scaled):
+        check(function, cases, tolerance=0)
+
+
 def test_moving_elements():
     def function(case, shared):
         x, row = case, shared

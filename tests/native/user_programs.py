@@ -95,7 +95,7 @@ def _bent(x):
 
 _bent.defvjp(lambda x: (jnp.sin(x), x), lambda x, g: (3 * g * jnp.cos(x),))
 
-KEY, WIDE = random.key(5), np.arange(625.0).reshape(25, 25)
+KEY, WIDE = random.key(5), np.arange(484.0).reshape(22, 22)
 
 ELEMENTARY = {
     name: ("x", getattr(lax, name))
@@ -133,6 +133,7 @@ ELEMENTARY |= {
     "remainders": ("px", lambda p, x: (x % p, jnp.fmod(x, p), x // p, *jnp.divmod(x, p))),
     "parts": ("x", lambda x: (*jnp.modf(x), *jnp.frexp(x), jnp.ldexp(x, 3), jnp.round(x, 2))),
     "next": ("xy", lambda x, y: (jnp.nextafter(x, y), jnp.nextafter(jnp.zeros_like(x), y))),
+    "coarser": ("x", lambda x: [lax.reduce_precision(x, *n) for n in ((8, 23), (5, 10), (11, 3))]),
     "bits": ("i", lambda i: (lax.clz(i), lax.population_count(i), ~i, i << 2, i >> 1)),
 }
 ARRAYS = {
@@ -294,5 +295,4 @@ IMPOSSIBLE = {
     "pure_callback": ("x", lambda x: jax.pure_callback(np.sin, jax.ShapeDtypeStruct((), float), x)),
     "debug_print": ("x", lambda x: (jax.debug.print("{}", x), x)[1]),
     "dot_general": ("x", lambda x: (x * WIDE) @ (x + WIDE)),
-    "reduce_precision": ("x", lambda x: lax.reduce_precision(x, 8, 23)),
 }

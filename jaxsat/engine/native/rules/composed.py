@@ -50,10 +50,30 @@ def _tile(x: Num[Array, "..."], reps: tuple[int, ...]) -> Array:
     return x
 
 
+def _reduce_precision(x: Array, exponent_bits: int, mantissa_bits: int) -> Array:
+    """The nearest float of fewer bits, ties to even; what is subnormal there becomes zero."""
+    info = jnp.finfo(x.dtype)
+    word = np.dtype(f"u{x.dtype.itemsize}")
+    bits, lost = lax.bitcast_convert_type(x, word), info.nmant - mantissa_bits
+    if lost > 0:
+        odd = (bits >> word.type(lost)) & word.type(1)
+        bits = bits + odd + word.type(2 ** (lost - 1) - 1)
+        bits = bits & np.invert(word.type(2**lost - 1))
+    if exponent_bits < info.nexp:
+        bias, reduced = 2 ** (info.nexp - 1) - 1, 2 ** (exponent_bits - 1) - 1
+        top, bottom = (word.type((bias + end) << info.nmant) for end in (reduced, -reduced))
+        infinite = word.type((2**info.nexp - 1) << info.nmant)
+        sign, exponent = bits & word.type(1 << (info.bits - 1)), bits & infinite
+        bits = jnp.where(exponent > top, sign | infinite, bits)
+        bits = jnp.where(exponent <= bottom, sign, bits)
+    return jnp.where(x != x, x, lax.bitcast_convert_type(bits, x.dtype))
+
+
 COMPOSED: dict[str, Callable[..., Callable]] = {
     "clz": lambda **_: _clz,
     "cumlogsumexp": lambda axis, reverse, **_: partial(_cumlogsumexp, axis=axis, reverse=reverse),
     "nextafter": lambda **_: _nextafter,
+    "reduce_precision": lambda **bits: partial(_reduce_precision, **bits),
     "rsqrt": lambda **_: lambda x: 1 / jnp.sqrt(x),
     "square": lambda **_: lambda x: x * x,
     "tile": lambda reps, **_: partial(_tile, reps=reps),

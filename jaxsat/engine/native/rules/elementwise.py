@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import jax
 import numpy as np
 
 from jaxsat.engine.native.builder import Builder
@@ -233,15 +232,6 @@ def _bitcast(b: Builder, eqn, x: Elements) -> Elements:
     if x.size and dtype.itemsize != x.flat[0].dtype.itemsize:
         raise CannotLower("Bits can be read as another type of the same width only")
     return each(lambda x: b.operation("bitcast", x, dtype=dtype), x)
-
-
-@lowers("reduce_precision")
-def _reduce_precision(b: Builder, eqn, x: Elements) -> Elements:
-    del b
-    info = jax.numpy.finfo(eqn.invars[0].aval.dtype)
-    if eqn.params["exponent_bits"] < info.nexp or eqn.params["mantissa_bits"] < info.nmant:
-        raise CannotLower("Numbers cannot be rounded to fewer bits")
-    return x
 
 
 @lowers("is_finite")
