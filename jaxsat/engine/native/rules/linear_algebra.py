@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxsat.engine.native.builder import INT, Builder
 from jaxsat.engine.native.ir import Scalar
-from jaxsat.engine.native.lowering import CannotLower, Elements, lower, lowers
+from jaxsat.engine.native.lowering import Elements, lower, lowers
 from jaxsat.engine.native.operations import BOOL
 from jaxsat.engine.native.rules.elementwise import absolute
 
@@ -151,40 +151,3 @@ def _triangular_solve(b: Builder, eqn, a: Elements, y: Elements) -> Elements:
                     rest = b.operation("div", rest, matrix[i, i])
                 found[i, column] = rest
     return out if params["left_side"] else np.swapaxes(out, -1, -2)
-
-
-@lowers("conv_general_dilated")
-def _convolution(b: Builder, eqn, x: Elements, weights: Elements) -> Elements:
-    params, aval = eqn.params, eqn.outvars[0].aval
-    if params["batch_group_count"] != 1:
-        raise CannotLower("Convolutions with groups of a batch are not supported")
-    numbers = params["dimension_numbers"]
-    x = x.transpose(numbers.lhs_spec)
-    weights = weights.transpose(numbers.rhs_spec)
-    groups = params["feature_group_count"]
-    inputs, outputs = x.shape[1] // groups, weights.shape[0] // groups
-    shape = tuple(aval.shape[axis] for axis in numbers.out_spec)
-    out = np.empty(shape, object)
-    for batch, feature, *place in np.ndindex(shape):
-        first = feature // outputs * inputs
-        pairs: tuple[list[Scalar], list[Scalar]] = ([], [])
-        for index in np.ndindex(weights.shape[2:]):
-            at = _origin(params, x.shape[2:], place, index)
-            if at is not None:
-                pairs[0].extend(x[(batch, slice(first, first + inputs), *at)])
-                pairs[1].extend(weights[(feature, slice(None), *index)])
-        out[(batch, feature, *place)] = inner_product(b, *pairs, aval.dtype)
-    return out.transpose(np.argsort(numbers.out_spec))
-
-
-def _origin(params, sizes, place, index) -> list[int] | None:
-    """Where the input is that meets weight `index` for the output at `place`, if anywhere."""
-    at = []
-    for axis, size in enumerate(sizes):
-        spread = params["lhs_dilation"][axis]
-        number = place[axis] * params["window_strides"][axis] - params["padding"][axis][0]
-        number += index[axis] * params["rhs_dilation"][axis]
-        if number % spread or not 0 <= number // spread < size:
-            return None
-        at.append(number // spread)
-    return at

@@ -7,7 +7,15 @@ import numpy as np
 
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.ir import Scalar
-from jaxsat.engine.native.lowering import Elements, filled, lower, lower_open, lowers
+from jaxsat.engine.native.lowering import (
+    CannotLower,
+    Elements,
+    filled,
+    lower,
+    lower_open,
+    lowers,
+)
+from jaxsat.engine.native.rules.linear_algebra import inner_product
 from jaxsat.engine.native.rules.reductions import empty_value, joining
 
 
@@ -70,21 +78,48 @@ def _window(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 
 def _windows(eqn, xs: Sequence[Elements]) -> Callable[[tuple[int, ...]], list]:
     """The elements that a window holds, by the place of its result; padding is left out."""
-    params, shape = eqn.params, xs[0].shape
+    params, size = eqn.params, eqn.params["window_dimensions"]
+    steps = params["window_strides"], params["padding"]
+    dilations = params["base_dilation"], params["window_dilation"]
 
     def inside(place: tuple[int, ...]) -> list[tuple[Scalar, ...]]:
-        found = []
-        for offset in np.ndindex(*params["window_dimensions"]):
-            at = []
-            for axis, size in enumerate(shape):
-                number = place[axis] * params["window_strides"][axis] - params["padding"][axis][0]
-                number += offset[axis] * params["window_dilation"][axis]
-                spread = params["base_dilation"][axis]
-                if number % spread or not 0 <= number // spread < size:
-                    break
-                at.append(number // spread)
-            else:
-                found.append(tuple(x[tuple(at)] for x in xs))
-        return found
+        met = [_met(xs[0].shape, place, index, *steps, *dilations) for index in np.ndindex(*size)]
+        return [tuple(x[at] for x in xs) for at in met if at is not None]
 
     return inside
+
+
+@lowers("conv_general_dilated")
+def _convolution(b: Builder, eqn, x: Elements, weights: Elements) -> Elements:
+    params, aval = eqn.params, eqn.outvars[0].aval
+    if params["batch_group_count"] != 1:
+        raise CannotLower("Convolutions with groups of a batch are not supported")
+    numbers = params["dimension_numbers"]
+    x, weights = x.transpose(numbers.lhs_spec), weights.transpose(numbers.rhs_spec)
+    groups = params["feature_group_count"]
+    inputs, outputs = x.shape[1] // groups, weights.shape[0] // groups
+    steps = params["window_strides"], params["padding"]
+    dilations = params["lhs_dilation"], params["rhs_dilation"]
+    shape = tuple(aval.shape[axis] for axis in numbers.out_spec)
+    out = np.empty(shape, object)
+    for batch, feature, *place in np.ndindex(shape):
+        first = feature // outputs * inputs
+        pairs: tuple[list[Scalar], list[Scalar]] = ([], [])
+        for index in np.ndindex(weights.shape[2:]):
+            at = _met(x.shape[2:], place, index, *steps, *dilations)
+            if at is not None:
+                pairs[0].extend(x[(batch, slice(first, first + inputs), *at)])
+                pairs[1].extend(weights[(feature, slice(None), *index)])
+        out[(batch, feature, *place)] = inner_product(b, *pairs, aval.dtype)
+    return out.transpose(np.argsort(numbers.out_spec))
+
+
+def _met(sizes, place, index, strides, padding, spreads, dilations) -> tuple[int, ...] | None:
+    """Where element `index` of the window of the result at `place` lies, if not in the padding."""
+    at = []
+    for axis, size in enumerate(sizes):
+        number = place[axis] * strides[axis] - padding[axis][0] + index[axis] * dilations[axis]
+        if number % spreads[axis] or not 0 <= number // spreads[axis] < size:
+            return None
+        at.append(number // spreads[axis])
+    return tuple(at)
