@@ -39,25 +39,30 @@ class Builder:
         self.functions: dict[tuple, Function] = {}
         self.repeated: dict[int, Any] = {}
         self._negated: dict[int, Scalar] = {}  # what a value is the negative of
+        self.written = 0  # operations so far
 
     def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
         """One arithmetic operation; `dtype` is the result's where the operands do not tell it."""
         if dtype is None:
             compares = name == "any" or (name in OPERATIONS and OPERATIONS[name].compares)
             dtype = BOOL if compares else args[-1].dtype
-        if not any(isinstance(arg, Value) for arg in args):
+        known = uniform = True
+        for arg in args:
+            if isinstance(arg, Value):
+                known, uniform = False, uniform and arg.uniform
+        if known:
             return dtype.type(np.asarray(evaluate(name, args, dtype)).astype(dtype)[()])
         simple = _simplified(name, args, dtype)
         if simple is None and dtype.kind == "f":
             simple = self._with_sign_outside(name, args)
         if simple is not None:
             return simple
-        key = (name, dtype.str, *map(_identity, args))
+        key = (name, dtype.char, *map(_identity, args))
         found = self._known(key)
         if found is None:
-            uniform = name == "any" or all(is_uniform(arg) for arg in args)
-            found = Value(dtype, uniform)
+            found = Value(dtype, uniform or name == "any")
             self.block.steps.append(Operation(name, args, found))
+            self.written += 1
             self.block.known[key] = found
             if name == "neg":
                 self._negated[found.number] = args[0]

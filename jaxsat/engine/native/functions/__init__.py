@@ -17,9 +17,10 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr
 from numpy.typing import DTypeLike
 
-from jaxsat.engine.native.functions.error_function import erf_inv
+from jaxsat.engine.native.functions.error_function import erf, erf_inv, erfc
 from jaxsat.engine.native.functions.exponential import exp, exp2, expm1, logistic
 from jaxsat.engine.native.functions.hyperbolic import cosh, sinh, tanh
+from jaxsat.engine.native.functions.inverse_hyperbolic import acosh, asinh, atanh
 from jaxsat.engine.native.functions.inverse_trigonometric import acos, asin, atan, atan2
 from jaxsat.engine.native.functions.logarithm import log, log1p
 from jaxsat.engine.native.functions.power import cbrt, pow
@@ -42,13 +43,18 @@ FUNCTIONS: dict[str, Callable] = {
     name: _of_any_float(function)
     for name, function in {
         "acos": acos,
+        "acosh": acosh,
         "asin": asin,
+        "asinh": asinh,
         "atan": atan,
         "atan2": atan2,
+        "atanh": atanh,
         "cbrt": cbrt,
         "cos": cos,
         "cosh": cosh,
+        "erf": erf,
         "erf_inv": erf_inv,
+        "erfc": erfc,
         "exp": exp,
         "exp2": exp2,
         "expm1": expm1,

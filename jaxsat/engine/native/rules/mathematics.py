@@ -1,9 +1,6 @@
 """Elementary functions: each is written in plain `jax.numpy` and lowered as a function once."""
 
-from collections.abc import Callable, Sequence
-
-import jax
-import jax.numpy as jnp
+from collections.abc import Sequence
 
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.functions import FUNCTIONS, program
@@ -11,18 +8,8 @@ from jaxsat.engine.native.interpreter import interpret
 from jaxsat.engine.native.ir import Scalar, Value
 from jaxsat.engine.native.lowering import Elements, each, filled, function_of, lower, lowers
 
-SPARE: dict[str, Callable] = {"square": lambda x: x * x, "rsqrt": lambda x: 1 / jnp.sqrt(x)}
-"""Functions simple enough to be written out."""
-
 PARTS = ("sin", "cos")
 """Results of the function `sincos`: who needs both calls it once."""
-
-
-@lowers(*SPARE)
-def _short(b: Builder, eqn, x: Elements) -> Elements:
-    aval = jax.ShapeDtypeStruct((), eqn.invars[0].aval.dtype)
-    closed = jax.make_jaxpr(SPARE[eqn.primitive.name])(aval)
-    return each(lambda x: lower(b, closed, [filled((), x)])[0][()], x)
 
 
 @lowers(*(name for name in FUNCTIONS if name not in PARTS))
