@@ -30,6 +30,7 @@ from contenders.contender import Contender, Run
 from contenders.scipy_dop853 import truth
 from contenders.work import errors, final_state, starts
 from jaxsat.montecarlo import Study
+from jaxsat.processors import processors
 from jaxsat.scenario import load
 from jaxsat.scenario.study import build_study
 
@@ -77,7 +78,7 @@ def compare(options: argparse.Namespace, contenders: list[Contender]) -> None:
     true = truth(checked, options.truth)
     start = final_state(starts(checked, options.truth)[0])
     settings = {}
-    print(f"{options.duration:g} s of flight, {os.cpu_count()} processors; error: {PERCENT:g} % of")
+    print(f"{options.duration:g} s of flight, {processors()} processors; error: {PERCENT:g} % of")
     print(f"{options.truth} cases are within it")
     for contender in contenders:
         settings[contender.name], error = chosen_setting(contender, checked, true, start)

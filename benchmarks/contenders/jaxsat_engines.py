@@ -1,13 +1,12 @@
 """jaxsat's engines, as a study uses them."""
 
-import os
-
 import diffrax
 import numpy as np
 
 from contenders.contender import Contender, Run
 from jaxsat.engine import AbstractEngine, ReferenceEngine, ScanEngine, Tolerance
 from jaxsat.montecarlo import Study, Threads
+from jaxsat.processors import processors
 from jaxsat.simulation import adaptive
 
 TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
@@ -24,7 +23,7 @@ def with_engine(study: Study, count: int, engine: AbstractEngine) -> Run:
         return np.concatenate([found.w, found.z[:, None], rates, found.cost[:, None]], axis=1)
 
     def run():
-        found = dict(Threads(os.cpu_count() or 1).run(one, range(len(blocks))))
+        found = dict(Threads(processors()).run(one, range(len(blocks))))
         return np.concatenate([found[block] for block in range(len(blocks))])
 
     return run
@@ -32,7 +31,7 @@ def with_engine(study: Study, count: int, engine: AbstractEngine) -> Run:
 
 def width(count: int) -> int:
     """Cases in a block: the engine's usual number, or a share for every processor."""
-    return max(2, min(LANES, -(-count // (os.cpu_count() or 1))))
+    return max(2, min(LANES, -(-count // processors())))
 
 
 def scan(study: Study, count: int, tolerance: float) -> Run:

@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
 from jaxsat.engine.native import target
-from jaxsat.engine.native.kernel import Kernel, processors
+from jaxsat.engine.native.kernel import Kernel
 from jaxsat.engine.native.lowering import CannotLower
 from jaxsat.engine.native.staged import Plain, WithDerivatives, any_length
 from jaxsat.engine.native.trajectory import numbers_of, trajectory_stages
@@ -20,6 +20,7 @@ from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.engine.runge_kutta import tableau_of
 from jaxsat.engine.scan import ScanEngine
+from jaxsat.processors import processors
 from jaxsat.simulation import Signals
 
 Method = tuple[diffrax.AbstractSolver, int, Tolerance | None]
