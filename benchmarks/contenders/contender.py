@@ -17,11 +17,12 @@ class Contender:
 
     `prepare` makes a run for a study's first cases with one of the `settings`, which go from loose
     to tight: the loosest that is accurate enough takes part. `most` is the largest number of cases
-    that it is asked to do; `note` says in what its work differs.
+    that it is asked to do, `why` the reason; `note` says in what its work differs.
     """
 
     name: str
     settings: tuple[float, ...]
     prepare: Callable[[Study, int, float], Run]
     most: int = 10**9
+    why: str = "where a turn would take minutes"
     note: str = ""
