@@ -177,7 +177,7 @@ def _begin(engine, program, cases, gains):
 @eqx.filter_jit
 def _advance_jit(engine, program, cases, gains, progress, first, count):
     def one(case, progress):
-        return advance_one(engine, program, case, gains, progress, first, count, NOISE_BLOCK)
+        return _noise_in_blocks(engine, program, case, gains, progress, first, count)
 
     return _over_cases(engine, one, cases, progress)
 
@@ -231,8 +231,8 @@ def _gradient(engine, program, cases, gains, mode):
     return _over_cases(engine, one, cases)
 
 
-def _noise_in_blocks(*arguments) -> Progress:
-    return advance_one(*arguments, NOISE_BLOCK)
+def _noise_in_blocks(engine, program, case, gains, progress, first, count) -> Progress:
+    return advance_one(engine, program, case, gains, progress, first, count, NOISE_BLOCK)
 
 
 def _checkpointed(engine, program, case, gains, progress, first, count: int) -> Progress:
