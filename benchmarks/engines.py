@@ -217,8 +217,12 @@ def compare(options: argparse.Namespace, contenders: list[Contender]) -> None:
         "python": platform.python_version(),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "duration": options.duration,
-        "accuracy": accuracy(options, contenders),
     }
+    if options.judged is not None:
+        found["accuracy"] = json.loads(options.judged.read_text(encoding="utf-8"))["accuracy"]
+        contenders = [c for c in contenders if c.name in found["accuracy"]]
+    else:
+        found["accuracy"] = accuracy(options, contenders)
     settings = {name: entry["setting"] for name, entry in found["accuracy"].items()}
     found["rows"] = rows(options, contenders, settings)
     found["cold"] = {} if options.warm else cold(options, contenders, settings)
@@ -233,13 +237,14 @@ def compare(options: argparse.Namespace, contenders: list[Contender]) -> None:
 def main() -> None:
     """Compare, or be one contender alone."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, nargs="+", default=[1, 32, 1024, 16384])
+    parser.add_argument("--cases", type=int, nargs="*", default=[1, 32, 1024, 16384])
     parser.add_argument("--truth", type=int, default=20, help="cases that accuracy is judged by")
     parser.add_argument("--duration", type=float, default=1000.0, help="s")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--only", nargs="*", help="parts of names of contenders")
     parser.add_argument("--warm", action="store_true", help="paces alone")
     parser.add_argument("--cold-cases", type=int, default=1024)
+    parser.add_argument("--judged", type=Path, help="JSON of a run that has judged accuracy")
     parser.add_argument("--json", type=Path, help="file to write everything to")
     parser.add_argument("--alone", help=argparse.SUPPRESS)
     parser.add_argument("--setting", type=float, help=argparse.SUPPRESS)

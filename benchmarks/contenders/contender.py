@@ -11,6 +11,10 @@ Run = Callable[[], np.ndarray | None]
 """Does the whole work again; gives what `work.final_state` gives, or None where it does another."""
 
 
+TOLERANCES = (1e-6, 3e-7, 1e-7, 3e-8, 1e-8, 3e-9, 1e-9, 1e-10)
+"""The settings of all whose steps are adaptive, relative and absolute."""
+
+
 @dataclass(frozen=True)
 class Contender:
     """One way to do the work.

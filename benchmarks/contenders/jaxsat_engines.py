@@ -5,7 +5,7 @@ import importlib.util
 import diffrax
 import numpy as np
 
-from contenders.contender import Contender, Run
+from contenders.contender import TOLERANCES, Contender, Run
 from jaxsat.engine import (
     AbstractEngine,
     NativeEngine,
@@ -18,7 +18,6 @@ from jaxsat.montecarlo import Study, Threads
 from jaxsat.processors import processors
 from jaxsat.simulation import adaptive
 
-TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 LANES = 256
 
 
