@@ -42,7 +42,7 @@ from jaxsat.scenario.study import build_study
 WANTED = 1e-6
 PERCENT = 95.0
 PATIENCE = 60.0
-"""Seconds; a contender whose turn takes longer has no other."""
+"""Seconds; a contender whose first turn takes longer has no other."""
 
 COLD_DURATION = 20.0
 """Seconds of flight where only making machine code and memory are of interest."""
@@ -95,15 +95,12 @@ def seconds(run: Run) -> float:
 
 def paces(runs: dict[str, Run], count: int, rounds: int) -> dict[str, float]:
     """Cases a second of every contender, the best of its turns after one that does not count."""
-    best: dict[str, float] = {}
-    for name, run in runs.items():
-        first = seconds(run)
-        if first > PATIENCE:
-            print(f"{name}: one turn only, which took {first:.0f} s", flush=True)
-            best[name] = first
-    for _ in range(rounds):
-        for name in [name for name in runs if best.get(name, 0.0) <= PATIENCE]:
-            best[name] = min(best.get(name, math.inf), seconds(runs[name]))
+    best = dict.fromkeys(runs, math.inf)
+    for run in runs.values():
+        run()
+    for number in range(rounds):
+        for name in [name for name in runs if number == 0 or best[name] <= PATIENCE]:
+            best[name] = min(best[name], seconds(runs[name]))
     return {name: count / best[name] for name in runs}
 
 
