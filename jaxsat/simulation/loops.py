@@ -18,7 +18,7 @@ from jaxsat.control import AbstractBacksteppingLaw, AbstractController, Abstract
 from jaxsat.control.controller import Memory
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.vehicle import Actuators, Sensors
+from jaxsat.vehicle import Actuators, DrawnSensors, Sensors
 
 
 class AbstractLoop(eqx.Module):
@@ -200,7 +200,7 @@ class SampledLoop(AbstractLoop):
     controller: AbstractSampledController
     actuators: Actuators
     substeps: int = eqx.field(static=True, default=4)
-    sensors: Sensors | None = None
+    sensors: Sensors | DrawnSensors | None = None
     delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
