@@ -23,6 +23,7 @@ from jaxsat.engine.native.ir import (
     Value,
 )
 from jaxsat.engine.native.operations import BOOL, OPERATIONS, evaluate
+from jaxsat.engine.native.simplify import identity, simplified
 
 CHEAP = 24
 """Branches of at most so many operations in all are computed in every lane, not jumped over."""
@@ -52,12 +53,12 @@ class Builder:
                 known, uniform = False, uniform and arg.uniform
         if known:
             return dtype.type(np.asarray(evaluate(name, args, dtype)).astype(dtype)[()])
-        simple = _simplified(name, args, dtype)
+        simple = simplified(name, args, dtype)
         if simple is None and dtype.kind == "f":
             simple = self._with_sign_outside(name, args)
         if simple is not None:
             return simple
-        key = (name, dtype.char, *map(_identity, args))
+        key = (name, dtype.char, *map(identity, args))
         found = self._known(key)
         if found is None:
             found = Value(dtype, uniform or name == "any")
@@ -103,7 +104,7 @@ class Builder:
 
     def load(self, memory: Memory, index: Scalar) -> Scalar:
         """An element of a memory that is not written any more."""
-        key = ("load", memory.number, _identity(index))
+        key = ("load", memory.number, identity(index))
         found = self._known(key)
         if found is None:
             found = Value(memory.dtype, memory.uniform and is_uniform(index))
@@ -201,7 +202,7 @@ class Builder:
 
     def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
         """The results of a function."""
-        key = ("call", function.name, *map(_identity, args))
+        key = ("call", function.name, *map(identity, args))
         known = self._known(key)
         if known is not None:
             return list(known)  # pyright: ignore[reportArgumentType]
@@ -266,58 +267,3 @@ def _cheap(blocks: Sequence[Block]) -> bool:
 def is_uniform(x: Scalar) -> bool:
     """Whether `x` is the same in all lanes."""
     return x.uniform if isinstance(x, Value) else True
-
-
-def _identity(x: Scalar):
-    return x.number if isinstance(x, Value) else (x.dtype.char, x.tobytes())
-
-
-def _is(x: Scalar, number) -> bool:
-    """Whether `x` is this constant, the sign of zero included."""
-    if isinstance(x, Value) or x != number:
-        return False
-    return x.dtype.kind != "f" or bool(np.signbit(x) == np.signbit(number))
-
-
-def _simplified(name: str, args: tuple[Scalar, ...], dtype: np.dtype) -> Scalar | None:
-    """A value that is there already and equal in all bits, or None."""
-    floating = dtype.kind == "f"
-    match name, args:
-        case "select", (predicate, yes, no):
-            if not isinstance(predicate, Value):
-                return yes if predicate else no
-            return yes if _identity(yes) == _identity(no) else None
-        case "convert" | "bitcast", (x,):
-            return x if x.dtype == dtype else None
-        case "mul", (x, y):
-            return _with_neutral(x, y, 1) or (None if floating else _with_absorbing(x, y, 0))
-        case "div", (x, y):
-            return x if _is(y, 1) else None
-        case "add", (x, y):
-            return _with_neutral(x, y, -0.0 if floating else 0)
-        case "sub", (x, y):
-            return x if _is(y, 0.0 if floating else 0) else None
-        case "and", (x, y):
-            full = True if dtype == BOOL else np.invert(dtype.type(0))
-            return _with_neutral(x, y, full) or _with_absorbing(x, y, False if dtype == BOOL else 0)
-        case "or", (x, y):
-            nothing = False if dtype == BOOL else 0
-            absorbing = _with_absorbing(x, y, True) if dtype == BOOL else None
-            return _with_neutral(x, y, nothing) or absorbing
-        case "xor", (x, y):
-            return _with_neutral(x, y, False if dtype == BOOL else 0)
-        case "shift_left" | "shift_right_logical" | "shift_right_arithmetic", (x, y):
-            return x if _is(y, 0) else None
-    return None
-
-
-def _with_neutral(x: Scalar, y: Scalar, neutral) -> Scalar | None:
-    if _is(y, neutral):
-        return x
-    return y if _is(x, neutral) else None
-
-
-def _with_absorbing(x: Scalar, y: Scalar, absorbing) -> Scalar | None:
-    if _is(y, absorbing):
-        return y
-    return x if _is(x, absorbing) else None

@@ -92,7 +92,7 @@ def known_to_functions(block: Block, places: Known) -> dict[int, dict[int, Share
         for param, *args in zip(function.params, *every, strict=True):
             numbers = {arg.number if isinstance(arg, Value) else None for arg in args}
             number = numbers.pop()
-            if not numbers and number in places:
+            if not numbers and number is not None and number in places:
                 known.setdefault(identity, {})[param.number] = places[number]
     return known
 

@@ -23,26 +23,29 @@ def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar
     function = function_of(b, name, program(name, *dtypes), scalars)
     if name == "sincos" and not function.parts:
         function.parts = [function_of(b, part, program(part, *dtypes), scalars) for part in PARTS]
-    if any(isinstance(x, Value) for x in scalars):
+    known = [x for x in scalars if not isinstance(x, Value)]
+    if len(known) < len(scalars):
         return b.call(function, scalars)
-    found = interpret(function, scalars)
+    found = interpret(function, known)
     return [out.dtype.type(x) for x, out in zip(found, function.results, strict=True)]
 
 
 @lowers(*PARTS)
 def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
     """The short way in place, which a processor does beside its neighbours; a call if it fails."""
-    place = PARTS.index(eqn.primitive.name)
-    unknown = [y for y in x.flat if isinstance(y, Value)]
-    closed = program("near_sincos", x.flat[0].dtype) if unknown else None
-    short = [lower(b, closed, [filled((), y)]) for y in unknown]
-    wrong = [found[2][()] for found in short]
-    near = [found[place][()] for found in short]
-    right = b.where_seldom(wrong, lambda: [_called(b, "sincos", [y])[place] for y in unknown], near)
-    rest = iter(right)
-    return each(
-        lambda y: next(rest) if isinstance(y, Value) else _called(b, "sincos", [y])[place], x
+    place, closed = (
+        PARTS.index(eqn.primitive.name),
+        program("near_sincos", eqn.invars[0].aval.dtype),
     )
+
+    def long_way(y: Scalar) -> Scalar:
+        return _called(b, "sincos", [y])[place]
+
+    unknown = [y for y in x.flat if isinstance(y, Value)]
+    short = [lower(b, closed, [filled((), y)]) for y in unknown]
+    near, wrong = ([found[i][()] for found in short] for i in (place, 2))
+    right = iter(b.where_seldom(wrong, lambda: [long_way(y) for y in unknown], near))
+    return each(lambda y: next(right) if isinstance(y, Value) else long_way(y), x)
 
 
 @lowers("integer_pow")
