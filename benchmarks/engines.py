@@ -1,24 +1,28 @@
 """Engines and other programs on one piece of work, at equal accuracy, in one interleaved run.
 
-    python benchmarks/engines.py --cases 32 1024 --duration 200
-    python benchmarks/engines.py --compile
+    python benchmarks/engines.py                                        # some minutes
+    python benchmarks/engines.py --cases 1 4 --duration 5 --rounds 1    # to see that it works
 
 The work is the scenario benchmark-three-axis. Of every contender the loosest setting takes part
 for which 95 % of the cases are within 1e-6 of SciPy's DOP853 at 1e-12. Paces are the best of
 several rounds in which every contender takes its turn, so that what else the machine does falls
-on all; ratios are to the first. With `--compile` every contender runs twice in a process of its
-own with a fresh compilation cache: time to the first result, cold and cached, and memory.
+on all; ratios are to the first. Then every contender runs twice in a process of its own, with
+caches that are empty and then full: time to make its machine code, and memory.
 """
 
 import argparse
+import datetime
 import json
+import math
 import os
+import platform
 import resource
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -30,17 +34,24 @@ from contenders.contender import Contender, Run
 from contenders.scipy_dop853 import truth
 from contenders.work import errors, final_state, starts
 from jaxsat.montecarlo import Study
+from jaxsat.processors import processors
+from jaxsat.results import machine
 from jaxsat.scenario import load
 from jaxsat.scenario.study import build_study
 
 WANTED = 1e-6
 PERCENT = 95.0
+PATIENCE = 60.0
+"""Seconds; a contender whose first turn takes longer has no other."""
+
+COLD_DURATION = 20.0
+"""Seconds of flight where only making machine code and memory are of interest."""
 
 
 def made_study(count: int, duration: float) -> Study:
     """The study of the work."""
     scenario = load("benchmark-three-axis", [f"simulation.duration_s={duration}"])
-    return build_study(scenario, count, seed=1)
+    return build_study(scenario, count, seed=1, engine="scan")
 
 
 def chosen_setting(
@@ -58,111 +69,192 @@ def chosen_setting(
     return contender.settings[-1], error
 
 
-def paces(runs: dict[str, Run], count: int, rounds: int) -> dict[str, float]:
-    """Cases a second of every contender, the best of its turns."""
-    best = dict.fromkeys(runs, np.inf)
-    for run in runs.values():
-        run()
-    for _ in range(rounds):
-        for name, run in runs.items():
-            begin = time.perf_counter()
-            run()
-            best[name] = min(best[name], time.perf_counter() - begin)
-    return {name: count / seconds for name, seconds in best.items()}
-
-
-def compare(options: argparse.Namespace, contenders: list[Contender]) -> None:
-    """Print accuracy, then pace and ratio for every number of cases."""
-    checked = made_study(options.truth, options.duration)
-    true = truth(checked, options.truth)
-    start = final_state(starts(checked, options.truth)[0])
-    settings = {}
-    print(f"{options.duration:g} s of flight, {os.cpu_count()} processors; error: {PERCENT:g} % of")
-    print(f"{options.truth} cases are within it")
+def accuracy(options: argparse.Namespace, contenders: list[Contender]) -> dict[str, Any]:
+    """Setting and error of every contender; None as error of one that does other work."""
+    study = made_study(options.truth, options.duration)
+    true = truth(study, options.truth)
+    start = final_state(starts(study, options.truth)[0])
+    found = {}
+    print(f"\n{PERCENT:g} % of {options.truth} cases are within the error")
+    print(f"{'':34} setting  error", flush=True)
     for contender in contenders:
-        settings[contender.name], error = chosen_setting(contender, checked, true, start)
+        setting, error = chosen_setting(contender, study, true, start)
+        found[contender.name] = {"setting": setting, "error": error}
         shown = "other work" if error is None else f"{error:.1e}"
         missed = "  NOT ACCURATE ENOUGH" if error is not None and error > WANTED else ""
-        print(f"{contender.name:34} {settings[contender.name]:<8g} {shown}{missed}", flush=True)
+        print(f"{contender.name:34} {setting:<8g} {shown}{missed}", flush=True)
+    return found
+
+
+def seconds(run: Run) -> float:
+    """Time of one turn."""
+    begin = time.perf_counter()
+    run()
+    return time.perf_counter() - begin
+
+
+def paces(runs: dict[str, Run], count: int, rounds: int) -> dict[str, float]:
+    """Cases a second of every contender, the best of its turns after one that does not count."""
+    best = dict.fromkeys(runs, math.inf)
+    for run in runs.values():
+        run()
+    for number in range(rounds):
+        for name in [name for name in runs if number == 0 or best[name] <= PATIENCE]:
+            best[name] = min(best[name], seconds(runs[name]))
+    return {name: count / best[name] for name in runs}
+
+
+def rows(
+    options: argparse.Namespace, contenders: list[Contender], settings: dict[str, float]
+) -> dict[str, dict[str, float]]:
+    """Paces of the contenders by number of cases."""
+    found = {}
     for count in options.cases:
         study = made_study(count, options.duration)
+        print(f"\n{count} cases", flush=True)
+        for contender in contenders:
+            if count > contender.most:
+                print(f"{contender.name}: not beyond {contender.most} cases, {contender.why}")
         taking_part = [c for c in contenders if count <= c.most]
         runs = {c.name: c.prepare(study, count, settings[c.name]) for c in taking_part}
-        found = paces(runs, count, options.rounds)
-        base = next(iter(found.values()))
-        print(f"\n{count} cases {'':24} cases/s   ratio")
-        for name, pace in found.items():
+        found[str(count)] = paces(runs, count, options.rounds)
+        base = next(iter(found[str(count)].values()))
+        print(f"{'':34}   cases/s   ratio")
+        for name, pace in found[str(count)].items():
             print(f"{name:34} {pace:9.1f} {pace / base:7.2f}", flush=True)
-    for contender in contenders:
-        if contender.note:
-            print(f"\n{contender.name}: {contender.note}")
+    return found
 
 
-def first_result(contender: Contender, count: int, duration: float) -> dict[str, float]:
-    """Seconds to the first result, and by how much the process grew (MB), here."""
-    study = made_study(count, duration)
+def peak_memory() -> float:
+    """The largest memory of this process so far, MB."""
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
+    except (OSError, StopIteration):  # elsewhere; on Linux it begins with that of the parent
+        unit = 2**20 if sys.platform == "darwin" else 2**10
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+
+
+def first_result(contender: Contender, count: int, setting: float) -> dict[str, float]:
+    """Seconds until a first result beyond those of a second one, and memory in MB, here."""
+    study = made_study(count, COLD_DURATION)
     jax.block_until_ready(starts(study, count))
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = peak_memory()
     begin = time.perf_counter()
-    run = contender.prepare(study, count, contender.settings[len(contender.settings) // 2])
+    run = contender.prepare(study, count, setting)
     run()
     first = time.perf_counter() - begin
-    run()
-    again = time.perf_counter() - begin - first
-    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
-    return {"compile": first - again, "memory": grown}
+    again = seconds(run)
+    peak = peak_memory()
+    return {"compile": first - again, "peak": peak, "own": peak - before}
 
 
-def compile_times(options: argparse.Namespace, contenders: list[Contender]) -> None:
-    """Print for every contender what its first result costs, cold and with a filled cache."""
-    count = options.cases[0]
-    print(f"{count} cases{'':26} compile s: cold  cached   memory MB")
+def cold(
+    options: argparse.Namespace, contenders: list[Contender], settings: dict[str, float]
+) -> dict[str, dict[str, float]]:
+    """What the first result of every contender costs, cold and with full caches."""
+    count = options.cold_cases
+    print(f"\n{count} cases of {COLD_DURATION:g} s, each contender in processes of its own")
+    print(f"{'':34} compile s: cold  cached   peak MB   beyond the start", flush=True)
+    every = {}
     for contender in contenders:
+        command = [sys.executable, __file__, "--alone", contender.name]
+        command += ["--setting", repr(settings[contender.name]), "--cold-cases", str(count)]
+        found = []
         with tempfile.TemporaryDirectory() as cache:
-            command = [sys.executable, __file__, "--alone", contender.name, "--cases", str(count)]
-            command += ["--duration", str(options.duration)]
             flags = {
                 "JAX_COMPILATION_CACHE_DIR": cache,
                 "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+                "JAXSAT_CACHE_DIR": cache,
                 "NUMBA_CACHE_DIR": cache,
             }
-            found = []
             for _ in range(2):
                 run = subprocess.run(
-                    command,
-                    env=os.environ | flags,
-                    capture_output=True,
-                    text=True,
-                    check=True,
+                    command, env=os.environ | flags, capture_output=True, text=True, check=True
                 )
                 found.append(json.loads(run.stdout.splitlines()[-1]))
-        cold, cached = (entry["compile"] for entry in found)
-        memory = found[0]["memory"]
-        print(f"{contender.name:34} {cold:13.1f} {cached:7.1f} {memory:11.0f}", flush=True)
+        first, second = found
+        entry = {"cold": first["compile"], "cached": second["compile"]}
+        entry |= {"peak_MB": first["peak"], "own_MB": first["own"]}
+        every[contender.name] = entry
+        line = f"{entry['cold']:16.1f} {entry['cached']:7.1f} {entry['peak_MB']:9.0f}"
+        print(f"{contender.name:34}{line} {entry['own_MB']:11.0f}", flush=True)
+    return every
+
+
+def table(found: dict[str, Any]) -> str:
+    """Everything as one table in Markdown, paces as ratios to the first contender's."""
+    counts = list(found["rows"])
+    head = ["", "setting", "error", *(f"N = {count}" for count in counts)]
+    head += ["compile s", "cached", "MB"]
+    lines = [head, ["---"] * len(head)]
+    for name, entry in found["accuracy"].items():
+        error = "other work" if entry["error"] is None else f"{entry['error']:.0e}"
+        line = [name, f"{entry['setting']:g}", error]
+        for count in counts:
+            row = found["rows"][count]
+            base = next(iter(row.values()))
+            line.append(f"{row[name] / base:.2f}" if name in row else "")
+        alone = found["cold"].get(name)
+        numbers = ("cold", "cached", "own_MB")
+        line += [f"{alone[key]:.{int(key != 'own_MB')}f}" for key in numbers] if alone else [""] * 3
+        lines.append(line)
+    bases = [f"{next(iter(found['rows'][count].values())):.3g}/s" for count in counts]
+    lines.append([f"{lines[2][0]}, cases a second", "", "", *bases, "", "", ""])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def compare(options: argparse.Namespace, contenders: list[Contender]) -> None:
+    """Accuracy, paces, and what a first result costs; printed, and written as JSON if asked."""
+    where = f"{machine()['processor']}, {processors()} processors"
+    print(f"{where}; {options.duration:g} s of flight")
+    found: dict[str, Any] = {
+        "machine": machine(),
+        "processors": processors(),
+        "python": platform.python_version(),
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "duration": options.duration,
+    }
+    if options.judged is not None:
+        found["accuracy"] = json.loads(options.judged.read_text(encoding="utf-8"))["accuracy"]
+        contenders = [c for c in contenders if c.name in found["accuracy"]]
+    else:
+        found["accuracy"] = accuracy(options, contenders)
+    settings = {name: entry["setting"] for name, entry in found["accuracy"].items()}
+    found["rows"] = rows(options, contenders, settings)
+    found["cold"] = {} if options.warm else cold(options, contenders, settings)
+    print(f"\n{table(found)}")
+    for contender in contenders:
+        if contender.note:
+            print(f"\n{contender.name}: {contender.note}")
+    if options.json is not None:
+        options.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 
 def main() -> None:
-    """Compare, or measure compilation."""
+    """Compare, or be one contender alone."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, nargs="+", default=[1, 32, 1024])
-    parser.add_argument("--truth", type=int, default=20)
-    parser.add_argument("--duration", type=float, default=1000.0)
+    parser.add_argument("--cases", type=int, nargs="*", default=[1, 32, 1024, 16384])
+    parser.add_argument("--truth", type=int, default=20, help="cases that accuracy is judged by")
+    parser.add_argument("--duration", type=float, default=1000.0, help="s")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--only", nargs="*", help="parts of names of contenders")
-    parser.add_argument("--compile", action="store_true")
+    parser.add_argument("--warm", action="store_true", help="paces alone")
+    parser.add_argument("--cold-cases", type=int, default=1024)
+    parser.add_argument("--judged", type=Path, help="JSON of a run that has judged accuracy")
+    parser.add_argument("--json", type=Path, help="file to write everything to")
     parser.add_argument("--alone", help=argparse.SUPPRESS)
+    parser.add_argument("--setting", type=float, help=argparse.SUPPRESS)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     contenders = all_contenders()
-    if options.only:
-        contenders = [c for c in contenders if any(part in c.name for part in options.only)]
     if options.alone:
         (contender,) = (c for c in contenders if c.name == options.alone)
-        print(json.dumps(first_result(contender, options.cases[0], options.duration)))
-    elif options.compile:
-        compile_times(options, contenders)
-    else:
-        compare(options, contenders)
+        print(json.dumps(first_result(contender, options.cold_cases, options.setting)))
+        return
+    if options.only:
+        contenders = [c for c in contenders if any(part in c.name for part in options.only)]
+    compare(options, contenders)
 
 
 if __name__ == "__main__":

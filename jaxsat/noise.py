@@ -38,13 +38,13 @@ def name_number(name: str) -> int:
 def fold_in(key: Key, number: ArrayLike) -> Key:
     """A key of its own for every `number` (one 32-bit word), as `jax.random.fold_in` makes it."""
     word = jnp.asarray(number).astype(jnp.uint32)
-    return jnp.stack(_threefry(key, jnp.zeros_like(word), word))
+    return jnp.stack(threefry(key, jnp.zeros_like(word), word))
 
 
 def bits(key: Key, count: int, width: int = 32) -> UInt[Array, " count"]:
     """`count` words of random bits; `width` is 32 or 64."""
     low = jnp.arange(count, dtype=jnp.uint32)
-    first, second = _threefry(key, jnp.zeros_like(low), low)
+    first, second = threefry(key, jnp.zeros_like(low), low)
     if width == 32:
         return first ^ second
     return (first.astype(jnp.uint64) << np.uint64(32)) | second.astype(jnp.uint64)
@@ -75,10 +75,10 @@ def sample_noise(
     return standard_normal(fold_in(key, sample), count, dtype)
 
 
-def _threefry(
+def threefry(
     key: Key, first: UInt32[Array, "*n"], second: UInt32[Array, "*n"]
 ) -> tuple[UInt32[Array, "*n"], UInt32[Array, "*n"]]:
-    """Threefry-2x32-20 of the counters `first` and `second`."""
+    """Threefry-2x32-20 of the counters `first` and `second`: two words of random bits each."""
     words = (key[0], key[1], key[0] ^ key[1] ^ np.uint32(_PARITY))
     first, second = first + words[0], second + words[1]
     for group in range(5):

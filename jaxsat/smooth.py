@@ -14,6 +14,9 @@ from jaxsat.checks import as_float, concrete
 Width = Float[Array, ""] | None
 """How far a corner is rounded; None where it is left as printed."""
 
+AT_CORNER = 1e-20
+"""An argument of the printed √|x| that is as good as zero."""
+
 
 def as_width(value: ArrayLike | None) -> Width:
     """A width as an array, and None where it is known to be zero."""
@@ -37,7 +40,7 @@ def sat(
     """
     if width is None:
         outside = jnp.abs(x) > bound if beyond is None else beyond
-        return jnp.where(outside, jnp.sign(x) * bound, x)
+        return jnp.where(outside, jnp.where(x < 0, -bound, bound), x)
     span = width * bound
     straight = bound - span
     size = jnp.abs(x)
@@ -52,11 +55,14 @@ def root_abs(
     """√|x| of (38), or (x² + width²)^¼ with a `width` in the unit of x.
 
     With `positive` the printed function is √x, or √(-x) where it is false, and zero beyond the
-    corner; its derivative is taken as zero at the corner and beyond.
+    corner; its derivative is taken as zero at the corner and beyond. The corner is as wide as
+    `AT_CORNER`: an integrator that ends its step there is off by rounding, and would go on with a
+    slope as large as that is small.
     """
     if width is None:
         size = jnp.abs(x) if positive is None else jnp.where(positive, x, -x)
-        return jnp.where(size > 0, jnp.sqrt(jnp.where(size > 0, size, 1.0)), 0.0)
+        away = size > AT_CORNER
+        return jnp.where(away, jnp.sqrt(jnp.where(away, size, 1.0)), 0.0)
     square = x**2 + width**2
     return jnp.where(square > 0, jnp.where(square > 0, square, 1.0) ** 0.25, 0.0)
 

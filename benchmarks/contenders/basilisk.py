@@ -78,4 +78,4 @@ def contenders() -> list[Contender]:
     """Basilisk, where it is installed."""
     if importlib.util.find_spec("Basilisk") is None:
         return []
-    return [Contender("Basilisk, RK4, another law", (0.1,), attitude_control, 32, NOTE)]
+    return [Contender("Basilisk, RK4, another law", (0.1,), attitude_control, most=32, note=NOTE)]

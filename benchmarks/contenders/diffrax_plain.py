@@ -4,13 +4,13 @@ import diffrax
 import jax
 import jax.numpy as jnp
 
-from contenders.contender import Contender, Run
+from contenders.contender import TOLERANCES, Contender, Run
 from contenders.work import final_state, rate, starts
 from jaxsat.montecarlo import Study
 
 
-def solved(study: Study, count: int, steps, first_step: float | None) -> Run:
-    """Tsit5 with the steps of this controller."""
+def solved(study: Study, count: int, solver, steps, first_step: float | None = None) -> Run:
+    """A solver of diffrax with the steps of this controller."""
     duration = float(study.program.duration)
 
     @jax.jit
@@ -18,7 +18,7 @@ def solved(study: Study, count: int, steps, first_step: float | None) -> Run:
     def run(y, *torque):
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(lambda t, y, args: rate(t, y, *args)),
-            diffrax.Tsit5(),
+            solver,
             t0=0.0,
             t1=duration,
             dt0=first_step,
@@ -33,20 +33,28 @@ def solved(study: Study, count: int, steps, first_step: float | None) -> Run:
     return lambda: final_state(run(*inputs))
 
 
-def adaptive(study: Study, count: int, tolerance: float) -> Run:
+def tsit5(study: Study, count: int, tolerance: float) -> Run:
     """Steps chosen by diffrax, at the pace of the slowest case."""
-    return solved(study, count, diffrax.PIDController(rtol=tolerance, atol=tolerance), None)
+    steps = diffrax.PIDController(rtol=tolerance, atol=tolerance)
+    return solved(study, count, diffrax.Tsit5(), steps)
+
+
+def dopri8(study: Study, count: int, tolerance: float) -> Run:
+    """The same with a method of eighth order."""
+    steps = diffrax.PIDController(rtol=tolerance, atol=tolerance)
+    return solved(study, count, diffrax.Dopri8(), steps)
 
 
 def constant(study: Study, count: int, step: float) -> Run:
     """Equal steps."""
-    return solved(study, count, diffrax.ConstantStepSize(), step)
+    return solved(study, count, diffrax.Tsit5(), diffrax.ConstantStepSize(), step)
 
 
 def contenders() -> list[Contender]:
     """Adaptive and constant steps."""
-    tolerances, steps = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10), (0.1, 0.05, 0.025, 0.0125)
+    steps = (0.1, 0.05, 0.025, 0.0125)
     return [
-        Contender("diffrax by hand, Tsit5 adaptive", tolerances, adaptive, most=1024),
+        Contender("diffrax by hand, Tsit5 adaptive", TOLERANCES, tsit5, most=1024),
+        Contender("diffrax by hand, Dopri8 adaptive", TOLERANCES, dopri8, most=1024),
         Contender("diffrax by hand, Tsit5 constant", steps, constant, most=32),
     ]

@@ -1,16 +1,23 @@
 """jaxsat's engines, as a study uses them."""
 
-import os
+import importlib.util
 
 import diffrax
 import numpy as np
 
-from contenders.contender import Contender, Run
-from jaxsat.engine import AbstractEngine, ReferenceEngine, ScanEngine, Tolerance
+from contenders.contender import TOLERANCES, Contender, Run
+from jaxsat.engine import (
+    AbstractEngine,
+    NativeEngine,
+    Outputs,
+    ReferenceEngine,
+    ScanEngine,
+    Tolerance,
+)
 from jaxsat.montecarlo import Study, Threads
+from jaxsat.processors import processors
 from jaxsat.simulation import adaptive
 
-TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 LANES = 256
 
 
@@ -19,20 +26,24 @@ def with_engine(study: Study, count: int, engine: AbstractEngine) -> Run:
     blocks = [np.arange(at, min(at + engine.width, count)) for at in range(0, count, engine.width)]
 
     def one(block: int) -> np.ndarray:
-        found = engine.evaluate(study.program, study.cases(blocks[block]))
-        rates = found.omega[:, :2]
-        return np.concatenate([found.w, found.z[:, None], rates, found.cost[:, None]], axis=1)
+        return final(engine.evaluate(study.program, study.cases(blocks[block])))
 
     def run():
-        found = dict(Threads(os.cpu_count() or 1).run(one, range(len(blocks))))
+        found = dict(Threads(processors()).run(one, range(len(blocks))))
         return np.concatenate([found[block] for block in range(len(blocks))])
 
     return run
 
 
+def final(found: Outputs) -> np.ndarray:
+    """What `work.final_state` gives."""
+    rates = found.omega[:, :2]
+    return np.concatenate([found.w, found.z[:, None], rates, found.cost[:, None]], axis=1)
+
+
 def width(count: int) -> int:
     """Cases in a block: the engine's usual number, or a share for every processor."""
-    return max(2, min(LANES, -(-count // (os.cpu_count() or 1))))
+    return max(2, min(LANES, -(-count // processors())))
 
 
 def scan(study: Study, count: int, tolerance: float) -> Run:
@@ -49,9 +60,19 @@ def reference(study: Study, count: int, tolerance: float) -> Run:
     return with_engine(study, count, ReferenceEngine(method, width(count)))
 
 
+def native(study: Study, count: int, tolerance: float) -> Run:
+    """The native engine, which shares all cases out to threads of its own."""
+    engine = NativeEngine(tolerance=Tolerance(tolerance, tolerance))
+    cases = study.cases(np.arange(count))
+    return lambda: final(engine.evaluate(study.program, cases))
+
+
 def contenders() -> list[Contender]:
-    """Both engines."""
-    return [
+    """All engines, the native one where there is llvmlite."""
+    found = [
         Contender("jaxsat scan, Tsit5 adaptive", TOLERANCES, scan),
         Contender("jaxsat diffrax, Dopri8 adaptive", TOLERANCES, reference, most=1024),
     ]
+    if importlib.util.find_spec("llvmlite") is not None:
+        found.insert(1, Contender("jaxsat native, Tsit5 adaptive", TOLERANCES, native))
+    return found

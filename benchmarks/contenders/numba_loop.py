@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from contenders.contender import Contender, Run
+from contenders.contender import TOLERANCES, Contender, Run
 from contenders.work import J1, J2, K3, K4, MU, SIZE, WIDTH2, A, final_state, starts
 from jaxsat.montecarlo import Study
 
@@ -139,5 +139,4 @@ def contenders() -> list[Contender]:
     """The loop, where there is numba."""
     if importlib.util.find_spec("numba") is None:
         return []
-    tolerances = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
-    return [Contender("numba by hand, Dopri5 adaptive", tolerances, adaptive)]
+    return [Contender("numba by hand, Dopri5 adaptive", TOLERANCES, adaptive)]

@@ -5,7 +5,7 @@ import importlib.util
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from contenders.contender import Contender, Run
+from contenders.contender import TOLERANCES, Contender, Run
 from contenders.work import SIZE, final_state, starts
 from jaxsat.montecarlo import Study
 
@@ -46,5 +46,4 @@ def contenders() -> list[Contender]:
     """DOP853, where there is numba."""
     if importlib.util.find_spec("numba") is None:
         return []
-    tolerances = (1e-6, 1e-7, 1e-8, 1e-9)
-    return [Contender("SciPy DOP853, numba", tolerances, prepared, most=32)]
+    return [Contender("SciPy DOP853, numba", TOLERANCES, prepared, most=32)]

@@ -1,12 +1,14 @@
 """The compiled engine against C written by hand, on the same work, taking turns.
 
     python benchmarks/native/compare.py --cases 1024 --duration 200
+    python benchmarks/native/compare.py --work sampled --cases 256 --duration 600
 
 The work is the scenario benchmark-three-axis: RK4 with 20 steps a second, the same with the
-derivatives of the cost by four gains, and adaptive 5(4) steps with located switches. The results
-are compared first. Times are processor seconds (of all threads), the least of several turns, so
-that what else the machine does counts little; ratios are paces in parts of that of C. Needs a C
-compiler; says so where there is none.
+derivatives of the cost by four gains, and adaptive 5(4) steps with located switches; or, with
+`--work sampled`, the scenario acceptance-hard with the oscillatory law: sensor noise, Kalman filter
+and least squares ten times a second. The results are compared first. Times are processor seconds
+(of all threads), the least of several turns, so that what else the machine does counts little;
+ratios are paces in parts of that of C. Needs a C compiler; says so where there is none.
 """
 
 import argparse
@@ -25,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hand_written import Adaptive, FixedSteps, compiler
+from sampled_work import Sampled, sampled_engine, sampled_study
 
 from contenders.work import K3, K4, MU, A, starts
 from engines import made_study
@@ -64,7 +67,8 @@ def arrays(study: Study, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def by_hand(program, study: Study, count: int, threads: int) -> Callable[[], np.ndarray]:
     """A run of a C program, pieces shared out to threads."""
-    start, torque = arrays(study, count)
+    sampled = isinstance(program, Sampled)
+    start, torque = (None, None) if sampled else arrays(study, count)
     gains = np.array(list(GAINS.values()))
     results = np.zeros((count, program.columns))
 
@@ -174,9 +178,31 @@ def compare(options: argparse.Namespace) -> None:
     report(f"Tsit5, tolerance {options.tolerance:g}, 1 thread", runs, count, options.rounds)
 
 
+def compare_sampled(options: argparse.Namespace) -> None:
+    """The table of the sampled loop."""
+    count = options.cases
+    study = sampled_study(count, options.duration)
+    program = Sampled(study, count)
+    results = by_hand(program, study, count, 1)()
+    found = sampled_engine(1).evaluate(study.program, study.cases(np.arange(count)))
+    for name, column in (("cost", 0), ("effort", 1), ("peak_rate", 2)):
+        off = np.abs(getattr(found, name) / results[:, column] - 1)
+        print(f"{name}: native and C differ by {np.median(off):.0e}, at most {off.max():.0e}")
+    late = np.isinf(found.settling_time), np.isinf(results[:, 3])
+    print(f"settled: native {count - late[0].sum()}, C {count - late[1].sum()} of {count} cases")
+    for threads in options.threads:
+        runs = {
+            "C": by_hand(program, study, count, threads),
+            "native": by_engine(sampled_engine(threads), study, count),
+        }
+        report(f"Oscillatory law, 10 samples a second, {threads} threads", runs, count,
+               options.rounds)  # fmt: skip
+
+
 def main() -> None:
     """Compare, where there is a compiler."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--work", choices=["three-axis", "sampled"], default="three-axis")
     parser.add_argument("--cases", type=int, default=1024)
     parser.add_argument("--duration", type=float, default=200.0)
     parser.add_argument("--tolerance", type=float, default=1e-7)
@@ -186,7 +212,8 @@ def main() -> None:
     if compiler() is None:
         sys.exit("There is no C compiler here, so there is nothing to compare with.")
     jax.config.update("jax_enable_x64", True)
-    compare(parser.parse_args())
+    options = parser.parse_args()
+    (compare_sampled if options.work == "sampled" else compare)(options)
 
 
 if __name__ == "__main__":

@@ -71,6 +71,24 @@ def _erf_inv_tail(s: mp.mpf) -> mp.mpf:
     return y / x
 
 
+def _error_function(z: mp.mpf) -> mp.mpf:
+    """erf(x)/x - 1 as a function of z = x^2."""
+    x = mp.sqrt(max(z, mp.mpf(10) ** -40))
+    return mp.erf(x) / x - 1
+
+
+def _error_complement(t: mp.mpf) -> mp.mpf:
+    """(1 + 2 x) exp(x^2) erfc(x) as a function of t = (x - 4)/(x + 4)."""
+    x = 4 * (1 + t) / (1 - t)
+    return (1 + 2 * x) * mp.exp(x * x) * mp.erfc(x)
+
+
+def _arc_cosine(d: mp.mpf) -> mp.mpf:
+    """(acosh(1 + d)/sqrt(2 d) - 1)/d."""
+    d = max(d, mp.mpf(10) ** -20)
+    return (mp.acosh(1 + d) / mp.sqrt(2 * d) - 1) / d
+
+
 _QUARTER = mp.pi / 4 * mp.mpf("1.0001")
 _HALF_LN2 = mp.log(2) / 2 * mp.mpf("1.001")
 _LOG_END = ((mp.sqrt(2) - 1) / (mp.sqrt(2) + 1)) ** 2 * mp.mpf("1.001")
@@ -87,6 +105,11 @@ FITS = {
     "ARCSINE": (_of_square(mp.asin, 1), (0, mp.mpf("0.2501")), 13),
     "TANGENT_HYPERBOLIC": (_of_square(mp.tanh, 1), (0, mp.mpf("0.55") ** 2), 11),
     "SINE_HYPERBOLIC": (_of_square(mp.sinh, 1), (0, 1), 8),
+    "ARC_SINE_HYPERBOLIC": (_of_square(mp.asinh, 1), (0, mp.mpf("0.2501")), 13),
+    "ARC_COSINE_HYPERBOLIC": (_arc_cosine, (0, mp.mpf("0.5001")), 13),
+    "ARC_TANGENT_HYPERBOLIC": (_of_square(mp.atanh, 1), (0, mp.mpf("0.2501")), 15),
+    "ERROR_FUNCTION": (_error_function, (0, mp.mpf("0.8101")), 12),
+    "ERROR_COMPLEMENT": (_error_complement, (mp.mpf("-0.778"), mp.mpf("0.7501")), 24),
     "RECIPROCAL_CUBE_ROOT": (lambda m: m ** (mp.mpf(-1) / 3), (1, 2), 6),
     "ERF_INV_CENTRAL": (
         lambda t: _erf_inv_central(t + mp.mpf("3.125")),

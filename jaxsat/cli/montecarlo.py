@@ -68,10 +68,11 @@ def montecarlo(
         diffrax, the method of a single run; auto is native on a processor, and says so where it
         cannot be.
     workers
-        Chunks computed at once, each in a thread; as many as processors if left out, or one in
-        each process.
+        Chunks computed at once, each in a thread, of each process where there are several; as
+        many as there are processors, or their share, if left out, and never more.
     processes
-        Processes of this machine to share the chunks out to; one that dies is replaced.
+        Processes of this machine to share the chunks out to, at most as many as processors; one
+        that dies is replaced.
     scheduler
         Share the chunks out to the workers of this dask scheduler: an address such as
         tcp://host:8786, or the scheduler's JSON file.

@@ -1,9 +1,9 @@
 """Who computes a study: threads, processes, or the workers of a scheduler."""
 
-import os
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.terminal import UserMistake
+from jaxsat.processors import processors
 
 if TYPE_CHECKING:
     from jaxsat.montecarlo import AbstractExecutor
@@ -12,7 +12,10 @@ if TYPE_CHECKING:
 def chosen_executor(
     workers: int | None, processes: int | None, scheduler: str | None, devices: int | None
 ) -> "AbstractExecutor":
-    """The executor that the options of a command ask for; raises `UserMistake`."""
+    """The executor that the options of a command ask for; raises `UserMistake`.
+
+    On this machine no more threads compute than there are processors, whatever is asked for.
+    """
     from jaxsat.montecarlo import Devices, Serial, Threads
 
     for name, value in (("--workers", workers), ("--processes", processes)):
@@ -33,7 +36,7 @@ def chosen_executor(
             raise UserMistake(f"--devices: {error}") from None
     if processes is not None or scheduler is not None:
         return _cluster(workers, processes, scheduler)
-    workers = workers or os.cpu_count() or 1
+    workers = min(workers or processors(), processors())
     return Threads(workers) if workers > 1 else Serial()
 
 
@@ -46,4 +49,8 @@ def _cluster(
         raise UserMistake(
             "--processes and --scheduler: must have dask.distributed; install jaxsat[cluster]"
         ) from None
-    return scheduler_at(scheduler) if scheduler else local_processes(processes or 1, workers or 1)
+    if scheduler:
+        return scheduler_at(scheduler)
+    count = min(processes or 1, processors())
+    share = processors() // count
+    return local_processes(count, min(workers or share, share))

@@ -1,7 +1,6 @@
 """`jaxsat tune`: better gains by gradient descent through the simulator, and the proof."""
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -11,6 +10,7 @@ from cyclopts import Parameter
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.terminal import SUCCESS, UserMistake, console, report
+from jaxsat.processors import processors
 
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
@@ -75,7 +75,7 @@ def tune(
         with console(error=True).status("compiling"):
             plan = interruptibly(
                 lambda: build_plan(
-                    chosen, engine=engine, width=width, workers=workers or _processors()
+                    chosen, engine=engine, width=width, workers=workers or processors()
                 )
             )
         if plan.remark is not None and not quiet:
@@ -92,10 +92,6 @@ def tune(
         hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
         raise UserMistake(f"{error}{hint}") from None
     return SUCCESS
-
-
-def _processors() -> int:
-    return os.cpu_count() or 1
 
 
 def _descended(

@@ -32,9 +32,8 @@ from jaxsat.engine.progress import (
     outputs_of,
 )
 from jaxsat.engine.runge_kutta import dense_weights, stage_rates, tableau_of, weighted
-from jaxsat.engine.switching import until_switch
+from jaxsat.engine.switching import Landing, until_switch
 from jaxsat.engine.walk import (
-    AXES,
     Course,
     Stretch,
     Walk,
@@ -77,9 +76,10 @@ def begin(tolerance: Tolerance, program: Program, copy: Copy) -> Progress:
     course, flat = Course.of(program, copy), flat_of(flat_parts(copy))
     zero = jnp.zeros((), flat.dtype)
     gaps = course.loop.switches(zero, course.state(zero, flat))
-    nowhere = jnp.zeros(AXES, flat.dtype)
+    nowhere = jnp.zeros(course.axes, flat.dtype)
     stretch = Stretch(zero, zero + 1.0, flat, jnp.zeros((4, flat.size), flat.dtype), nowhere, zero)
-    walk = Walk(zero, jnp.array(0), flat, gaps > 0, gaps, stretch)
+    rate = course.rate(gaps > 0)(zero, flat)
+    walk = Walk(zero, jnp.array(0), flat, rate, gaps > 0, gaps, stretch)
     return begun(walk, copy.start.omega, copy.possible, tolerance.first_step)
 
 
@@ -101,9 +101,7 @@ def iterate(
     walk: Walk = progress.state
     looked_behind = walk.t < walk.number * course.program.interval
     needed = looked_behind & (walk.t < bound * course.program.interval)
-    tried = _attempt(solver, tolerance, course, progress)
-    progress = jax.tree.map(lambda new, old: jnp.where(needed, new, old), tried, progress)
-    return _look_back(course, bound, progress)
+    return _look_back(course, bound, _attempt(solver, tolerance, course, needed, progress))
 
 
 def advance_adaptively(solver, tolerance, program, copy, progress, bound) -> Progress:
@@ -141,46 +139,48 @@ def observe(program: Program, copy: Copy, progress: Progress, number: Int[Array,
     return course.loop.signals(t, course.state(t, dense(stretch, part_of(stretch, t))))
 
 
-def _attempt(solver, tolerance, course: Course, progress: Progress) -> Progress:
-    """Progress after one step, accepted or not."""
+def _attempt(solver, tolerance, course: Course, needed, progress: Progress) -> Progress:
+    """Progress after one step, accepted or not; as it was unless that is `needed`."""
     tableau, walk, step = tableau_of(solver), progress.state, progress.step
-    begin_state = walk.state.at[-AXES:].set(0.0)
-    rates = stage_rates(tableau, course.rate(walk.sides), walk.t, step, begin_state)
+    begin_state = course.with_no_torque(walk.state)
+    rates = stage_rates(tableau, course.rate(walk.sides), walk.t, step, begin_state, walk.rate)
     after = begin_state + step * weighted(tableau.b_sol, rates)
     error = step * weighted(tableau.b_error, rates)
-    size = constant(_size(tolerance, begin_state, after, error))
-    accepted = (size <= 1) | (step <= tolerance.min_step)
+    size = constant(_size(tolerance, *map(course.judged, (begin_state, after, error))))
+    accepted = needed & ((size <= 1) | (step <= tolerance.min_step))
     growth = jnp.stack([step * weighted(row, rates) for row in dense_weights(solver)])
-    turns = jnp.zeros(AXES, growth.dtype)
+    turns = jnp.zeros(course.axes, growth.dtype)
     stretch = Stretch(walk.t, step, begin_state, growth, turns, progress.integrals.effort)
-    landing = until_switch(course, walk, stretch, after, accepted, tolerance.min_step)
+    end = Landing(step, after, rates[-1], walk.sides, walk.gaps)
+    landing = until_switch(course, walk, stretch, end, accepted, tolerance.min_step)
     part = landing.seconds / step
-    turns = constant(sign_change(growth[:, -AXES:], part))
+    turns = constant(sign_change(course.torques(growth), part, accepted))
     stretch = stretch._replace(turns=turns)
     further = Walk(
         walk.t + landing.seconds,
         walk.number,
         landing.state,
+        landing.rate,
         landing.sides,
         landing.gaps,
         stretch,
     )
     integrals = progress.integrals._replace(effort=effort_until(stretch, part))
     moved = progress._replace(state=further, integrals=integrals, ended_at=further.t)
-    following = _judged(tolerance, course.program, progress, moved, accepted)
+    following = _judged(tolerance, course, progress, moved, needed, accepted)
     # no longer step after one that met a switch: a law that slides would lose its way
     factor = jnp.minimum(_factor(size), jnp.where(part < 1, 1.0, LARGEST_FACTOR))
-    proposal = step * constant(factor)
-    return following._replace(step=jnp.maximum(proposal, tolerance.min_step))
+    proposal = jnp.maximum(step * constant(factor), tolerance.min_step)
+    return following._replace(step=jnp.where(needed, proposal, step))
 
 
-def _judged(tolerance, program, before: Progress, moved: Progress, accepted) -> Progress:
+def _judged(tolerance, course, before: Progress, moved: Progress, needed, accepted) -> Progress:
     """Further on, where it was, or ended."""
-    judged = moved.state.state[: -AXES - 1]
-    fine = jnp.all(jnp.abs(judged) < program.state_limit)  # NaN fails the comparison
-    steps = before.steps + 1
+    limit = course.program.state_limit
+    fine = jnp.all(jnp.abs(course.judged(moved.state.state)[:-1]) < limit)  # NaN fails it
+    steps = before.steps + needed
     code = jnp.where(accepted & ~fine, int(Outcome.STATE_LIMIT), before.code)
-    out = (code == int(Outcome.SUCCESS)) & (steps >= tolerance.max_steps)
+    out = needed & (code == int(Outcome.SUCCESS)) & (steps >= tolerance.max_steps)
     code = jnp.where(out, int(Outcome.MAX_STEPS), code)
     kept = jax.tree.map(lambda new, old: jnp.where(accepted & fine, new, old), moved, before)
     return kept._replace(code=code, steps=steps)
@@ -208,9 +208,8 @@ def _look_back(course: Course, bound, progress: Progress) -> Progress:
 
 def _size(tolerance, before, after, error) -> Float[Array, ""]:
     """The error in parts of what is tolerated; NaN where it is no number, never accepted."""
-    x, y, e = (values[:-AXES] for values in (before, after, error))
-    scale = tolerance.atol + tolerance.rtol * jnp.maximum(jnp.abs(x), jnp.abs(y))
-    return jnp.sqrt(jnp.mean((e / scale) ** 2))
+    scale = tolerance.atol + tolerance.rtol * jnp.maximum(jnp.abs(before), jnp.abs(after))
+    return jnp.sqrt(jnp.mean((error / scale) ** 2))
 
 
 def _factor(size: Float[Array, ""]) -> Float[Array, ""]:

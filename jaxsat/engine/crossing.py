@@ -72,24 +72,39 @@ def located(
     return jax.lax.while_loop(unfinished, improve, first).point
 
 
-def sign_change(growth: Float[Array, "4 n"], end: Float[Array, ""]) -> Float[Array, " n"]:
+def sign_change(
+    growth: Float[Array, "4 n"], end: Float[Array, ""], wanted: Bool[Array, ""]
+) -> Float[Array, " n"]:
     """Where the derivative of Σ_p θ^p growth[p] changes its sign before `end`; 2 if nowhere.
 
-    A fixed number of secants with the Illinois rule, and of Newton's steps inside the bracket.
+    A fixed number of secants with the Illinois rule, and of Newton's steps inside the bracket;
+    none where no sign changes, or where it is not `wanted`.
     """
-    one, two, three, four = growth
-
-    def slope(part):
-        return one + part * (2 * two + part * (3 * three + part * 4 * four))
-
-    low, high = jnp.zeros_like(one), jnp.zeros_like(one) + end
-    low_value, high_value = one, slope(high)
+    low, low_value = jnp.zeros_like(growth[0]), growth[0]
+    high, high_value = low + end, _slope(growth, low + end)
     changes = low_value * high_value < 0
+    nowhere = jnp.full_like(low, 2.0)
+
+    def search():
+        found = _sign_change(growth, changes, Bracket(low, low_value, high, high_value))
+        return jnp.where(changes, found, nowhere)
+
+    return jax.lax.cond(wanted & jnp.any(changes), search, lambda: nowhere)
+
+
+def _slope(growth, part):
+    one, two, three, four = growth
+    return one + part * (2 * two + part * (3 * three + part * 4 * four))
+
+
+def _sign_change(growth, changes, bracket: Bracket) -> Float[Array, " n"]:
+    low, low_value, high, high_value = bracket
+    _, two, three, four = growth
     point = high
     for _ in range(SECANTS):
         difference = jnp.where(changes, high_value - low_value, 1.0)
         point = low - low_value * (high - low) / difference
-        value = slope(point)
+        value = _slope(growth, point)
         is_low = value * low_value > 0
         low, high = jnp.where(is_low, point, low), jnp.where(is_low, high, point)
         low_value, high_value = (
@@ -98,5 +113,6 @@ def sign_change(growth: Float[Array, "4 n"], end: Float[Array, ""]) -> Float[Arr
         )
     for _ in range(NEWTON_STEPS):
         curve = 2 * two + point * (6 * three + point * 12 * four)
-        point = jnp.clip(point - slope(point) / jnp.where(curve == 0, 1.0, curve), low, high)
-    return jnp.where(changes, point, 2.0)
+        correction = _slope(growth, point) / jnp.where(curve == 0, 1.0, curve)
+        point = jnp.clip(point - correction, low, high)
+    return point

@@ -1,6 +1,8 @@
 """One explicit Runge-Kutta step from the tableau of a diffrax solver, in plain arithmetic."""
 
+import operator
 from collections.abc import Callable
+from functools import reduce
 
 import diffrax
 import jax.numpy as jnp
@@ -66,29 +68,27 @@ def stage_rates(
     t: Float[Array, ""],
     step: Float[Array, ""],
     state: Float[Array, " n"],
+    first: Float[Array, " n"],
 ) -> list[Float[Array, " n"]]:
-    """The rates at all stages of a step of a flat state."""
-    rates: dict[int, Array] = {}
-    for stage, (row, node) in enumerate(
-        zip([np.zeros(0), *tableau.a_lower], [0.0, *tableau.c], strict=True)
-    ):
+    """The rates at all stages of a step of a flat state, whose rate is `first` where it begins."""
+    rates: dict[int, Array] = {0: first}
+    for stage, (row, node) in enumerate(zip(tableau.a_lower, tableau.c, strict=True), 1):
         rates[stage] = rate(t + node * step, _combined(state, step, row, rates))
     return list(rates.values())
 
 
 def weighted(weights: np.ndarray, rates: list[Float[Array, " n"]]) -> Float[Array, " n"]:
     """The sum of the rates by their weights, those of zero left out."""
-    return sum(
-        (float(w) * rate for w, rate in zip(weights, rates, strict=True) if w != 0),
-        jnp.zeros_like(rates[0]),
-    )
+    used = [float(w) * rate for w, rate in zip(weights, rates, strict=True) if w != 0]
+    return reduce(operator.add, used) if used else jnp.zeros_like(rates[0])
 
 
 def dense_weights(solver: diffrax.AbstractSolver) -> Float[np.ndarray, "4 stages"]:
     """Weights of the stages in the powers 1 to 4 of a solver's own dense output.
 
     After the part θ of a step of length h the state has grown by h Σ_p θ^p Σ_i weights[p, i] k_i,
-    to fourth order. Raises `ValueError` for a solver other than Tsit5 and Dopri5.
+    to fourth order. Raises `ValueError` for a solver other than Tsit5 and Dopri5. The last stage of
+    both is at the end of the step, in the state there.
     """
     if isinstance(solver, diffrax.Tsit5):
         return _TSIT5_DENSE
@@ -160,4 +160,7 @@ def _needed_stages(tableau: diffrax.ButcherTableau) -> set[int]:
 
 def _combined(state: Array, step, weights: np.ndarray, rates: dict[int, Array]) -> Array:
     used = [(float(weights[j]), rates[j]) for j in rates if j < len(weights) and weights[j] != 0]
-    return state + step * sum(weight * slope for weight, slope in used) if used else state
+    if len(used) == 1:
+        ((weight, slope),) = used
+        return state + (step * weight) * slope  # one operation an element
+    return state + step * reduce(operator.add, (w * k for w, k in used)) if used else state

@@ -15,17 +15,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, PyTree
 
-from jaxsat.dynamics import PlantState
 from jaxsat.engine import adaptive
 from jaxsat.engine.adaptive import Tolerance
+from jaxsat.engine.fixed import advance_in_equal_steps, advance_with_drawn_noise
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
-from jaxsat.engine.rates import augmented_rate, held_rate, plant_state
-from jaxsat.engine.runge_kutta import dense_weights, explicit_step, tableau_of
+from jaxsat.engine.rates import plant_state
+from jaxsat.engine.runge_kutta import dense_weights, tableau_of
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop, Signals
-from jaxsat.simulation.loops import SampledState
-from jaxsat.simulation.solve import all_within
+
+NOISE_BLOCK = 16
+"""Samples whose noise is drawn together. More gain little, and a replay, which stops at every
+sample, draws all but one of them in vain."""
 
 
 class ScanEngine(AbstractEngine):
@@ -113,27 +115,23 @@ def _is_adaptive(engine: ScanEngine, loop: AbstractLoop) -> bool:
     return engine.tolerance is not None and not isinstance(loop, SampledLoop)
 
 
-def advance_one(engine, program, case, gains, progress, first, count) -> Progress:
-    """Progress of one trajectory after `count` intervals from number `first` on."""
+def advance_one(
+    engine, program, case, gains, progress, first, count, noise_block: int = 1
+) -> Progress:
+    """Progress of one trajectory after `count` intervals from number `first` on.
+
+    Noise of sensors is drawn for `noise_block` samples at a time.
+    """
     copy = program.copies(case, gains)
     loop, tableau = copy.loop, tableau_of(engine.solver)
     if _is_adaptive(engine, loop):
         return adaptive.advance_adaptively(
             engine.solver, engine.tolerance, program, copy, progress, first + count
         )
-
-    def interval(i, progress):
-        number = first + i
-        t = number * program.interval
-        if isinstance(loop, SampledLoop):
-            seen, state, integrals = _sampled_interval(tableau, program, loop, number, t, progress)
-        else:
-            seen, state, integrals = _continuous_interval(
-                tableau, engine.substeps, program, loop, t, progress
-            )
-        return _unless_ended(program, progress, seen, state, integrals, t)
-
-    return jax.lax.fori_loop(0, count, interval, progress)
+    where = (program, loop, progress, first, count)
+    if noise_block > 1 and isinstance(loop, SampledLoop) and loop.sensors is not None:
+        return advance_with_drawn_noise(tableau, *where, noise_block)
+    return advance_in_equal_steps(tableau, engine.substeps, *where)
 
 
 def finish_one(engine, program, case, gains, progress) -> Outputs:
@@ -158,50 +156,6 @@ def observe_one(engine, program, case, gains, progress, number) -> Signals:
     return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), signals)
 
 
-def _sampled_interval(tableau, program, loop, number, t, progress):
-    torque, memory, signals = loop.sample(number, t, progress.state)
-    seen = looked_at(progress, t, signals, program.tolerances)
-    both = (progress.state.plant, progress.integrals)
-    for hold in loop.holds(progress.state, torque):
-        rate = held_rate(program, loop, hold.torque)
-        both = _steps(tableau, rate, t + hold.begin, hold.length, loop.substeps, both)
-    plant, integrals = both
-    plant = PlantState(plant.attitude.normalised(), plant.omega)
-    return seen, SampledState(plant, memory, torque), integrals
-
-
-def _continuous_interval(tableau, substeps, program, loop, t, progress):
-    seen = looked_at(progress, t, loop.signals(t, progress.state), program.tolerances)
-    rate = augmented_rate(program, loop)
-    both = (progress.state, progress.integrals)
-    state, integrals = _steps(tableau, rate, t, program.interval, substeps, both)
-    return seen, state, integrals
-
-
-def _steps(tableau, rate, t, length, count: int, state):
-    step = length / count
-    if count == 1:
-        return explicit_step(tableau, rate, t, step, state)
-
-    def one(number, state):
-        return explicit_step(tableau, rate, t + number * step, step, state)
-
-    return jax.lax.fori_loop(0, count, one, state)
-
-
-def _unless_ended(program, before, seen, state, integrals, t) -> Progress:
-    """The next progress, or the last good one where the case has ended or now ends."""
-    judged = (state.plant, state.memory) if isinstance(state, SampledState) else state
-    fine = all_within((judged, integrals.cost * 0), program.state_limit)
-    running = before.code == int(Outcome.SUCCESS)
-    code = jnp.where(running & ~fine, int(Outcome.STATE_LIMIT), before.code)
-    after = seen._replace(
-        state=state, integrals=integrals, ended_at=t + program.interval, code=code
-    )
-    kept = before._replace(code=code)
-    return jax.tree.map(lambda new, old: jnp.where(running & fine, new, old), after, kept)
-
-
 def _signals(loop, program, number: Int[Array, ""], state) -> Signals:
     t = number * program.interval
     if isinstance(loop, SampledLoop):
@@ -223,7 +177,7 @@ def _begin(engine, program, cases, gains):
 @eqx.filter_jit
 def _advance_jit(engine, program, cases, gains, progress, first, count):
     def one(case, progress):
-        return advance_one(engine, program, case, gains, progress, first, count)
+        return _noise_in_blocks(engine, program, case, gains, progress, first, count)
 
     return _over_cases(engine, one, cases, progress)
 
@@ -262,7 +216,7 @@ def _observe(engine, program, cases, gains, progress, number: int):
 @eqx.filter_jit
 def _gradient(engine, program, cases, gains, mode):
     def cost(gains, case):
-        advance = _checkpointed if mode == "reverse" else advance_one
+        advance = _checkpointed if mode == "reverse" else _noise_in_blocks
         progress = begin_one(engine, program, case, gains)
         progress = advance(engine, program, case, gains, progress, 0, program.intervals)
         outputs = finish_one(engine, program, case, gains, progress)
@@ -275,6 +229,10 @@ def _gradient(engine, program, cases, gains, mode):
         return CostGradient(outputs, derivatives)
 
     return _over_cases(engine, one, cases)
+
+
+def _noise_in_blocks(engine, program, case, gains, progress, first, count) -> Progress:
+    return advance_one(engine, program, case, gains, progress, first, count, NOISE_BLOCK)
 
 
 def _checkpointed(engine, program, case, gains, progress, first, count: int) -> Progress:

@@ -11,10 +11,12 @@ from jaxsat.engine.walk import Course, Stretch, Walk, constant, dense
 
 
 class Landing(NamedTuple):
-    """Where a step ends: its length (s), flat state, and the sides with their functions there."""
+    """Where a step ends: its length (s), flat state with its rate, and the sides with their
+    functions there."""
 
     seconds: Float[Array, ""]
     state: Float[Array, " n"]
+    rate: Float[Array, " n"]
     sides: Bool[Array, " m"]
     gaps: Float[Array, " m"]
 
@@ -23,18 +25,18 @@ def until_switch(
     course: Course,
     walk: Walk,
     stretch: Stretch,
-    after: Float[Array, " n"],
+    end: Landing,
     wanted: Bool[Array, ""],
     min_step: Float[Array, ""],
 ) -> Landing:
-    """The landing of a step that begins at `walk`, goes along `stretch` and would end in `after`.
+    """The landing of a step that begins at `walk`, goes along `stretch` and would land at `end`.
 
     It is at the first switch, though at least `min_step` (s) away, or at the end of the step. A
     step for which it is not `wanted` costs no search.
     """
-    whole, end = stretch.length, walk.t + stretch.length
+    whole = stretch.length
     if not walk.sides.size:
-        return Landing(whole, after, walk.sides, walk.gaps)
+        return end
     sign = jnp.where(walk.sides, -1.0, 1.0)
 
     still = constant((course, walk.t, stretch))
@@ -46,20 +48,23 @@ def until_switch(
     def excess(part):  # positive beyond a surface
         return jnp.max(sign * gaps_at(part))
 
-    end_gaps = course.gaps(walk.sides, end, after)
-    bracket = _bracket(sign, constant(walk.gaps), excess, constant(end_gaps))
+    end = end._replace(gaps=course.gaps(walk.sides, walk.t + whole, end.state))
+    bracket = _bracket(sign, constant(walk.gaps), excess, constant(end.gaps))
     crosses = wanted & (bracket.high_value > 0)
-    part = constant(located(excess, bracket, crosses))
-    one_hot = jnp.arange(sign.size) == jnp.argmax(sign * gaps_at(part))
-    seconds = _corrected(course, walk, stretch, one_hot, part)
-    seconds = jnp.clip(seconds, jnp.minimum(min_step, whole), whole)
-    seconds = jnp.where(crosses, seconds, whole)
-    state = jnp.where(crosses, dense(stretch, seconds / whole), after)
-    flipped = walk.sides ^ (one_hot & crosses)
-    gaps = course.gaps(flipped, walk.t + seconds, state)
-    # what jumps with the piece may be on another side there
-    sides = jnp.where(crosses & ~one_hot, gaps > 0, flipped)
-    return Landing(seconds, state, sides, gaps)
+
+    def at_switch():
+        part = constant(located(excess, bracket, crosses))
+        one_hot = jnp.arange(sign.size) == jnp.argmax(sign * gaps_at(part))
+        seconds = _corrected(course, walk, stretch, one_hot, part)
+        seconds = jnp.clip(seconds, jnp.minimum(min_step, whole), whole)
+        t, state = walk.t + seconds, dense(stretch, seconds / whole)
+        flipped = walk.sides ^ one_hot
+        gaps = course.gaps(flipped, t, state)
+        # what jumps with the piece may be on another side there
+        sides = jnp.where(one_hot, flipped, gaps > 0)
+        return Landing(seconds, state, course.rate(sides)(t, state), sides, gaps)
+
+    return jax.lax.cond(crosses, at_switch, lambda: end)
 
 
 def _bracket(sign, begin_gaps, excess, end_gaps) -> Bracket:

@@ -13,9 +13,6 @@ from jaxsat.engine.program import Copy, Program
 from jaxsat.engine.rates import running_cost
 from jaxsat.simulation import AbstractContinuousLoop
 
-AXES = 3
-"""Of the torque, whose integrals end the flat state."""
-
 
 class Stretch(NamedTuple):
     """The last step with its dense output.
@@ -29,21 +26,22 @@ class Stretch(NamedTuple):
     length: Float[Array, ""]
     state: Float[Array, " n"]
     growth: Float[Array, "4 n"]
-    turns: Float[Array, "3"]
+    turns: Float[Array, " axes"]
     effort: Float[Array, ""]
 
 
 class Walk(NamedTuple):
-    """Where a trajectory is: time (s), next instant to be looked at by number, flat state, the
-    sides of the switching functions it is on with their values, and its last step.
+    """Where a trajectory is: time (s), next instant to be looked at by number, flat state with its
+    rate, the sides of the switching functions it is on with their values, and its last step.
 
-    The flat state is the loop's state turned back, the cost, and the three torques' integrals
-    since the step began.
+    The flat state is the loop's state turned back, the cost, and the integrals since the step began
+    of the torques that the loop can make.
     """
 
     t: Float[Array, ""]
     number: Int[Array, ""]
     state: Float[Array, " n"]
+    rate: Float[Array, " n"]
     sides: Bool[Array, " m"]
     gaps: Float[Array, " m"]
     stretch: Stretch
@@ -63,6 +61,23 @@ class Course(NamedTuple):
         template = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
         return Course(program, continuous(copy), ravel_pytree(template)[1])
 
+    @property
+    def axes(self) -> int:
+        """How many torques' integrals end the flat state."""
+        return self.loop.torque_count
+
+    def with_no_torque(self, flat: Float[Array, " n"]) -> Float[Array, " n"]:
+        """A flat state in which a step begins."""
+        return flat.at[-self.axes :].set(0.0)
+
+    def judged(self, flat: Float[Array, " n"]) -> Float[Array, " m"]:
+        """What of a flat state an error is judged by: the loop's state and, last, the cost."""
+        return flat[: -self.axes]
+
+    def torques(self, flat: Float[Array, "*rows n"]) -> Float[Array, "*rows axes"]:
+        """The torques' part of flat states."""
+        return flat[..., -self.axes :]
+
     def state(self, t: Float[Array, ""], flat: Float[Array, " n"]) -> PyTree:
         """The loop's state in a flat one."""
         return self.loop.turned(t, self.restore(flat)[0])
@@ -78,7 +93,8 @@ class Course(NamedTuple):
         @eqx.filter_jit  # traced once for all stages
         def rate(piece, cost, t, flat):
             motion = piece.turned_back_motion(t, self.restore(flat)[0])
-            return flat_of((motion.rate, running_cost(cost, motion), motion.torque))
+            torque = motion.torque[: self.axes]
+            return flat_of((motion.rate, running_cost(cost, motion), torque))
 
         return lambda t, flat: rate(piece, self.program.cost, t, flat)
 
@@ -95,7 +111,7 @@ def flat_parts(copy: Copy) -> PyTree:
     zero = jnp.zeros((), copy.start.omega.dtype)
     loop = continuous(copy)
     back = loop.turned_back(zero, loop.start(copy.start))
-    return back, zero, jnp.zeros(AXES, zero.dtype)
+    return back, zero, jnp.zeros(loop.torque_count, zero.dtype)
 
 
 def flat_of(tree: PyTree) -> Float[Array, " n"]:
@@ -122,7 +138,7 @@ def dense(stretch: Stretch, part: Float[Array, ""]) -> Float[Array, " n"]:
 def effort_until(stretch: Stretch, part: Float[Array, ""]) -> Float[Array, ""]:
     """∫ Σ|T_i| until a part of the step, from the integrals of T_i between its signs' changes."""
     turns = jnp.minimum(stretch.turns, part)
-    one, two, three, four = stretch.growth[:, -AXES:]
+    one, two, three, four = stretch.growth[:, -turns.size :]
 
     def integral(at):
         return at * (one + at * (two + at * (three + at * four)))

@@ -15,6 +15,7 @@ import jax
 from distributed import Client, Future, KilledWorker, LocalCluster, WorkerPlugin, get_worker, wait
 
 from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Work
+from jaxsat.processors import share_of
 
 AHEAD = 2
 """Chunks that are given out for every thread of a worker: one to compute, one to go on with."""
@@ -108,7 +109,8 @@ class _Shipped(WorkerPlugin):
                 # before unpacking, which would round arrays to the precision of the moment
                 jax.config.update("jax_enable_x64", self._double_precision)
                 self._work = cast(Work, cloudpickle.loads(self._packed))
-        return self._work(chunk)
+        with share_of(1):  # of the worker's threads, which are the scheduler's to give out
+            return self._work(chunk)
 
 
 def _compute(name: str, chunk: int):

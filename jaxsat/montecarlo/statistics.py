@@ -122,16 +122,69 @@ def sensitivity(drawn: dict[str, np.ndarray], result: np.ndarray) -> list[Sensit
     `drawn` has arrays (cases, components); components are numbered from 1. Cases whose result is
     not finite are left out. The draws must be independent of one another.
     """
-    fine = np.isfinite(result)
-    result = np.asarray(result, dtype=float)[fine]
-    found = []
+    measure = Sensitivities([result])
     for name, values in drawn.items():
-        for i, column in enumerate(np.asarray(values)[fine].T):
+        measure.add(name, values)
+    return measure.ranked()[0]
+
+
+class Sensitivities:
+    """The same of several results at once, the dispersed numbers told one name after the other.
+
+    Sorting is what takes long: every number and every result is sorted once.
+    """
+
+    def __init__(self, results: Iterable[np.ndarray]):
+        self._results = [_Result(np.asarray(result, dtype=float)) for result in results]
+        self._found: list[list[Sensitivity]] = [[] for _ in self._results]
+
+    def add(self, name: str, values: np.ndarray) -> None:
+        """What was drawn under a name, (cases, components)."""
+        for i, column in enumerate(np.asarray(values, dtype=float).T):
             label = name if values.shape[1] == 1 else f"{name}[{i + 1}]"
-            found.append(
-                Sensitivity(label, _spearman(column, result), first_order_index(column, result))
-            )
-    return ranked(found)
+            order = np.argsort(column, kind="stable")
+            for found, result in zip(self._found, self._results, strict=True):
+                kept = order[result.fine[order]]
+                x, places = column[kept], result.place[kept]
+                found.append(Sensitivity(label, *_of_ordered(x, places, result)))
+
+    def ranked(self) -> list[list[Sensitivity]]:
+        """For every result all numbers, ranked."""
+        return [ranked(found) for found in self._found]
+
+
+class _Result:
+    """A result's finite values, their places among these, and their ranks less the mean rank."""
+
+    def __init__(self, values: np.ndarray):
+        self.fine = np.isfinite(values)
+        self.place = np.cumsum(self.fine) - 1
+        self.values = values[self.fine]
+        order = np.argsort(self.values, kind="stable")
+        self.ranks = np.empty(len(order))
+        self.ranks[order] = _ranks(self.values[order])
+
+
+def _of_ordered(x: np.ndarray, places: np.ndarray, result: _Result) -> tuple[float, float]:
+    """Rank correlation and first-order index of a result by ascending numbers and its places."""
+    y = result.values[places]
+    if not len(x) or not x[-1] > x[0] or not np.ptp(y) > 0:  # NaN comes last
+        return float("nan"), float("nan")
+    return _correlation(_ranks(x), result.ranks[places]), _explained(y, None)
+
+
+def _ranks(ascending: np.ndarray) -> np.ndarray:
+    """Ranks less their mean; equal numbers share the mean of theirs."""
+    new = np.flatnonzero(np.diff(ascending, prepend=np.nan) != 0)
+    counts = np.diff(new, append=len(ascending))
+    return np.repeat(new + (counts - len(ascending)) / 2, counts)
+
+
+def _correlation(x: np.ndarray, y: np.ndarray) -> float:
+    """Of numbers without mean; NaN for fewer than three."""
+    if len(x) < 3:
+        return float("nan")
+    return float(np.sum(x * y) / np.sqrt(np.sum(x**2) * np.sum(y**2)))
 
 
 def ranked(found: Iterable[Sensitivity]) -> list[Sensitivity]:
@@ -146,19 +199,20 @@ def first_order_index(x: np.ndarray, y: np.ndarray, bins: int | None = None) -> 
     correction is that of the analysis of variance (ω²), without which many bins look like
     sensitivity.
     """
+    if not np.ptp(x) > 0:
+        return float("nan")
+    return _explained(np.asarray(y, dtype=float)[np.argsort(x, kind="stable")], bins)
+
+
+def _explained(y: np.ndarray, bins: int | None) -> float:
+    """`first_order_index` of results in the order of the numbers."""
     count = len(y)
     bins = max(2, min(32, round(count ** (1 / 3)))) if bins is None else bins
-    if count < 2 * bins or not np.var(y) > 0 or not np.ptp(x) > 0:
+    if count < 2 * bins or not np.var(y) > 0:
         return float("nan")
-    groups = np.array_split(np.asarray(y, dtype=float)[np.argsort(x, kind="stable")], bins)
+    groups = np.array_split(y, bins)
     mean = np.mean(y)
     between = sum(len(group) * (group.mean() - mean) ** 2 for group in groups)
     within = sum(((group - group.mean()) ** 2).sum() for group in groups)
     noise = within / (count - bins)
     return float((between - (bins - 1) * noise) / (between + within + noise))
-
-
-def _spearman(x: np.ndarray, y: np.ndarray) -> float:
-    if len(y) < 3 or not np.ptp(x) > 0 or not np.ptp(y) > 0:
-        return float("nan")
-    return float(np.asarray(stats.spearmanr(x, y))[0])

@@ -9,10 +9,9 @@ import xarray as xr
 from jaxsat.montecarlo.ensemble import DRAWN
 from jaxsat.montecarlo.statistics import (
     Interval,
+    Sensitivities,
     Sensitivity,
     percentile,
-    ranked,
-    sensitivity,
     wilson,
 )
 from jaxsat.results.store import DONE
@@ -59,11 +58,10 @@ def summarise(
     settled = np.isfinite(columns["settling_time"])
     success = columns["code"] == int(Outcome.SUCCESS)
     names = [str(name) for name in dataset if str(name).startswith(DRAWN)]
-    rankings: tuple[list[Sensitivity], list[Sensitivity]] = ([], [])
+    measure = Sensitivities([columns["cost"], settled])
     for name in names:  # one at a time, which keeps memory small
-        drawn = {name.removeprefix(DRAWN): column(name)}
-        for ranking, result in zip(rankings, (columns["cost"], settled), strict=True):
-            ranking += sensitivity(drawn, result.astype(float))
+        measure.add(name.removeprefix(DRAWN), column(name))
+    of_cost, of_settling = measure.ranked()
     return Summary(
         cases=len(numbers),
         settled=wilson(int(settled.sum()), len(numbers)),
@@ -71,8 +69,8 @@ def summarise(
         effort=_percentiles(columns["effort"][success]),
         outcomes=_outcomes(columns["code"], settled),
         worst=numbers[_badness(columns)[:worst]].tolist(),
-        cost_sensitivity=ranked(rankings[0]),
-        settling_sensitivity=ranked(rankings[1]),
+        cost_sensitivity=of_cost,
+        settling_sensitivity=of_settling,
     )
 
 

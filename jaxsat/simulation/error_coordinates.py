@@ -13,6 +13,7 @@ from jaxsat.checks import concrete
 from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.control.controller import Memory
 from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.quotients import reciprocal
 from jaxsat.simulation.loops import (
     AbstractContinuousLoop,
     Motion,
@@ -65,6 +66,11 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         error, memory = self.law.rate_error(state), self.law.init(state)
         return ErrorState(state.attitude, state.omega[2], error, memory)
 
+    @property
+    def torque_count(self) -> int:
+        """About body x and y."""
+        return 2
+
     def plant_state(self, state: ErrorState) -> PlantState:
         """The rate errors turned back into rates."""
         return self._with_rates(state, self._reference(state.attitude, state.omega3))
@@ -82,7 +88,7 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         unmodelled = self._unmodelled(t, plant_state)
         feedback = self.law.feedback(plant_state, state.rate_error, state.memory)
         moments = self.plant.spacecraft.moments
-        error_rate = (feedback + unmodelled[:2]) / moments[:2]
+        error_rate = (feedback + unmodelled[:2]) * reciprocal(moments[:2])
         omega3_rate = jnp.zeros_like(state.omega3)
         believed = (attitude_rate,)
         if not held:

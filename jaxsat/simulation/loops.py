@@ -18,7 +18,7 @@ from jaxsat.control import AbstractBacksteppingLaw, AbstractController, Abstract
 from jaxsat.control.controller import Memory
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.vehicle import Actuators, Sensors
+from jaxsat.vehicle import Actuators, DrawnSensors, Sensors
 
 
 class AbstractLoop(eqx.Module):
@@ -49,6 +49,11 @@ class AbstractContinuousLoop(AbstractLoop):
     its state moves by itself in a way known exactly can be taken out: then the state turned back
     is integrated, which changes by the rest alone.
     """
+
+    @property
+    @abc.abstractmethod
+    def torque_count(self) -> int:
+        """Torque beyond this many of its components is always zero."""
 
     @abc.abstractmethod
     def plant_state(self, state: PyTree) -> PlantState:
@@ -114,6 +119,11 @@ class ContinuousLoop(AbstractContinuousLoop):
     def start(self, state: PlantState) -> LoopState:
         """The plant's state and the controller's first memory."""
         return LoopState(state, self.controller.init(state))
+
+    @property
+    def torque_count(self) -> int:
+        """Thrusters may turn about any axis."""
+        return 3
 
     def plant_state(self, state: LoopState) -> PlantState:
         """It is a part."""
@@ -190,7 +200,7 @@ class SampledLoop(AbstractLoop):
     controller: AbstractSampledController
     actuators: Actuators
     substeps: int = eqx.field(static=True, default=4)
-    sensors: Sensors | None = None
+    sensors: Sensors | DrawnSensors | None = None
     delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):

@@ -1,7 +1,7 @@
 """The spacecraft: its inertia, its thrusters and what is left of them after failures."""
 
 from jaxsat.vehicle.actuators import Actuators
-from jaxsat.vehicle.sensors import Sensors
+from jaxsat.vehicle.sensors import DrawnSensors, Sensors
 from jaxsat.vehicle.spacecraft import Spacecraft
 from jaxsat.vehicle.thrusters import (
     Thrusters,
@@ -12,6 +12,7 @@ from jaxsat.vehicle.thrusters import (
 
 __all__ = [
     "Actuators",
+    "DrawnSensors",
     "Sensors",
     "Spacecraft",
     "Thrusters",

@@ -1,8 +1,10 @@
 """What a sampled controller is told of the state."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
+from numpy.typing import DTypeLike
 
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_float, require_positive
@@ -33,9 +35,37 @@ class Sensors(eqx.Module):
         self, sample: Int[Array, ""], attitude: AbstractAttitude, omega: Float[Array, "3"]
     ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
         """The measured attitude, in the parameters of the true one, and the measured ω, rad/s."""
-        noise = sample_noise(self.key, sample, 6, omega.dtype)
+        return self.with_noise(self.noise(sample, omega.dtype), attitude, omega)
+
+    def noise(self, sample: Int[Array, ""], dtype: DTypeLike) -> Float[Array, "6"]:
+        """Standard normal numbers of a sample, three for the rate and three for the attitude."""
+        return sample_noise(self.key, sample, 6, dtype)
+
+    def with_noise(
+        self, noise: Float[Array, "6"], attitude: AbstractAttitude, omega: Float[Array, "3"]
+    ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
+        """What is measured with this noise."""
         turned = turned_slightly(attitude, self.attitude_noise * noise[3:])
         return turned, omega + self.rate_noise * noise[:3]
+
+    def drawn(self, first: Int[Array, ""], count: int, dtype: DTypeLike) -> "DrawnSensors":
+        """The same for `count` samples from number `first` on, with all their noise drawn now."""
+        noise = jax.vmap(lambda sample: self.noise(sample, dtype))(first + jnp.arange(count))
+        return DrawnSensors(self, noise, first)
+
+
+class DrawnSensors(eqx.Module):
+    """Sensors for some samples whose noise has been drawn, the first of them number `first`."""
+
+    sensors: Sensors
+    noise: Float[Array, "samples 6"]
+    first: Int[Array, ""]
+
+    def __call__(
+        self, sample: Int[Array, ""], attitude: AbstractAttitude, omega: Float[Array, "3"]
+    ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
+        """As the sensors themselves."""
+        return self.sensors.with_noise(self.noise[sample - self.first], attitude, omega)
 
 
 def turned_slightly(attitude: AbstractAttitude, rotation: Float[Array, "3"]) -> AbstractAttitude:

@@ -1,6 +1,7 @@
 """`jaxsat montecarlo`."""
 
 import functools
+import json
 import os
 import subprocess
 import sys
@@ -121,3 +122,55 @@ def test_processes_and_devices_give_the_same_bits(jaxsat, tmp_path):
     status, _, err = jaxsat(*tokens, "--devices", "99")
     assert status == 2
     assert "--devices: Argument `count` must be from 1 to" in err
+
+
+WITHOUT_LLVMLITE = "import sys; sys.modules['llvmlite'] = None; "
+
+
+@pytest.mark.slow
+def test_without_llvmlite_another_engine_is_taken_and_told(tmp_path):
+    """In one line and in the store; with --engine native it is a mistake."""
+    whole = [*SHORT, "-n", "4", "--out", "s"]
+    program, *tokens = command(*whole)[2:]
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_LLVMLITE + program, *tokens],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    told = "the compiled engine must have llvmlite, which is not installed"
+    assert done.stderr == f"not the native engine: {told}\n"
+    assert "4: 0 settled, 4 unsettled" in done.stdout
+    attributes = open_study(tmp_path / "s").attrs
+    assert json.loads(attributes["identity"])["engine"]["name"] == "scan"
+    (run,) = json.loads(attributes["runs"])
+    assert run["remark"] == f"not the native engine: {told}"
+
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_LLVMLITE + program, *tokens, "--engine", "native"],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr == f"jaxsat: The native engine cannot run this: {told}\n"
+
+
+@pytest.mark.slow
+def test_llvmlite_that_cannot_be_loaded_is_told(tmp_path):
+    """As where its library is missing: a message, no traceback."""
+    (tmp_path / "llvmlite").mkdir()
+    (tmp_path / "llvmlite" / "__init__.py").write_text("raise OSError('no shared object')\n")
+    path = os.pathsep.join([str(tmp_path), environment()["PYTHONPATH"]])
+    done = subprocess.run(
+        command(*SHORT, "-n", "4", "--engine", "native"),
+        env=environment(PYTHONPATH=path),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "llvmlite, which cannot be imported: no shared object" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -44,7 +44,7 @@ def test_threefry_known_answer():
         ((0x13198A2E, 0x03707344), (0x243F6A88, 0x85A308D3), (0xC4923A9C, 0x483DF7A0)),
     ]:
         words = [jnp.array([word], jnp.uint32) for word in counter]
-        found = noise._threefry(jnp.array(key, jnp.uint32), *words)
+        found = noise.threefry(jnp.array(key, jnp.uint32), *words)
         assert tuple(int(word[0]) for word in found) == answer
 
 

@@ -128,6 +128,27 @@ def test_a_measured_turn_stays_near_the_true_one():
         assert abs(float(found.z) - z) < 1e-3
 
 
+def test_noise_drawn_together_is_that_of_one_sample_after_the_other():
+    """For several bodies at once, from any sample on, and what the sensors make of it."""
+    keys = jnp.stack([key_of_seed(seed) for seed in range(3)])
+
+    @jax.jit
+    @jax.vmap
+    def together(key):
+        return Sensors(0.1, 0.2, key).drawn(jnp.array(37), 16, float)
+
+    drawn = together(keys)
+    assert drawn.noise.shape == (3, 16, 6)
+    for body, key in enumerate(keys):
+        sensors, told = Sensors(0.1, 0.2, key), jax.tree.map(lambda x, b=body: x[b], drawn)
+        for number in (37, 44, 52):
+            expected = sample_noise(key, jnp.array(number), 6)
+            np.testing.assert_allclose(told.noise[number - 37], expected, rtol=1e-13)
+            pairs = [s(jnp.array(number), SPIN.attitude, SPIN.omega) for s in (told, sensors)]
+            for x, y in zip(*map(jax.tree.leaves, pairs), strict=True):
+                np.testing.assert_allclose(x, y, rtol=1e-13)
+
+
 def test_sensor_noise_has_the_deviations_asked_for():
     sensors = Sensors(1e-3, 2e-3, key_of_seed(5))
     attitude = Quaternion([0.5, 0.5, -0.5, 0.5])

@@ -32,6 +32,10 @@ class Relay(AbstractContinuousLoop):
     inertia: bool = eqx.field(static=True, default=True)
     above: Bool[Array, ""] | None = None
 
+    @property
+    def torque_count(self) -> int:
+        return 1
+
     def start(self, state: PlantState) -> RelayState:
         return RelayState(state.attitude.z, state.omega[0])
 

@@ -13,6 +13,8 @@ import pytest
 from jaxsat.montecarlo import Threads, run_study
 from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.results import open_study
+from jaxsat.scenario import load
+from jaxsat.scenario.study import build_study
 from montecarlo.studies import tumbling
 from montecarlo.test_ensemble import contents, same
 
@@ -27,6 +29,7 @@ def begun(*command):
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, **PATHS},
+        start_new_session=True,  # a group of its own, to send signals to
     )
 
 
@@ -64,33 +67,106 @@ def test_of_processes_started_at_once_one_goes_on(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["s"]
 
 
-COAST = [
-    "paper-rate",
-    *("--set", "control.law=coast"),
-    *("--set", "simulation.duration_s=500"),
-    *("--set", "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=0.1}"),
-    *("--engine", "scan", "--chunk", "8", "--width", "8", "-n", "20000", "--workers", "1"),
+SETTINGS = [
+    "control.law=coast",
+    "simulation.duration_s=500",
+    "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=0.1}",
 ]
+COAST = ["paper-rate", "--chunk", "8", "--width", "8"]
+COAST += [token for setting in SETTINGS for token in ("--set", setting)]
+MAIN = "from jaxsat.cli import main; main()"
+
+
+def begun_study(store, *more):
+    """A study as a command, once its second chunk is done."""
+    process = begun("-c", MAIN, "montecarlo", *COAST, "--out", str(store), *more)
+    deadline = time.monotonic() + 180
+    while not (store / "status" / "c" / "1").exists():
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    return process
+
+
+def same_study(count, engine):
+    """The study of the command, here."""
+    return build_study(load("paper-rate", SETTINGS), count, engine=engine, width=8, chunk=8)
+
+
+def assert_ended_as_told(process, store, status):
+    _, error = process.communicate(timeout=30)
+    assert process.returncode == status
+    kept = "the chunks that are done are in"
+    assert f"{kept} {store}; the same command goes on from there" in error
+    assert "Traceback" not in error
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interrupted_study_says_what_is_kept(tmp_path, sent, status):
-    main = "from jaxsat.cli import main; main()"
-    process = begun("-c", main, "montecarlo", *COAST, "--out", str(tmp_path / "s"))
-    deadline = time.monotonic() + 120
-    while not (tmp_path / "s" / "status" / "c" / "1").exists():
-        assert process.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    options = ("--engine", "scan", "-n", "20000", "--workers", "1")
+    process = begun_study(tmp_path / "s", *options)
     process.send_signal(sent)
-    _, error = process.communicate(timeout=20)
-    assert process.returncode == status
-    kept = "the chunks that are done are in"
-    assert f"{kept} {tmp_path / 's'}; the same command goes on from there" in error
-    assert "Traceback" not in error
+    assert_ended_as_told(process, tmp_path / "s", status)
     done = np.asarray(open_study(tmp_path / "s")["status"])
     assert 16 <= done.sum() < 20000
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="needs groups of processes")
+def test_ctrl_c_ends_all_processes_of_a_study(tmp_path):
+    """SIGINT to the whole group, as from a terminal; resumed, the bits are as if never stopped."""
+    pytest.importorskip("distributed")
+    store = tmp_path / "s"
+    options = ("--engine", "scan", "-n", "120", "--processes", "2")
+    process = begun_study(store, *options)
+    os.killpg(process.pid, signal.SIGINT)
+    assert_ended_as_told(process, store, 130)
+    deadline = time.monotonic() + 30
+    while running_in_group(process.pid):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    before = contents(store)["status"].sum()
+    assert 8 <= before < 120
+    study = same_study(120, "scan")
+    run_study(study, store, executor=Threads(2))
+    found = contents(store)
+    assert found.pop("status").sum() == 120
+    same(found, _by_column(study.evaluate(np.arange(120))))
+
+
+def running_in_group(group):
+    """Whether a process of the group is there; one that is dead but not yet buried is not."""
+    told = subprocess.run(
+        ["ps", "-A", "-o", "pgid=,stat="], capture_output=True, text=True, check=True
+    )
+    rows = (line.split() for line in told.stdout.splitlines())
+    return any(int(number) == group and not state.startswith("Z") for number, state in rows)
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_a_study_of_machine_code(tmp_path):
+    """While the native engine computes; resumed, the bits are as if never stopped."""
+    store = tmp_path / "s"
+    process = begun_study(store, "--engine", "native", "-n", "4000")
+    process.send_signal(signal.SIGINT)
+    assert_ended_as_told(process, store, 130)
+    assert 8 <= contents(store)["status"].sum() < 4000
+    study = same_study(4000, "native")
+    chunks = []
+
+    def enough(progress):
+        chunks.append(progress.done)
+        if len(chunks) == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_study(study, store, executor=Threads(2), report=enough)
+    found = contents(store)
+    done = np.flatnonzero(found.pop("status"))
+    assert len(done) >= 48
+    expected = _by_column(study.evaluate(done))
+    same({name: values[done] for name, values in found.items()}, expected)
 
 
 GROWTH = """

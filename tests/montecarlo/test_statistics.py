@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from jaxsat.montecarlo import StopRule, first_order_index, percentile, sensitivity, wilson
+from jaxsat.montecarlo.statistics import Sensitivities
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 10), (10, 10), (3, 10), (977, 1000), (1, 1)])
@@ -66,6 +67,26 @@ def test_first_order_indices_of_ishigami():
     expected = stats.spearmanr(x[:, 0], y).statistic
     np.testing.assert_allclose(found["x[1]"].rank_correlation, expected)
     assert next(iter(sensitivity({"x": x}, y))).name == "x[2]"
+
+
+def test_rank_correlations_with_ties_and_cases_left_out_are_those_of_scipy():
+    """For several results at once; one of few values, one that some cases do not have."""
+    rng = np.random.default_rng(8)
+    x = np.round(rng.random((300, 2)) * [5, 1e9])
+    whole = np.where(rng.random(300) < 0.8, x[:, 0] + rng.random(300), np.inf)
+    few = (x[:, 1] > 3e8).astype(float)
+    measure = Sensitivities([whole, few])
+    measure.add("a", x)
+    measure.add("b", x[:, :1] * 0)
+    for result, found in zip((whole, few), measure.ranked(), strict=True):
+        fine = np.isfinite(result)
+        assert [entry.name for entry in found][-1] == "b"
+        assert np.isnan(found[-1].rank_correlation)
+        for entry in found[:-1]:
+            column = x[fine, int(entry.name[2]) - 1]
+            expected = stats.spearmanr(column, result[fine]).statistic
+            np.testing.assert_allclose(entry.rank_correlation, expected, rtol=1e-12)
+            np.testing.assert_allclose(entry.first_order, first_order_index(column, result[fine]))
 
 
 def test_noise_has_no_first_order_index():

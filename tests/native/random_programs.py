@@ -5,7 +5,8 @@ A program is a list of steps `(name, numbers)`. It works on a pool of values by 
 an operand of the kind a step asks for, counted from the newest, so that any numbers make a program.
 
 All floats are quarters of size up to 1024, or infinite, or NaN. Arithmetic on them is exact, fused
-or not, so two engines must agree in every bit, through every comparison and branch.
+or not, so two engines must agree in every bit, through every comparison and branch. Quotients and
+elementary functions are rounded to the nearest quarter, whose cell's ends they do not come near.
 """
 
 import jax
@@ -16,12 +17,17 @@ from jax import lax
 
 SIZE = 4
 MATRIX = np.array([[1, 0, -1, 2], [0.5, 1, 0, 0], [0, -2, 1, 1], [1, 1, 1, -0.5]])
+FAR = np.arange(45.0).reshape(9, 5) / 4.0
 INSIDE = 3
 
 
 def quarters(x):
     """The floats that programs may hold."""
     return lax.clamp(-1024.0, jnp.floor(4.0 * x) * 0.25, 1024.0)
+
+
+def _nearest(x):
+    return jnp.floor(4.0 * x + 0.5) * 0.25
 
 
 def _vector(pool, a, b, c):
@@ -63,6 +69,20 @@ STEPS = {
     "rem": ("f", "ff", lambda x, y: lax.rem(x, y)),
     "sqrt": ("f", "f", lambda x: jnp.floor(jnp.sqrt(jnp.abs(x)))),
     "select": ("f", "bff", jnp.where),
+    "div": ("f", "ff", lambda x, y: x / y),
+    "inverse": ("f", "f", lambda x: _nearest(1.0 / x)),
+    "sin": ("f", "f", lambda x: _nearest(4.0 * jnp.sin(x))),
+    "cos": ("f", "f", lambda x: _nearest(4.0 * jnp.cos(x))),
+    "tanh": ("f", "f", lambda x: _nearest(4.0 * jnp.tanh(x))),
+    "exp": ("f", "f", lambda x: _nearest(jnp.exp(x / 64.0))),
+    "log": ("f", "f", lambda x: _nearest(jnp.log(jnp.abs(x) + 0.25))),
+    "log1p": ("f", "f", lambda x: _nearest(jnp.log1p(jnp.abs(x)))),
+    "atan2": ("f", "ff", lambda x, y: _nearest(jnp.arctan2(x, y))),
+    "asinh": ("f", "f", lambda x: _nearest(4.0 * jnp.arcsinh(x))),
+    "acos": ("f", "f", lambda x: _nearest(4.0 * jnp.arccos(x / 1024.0))),
+    "erf": ("f", "f", lambda x: _nearest(8.0 * lax.erf(x / 4.0))),
+    "cbrt": ("f", "f", lambda x: _nearest(jnp.cbrt(x))),
+    "pow": ("f", "ff", lambda x, y: _nearest((jnp.abs(x) + 0.25) ** lax.clamp(-2.0, y, 2.0))),
     "clamp": ("f", "fff", lambda x, y, z: lax.clamp(jnp.minimum(x, z), y, jnp.maximum(x, z))),
     "float_of_int": ("f", "i", lambda x: (x % 256).astype(float)),
     "float_of_unsigned": ("f", "u", lambda x: (x >> np.uint32(22)).astype(float)),
@@ -77,6 +97,8 @@ STEPS = {
     "third": ("f", "v", lambda v: v[2]),
     "element": ("f", "vi", lambda v, i: v[i % SIZE]),
     "element_beyond": ("f", "vi", lambda v, i: v.at[i].get(mode="clip")),
+    "corner": ("f", "vii", lambda v, i, j: v.reshape(2, 2)[i % 2, j % 2]),
+    "far_table": ("f", "ii", lambda i, j: jnp.asarray(FAR)[i % 9, j % 5]),
     "norm": ("f", "v", lambda v: jnp.sum(jnp.abs(v) * v)),
     "i_add": ("i", "ii", lambda x, y: x + y),
     "i_sub": ("i", "ii", lambda x, y: x - y),
@@ -153,6 +175,7 @@ STEPS = {
     "v_matrix": ("v", "v", lambda v: jnp.asarray(MATRIX) @ quarters(v)),
     "v_outer": ("v", "vv", lambda x, y: jnp.sum(jnp.outer(quarters(x), quarters(y)), axis=0)),
     "v_square": ("v", "v", lambda v: (quarters(v).reshape(2, 2) @ MATRIX[:2, :2]).reshape(SIZE)),
+    "v_row": ("v", "vi", lambda v, i: jnp.tile(v.reshape(2, 2)[i % 2], 2)),
     "v_turn": ("v", "v", lambda v: v.reshape(2, 2).T.reshape(SIZE)),
     "v_pad": ("v", "v", lambda v: lax.pad(v, jnp.asarray(0.5), [(1, -1, 0)])),
     "v_cross": ("v", "vv", lambda x, y: jnp.append(jnp.cross(x[:3], y[:3]), x[3])),

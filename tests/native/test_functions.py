@@ -11,6 +11,7 @@ import jax
 import mpmath as mp
 import numpy as np
 import pytest
+import scipy.special
 from jax import lax
 
 from jaxsat.engine.native.functions import FUNCTIONS, program
@@ -24,6 +25,14 @@ def _logistic(x):
     return 1 / (1 + mp.exp(-x))
 
 
+def _real(function):
+    def real(x):
+        value = function(x)
+        return value if mp.im(value) == 0 else mp.nan
+
+    return real
+
+
 def _power(x, y):
     value = mp.power(x, y)
     return value if mp.im(value) == 0 else mp.nan
@@ -31,13 +40,18 @@ def _power(x, y):
 
 REFERENCES = {
     "acos": mp.acos,
+    "acosh": _real(mp.acosh),
     "asin": mp.asin,
+    "asinh": mp.asinh,
     "atan": mp.atan,
     "atan2": mp.atan2,
+    "atanh": _real(mp.atanh),
     "cbrt": lambda x: mp.sign(x) * mp.cbrt(abs(x)),
     "cos": mp.cos,
     "cosh": mp.cosh,
+    "erf": mp.erf,
     "erf_inv": mp.erfinv,
+    "erfc": mp.erfc,
     "exp": mp.exp,
     "exp2": lambda x: mp.mpf(2) ** x,
     "expm1": mp.expm1,
@@ -52,12 +66,17 @@ REFERENCES = {
 }
 NUMPY = {
     "acos": np.arccos,
+    "acosh": np.arccosh,
     "asin": np.arcsin,
+    "asinh": np.arcsinh,
     "atan": np.arctan,
     "atan2": np.arctan2,
+    "atanh": np.arctanh,
     "cbrt": np.cbrt,
     "cos": np.cos,
     "cosh": np.cosh,
+    "erf": scipy.special.erf,
+    "erfc": scipy.special.erfc,
     "exp": np.exp,
     "exp2": np.exp2,
     "expm1": np.expm1,
@@ -115,7 +134,11 @@ def _points(name: str, rng: np.random.Generator, count: int) -> np.ndarray:
                 *(_any_double(rng, count), _near([2.0**20, np.pi / 4], rng, 20)),
             ]
         )
-    if name in ("asin", "acos", "erf_inv"):
+    if name == "acosh":
+        from_one = [rng.uniform(1, 4, count), 1 + np.abs(_spread(rng, 1e-15, 1.0, count))]
+        large = np.exp(rng.uniform(0, 709, count))
+        return np.concatenate([*from_one, large, _near([1.5, 2.0**28], rng, 20)])
+    if name in ("asin", "acos", "atanh", "erf_inv"):
         ends = 1 - np.abs(_spread(rng, 1e-16, 0.3, count))
         middle = _near([0.5, 0.99903], rng, 20)
         return np.concatenate(
@@ -127,11 +150,16 @@ def _points(name: str, rng: np.random.Generator, count: int) -> np.ndarray:
         shift = 1.0 if name == "log1p" else 0.0
         close = _spread(rng, 1e-300, 0.9, count) if shift else _near([0.7071, 1.4142], rng, 20)
         return np.concatenate([rng.uniform(0.01, 4, count) - shift, near_one - shift, every, close])
-    edges = _near([0.34657, 0.55, 1.0, 22.0], rng, 20)
+    if name in ("erf", "erfc"):
+        edges = _near([0.5, 0.9, 4.0], rng, 20)
+        tail = rng.uniform(4, 28, count)
+        small = _spread(rng, 1e-300, 1.0, count)
+        return np.concatenate([rng.uniform(-6, 6, count), tail, small, edges, -edges])
+    edges = _near([0.34657, 0.5, 0.55, 1.0, 22.0, 2.0**28], rng, 20)
     large = rng.uniform(-740, 705, count)
     return np.concatenate(
         [rng.uniform(-3, 3, count), large, _spread(rng, 1e-300, 30, count), edges]
-        + ([_any_double(rng, count)] if name in ("atan", "cbrt") else [])
+        + ([_any_double(rng, count)] if name in ("asinh", "atan", "cbrt") else [])
     )
 
 

@@ -79,7 +79,8 @@ def test_whole_numbers(dtype):
             for shift in (lax.shift_left, lax.shift_right_logical, lax.shift_right_arithmetic)
             for other in (count, jnp.asarray(3, dtype))
         ]
-        return sums, bits, shifts, jnp.maximum(x, shared), x < y, x == y
+        far = lax.shift_right_arithmetic(~x, jnp.asarray(3, dtype))
+        return sums, bits, shifts, far, jnp.maximum(x, shared), x < y, x == y
 
     check(function, (numbers(dtype=dtype), numbers(dtype=dtype, seed=1)), dtype(3))
 
@@ -96,6 +97,18 @@ def test_conversions():
 
     flags = numbers(dtype=bool)
     check(function, (numbers(), numbers(dtype=np.int32), flags))
+
+
+def test_rounding_to_fewer_bits():
+    def function(case, shared):
+        del shared
+        several = [lax.reduce_precision(case, *n) for n in ((8, 23), (5, 10), (11, 3))]
+        return several, lax.reduce_precision(case.astype(jnp.float32), 5, 7)
+
+    scales = 10.0 ** np.linspace(-50, 45, CASES)
+    scaled = np.random.default_rng(0).normal(size=CASES) * scales
+    for cases in (numbers(), scaled):
+        check(function, cases, tolerance=0)
 
 
 def test_moving_elements():

@@ -23,6 +23,7 @@ from jaxsat.engine.native.ir import (
     Value,
 )
 from jaxsat.engine.native.operations import BOOL, OPERATIONS, evaluate
+from jaxsat.engine.native.simplify import identity, simplified
 
 CHEAP = 24
 """Branches of at most so many operations in all are computed in every lane, not jumped over."""
@@ -38,25 +39,52 @@ class Builder:
         self.mask: Scalar | None = None
         self.functions: dict[tuple, Function] = {}
         self.repeated: dict[int, Any] = {}
+        self._negated: dict[int, Scalar] = {}  # what a value is the negative of
+        self.written = 0  # operations so far
 
     def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
         """One arithmetic operation; `dtype` is the result's where the operands do not tell it."""
         if dtype is None:
             compares = name == "any" or (name in OPERATIONS and OPERATIONS[name].compares)
             dtype = BOOL if compares else args[-1].dtype
-        if not any(isinstance(arg, Value) for arg in args):
+        known = uniform = True
+        for arg in args:
+            if isinstance(arg, Value):
+                known, uniform = False, uniform and arg.uniform
+        if known:
             return dtype.type(np.asarray(evaluate(name, args, dtype)).astype(dtype)[()])
-        simple = _simplified(name, args, dtype)
+        simple = simplified(name, args, dtype)
+        if simple is None and dtype.kind == "f":
+            simple = self._with_sign_outside(name, args)
         if simple is not None:
             return simple
-        key = (name, dtype.str, *map(_identity, args))
+        key = (name, dtype.char, *map(identity, args))
         found = self._known(key)
         if found is None:
-            uniform = name == "any" or all(is_uniform(arg) for arg in args)
-            found = Value(dtype, uniform)
+            found = Value(dtype, uniform or name == "any")
             self.block.steps.append(Operation(name, args, found))
+            self.written += 1
             self.block.known[key] = found
+            if name == "neg":
+                self._negated[found.number] = args[0]
         return found
+
+    def _with_sign_outside(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
+        """The same value with a negation taken in or handed on, or None; equal in all bits."""
+        inner = [self._negated.get(x.number) if isinstance(x, Value) else None for x in args]
+        match name, args, inner:
+            case "neg", _, [x] if x is not None:
+                return x
+            case "add", [x, _], [_, y] if y is not None:
+                return self.operation("sub", x, y)
+            case "add", [_, y], [x, _] if x is not None:
+                return self.operation("sub", y, x)
+            case "sub", [x, _], [_, y] if y is not None:
+                return self.operation("add", x, y)
+            case "mul" | "div", [x, y], [a, b] if a is not None or b is not None:
+                whole = self.operation(name, x if a is None else a, y if b is None else b)
+                return whole if a is not None and b is not None else self.operation("neg", whole)
+        return None
 
     def select(self, predicate: Scalar, yes: Scalar, no: Scalar) -> Scalar:
         """`yes` where the predicate holds, else `no`."""
@@ -76,7 +104,7 @@ class Builder:
 
     def load(self, memory: Memory, index: Scalar) -> Scalar:
         """An element of a memory that is not written any more."""
-        key = ("load", memory.number, _identity(index))
+        key = ("load", memory.number, identity(index))
         found = self._known(key)
         if found is None:
             found = Value(memory.dtype, memory.uniform and is_uniform(index))
@@ -143,24 +171,38 @@ class Builder:
             with self.inside(block, masks[number] if masks else self.mask):
                 yields.append(branch())
             blocks.append(block)
-        small = all(isinstance(step, Operation) for block in blocks for step in block.steps)
-        if small and sum(len(block.steps) for block in blocks) <= CHEAP:
-            for block in blocks:
-                self._take_in(block)
-            chosen = yields[-1]
-            for number in reversed(range(len(branches) - 1)):
-                here = self.operation("eq", index, index.dtype.type(number))
-                chosen = [
-                    self.select(here, a, b) for a, b in zip(yields[number], chosen, strict=True)
-                ]
-            return chosen
-        if masks is None:
+        if masks is None and not _cheap(blocks):
             return self._switch(index, blocks, yields)
-        return self._masked(masks, blocks, yields)
+        return self._everywhere(index, masks, blocks, yields)
+
+    def where_seldom(
+        self,
+        predicates: Sequence[Scalar],
+        seldom: Callable[[], Sequence[Scalar]],
+        mostly: Sequence[Scalar],
+    ) -> list[Scalar]:
+        """Of `seldom` where the predicates hold, of `mostly` elsewhere, one for one.
+
+        The former is jumped over unless one of them holds in some lane.
+        """
+        ever: Scalar = np.False_
+        for predicate in predicates:
+            ever = self.operation("or", ever, predicate)
+        if self.mask is not None:
+            ever = self.operation("and", ever, self.mask)
+        if not isinstance(ever, Value):
+            return list(seldom() if ever else mostly)
+        block = Block(self.block)
+        with self.inside(block, ever):
+            found = [
+                self.select(p, a, b) for p, a, b in zip(predicates, seldom(), mostly, strict=True)
+            ]
+        needed = self.convert(self.any(ever), INT)
+        return self._switch(needed, [Block(self.block), block], [mostly, found], seldom=True)
 
     def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
         """The results of a function."""
-        key = ("call", function.name, *map(_identity, args))
+        key = ("call", function.name, *map(identity, args))
         known = self._known(key)
         if known is not None:
             return list(known)  # pyright: ignore[reportArgumentType]
@@ -182,82 +224,46 @@ class Builder:
         self.block.steps += block.steps
         self.block.known |= block.known
 
-    def _switch(self, index, blocks, yields) -> list[Scalar]:
+    def _switch(self, index, blocks, yields, *, seldom: bool = False) -> list[Scalar]:
         kinds = zip(*yields, strict=True)
         outs = [Value(several[0].dtype, all(map(is_uniform, several))) for several in kinds]
-        self.block.steps.append(Switch(index, blocks, yields, outs))
+        self.block.steps.append(Switch(index, blocks, yields, outs, seldom))
         return list(outs)
 
-    def _masked(self, masks, blocks, yields) -> list[Scalar]:
-        """Every branch that any lane needs, and of each lane's results those of its own branch."""
+    def _everywhere(self, index, masks, blocks, yields) -> list[Scalar]:
+        """Cheap branches in all lanes, others where any lane needs them; each lane gets its own."""
+        whole = _cheap(blocks)
         chosen: list[Scalar] | None = None
-        for mask, block, results in zip(masks, blocks, yields, strict=True):
-            nothing = [result.dtype.type(0) for result in results]
-            needed = self.convert(self.any(mask), INT)
-            outs = self._switch(needed, [Block(self.block), block], [nothing, results])
+        dear = []
+        for number in reversed(range(len(blocks))):
+            block, results = blocks[number], yields[number]
+            if not (whole or _cheap([block])):
+                dear.append(number)
+                continue
+            self._take_in(block)
             if chosen is None:
-                chosen = outs
+                chosen = list(results)
             else:
-                chosen = [self.select(mask, a, b) for a, b in zip(outs, chosen, strict=True)]
+                here = self.operation("eq", index, index.dtype.type(number))
+                chosen = [self.select(here, a, b) for a, b in zip(results, chosen, strict=True)]
+        for number in reversed(dear):
+            block, results, mask = blocks[number], yields[number], masks[number]
+            if chosen is None:
+                chosen = [result.dtype.type(0) for result in results]
+            with self.inside(block, mask):
+                found = [self.select(mask, a, b) for a, b in zip(results, chosen, strict=True)]
+            needed = self.convert(self.any(mask), INT)
+            chosen = self._switch(needed, [Block(self.block), block], [chosen, found])
         assert chosen is not None
         return chosen
+
+
+def _cheap(blocks: Sequence[Block]) -> bool:
+    """Whether branches are sooner computed than jumped over."""
+    plain = all(isinstance(step, Operation) for block in blocks for step in block.steps)
+    return plain and sum(len(block.steps) for block in blocks) <= CHEAP
 
 
 def is_uniform(x: Scalar) -> bool:
     """Whether `x` is the same in all lanes."""
     return x.uniform if isinstance(x, Value) else True
-
-
-def _identity(x: Scalar):
-    return x.number if isinstance(x, Value) else (x.dtype.char, x.tobytes())
-
-
-def _is(x: Scalar, number) -> bool:
-    """Whether `x` is this constant, the sign of zero included."""
-    if isinstance(x, Value) or x != number:
-        return False
-    return x.dtype.kind != "f" or bool(np.signbit(x) == np.signbit(number))
-
-
-def _simplified(name: str, args: tuple[Scalar, ...], dtype: np.dtype) -> Scalar | None:
-    """A value that is there already and equal in all bits, or None."""
-    floating = dtype.kind == "f"
-    match name, args:
-        case "select", (predicate, yes, no):
-            if not isinstance(predicate, Value):
-                return yes if predicate else no
-            return yes if _identity(yes) == _identity(no) else None
-        case "convert" | "bitcast", (x,):
-            return x if x.dtype == dtype else None
-        case "mul", (x, y):
-            return _with_neutral(x, y, 1) or (None if floating else _with_absorbing(x, y, 0))
-        case "div", (x, y):
-            return x if _is(y, 1) else None
-        case "add", (x, y):
-            return _with_neutral(x, y, -0.0 if floating else 0)
-        case "sub", (x, y):
-            return x if _is(y, 0.0 if floating else 0) else None
-        case "and", (x, y):
-            full = True if dtype == BOOL else np.invert(dtype.type(0))
-            return _with_neutral(x, y, full) or _with_absorbing(x, y, False if dtype == BOOL else 0)
-        case "or", (x, y):
-            nothing = False if dtype == BOOL else 0
-            absorbing = _with_absorbing(x, y, True) if dtype == BOOL else None
-            return _with_neutral(x, y, nothing) or absorbing
-        case "xor", (x, y):
-            return _with_neutral(x, y, False if dtype == BOOL else 0)
-        case "shift_left" | "shift_right_logical" | "shift_right_arithmetic", (x, y):
-            return x if _is(y, 0) else None
-    return None
-
-
-def _with_neutral(x: Scalar, y: Scalar, neutral) -> Scalar | None:
-    if _is(y, neutral):
-        return x
-    return y if _is(x, neutral) else None
-
-
-def _with_absorbing(x: Scalar, y: Scalar, absorbing) -> Scalar | None:
-    if _is(y, absorbing):
-        return y
-    return x if _is(x, absorbing) else None

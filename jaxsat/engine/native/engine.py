@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
 from jaxsat.engine.native import target
-from jaxsat.engine.native.kernel import Kernel, processors
+from jaxsat.engine.native.kernel import Kernel
 from jaxsat.engine.native.lowering import CannotLower
 from jaxsat.engine.native.staged import Plain, WithDerivatives, any_length
 from jaxsat.engine.native.trajectory import numbers_of, trajectory_stages
@@ -20,6 +20,7 @@ from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.engine.runge_kutta import tableau_of
 from jaxsat.engine.scan import ScanEngine
+from jaxsat.processors import processors
 from jaxsat.simulation import Signals
 
 Method = tuple[diffrax.AbstractSolver, int, Tolerance | None]
@@ -57,8 +58,9 @@ class NativeEngine(AbstractEngine):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise ValueError(f"Argument `{name}` must be at least 1, but got {value}.")
-        if not target.LLVMLITE:
-            raise RuntimeError(NO_LLVMLITE)
+        obstacle = _llvmlite_obstacle()
+        if obstacle is not None:
+            raise RuntimeError(obstacle)
 
     def identity(self) -> dict[str, Any]:
         """Solver and steps, and the processor, whose instructions round as they do."""
@@ -150,12 +152,24 @@ def native_obstacle(
     method: Method, program: Program, cases: PyTree, gains: PyTree = None
 ) -> str | None:
     """Why the native engine cannot run a program for such cases; None if it can."""
-    if not target.LLVMLITE:
-        return NO_LLVMLITE
+    obstacle = _llvmlite_obstacle()
+    if obstacle is not None:
+        return obstacle
     try:
         _kernel(method, program, cases, gains, _lanes(method), False)
     except (CannotLower, RuntimeError) as error:
         return str(error)
+    return None
+
+
+def _llvmlite_obstacle() -> str | None:
+    if not target.LLVMLITE:
+        return NO_LLVMLITE
+    try:
+        import llvmlite.binding  # noqa: F401
+    except (ImportError, OSError) as error:  # OSError: its library cannot be loaded
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        return f"the compiled engine must have llvmlite, which cannot be imported: {reason}"
     return None
 
 

@@ -107,12 +107,16 @@ class Loop:
 
 @dataclass(slots=True)
 class Switch:
-    """The block number `index`, which is uniform and in range; `yields` are their results."""
+    """The block number `index`, which is uniform and in range; `yields` are their results.
+
+    Blocks after the first are `seldom` needed or not.
+    """
 
     index: Scalar
     blocks: list[Block]
     yields: list[list[Scalar]]
     outs: list[Value]
+    seldom: bool = False
 
 
 @dataclass(slots=True)

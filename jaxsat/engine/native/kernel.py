@@ -1,9 +1,11 @@
 """The machine code of a trajectory's stages, and how it is called."""
 
 import ctypes
+import functools
 import os
+import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import jax
@@ -15,6 +17,7 @@ from jaxsat.engine.native.drivers import advance_lanes, run_blocks, run_lanes
 from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.stages import add_stage
 from jaxsat.engine.native.trajectory import ALIGNMENT, TrajectoryStages
+from jaxsat.processors import all_processors
 
 PIECE = 4
 """Vectors of cases that a thread takes at a time."""
@@ -26,10 +29,22 @@ RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
 STAGE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 2)
 
 
-def processors() -> int:
-    """How many this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
+_making = threading.Lock()
+
+
+def _threads() -> ThreadPoolExecutor:
+    """The threads in which machine code runs: as many as processors, however many callers wait.
+
+    Callers are served in turn, so several at once keep all processors busy and no more.
+    """
+    with _making:
+        return _threads_of(os.getpid())  # a process that was forked has none of its parent's
+
+
+@functools.cache
+def _threads_of(process: int) -> ThreadPoolExecutor:
+    del process
+    return ThreadPoolExecutor(all_processors(), thread_name_prefix="jaxsat-native")
 
 
 class Kernel:
@@ -50,15 +65,19 @@ class Kernel:
         self._keep, self._addresses = target.loaded(cache.object_code(self.text), names)
 
     def run(self, inputs: Sequence[np.ndarray], count: int, intervals: int, workers: int) -> Any:
-        """Outputs of `count` cases, whose arrays come first among the inputs."""
+        """Outputs of `count` cases, whose arrays come first among the inputs.
+
+        At most `workers` of the threads work for this call. An exception of the caller's thread
+        (Ctrl-C) ends the call after the pieces under way.
+        """
         outputs, leaves = _room(self.stages.outputs, count)
-        pointers = _pointers([*inputs, *leaves])
         run = RUN(self._addresses["run"])
         piece = self._piece(count, workers)
         pieces = iter(range(0, count, piece))
         stopped = False
 
         def work() -> None:
+            pointers = _pointers([*inputs, *leaves])  # which live as long as this needs them
             state = _State(self.stages.state_size)
             for begin in pieces:  # next() of a range iterator is atomic
                 if stopped:
@@ -67,15 +86,17 @@ class Kernel:
                 run(pointers, state.address, begin, end, 0, intervals)
 
         workers = min(workers, -(-count // piece))
-        if workers <= 1:
-            work()
-            return outputs
-        with ThreadPoolExecutor(workers, thread_name_prefix="jaxsat-native") as pool:
-            try:
-                for future in [pool.submit(work) for _ in range(workers)]:
-                    future.result()
-            finally:
-                stopped = True
+        futures: list[Future] = []
+        try:
+            for _ in range(workers):
+                futures.append(_threads().submit(work))
+            for future in futures:
+                future.result()
+        finally:
+            stopped = True
+            for future in futures:
+                if not future.cancel():
+                    future.exception()  # waits
         return outputs
 
     def _piece(self, count: int, workers: int) -> int:

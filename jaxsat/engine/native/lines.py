@@ -1,11 +1,15 @@
 """The text of LLVM code while it is printed: modules, names, operands and memory."""
 
 import abc
+from collections.abc import Callable
 
 import numpy as np
 
-from jaxsat.engine.native.ir import Block, Memory, Scalar, Value
+from jaxsat.engine.native.ir import Block, Function, Memory, Scalar, Value
 from jaxsat.engine.native.words import constant, memory_type, scalar_type, vector_type
+
+SELDOM = "!0"
+"""Weights of a switch whose second branch hardly ever runs: its costs stay out of the first."""
 
 
 class Module:
@@ -14,13 +18,16 @@ class Module:
     def __init__(self, lanes: int):
         self.lanes = lanes
         self.functions: dict[str, str] = {}
+        self.printed: dict[int, tuple[str, Function]] = {}  # by identity, with their names
         self.constants: dict[int, str] = {}  # by the number of the memory
         self.declarations: set[str] = set()
 
     def text(self, attributes: str) -> str:
         """All of it, every function with these attributes."""
         parts = [*self.constants.values(), *self.functions.values(), *sorted(self.declarations)]
-        return "\n".join([*parts, f"attributes #0 = {{ {attributes} }}", ""])
+        attributes = f"attributes #0 = {{ {attributes} }}"
+        weights = f'{SELDOM} = !{{!"branch_weights", i32 100000, i32 1}}'
+        return "\n".join([*parts, attributes, weights, ""])
 
 
 class AbstractLines(abc.ABC):
@@ -32,7 +39,8 @@ class AbstractLines(abc.ABC):
         self._first: list[str] = []
         self._count = 0
         self.label = "entry"
-        self.spread: list[dict[int | str, str]] = [{}]
+        self.spread: list[dict[int | tuple[str, int], str]] = [{}]
+        self.readers: dict[int, Callable[[str], None]] = {}
         self._memories: dict[int, str] = {}
         self._names: dict[int, str] = {}
 
@@ -50,8 +58,21 @@ class AbstractLines(abc.ABC):
         return f"%{prefix}{self._count}"
 
     def name(self, value: Value) -> str:
-        """The name of a value of the program."""
-        return self._names.setdefault(value.number, f"%v{len(self._names)}")
+        """The name of a value of the program; one with a reader is read again in every block."""
+        reader = self.readers.get(value.number)
+        if reader is None:
+            return self._names.setdefault(value.number, f"%v{len(self._names)}")
+        return self.once_in_block(("value", value.number), reader)
+
+    def once_in_block(self, key: tuple[str, int], reader: Callable[[str], None]) -> str:
+        """The name of what `reader` gives a name to, here or in a block around this one."""
+        for known in reversed(self.spread):
+            if key in known:
+                return known[key]
+        out = self.fresh("r")
+        reader(out)
+        self.spread[-1][key] = out
+        return out
 
     def operand(self, x: Scalar, varying: bool = False) -> str:
         """A value or constant, spread over all lanes if it is to be `varying`."""

@@ -4,7 +4,7 @@ Floating-point operations carry the flag `contract` and no other: a product and 
 one fused operation, and nothing else may change.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from jaxsat.engine.native.ir import (
     Switch,
     Value,
 )
-from jaxsat.engine.native.lines import AbstractLines, Module
+from jaxsat.engine.native.lines import SELDOM, AbstractLines, Module
 from jaxsat.engine.native.operations import OPERATIONS
+from jaxsat.engine.native.places import FROM, Known, read_later
 from jaxsat.engine.native.words import (
     memory_type,
     scalar_type,
@@ -32,18 +33,31 @@ from jaxsat.engine.native.words import (
 )
 
 
-def internal(module: Module, function: Function) -> str:
-    """The name of an internal function of a module, printed if it was not."""
-    name = f'@"{function.name}"'
-    if name not in module.functions:
-        module.functions[name] = ""  # its place before those who call it
-        module.functions[name] = _printed(module, name, function)
-    return name
+def internal(module: Module, function: Function, known: Known) -> str:
+    """The name of an internal function of a module, printed if it was not.
+
+    Parameters whose places are `known` it reads itself.
+    """
+    found = module.printed.get(id(function))
+    if found is None:
+        name, number = f'@"{function.name}"', 0
+        text = _printed(module, name, function, known)
+        while module.functions.setdefault(name, text) != text:
+            number += 1  # another function has the name
+            name = f'@"{function.name}.{number}"'
+            text = _printed(module, name, function, known)
+        found = module.printed[id(function)] = (name, function)
+    return found[0]
 
 
-def _printed(module: Module, name: str, function: Function) -> str:
+def _printed(module: Module, name: str, function: Function, known: Known) -> str:
     body = Body(module)
-    params = [f"{type_of(param, module.lanes)} {body.name(param)}" for param in function.params]
+    params = [FROM] if known else []
+    for param in function.params:
+        if param.number in known:
+            read_later(body, param, known[param.number])
+        else:
+            params.append(f"{type_of(param, module.lanes)} {body.name(param)}")
     body.steps(function.block)
     results = [body.operand(result) for result in function.results]
     body.line(f"ret {aggregate(body, function.results, results)}")
@@ -72,7 +86,11 @@ def aggregate(body: AbstractLines, results: Sequence[Scalar], names: Sequence[st
 
 
 class Body(AbstractLines):
-    """The lines of one function, step by step."""
+    """The lines of one function, step by step; it may tell others where their parameters are."""
+
+    def __init__(self, module: Module, known: Mapping[int, Known] | None = None):
+        super().__init__(module)
+        self.known = known or {}
 
     def steps(self, block: Block) -> None:
         """The steps of a block."""
@@ -153,12 +171,14 @@ class Body(AbstractLines):
         self.line(f"{out} = {word} {before} {x} to {after}")
 
     def _call(self, step: Call) -> None:
-        name = internal(self.module, step.function)
-        params = step.function.params
-        typed = ", ".join(
-            f"{type_of(param, self.module.lanes)} {self.operand(arg, not param.uniform)}"
-            for param, arg in zip(params, step.args, strict=True)
-        )
+        known = self.known.get(id(step.function), {})
+        name = internal(self.module, step.function, known)
+        passed = [FROM.replace("noalias ", "")] if known else []
+        for param, arg in zip(step.function.params, step.args, strict=True):
+            if param.number not in known:
+                kind = type_of(param, self.module.lanes)
+                passed.append(f"{kind} {self.operand(arg, not param.uniform)}")
+        typed = ", ".join(passed)
         returned = result_type(step.function.results, self.module.lanes)
         if len(step.outs) == 1:
             self.line(f"{self.name(step.outs[0])} = call {returned} {name}({typed})")
@@ -209,7 +229,8 @@ class Body(AbstractLines):
         out, kind = f"out{number}", scalar_type(step.index.dtype)
         targets = " ".join(f"{kind} {i}, label %{label}" for i, label in enumerate(labels[1:], 1))
         index = self.operand(step.index)
-        self.line(f"switch {kind} {index}, label %{labels[0]} [ {targets} ]")
+        weights = f", !prof {SELDOM}" if step.seldom else ""
+        self.line(f"switch {kind} {index}, label %{labels[0]} [ {targets} ]{weights}")
         sources = []
         for label, block, results in zip(labels, step.blocks, step.yields, strict=True):
             self.begin(label)

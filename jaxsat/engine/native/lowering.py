@@ -7,9 +7,11 @@ An array of the jaxpr is a NumPy object array of constants and values. A rule is
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax._src import source_info_util
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
@@ -25,10 +27,19 @@ else:
 
 Rule = Callable[..., "Elements | Sequence[Elements]"]
 
-REPEATED, LONG = 3, 64
+REPEATED, LONG = 3, 400
 """A function called so often and of so many equations is made once, not written out."""
 
+LONGEST = 20_000
+"""Operations that one equation may become: LLVM takes minutes over more."""
+
 RULES: dict[str, Rule] = {}
+
+KINDS = "fiub"
+"""Floats, signed and unsigned whole numbers, bools."""
+
+KEYS = np.dtype(np.uint64)
+"""A typed random key is one number: its first word above its second one."""
 
 
 class CannotLower(Exception):
@@ -104,13 +115,37 @@ def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elemen
     try:
         if name not in RULES:
             raise CannotLower(f"The primitive `{name}` has no native rule")
+        for var in eqn.outvars:
+            aval: Any = var.aval
+            number_type(aval.dtype)
+        before = b.written
         outputs = RULES[name](b, eqn, *arrays)
+        if b.written - before > LONGEST and not _is_call(eqn):
+            many = b.written - before
+            raise CannotLower(f"`{name}` would be written out as {many} operations")
     except CannotLower as error:
         if error.place:
             raise
         what = error.what if f"`{name}`" in error.what else f"{error.what}, in `{name}`"
         raise CannotLower(what if not _is_call(eqn) else error.what, _where(eqn)) from None
+    except Exception as error:  # whatever it is, another engine can run the program
+        raise CannotLower(f"The rule of `{name}` broke down: {error}", _where(eqn)) from error
     return [outputs] if isinstance(outputs, np.ndarray) else outputs
+
+
+def written(
+    b: Builder, function: Callable, examples: Sequence[Any], *arrays: Elements
+) -> list[Elements]:
+    """The outputs of a function in plain `jax.numpy`, in the place of a primitive.
+
+    `examples` have the inputs' shapes and types, if only those of their `aval`.
+    """
+    avals = [getattr(example, "aval", example) for example in examples]
+    kinds = [jax.ShapeDtypeStruct(aval.shape, aval.dtype) for aval in avals]
+    try:
+        return lower(b, jax.make_jaxpr(function)(*kinds), arrays)
+    except CannotLower as error:  # its place would be ours
+        raise CannotLower(error.what) from None
 
 
 def _is_call(eqn: JaxprEqn) -> bool:
@@ -122,13 +157,36 @@ def _where(eqn: JaxprEqn) -> str:
     return source_info_util.summarize(eqn.source_info)
 
 
+@cache
+def number_type(dtype: Any) -> np.dtype:
+    """The type of the numbers that an array of this type is lowered to."""
+    if jnp.issubdtype(dtype, jax.dtypes.prng_key):
+        name = dtype.name.removeprefix("key<").removesuffix(">")
+        if name != "fry":
+            raise CannotLower(f"Random keys of type `{name}` are not supported")
+        return KEYS
+    if dtype == jax.dtypes.float0:  # derivatives of what is no real number, never used
+        return np.dtype(bool)
+    dtype = np.dtype(dtype)
+    if dtype.kind not in KINDS or dtype == np.float16:
+        raise CannotLower(f"Arrays of type {dtype} are not supported")
+    return dtype
+
+
+def numbers_in(array: Any, dtype: Any = None) -> np.ndarray:
+    """An array as one of numbers: typed random keys as one number each."""
+    if jnp.issubdtype(getattr(array, "dtype", dtype), jax.dtypes.prng_key):
+        number_type(array.dtype)
+        words = np.asarray(jax.random.key_data(array)).astype(KEYS)
+        return np.asarray(words[..., 0] << KEYS.type(32) | words[..., 1])
+    array = np.asarray(array, dtype)
+    wanted = number_type(array.dtype)
+    return array if array.dtype == wanted else np.zeros(array.shape, wanted)
+
+
 def as_elements(array, dtype=None) -> Elements:
     """A known array as an object array of NumPy scalars."""
-    array = np.asarray(array, dtype)
-    if array.dtype == jax.dtypes.float0:  # derivatives of what is no real number, never used
-        array = np.zeros(array.shape, bool)
-    if array.dtype.kind not in "fiub":
-        raise CannotLower(f"Arrays of type {array.dtype} are not supported")
+    array = numbers_in(array, dtype)
     out = np.empty(array.shape, object)
     for index in np.ndindex(array.shape):
         out[index] = array[index]

@@ -15,8 +15,15 @@ from jaxsat.engine.native.drivers import run_blocks
 from jaxsat.engine.native.interpreter import interpret
 from jaxsat.engine.native.ir import Function, Value
 from jaxsat.engine.native.lines import Module
-from jaxsat.engine.native.lowering import arrays_of, lower, scalars_of
-from jaxsat.engine.native.stages import PerCase, Place, Shared, Stage, add_stage
+from jaxsat.engine.native.lowering import (
+    arrays_of,
+    lower,
+    number_type,
+    numbers_in,
+    scalars_of,
+)
+from jaxsat.engine.native.places import PerCase, Place, Shared
+from jaxsat.engine.native.stages import Stage, add_stage
 
 del rules  # imported for the table it fills
 
@@ -30,11 +37,20 @@ class Mapped:
 
     `function(case, shared)` is given as for one case and may be anything of `jax.numpy` that the
     compiled engine knows; `case` and `shared` are examples, for their shapes and types. Raises
-    `CannotLower` for what it does not know.
+    `CannotLower` for what it does not know. `cpu` is the processor to make code for, this one
+    unless given.
     """
 
-    def __init__(self, function: Callable, case: PyTree, shared: PyTree = None, lanes: int = 0):
-        self.lanes = lanes or target.host().lanes
+    def __init__(
+        self,
+        function: Callable,
+        case: PyTree,
+        shared: PyTree = None,
+        lanes: int = 0,
+        cpu: target.Host | None = None,
+    ):
+        self.cpu = cpu or target.host()
+        self.lanes = lanes or self.cpu.lanes
         self.jaxpr, self._shape = jax.make_jaxpr(function, return_shape=True)(case, shared)
         self._per_case = len(jax.tree.leaves(case))
         self.stage = _one_stage(self.jaxpr, self._per_case)
@@ -80,20 +96,20 @@ class Mapped:
         module = Module(self.lanes)
         add_stage(module, self.stage)
         module.functions["run"] = run_blocks(self.lanes, [self.stage.function.name])
-        return module.text(target.host().attributes())
+        return module.text(self.cpu.attributes())
 
     def assembly(self) -> str:
         """The machine code for this processor, as text."""
-        return target.assembly(self.text)
+        return target.assembly(self.text, self.cpu)
 
     @cached_property
     def _code(self):
-        return target.loaded(target.object_code(self.text), ["run"])
+        return target.loaded(target.object_code(self.text, self.cpu), ["run"])
 
     def _inputs(self, cases: PyTree, shared: PyTree) -> list[np.ndarray]:
         leaves = [*jax.tree.leaves(cases), *jax.tree.leaves(shared)]
-        dtypes = [aval.dtype for aval in self.jaxpr.in_avals]
-        return [np.ascontiguousarray(x, d) for x, d in zip(leaves, dtypes, strict=True)]
+        dtypes = [number_type(aval.dtype) for aval in self.jaxpr.in_avals]
+        return [np.ascontiguousarray(numbers_in(x), d) for x, d in zip(leaves, dtypes, strict=True)]
 
 
 def _one_stage(jaxpr: ClosedJaxpr, per_case: int) -> Stage:
@@ -103,7 +119,7 @@ def _one_stage(jaxpr: ClosedJaxpr, per_case: int) -> Stage:
     for array, aval in enumerate(jaxpr.in_avals):
         size = int(np.prod(aval.shape))
         for element in range(size):
-            params.append(Value(np.dtype(aval.dtype), array >= per_case))
+            params.append(Value(number_type(aval.dtype), array >= per_case))
             varying = PerCase(array, element, size)
             inputs.append(varying if array < per_case else Shared(array, element))
     b = Builder()

@@ -64,6 +64,12 @@ def _shift_right_logical(x, y):
     return (x.view(unsigned) >> np.asarray(y).view(unsigned)).view(x.dtype)
 
 
+def _shift_right_arithmetic(x, y):
+    x = np.asarray(x)  # the first bit comes in again, also where it is no sign
+    signed = x.dtype.str.replace("u", "i")
+    return (x.view(signed) >> np.asarray(y).view(signed)).view(x.dtype)
+
+
 def _count_ones(x):
     x = np.asarray(x)  # NumPy counts the bits of |x|
     return np.bitwise_count(x.view(x.dtype.str.replace("i", "u"))).astype(x.dtype)
@@ -82,7 +88,7 @@ OPERATIONS: dict[str, Arithmetic] = {
     # shifts are by less than the width
     "shift_left": Arithmetic(_shift_left, None, "shl", "shl"),
     "shift_right_logical": Arithmetic(_shift_right_logical, None, "lshr", "lshr"),
-    "shift_right_arithmetic": Arithmetic(np.right_shift, None, "ashr", "ashr"),
+    "shift_right_arithmetic": Arithmetic(_shift_right_arithmetic, None, "ashr", "ashr"),
     "lt": Arithmetic(np.less, "fcmp olt", "icmp slt", "icmp ult", compares=True),
     "le": Arithmetic(np.less_equal, "fcmp ole", "icmp sle", "icmp ule", compares=True),
     "gt": Arithmetic(np.greater, "fcmp ogt", "icmp sgt", "icmp ugt", compares=True),

@@ -9,49 +9,28 @@ A stage is called for one vector of trajectories as
 something is to be written; `a` and `b` are whole numbers for all lanes.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from jaxsat.engine.native.ir import Function, Sweep, Value
+from jaxsat.engine.native.builder import is_uniform
+from jaxsat.engine.native.ir import Function, Operation, Scalar, Sweep, Value
 from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.llvm import Body
+from jaxsat.engine.native.places import (
+    FROM,
+    Known,
+    Number,
+    PerCase,
+    Place,
+    Shared,
+    Slot,
+    array_of,
+    known_to_functions,
+    read_later,
+)
 from jaxsat.engine.native.words import memory_type, scalar_type, vector_type
-
-
-@dataclass(frozen=True)
-class PerCase:
-    """Element `element` of an array (cases, size)."""
-
-    array: int
-    element: int
-    size: int
-
-
-@dataclass(frozen=True)
-class Shared:
-    """Element `element` of an array that is the same for all cases."""
-
-    array: int
-    element: int
-
-
-@dataclass(frozen=True)
-class Slot:
-    """A place in the state, in bytes from its beginning; room for all lanes or, uniform, one."""
-
-    offset: int
-    uniform: bool
-
-
-@dataclass(frozen=True)
-class Number:
-    """The stage's argument `a` or `b`."""
-
-    name: str
-
-
-Place = PerCase | Shared | Slot | Number
 
 
 @dataclass
@@ -76,63 +55,78 @@ class Stage:
 
 def add_stage(module: Module, stage: Stage) -> None:
     """Print a stage into a module."""
-    body = _StageBody(module)
-    for param, place in zip(stage.function.params, stage.inputs, strict=True):
+    inputs = list(zip(stage.function.params, stage.inputs, strict=True))
+    places = {x.number: place for x, place in inputs if isinstance(place, Shared | Slot)}
+    body = _StageBody(module, known_to_functions(stage.function.block, places))
+    for param, place in inputs:
         body.read(param, place)
     body.steps(stage.function.block)
-    for result, place in zip(stage.function.results, stage.outputs, strict=True):
-        body.write(result, place)
+    moved = [
+        (result, place)
+        for result, place in zip(stage.function.results, stage.outputs, strict=True)
+        if not (isinstance(result, Value) and places.get(result.number) == place)
+    ]
+    chosen = {
+        step.out.number: step
+        for step in stage.function.block.steps
+        if isinstance(step, Operation) and step.name == "select"
+    }
+    masked = [(*_new(result, place, places, chosen), place) for result, place in moved]
+    for result, conditions, _ in masked:
+        for scalar in (result, *conditions):
+            body.operand(scalar)  # read before anything is written
+    for result, conditions, place in masked:
+        body.write(result, conditions, place)
     body.line("ret void")
     head = (
-        f"define void @{stage.function.name}(ptr noalias %pointers, ptr noalias %state, "
+        f"define void @{stage.function.name}({FROM}, "
         "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) noinline #0 {"
     )
     module.functions[stage.function.name] = "\n".join([head, *body.text(), "}"])
 
 
+def _new(
+    result: Scalar, place: Place, places: Mapping[int, Place], chosen: Mapping[int, Operation]
+) -> tuple[Scalar, list[Scalar]]:
+    """What is new of a result where several conditions hold: elsewhere its place stays as it is."""
+    conditions: list[Scalar] = []
+    while isinstance(result, Value) and result.number in chosen:
+        condition, yes, no = chosen[result.number].args
+        if not (isinstance(no, Value) and places.get(no.number) == place):
+            break
+        if is_uniform(condition):
+            break
+        conditions.append(condition)
+        result = yes
+    return result, conditions
+
+
 class _StageBody(Body):
     """A body that can read and write places."""
 
-    def __init__(self, module: Module):
-        super().__init__(module)
-        self._arrays: dict[int, str] = {}
+    def __init__(self, module: Module, known: Mapping[int, Known]):
+        super().__init__(module, known)
         lanes = module.lanes
         self.line(f"%number = load <{lanes} x i64>, ptr %cases, align 64")
         self.line(f"%bytes = load <{lanes} x i8>, ptr %wanted, align 1")
         self.line(f"%lane = icmp ne <{lanes} x i8> %bytes, zeroinitializer")
 
-    def _array(self, array: int) -> str:
-        if array not in self._arrays:
-            place, address = self.fresh("p"), self.fresh("a")
-            self.line(f"{place} = getelementptr ptr, ptr %pointers, i64 {array}")
-            self.line(f"{address} = load ptr, ptr {place}")
-            self._arrays[array] = address
-        return self._arrays[array]
-
     def read(self, param: Value, place: Place) -> None:
-        """Give a parameter its value."""
-        out = self.name(param)
+        """Give a parameter its value, now or where it is needed."""
         match place:
             case Number(name=name):
                 kind = scalar_type(param.dtype)
                 word = "bitcast" if kind == "i64" else "trunc"
-                self.line(f"{out} = {word} i64 %{name} to {kind}")
-            case Slot(offset=offset, uniform=uniform):
-                where = self.fresh("p")
-                self.line(f"{where} = getelementptr i8, ptr %state, i64 {offset}")
-                self.get(out, where, param.dtype, not uniform)
-            case Shared():
-                where, kind = self.fresh("p"), memory_type(param.dtype)
-                base = self._array(place.array)
-                self.line(f"{where} = getelementptr {kind}, ptr {base}, i64 {place.element}")
-                self.get(out, where, param.dtype, False)
+                self.line(f"{self.name(param)} = {word} i64 %{name} to {kind}")
             case PerCase():
-                self._gather(out, param.dtype, place)
+                self._gather(self.name(param), param.dtype, place)
+            case _:
+                read_later(self, param, place)
 
     def _gather(self, out: str, dtype: np.dtype, place: PerCase) -> None:
         lanes, kind = self.module.lanes, memory_type(dtype)
         cells, name = f"<{lanes} x {kind}>", f"@gather.{kind}"
-        index, base = self._indices(place), self._array(place.array)
+        index, base = self._indices(place), array_of(self, place.array)
         self.module.functions.setdefault(name, _gather_text(name, kind, lanes))
         found = out if dtype.kind != "b" else self.fresh()
         self.line(f"{found} = call {cells} {name}(ptr {base}, <{lanes} x i64> {index})")
@@ -146,8 +140,20 @@ class _StageBody(Body):
         self.line(f"{moved} = add {wide} {scaled}, splat (i64 {place.element})")
         return moved
 
-    def write(self, result, place: Place) -> None:
-        """Put a result where it belongs, for the wanted lanes."""
+    def _lanes(self, conditions: Sequence[Scalar]) -> str:
+        """The wanted lanes in which conditions hold."""
+        mask, bits = "%lane", f"<{self.module.lanes} x i1>"
+        for condition in conditions:
+
+            def both(out: str, mask: str = mask, condition: Scalar = condition) -> None:
+                self.line(f"{out} = and {bits} {mask}, {self.operand(condition)}")
+
+            assert isinstance(condition, Value)
+            mask = self.once_in_block((mask, condition.number), both)
+        return mask
+
+    def write(self, result: Scalar, conditions: Sequence[Scalar], place: Place) -> None:
+        """Put a result where it belongs, for the wanted lanes in which conditions hold."""
         dtype = result.dtype
         wide = vector_type(dtype, self.module.lanes)
         if isinstance(place, Slot):
@@ -158,7 +164,7 @@ class _StageBody(Body):
                 return
             old, new = self.fresh(), self.fresh()
             self.get(old, where, dtype, True)
-            lane = f"<{self.module.lanes} x i1> %lane"
+            lane = f"<{self.module.lanes} x i1> {self._lanes(conditions)}"
             self.line(f"{new} = select {lane}, {wide} {self.operand(result, True)}, {wide} {old}")
             self.put(where, new, dtype, True)
             return
@@ -169,7 +175,7 @@ class _StageBody(Body):
             byte = self.fresh()
             self.line(f"{byte} = zext {wide} {value} to <{lanes} x i8>")
             value = byte
-        index, base = self._indices(place), self._array(place.array)
+        index, base = self._indices(place), array_of(self, place.array)
         self.module.functions.setdefault(name, _scatter_text(name, kind, lanes))
         self.line(
             f"call void {name}(ptr {base}, <{lanes} x i64> {index}, "

@@ -49,6 +49,14 @@ def host() -> Host:
     return Host(llvm.get_host_cpu_name(), found.flatten(), register)
 
 
+_REGISTERS = {"x86-64": 16, "x86-64-v2": 16, "x86-64-v3": 32, "x86-64-v4": 64}
+
+
+def lesser(name: str) -> Host:
+    """An older processor that this one can do everything of, by LLVM's name: for tests."""
+    return Host(name, "", _REGISTERS[name])
+
+
 def version() -> str:
     """The version of LLVM."""
     import llvmlite.binding as llvm
@@ -57,23 +65,22 @@ def version() -> str:
 
 
 @cache
-def _machine():
+def _machine(cpu: Host):
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     target = llvm.Target.from_default_triple()
-    cpu = host()
     return target.create_target_machine(
         cpu=cpu.name, features=cpu.features, opt=2, reloc="pic", codemodel="default", jit=True
     )
 
 
-def optimised(text: str):
-    """The module of an LLVM text after LLVM's own passes."""
+def optimised(text: str, cpu: Host | None = None):
+    """The module of an LLVM text after LLVM's own passes, for this processor or another."""
     import llvmlite.binding as llvm
 
-    machine = _machine()
+    machine = _machine(cpu or host())
     module = llvm.parse_assembly(text)
     module.triple = machine.triple
     module.data_layout = str(machine.target_data)
@@ -85,21 +92,21 @@ def optimised(text: str):
     return module
 
 
-def object_code(text: str) -> bytes:
+def object_code(text: str, cpu: Host | None = None) -> bytes:
     """Machine code of an LLVM text as an object file."""
-    return _machine().emit_object(optimised(text))
+    return _machine(cpu or host()).emit_object(optimised(text, cpu))
 
 
-def assembly(text: str) -> str:
+def assembly(text: str, cpu: Host | None = None) -> str:
     """Machine code of an LLVM text, for people."""
-    return _machine().emit_assembly(optimised(text))
+    return _machine(cpu or host()).emit_assembly(optimised(text, cpu))
 
 
 @cache
 def _jit():
     import llvmlite.binding as llvm
 
-    _machine()
+    _machine(host())
     target = llvm.Target.from_default_triple().create_target_machine(
         cpu=host().name, features=host().features, jit=True
     )

@@ -4,7 +4,9 @@ Numbers of a case that are the same in all cases stay uniform from one stage to 
 known when lowering stay constants.
 """
 
+import gc
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,9 +19,10 @@ from jaxtyping import PyTree
 from jaxsat.engine.native import rules
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.ir import Function, Scalar, Value
-from jaxsat.engine.native.lowering import Elements, arrays_of, lower, scalars_of
+from jaxsat.engine.native.lowering import Elements, arrays_of, lower, number_type, scalars_of
+from jaxsat.engine.native.places import Number, PerCase, Place, Shared, Slot
 from jaxsat.engine.native.staged import AbstractStaged, zero_leaves
-from jaxsat.engine.native.stages import Number, PerCase, Place, Shared, Slot, Stage
+from jaxsat.engine.native.stages import Stage
 
 del rules  # imported for the table it fills
 
@@ -54,6 +57,19 @@ class _Source:
     uniform: bool = True
 
 
+@contextmanager
+def _no_collection():
+    """Without Python's search for dead cycles, which takes long among JAX's many live objects."""
+    active = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if active:
+            gc.enable()
+
+
+@_no_collection()
 def trajectory_stages(
     staged: AbstractStaged, numbers: PyTree, case: PyTree, gains: PyTree, lanes: int
 ) -> TrajectoryStages:
@@ -96,7 +112,7 @@ def trajectory_stages(
         places["going"], going = where, slot.offset
     inputs = [*sources, *of_program]
     later = [_later(name, jaxprs[name], inputs, place) for name, place in places.items()]
-    dtypes = [np.dtype(aval.dtype) for aval in jaxprs["begin"].in_avals]
+    dtypes = [number_type(aval.dtype) for aval in jaxprs["begin"].in_avals]
     return TrajectoryStages([begin, *later], state.size, dtypes, outputs, signals, jaxprs, going)
 
 
@@ -124,7 +140,7 @@ def _elements(avals: Sequence[Any]) -> Iterator[tuple[int, int, int, np.dtype]]:
     for array, aval in enumerate(avals):
         size = int(np.prod(aval.shape))
         for element in range(size):
-            yield array, element, size, np.dtype(aval.dtype)
+            yield array, element, size, number_type(aval.dtype)
 
 
 def _count(avals: Sequence[Any]) -> int:

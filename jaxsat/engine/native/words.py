@@ -1,6 +1,7 @@
 """LLVM's words for types and constants."""
 
 import struct
+from functools import cache
 
 import numpy as np
 
@@ -11,14 +12,16 @@ TYPES = {"float64": "double", "float32": "float", "bool": "i1"} | {
 }
 
 
+@cache
 def scalar_type(dtype: np.dtype) -> str:
     """The type of one number."""
     return TYPES[dtype.name]
 
 
+@cache
 def vector_type(dtype: np.dtype, lanes: int) -> str:
     """The type of a number in every lane."""
-    return f"<{lanes} x {TYPES[dtype.name]}>"
+    return f"<{lanes} x {scalar_type(dtype)}>"
 
 
 def type_of(x, lanes: int) -> str:
@@ -29,7 +32,7 @@ def type_of(x, lanes: int) -> str:
 
 def memory_type(dtype: np.dtype) -> str:
     """The type of one number in memory."""
-    return "i8" if dtype.kind == "b" else TYPES[dtype.name]
+    return "i8" if dtype.kind == "b" else scalar_type(dtype)
 
 
 def constant(x: np.generic) -> str:

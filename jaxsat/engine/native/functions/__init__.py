@@ -17,13 +17,14 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr
 from numpy.typing import DTypeLike
 
-from jaxsat.engine.native.functions.error_function import erf_inv
+from jaxsat.engine.native.functions.error_function import erf, erf_inv, erfc
 from jaxsat.engine.native.functions.exponential import exp, exp2, expm1, logistic
 from jaxsat.engine.native.functions.hyperbolic import cosh, sinh, tanh
+from jaxsat.engine.native.functions.inverse_hyperbolic import acosh, asinh, atanh
 from jaxsat.engine.native.functions.inverse_trigonometric import acos, asin, atan, atan2
 from jaxsat.engine.native.functions.logarithm import log, log1p
 from jaxsat.engine.native.functions.power import cbrt, pow
-from jaxsat.engine.native.functions.trigonometric import cos, sin, sincos, tan
+from jaxsat.engine.native.functions.trigonometric import cos, near_sincos, sin, sincos, tan
 
 
 def _of_any_float(function: Callable) -> Callable:
@@ -33,7 +34,7 @@ def _of_any_float(function: Callable) -> Callable:
     def converted(*arguments: jax.Array) -> jax.Array | tuple[jax.Array, ...]:
         dtype = jnp.result_type(arguments[0])
         values = function(*(jnp.asarray(a).astype(jnp.float64) for a in arguments))
-        return jax.tree.map(lambda value: value.astype(dtype), values)
+        return jax.tree.map(lambda x: x if x.dtype == bool else x.astype(dtype), values)
 
     return converted
 
@@ -42,19 +43,25 @@ FUNCTIONS: dict[str, Callable] = {
     name: _of_any_float(function)
     for name, function in {
         "acos": acos,
+        "acosh": acosh,
         "asin": asin,
+        "asinh": asinh,
         "atan": atan,
         "atan2": atan2,
+        "atanh": atanh,
         "cbrt": cbrt,
         "cos": cos,
         "cosh": cosh,
+        "erf": erf,
         "erf_inv": erf_inv,
+        "erfc": erfc,
         "exp": exp,
         "exp2": exp2,
         "expm1": expm1,
         "log": log,
         "log1p": log1p,
         "logistic": logistic,
+        "near_sincos": near_sincos,
         "pow": pow,
         "sin": sin,
         "sincos": sincos,

@@ -128,3 +128,11 @@ def polynomial(x: Double, coefficients: Sequence[float]) -> Double:
         terms = [*pairs, *terms[len(pairs) * 2 :]]
         x = x * x
     return jnp.asarray(terms[0])
+
+
+def horner(x: Double, coefficients: Sequence[float]) -> Double:
+    """A polynomial, lowest power first, by Horner's scheme: few operations."""
+    total = jnp.asarray(coefficients[-1])
+    for coefficient in reversed(coefficients[:-1]):
+        total = coefficient + total * x
+    return total

@@ -1,5 +1,8 @@
-"""The inverse error function, after Giles, GPU Computing Gems Jade (2011) 109-116.
+"""The error function, its complement and its inverse.
 
+erfc(x) = exp(-x^2) g(t)/(1 + 2 x) of x from 1/2 on, with a smooth g of t = (x - 4)/(x + 4), after
+Shepherd and Laframboise, Mathematics of Computation 36 (1981) 249-253; erf(x)/x is a polynomial in
+x^2 where x is small. The inverse is after Giles, GPU Computing Gems Jade (2011) 109-116:
 erf_inv(x)/x is smooth in w = -log(1 - x^2), and in sqrt(w) where w is large: one polynomial each.
 """
 
@@ -7,7 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from jaxsat.engine.native.functions.bits import Double, polynomial, select, upper
+from jaxsat.engine.native.functions.bits import (
+    Double,
+    fast_two_sum,
+    polynomial,
+    quotient,
+    scaled,
+    select,
+    upper,
+    with_sign_of,
+)
+from jaxsat.engine.native.functions.exponential import bounded, exp_pair
 from jaxsat.engine.native.functions.logarithm import log
 
 _TAIL = 6.25
@@ -69,6 +82,82 @@ _ERF_INV_TAIL = (
     -1.1328666815493932e-15,
     9.663298125055326e-16,
 )
+
+_ERROR_FUNCTION = (
+    0.1283791670955126,
+    -0.3761263890318373,
+    0.11283791670953792,
+    -0.0268661706448234,
+    0.005223977621766896,
+    -0.000854832676425319,
+    0.00012055321374349772,
+    -1.4925307337159171e-05,
+    1.645532564924694e-06,
+    -1.627649674520215e-07,
+    1.4051319281278355e-08,
+    -8.493614638206203e-10,
+)
+_ERROR_COMPLEMENT = (
+    1.2329951186255526,
+    -0.1396211168405625,
+    0.015379652102620016,
+    0.06809705425469167,
+    -0.10103906603632291,
+    0.09373283499839087,
+    -0.0663303658117169,
+    0.03716751553674045,
+    -0.01619773406478615,
+    0.005031969984903767,
+    -0.0007577732313932441,
+    -0.00019925673017349798,
+    0.00015062138429759874,
+    -2.439911587480824e-05,
+    -1.1221082204951293e-05,
+    5.709619988958958e-06,
+    2.9184757551006604e-07,
+    -8.255332077342601e-07,
+    7.714500146709343e-08,
+    1.1055949407972104e-07,
+    -1.9735894361975644e-08,
+    -1.4704981949994096e-08,
+    2.409161671732903e-09,
+    1.5220526329972264e-09,
+)
+
+
+def erf(x: Double) -> Double:
+    """Error function."""
+    size = lax.abs(x)
+    far = 1.0 - _complement(size)
+    return with_sign_of(select(size < 0.9, _near_zero(size), far), x)
+
+
+def erfc(x: Double) -> Double:
+    """One less the error function, accurate where that is small."""
+    far = _complement(lax.abs(x))
+    near = 1.0 - _near_zero(x)
+    return select(lax.abs(x) < 0.5, near, select(x < 0.0, 2.0 - far, far))
+
+
+def _near_zero(x: Double) -> Double:
+    """The error function of |x| < 0.9."""
+    return x + x * polynomial(x * x, _ERROR_FUNCTION)
+
+
+def _complement(x: Double) -> Double:
+    """The complement for x from 1/2 on."""
+    x = bounded(x, 0.5, 28.0)
+    cut = upper(x)
+    e, e_low, n = exp_pair(-(cut * cut), -((x - cut) * (x + cut)))
+    t = (x - 4.0) / (x + 4.0)
+    first = lax.full_like(x, _ERROR_COMPLEMENT[0])
+    g, g_low = fast_two_sum(first, t * polynomial(t, _ERROR_COMPLEMENT[1:]))
+    den, den_low = fast_two_sum(2.0 * x, lax.full_like(x, 1.0))
+    q = quotient(g, g_low, den, den_low)
+    # e q, rounded once: the factors' upper parts have an exact product.
+    cut, q_cut = upper(e), upper(q)
+    value = cut * q_cut + ((e - cut) * q + cut * (q - q_cut) + e_low * q)
+    return scaled(value, n)
 
 
 def erf_inv(x: Double) -> Double:

@@ -79,9 +79,9 @@ def exp_parts(x: Double, low: Double | None = None) -> tuple[Double, Integer]:
     return 1.0 + (r + (r * r * polynomial(r, _EXPONENTIAL) + rest)), n
 
 
-def exp_pair(x: Double) -> tuple[Double, Double, Integer]:
-    """exp(x) as a number near one, its rounding error and a power of two."""
-    r, rest, n = _reduced(x)
+def exp_pair(x: Double, low: Double | None = None) -> tuple[Double, Double, Integer]:
+    """exp(x + low) as a number near one, its rounding error and a power of two."""
+    r, rest, n = _reduced(x, low)
     tail = r + (r * r * polynomial(r, _EXPONENTIAL) + rest)
     return *fast_two_sum(lax.full_like(x, 1.0), tail), n
 

@@ -50,6 +50,13 @@ def log1p(x: Double) -> Double:
     return select(x == 0.0, x, _at_the_ends(total, value))
 
 
+def log_of_pair(x: Double, low: Double, doublings: Integer) -> Double:
+    """log((x + low) 2^doublings) of an x from one on and a much smaller `low`."""
+    mantissa, k = mantissa_and_exponent(x, SQRT_HALF)
+    low = low * power_of_two(-lax.min(k, lax.full_like(k, 1000)))
+    return _sum(mantissa - 1.0, low, to_double(k + doublings))
+
+
 def split(x: Double) -> tuple[Double, Integer]:
     """The mantissa from sqrt(1/2) to sqrt(2) and the exponent of any positive x."""
     tiny = x < LEAST_NORMAL

@@ -7,14 +7,16 @@ from jaxsat.engine.native.functions.bits import (
     SIGN,
     Double,
     Integer,
+    Truth,
     bits_of,
     double_of,
     fast_two_sum,
+    horner,
     polynomial,
     quotient,
     select,
 )
-from jaxsat.engine.native.functions.reduction import reduced
+from jaxsat.engine.native.functions.reduction import near, reduced
 
 _SINE = (
     -0.16666666666666666,
@@ -58,13 +60,22 @@ def cos(x: Double) -> Double:
 
 def sincos(x: Double) -> tuple[Double, Double]:
     """Sine and cosine, which share everything but the choice at the end."""
-    r, low, quadrant = reduced(x)
+    return _of_reduced(x, *reduced(x))
+
+
+def near_sincos(x: Double) -> tuple[Double, Double, Truth]:
+    """The same with a short way of reduction, and where it is wrong: seldom."""
+    r, low, quadrant, wrong = near(x)
+    return *_of_reduced(x, r, low, quadrant), wrong
+
+
+def _of_reduced(x: Double, r: Double, low: Double, quadrant: Integer) -> tuple[Double, Double]:
     z = r * r
     cube = z * r
-    sine = r + (cube * polynomial(z, _SINE) + low * (1.0 - 0.5 * z))
     half = 0.5 * z
-    near = 1.0 - half
-    cosine = near + (((1.0 - near) - half) + (z * z * polynomial(z, _COSINE) - r * low))
+    near_one = 1.0 - half
+    sine = r + (cube * horner(z, _SINE) + low * near_one)
+    cosine = near_one + (((1.0 - near_one) - half) + (z * z * horner(z, _COSINE) - r * low))
     odd = (quadrant & np.int64(1)) != 0
     first = _signed(select(odd, cosine, sine), quadrant)
     second = _signed(select(odd, sine, cosine), quadrant + np.int64(1))

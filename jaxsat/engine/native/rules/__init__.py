@@ -2,20 +2,28 @@
 
 from jaxsat.engine.native.rules import (
     calls,
+    composed,
     control,
     elementwise,
     indexing,
+    linear_algebra,
     mathematics,
+    random,
     reductions,
     structural,
+    windows,
 )
 
 __all__ = [
     "calls",
+    "composed",
     "control",
     "elementwise",
     "indexing",
+    "linear_algebra",
     "mathematics",
+    "random",
     "reductions",
     "structural",
+    "windows",
 ]

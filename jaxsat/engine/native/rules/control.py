@@ -1,6 +1,7 @@
 """Loops and branches."""
 
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 
@@ -9,9 +10,11 @@ from jaxsat.engine.native.ir import Memory, Scalar
 from jaxsat.engine.native.lowering import (
     Elements,
     arrays_of,
+    each,
     equations,
     lower,
     lowers,
+    number_type,
     scalars_of,
 )
 from jaxsat.engine.native.memory import stored
@@ -44,15 +47,28 @@ def _while(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
             now[i] = array
         return now
 
+    batched = test.out_avals[0].ndim
+
+    def active(scalars) -> Elements:
+        return lower(b, test, [*of_test, *at(scalars)])[0]
+
     def condition(scalars):
-        return lower(b, test, [*of_test, *at(scalars)])[0][()]
+        return reduce(lambda x, y: b.operation("or", x, y), active(scalars).flat, np.False_)
 
     def step(scalars):
         after = lower(b, body, [*of_body, *at(scalars)])
+        if batched:  # rows of a mapped loop end one by one
+            going, now = active(scalars), at(scalars)
+            after = [_where_going(b, going, x, y) for x, y in zip(after, now, strict=True)]
         return scalars_of([after[i] for i in changing])
 
     before = scalars_of([carries[i] for i in changing])
     return at(b.while_loop(before, uniform, condition, step, condition_varies))
+
+
+def _where_going(b: Builder, going: Elements, after: Elements, now: Elements) -> Elements:
+    wide = going.reshape(*going.shape, *[1] * (after.ndim - going.ndim))
+    return each(b.select, np.broadcast_to(wide, after.shape), after, now)
 
 
 @lowers("scan")
@@ -67,7 +83,7 @@ def _scan(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     x_shapes = [x.shape[1:] for x in arrays[n_consts + n_carry :]]
     y_avals = [var.aval for var in eqn.outvars[n_carry:]]
     ys = [
-        Memory(np.dtype(aval.dtype), int(np.prod(aval.shape)), not vary)
+        Memory(number_type(aval.dtype), int(np.prod(aval.shape)), not vary)
         for aval, vary in zip(y_avals, stacked_vary, strict=True)
     ]
     shapes = [x.shape for x in carries]

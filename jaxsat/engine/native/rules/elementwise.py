@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import jax
 import numpy as np
 
 from jaxsat.engine.native.builder import Builder
@@ -235,15 +234,6 @@ def _bitcast(b: Builder, eqn, x: Elements) -> Elements:
     return each(lambda x: b.operation("bitcast", x, dtype=dtype), x)
 
 
-@lowers("reduce_precision")
-def _reduce_precision(b: Builder, eqn, x: Elements) -> Elements:
-    del b
-    info = jax.numpy.finfo(eqn.invars[0].aval.dtype)
-    if eqn.params["exponent_bits"] < info.nexp or eqn.params["mantissa_bits"] < info.nmant:
-        raise CannotLower("Numbers cannot be rounded to fewer bits")
-    return x
-
-
 @lowers("is_finite")
 def _is_finite(b: Builder, eqn, x: Elements) -> Elements:
     del eqn
@@ -263,3 +253,20 @@ def _round(b: Builder, eqn, x: Elements) -> Elements:
         return b.operation("copysign", whole, x)
 
     return each(away, x)
+
+
+@lowers("eq_to", "le_to", "lt_to")
+def _in_total_order(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
+    """Comparisons by bits: -0.0 before 0.0, NaN after infinity (before it with a sign)."""
+    name = eqn.primitive.name.removesuffix("_to")
+    return each(lambda x, y: b.operation(name, _ordered(b, x), _ordered(b, y)), x, y)
+
+
+def _ordered(b: Builder, x: Scalar) -> Scalar:
+    """A whole number that is ordered like the bits of a float."""
+    if x.dtype.kind != "f":
+        return b.convert(x, np.dtype(np.uint8)) if x.dtype == BOOL else x
+    whole = np.dtype(f"i{x.dtype.itemsize}")
+    bits = b.operation("bitcast", x, dtype=whole)
+    below = b.operation("lt", bits, whole.type(0))
+    return b.select(below, b.operation("xor", bits, whole.type(np.iinfo(whole).max)), bits)

@@ -1,6 +1,6 @@
 """Gathers, scatters and dynamic slices, with indices known or not."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import SupportsIndex
 
 import jax
@@ -8,9 +8,16 @@ import numpy as np
 from jax.lax import GatherScatterMode
 
 from jaxsat.engine.native.builder import INT, Builder
-from jaxsat.engine.native.ir import Scalar, Value
-from jaxsat.engine.native.lowering import CannotLower, Elements, lowers
-from jaxsat.engine.native.memory import element
+from jaxsat.engine.native.ir import Memory, Scalar, Value
+from jaxsat.engine.native.lowering import (
+    CannotLower,
+    Elements,
+    as_elements,
+    filled,
+    lower_open,
+    lowers,
+)
+from jaxsat.engine.native.memory import CHOSEN, element, stored
 from jaxsat.engine.native.operations import BOOL
 from jaxsat.engine.native.rules.elementwise import extremum
 
@@ -39,6 +46,31 @@ def _linear(b: Builder, starts: Sequence[Scalar], shape: Sequence[int]) -> Scala
     return found
 
 
+def _reader(b: Builder, x: Elements, last: Sequence[int]) -> Callable[..., Scalar]:
+    """What reads the element `offset` after a start, which is from zero to `last`.
+
+    Few elements are chosen from; an array of many is put into memory once.
+    """
+    memories: list[Memory] = []
+
+    def read(starts: Sequence[Scalar], offset: Sequence[int]) -> Scalar:
+        there = tuple(
+            slice(o, o + end + 1) if isinstance(start, Value) else int(start) + o
+            for start, o, end in zip(starts, offset, last, strict=True)
+        )
+        part = x[there]
+        unknown = [start for start in starts if isinstance(start, Value)]
+        if not unknown:
+            return part
+        if part.size <= CHOSEN:
+            return element(b, list(part.flat), _linear(b, unknown, part.shape))
+        if not memories:
+            memories.append(stored(b, x))
+        return b.load(memories[0], _linear(b, _shifted(b, starts, offset), x.shape))
+
+    return read
+
+
 def _shifted(b: Builder, starts: Sequence[Scalar], offset: Sequence[int]) -> list[Scalar]:
     return [b.operation("add", s, INT.type(o)) for s, o in zip(starts, offset, strict=True)]
 
@@ -50,9 +82,10 @@ def _dynamic_slice(b: Builder, eqn, x: Elements, *starts: Elements) -> Elements:
         _clamped(b, _index(b, start[()]), dim - size)
         for start, dim, size in zip(starts, x.shape, sizes, strict=True)
     ]
-    flat, out = list(x.flat), np.empty(sizes, object)
+    last = [dim - size for dim, size in zip(x.shape, sizes, strict=True)]
+    read, out = _reader(b, x, last), np.empty(sizes, object)
     for offset in np.ndindex(*sizes):
-        out[offset] = element(b, flat, _linear(b, _shifted(b, where, offset), x.shape))
+        out[offset] = read(where, offset)
     return out
 
 
@@ -87,11 +120,11 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
     mode = eqn.params["mode"]
     aval = eqn.outvars[0].aval
     out = np.empty(aval.shape, object)
-    flat = list(x.flat)
     gone = (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims)
     window_dims = [d for d in range(x.ndim) if d not in gone]
     batch_dims = [d for d in range(out.ndim) if d not in numbers.offset_dims]
     last = [dim - size for dim, size in zip(x.shape, sizes, strict=True)]
+    read = _reader(b, x, last)
     for index in np.ndindex(*out.shape):
         batch = tuple(index[d] for d in batch_dims)
         offset = [0] * x.ndim
@@ -104,7 +137,7 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
             starts[dim] = INT.type(batch[of])
         inside = _inside(b, starts, last)
         starts = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
-        found = element(b, flat, _linear(b, _shifted(b, starts, offset), x.shape))
+        found = read(starts, offset)
         if mode == GatherScatterMode.FILL_OR_DROP:
             found = b.select(inside, found, _filling(eqn, found.dtype))
         out[index] = found
@@ -169,17 +202,26 @@ def _scatter(b: Builder, eqn, x: Elements, indices: Elements, updates: Elements)
             starts = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
             inside = np.True_
         at = _linear(b, _shifted(b, starts, offset), x.shape)
-        _put(b, flat, at, inside, _joined(b, join, updates[index]))
+        _put(b, flat, at, inside, _joined(b, eqn, join, updates[index]))
     out = np.empty(len(flat), object)
     out[:] = flat
     return out.reshape(x.shape)
 
 
-def _joined(b: Builder, join: str, new: Scalar):
+def _joined(b: Builder, eqn, join: str, new: Scalar):
     if not join:
-        return lambda old: new
+        return lambda old: _updated(b, eqn, old, new)
     if join in ("min", "max"):
         return lambda old: extremum(b, join, old, new)
     if join in ("add", "mul", "sub"):
         return lambda old: b.operation(join, old, new)
     raise CannotLower(f"A scatter that joins by {join} is not supported")
+
+
+def _updated(b: Builder, eqn, old: Scalar, new: Scalar) -> Scalar:
+    """What takes the place of an element: the new one, or a function of the old one."""
+    program, constants = eqn.params["update_jaxpr"], eqn.params["update_consts"]
+    if program is None:
+        return new
+    known = [as_elements(constant) for constant in constants]
+    return lower_open(b, program, known, [filled((), old), filled((), new)])[0][()]

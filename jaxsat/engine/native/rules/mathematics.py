@@ -1,10 +1,6 @@
 """Elementary functions: each is written in plain `jax.numpy` and lowered as a function once."""
 
-from collections.abc import Callable
-
-import jax
-import jax.numpy as jnp
-import numpy as np
+from collections.abc import Sequence
 
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.functions import FUNCTIONS, program
@@ -12,38 +8,44 @@ from jaxsat.engine.native.interpreter import interpret
 from jaxsat.engine.native.ir import Scalar, Value
 from jaxsat.engine.native.lowering import Elements, each, filled, function_of, lower, lowers
 
-SPARE: dict[str, Callable] = {"square": lambda x: x * x, "rsqrt": lambda x: 1 / jnp.sqrt(x)}
-"""Functions simple enough to be written out."""
-
-TOGETHER: dict[str, tuple[str, int]] = {"sin": ("sincos", 0), "cos": ("sincos", 1)}
-"""Functions that are one of the results of another: who needs both calls it once."""
+PARTS = ("sin", "cos")
+"""Results of the function `sincos`: who needs both calls it once."""
 
 
-@lowers(*SPARE)
-def _short(b: Builder, eqn, x: Elements) -> Elements:
-    aval = jax.ShapeDtypeStruct((), eqn.invars[0].aval.dtype)
-    closed = jax.make_jaxpr(SPARE[eqn.primitive.name])(aval)
-    return each(lambda x: lower(b, closed, [filled((), x)])[0][()], x)
-
-
-@lowers(*FUNCTIONS)
+@lowers(*(name for name in FUNCTIONS if name not in PARTS))
 def _written(b: Builder, eqn, *arrays: Elements) -> Elements:
-    name, place = TOGETHER.get(eqn.primitive.name, (eqn.primitive.name, 0))
-    dtype = np.dtype(eqn.outvars[0].aval.dtype)
+    return each(lambda *scalars: _called(b, eqn.primitive.name, scalars)[0], *arrays)
 
-    def apply(*scalars: Scalar) -> Scalar:
-        closed = program(name, *(x.dtype for x in scalars))
-        function = function_of(b, name, closed, scalars)
-        if name == "sincos" and not function.parts:
-            function.parts = [
-                function_of(b, part, program(part, *(x.dtype for x in scalars)), scalars)
-                for part in TOGETHER
-            ]
-        if not any(isinstance(x, Value) for x in scalars):
-            return dtype.type(interpret(function, scalars)[place])  # pyright: ignore
-        return b.call(function, scalars)[place]
 
-    return each(apply, *arrays)
+def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar]:
+    """The results of a function, known ones of known arguments."""
+    dtypes = [x.dtype for x in scalars]
+    function = function_of(b, name, program(name, *dtypes), scalars)
+    if name == "sincos" and not function.parts:
+        function.parts = [function_of(b, part, program(part, *dtypes), scalars) for part in PARTS]
+    known = [x for x in scalars if not isinstance(x, Value)]
+    if len(known) < len(scalars):
+        return b.call(function, scalars)
+    found = interpret(function, known)
+    return [out.dtype.type(x) for x, out in zip(found, function.results, strict=True)]
+
+
+@lowers(*PARTS)
+def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
+    """The short way in place, which a processor does beside its neighbours; a call if it fails."""
+    place, closed = (
+        PARTS.index(eqn.primitive.name),
+        program("near_sincos", eqn.invars[0].aval.dtype),
+    )
+
+    def long_way(y: Scalar) -> Scalar:
+        return _called(b, "sincos", [y])[place]
+
+    unknown = [y for y in x.flat if isinstance(y, Value)]
+    short = [lower(b, closed, [filled((), y)]) for y in unknown]
+    near, wrong = ([found[i][()] for found in short] for i in (place, 2))
+    right = iter(b.where_seldom(wrong, lambda: [long_way(y) for y in unknown], near))
+    return each(lambda y: next(right) if isinstance(y, Value) else long_way(y), x)
 
 
 @lowers("integer_pow")

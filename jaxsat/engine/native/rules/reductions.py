@@ -15,7 +15,7 @@ from jaxsat.engine.native.rules.elementwise import extremum
 REDUCTIONS = ("sum", "prod", "max", "min", "and", "or", "xor")
 
 
-def _joining(b: Builder, name: str) -> Callable[[Scalar, Scalar], Scalar]:
+def joining(b: Builder, name: str) -> Callable[[Scalar, Scalar], Scalar]:
     """How two elements are joined in a reduction of this name."""
     if name in ("max", "min"):
         return lambda x, y: extremum(b, name, x, y)
@@ -23,13 +23,15 @@ def _joining(b: Builder, name: str) -> Callable[[Scalar, Scalar], Scalar]:
     return lambda x, y: b.operation(operation, x, y)
 
 
-def _empty_value(name: str, dtype: np.dtype) -> Scalar:
+def empty_value(name: str, dtype: np.dtype) -> Scalar:
+    """What the reduction of nothing gives."""
     if name in ("max", "min"):
         limits = np.finfo(dtype) if dtype.kind == "f" else np.iinfo(dtype)
         low, high = (-np.inf, np.inf) if dtype.kind == "f" else (limits.min, limits.max)
         return dtype.type(low if name == "max" else high)
-    whole = np.invert(dtype.type(0)) if dtype != BOOL else np.True_
-    return {"prod": dtype.type(1), "and": whole}.get(name, dtype.type(0))
+    if name == "and":
+        return np.True_ if dtype == BOOL else np.invert(dtype.type(0))
+    return dtype.type(1 if name == "prod" else 0)
 
 
 @lowers(*(f"reduce_{name}" for name in REDUCTIONS))
@@ -38,12 +40,12 @@ def _reduce(b: Builder, eqn, x: Elements) -> Elements:
     axes = tuple(eqn.params["axes"])
     aval = eqn.outvars[0].aval
     if not x.size:
-        return filled(aval.shape, _empty_value(name, aval.dtype))
+        return filled(aval.shape, empty_value(name, aval.dtype))
     kept = [axis for axis in range(x.ndim) if axis not in axes]
     rows = x.transpose([*kept, *axes]).reshape(int(np.prod(aval.shape)), -1)
     out = np.empty(len(rows), object)
     for i, row in enumerate(rows):
-        out[i] = reduce(_joining(b, name), row)
+        out[i] = reduce(joining(b, name), row)
     return out.reshape(aval.shape)
 
 
@@ -55,7 +57,7 @@ def _accumulate(b: Builder, eqn, x: Elements) -> Elements:
     out = np.empty(rows.shape, object)
     for index in np.ndindex(rows.shape[:-1]):
         row = list(rows[index])[:: -1 if reverse else 1]
-        found = list(accumulate(row, _joining(b, name)))
+        found = list(accumulate(row, joining(b, name)))
         out[index] = found[:: -1 if reverse else 1]
     return np.moveaxis(out, -1, axis)
 
@@ -119,24 +121,3 @@ def _follows(b: Builder, one: list[Scalar], other: list[Scalar], keys: int) -> S
             equal = b.operation("or", equal, b.operation("and", x_nan, y_nan))
         found = b.operation("or", after, b.operation("and", equal, found))
     return found
-
-
-@lowers("dot_general")
-def _dot_general(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
-    (x_sum, y_sum), (x_batch, y_batch) = eqn.params["dimension_numbers"]
-    x_free = [axis for axis in range(x.ndim) if axis not in (*x_sum, *x_batch)]
-    y_free = [axis for axis in range(y.ndim) if axis not in (*y_sum, *y_batch)]
-    batch = [x.shape[axis] for axis in x_batch]
-    length = int(np.prod([x.shape[axis] for axis in x_sum]))
-    rows = x.transpose([*x_batch, *x_free, *x_sum]).reshape(int(np.prod(batch)), -1, length)
-    columns = y.transpose([*y_batch, *y_free, *y_sum]).reshape(int(np.prod(batch)), -1, length)
-    aval = eqn.outvars[0].aval
-    zero = aval.dtype.type(0)
-    products = np.empty((len(rows), rows.shape[1], columns.shape[1]), object)
-    for i, j, k in np.ndindex(products.shape):
-        terms = [
-            b.operation("mul", b.convert(p, aval.dtype), b.convert(q, aval.dtype))
-            for p, q in zip(rows[i, j], columns[i, k], strict=True)
-        ]
-        products[i, j, k] = reduce(lambda p, q: b.operation("add", p, q), terms) if terms else zero
-    return products.reshape(aval.shape)

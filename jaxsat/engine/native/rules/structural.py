@@ -77,8 +77,8 @@ def _rev(b: Builder, eqn, x: Elements) -> Elements:
 @lowers("pad")
 def _pad(b: Builder, eqn, x: Elements, padding: Elements) -> Elements:
     del b
-    for axis, (low, high, between) in enumerate(eqn.params["padding_config"]):
-        x = _padded(np.moveaxis(x, axis, 0), padding[()], low, high, between)
+    for axis, widths in enumerate(eqn.params["padding_config"]):
+        x = _padded(np.moveaxis(x, axis, 0), padding[()], *map(int, widths))
         x = np.moveaxis(x, 0, axis)
     return x
 

@@ -1,0 +1,51 @@
+"""How many processors may be used here: one count, for all who share work out to threads."""
+
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+
+QUOTA = Path("/sys/fs/cgroup/cpu.max")
+"""Where Linux tells the quota of a container: microseconds of computing in a period, or max."""
+
+_share: ContextVar[int | None] = ContextVar("share", default=None)
+
+
+def processors() -> int:
+    """How many may be used by what is called here: all, or inside `share_of` that share."""
+    share = _share.get()
+    return all_processors() if share is None else share
+
+
+def all_processors() -> int:
+    """How many this process may use, at least one.
+
+    Those of the machine, fewer where the process is bound to some of them (by a batch system or
+    `taskset`) or is in a container with a quota.
+    """
+    affinity = getattr(os, "sched_getaffinity", None)
+    bound = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return min(bound, _quota() or bound)
+
+
+@contextmanager
+def share_of(count: int) -> Iterator[None]:
+    """What is called inside may use `count` processors: others have been given the rest."""
+    if count < 1:
+        raise ValueError(f"Argument `count` must be at least 1, but got {count}.")
+    token = _share.set(count)
+    try:
+        yield
+    finally:
+        _share.reset(token)
+
+
+def _quota() -> int | None:
+    """Whole processors, rounded up; None without a quota."""
+    try:
+        most, period = QUOTA.read_text().split()
+        return max(1, math.ceil(int(most) / int(period)))
+    except (OSError, ValueError):  # no such file, or the word max
+        return None

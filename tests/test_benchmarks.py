@@ -1,0 +1,37 @@
+"""Benchmarks run; how fast they are is not tested."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.mark.slow
+def test_engines_are_compared_at_equal_accuracy(tmp_path):
+    """A few cases for a few seconds, of an engine and a loop written by hand."""
+    pytest.importorskip("numba")
+    command = [sys.executable, "benchmarks/engines.py", "--cases", "1", "3", "--duration", "2"]
+    command += ["--rounds", "1", "--truth", "3", "--cold-cases", "2"]
+    command += ["--only", "jaxsat native", "lax.scan", "--json", str(tmp_path / "found.json")]
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    found = json.loads((tmp_path / "found.json").read_text())
+    names = {"jaxsat native, Tsit5 adaptive", "lax.scan by hand, RK4"}
+    for kind in ("accuracy", "cold"):
+        assert found[kind].keys() == names
+    assert found["accuracy"]["jaxsat native, Tsit5 adaptive"]["error"] <= 1e-6
+    assert {count: row.keys() for count, row in found["rows"].items()} == {"1": names, "3": names}
+    assert all(entry["peak_MB"] > entry["own_MB"] > 0 for entry in found["cold"].values())
+    lines = done.stdout.splitlines()
+    assert sum(line.startswith("| ") for line in lines) == 5
