@@ -84,6 +84,7 @@ def of_store(path):
     return {name: np.asarray(dataset[name]) for name in dataset}
 
 
+@pytest.mark.slow
 def test_the_workers_of_a_scheduler_are_asked(jaxsat):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(

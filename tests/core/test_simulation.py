@@ -133,6 +133,7 @@ def test_times_must_increase(times):
         )
 
 
+@pytest.mark.slow
 def test_error_coordinates_and_torque_level_are_one_loop():
     """The smooth law needs no error coordinates: both forms integrate the same motion."""
     case = {**PAPER_THREE_AXIS, "third_rate": "free", "relation": "exact"}
@@ -146,6 +147,7 @@ def test_error_coordinates_and_torque_level_are_one_loop():
         np.testing.assert_allclose(getattr(runs[0], name), getattr(runs[1], name), atol=1e-8)
 
 
+@pytest.mark.slow
 def test_quaternion_and_wz_agree_until_z_leaves_its_range():
     """With a free third rate z winds up; the law sees it wrapped when the state is a quaternion."""
     case = {**PAPER_THREE_AXIS, "third_rate": "free"}
@@ -236,11 +238,11 @@ def smooth_rate(gains):
     ("loop_of", "gains", "end", "tolerance"),
     [
         (smooth_three_axis, THREE_AXIS_GAINS, 60.0, 1e-6),
-        (smooth_rate, RATE_GAINS, 5.0, 1e-6),
-        (printed_three_axis, THREE_AXIS_GAINS, 10.0, 1e-6),
+        pytest.param(smooth_rate, RATE_GAINS, 5.0, 1e-6, marks=pytest.mark.slow),
+        pytest.param(printed_three_axis, THREE_AXIS_GAINS, 10.0, 1e-6, marks=pytest.mark.slow),
         # From here on sat has switched next to w = 0, and a step that straddles the corner costs
         # derivatives more than it costs the state.
-        (printed_three_axis, THREE_AXIS_GAINS, 60.0, 1e-2),
+        pytest.param(printed_three_axis, THREE_AXIS_GAINS, 60.0, 1e-2, marks=pytest.mark.slow),
         (printed_rate, RATE_GAINS, 1.0, 1e-6),
     ],
 )

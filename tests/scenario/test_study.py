@@ -48,6 +48,7 @@ def test_sampling_and_design_reach_the_study():
     assert other.identity()["scenario"]["sampling"]["delay_s"] == 0.05
 
 
+@pytest.mark.slow
 def test_engines_that_suit():
     benchmark = load("benchmark-three-axis")
     assert build_study(benchmark, 4).engine.tolerance.rtol == TOLERANCE
