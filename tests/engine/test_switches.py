@@ -131,11 +131,15 @@ def test_the_gradient_of_the_exact_law_against_central_differences():
         np.testing.assert_allclose(found[number], expected, rtol=1e-6)
 
 
-def test_the_rate_law_through_a_zero_of_the_third_rate():
-    """At 31 s, where the reference's slope is unbounded; the smallest step passes it."""
+@pytest.mark.parametrize("tolerance", [1e-10, pytest.param(5e-10, marks=pytest.mark.slow)])
+def test_the_rate_law_through_a_zero_of_the_third_rate(tolerance):
+    """At 31 s, where the reference's slope is unbounded; the smallest step passes it.
+
+    Where exactly the step before ends depends on the tolerance, and must not matter.
+    """
     loop = rate_loop(PAPER_RATE)
     program = program_of(Kicked(loop, rate_start(PAPER_RATE)), loop, 40.0)
-    found = engine(1e-10, lanes=1).replay(program, np.zeros(3))
+    found = engine(tolerance, lanes=1).replay(program, np.zeros(3))
     run = simulate_rate_law(found.times, **PAPER_RATE)
     assert len(run.crossings) == 1
     before = found.times < run.crossings[0]
