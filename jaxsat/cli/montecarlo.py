@@ -1,5 +1,6 @@
 """`jaxsat montecarlo`: many dispersed copies of a scenario into a store, or one of them again."""
 
+import contextlib
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -119,6 +120,8 @@ def montecarlo(
         if figures is not None:
             write_figures(figures, chosen.title, study, target, summary)
     except (KeyboardInterrupt, Terminated) as stop:
+        with contextlib.suppress(KeyboardInterrupt, Terminated):  # a second one does not wait
+            executor.stop()
         raise type(stop)(_what_is_left(target)) from None
     if not quiet:
         for line in summary_lines(summary):

@@ -3,11 +3,12 @@
 Needs the extra `cluster`. Only this process writes to the study's store.
 """
 
+import logging
 import threading
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import cloudpickle
@@ -19,6 +20,15 @@ from jaxsat.processors import share_of
 
 AHEAD = 2
 """Chunks that are given out for every thread of a worker: one to compute, one to go on with."""
+
+POLL_S = 0.2
+"""How often a run looks whether it is to stop."""
+
+PATIENCE_S = 10.0
+"""How long a run that is to stop may take to let its workers go."""
+
+DEAF_TO_CTRL_C = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+"""A terminal sends Ctrl-C to the workers as well; who started them ends them, in good order."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +42,26 @@ class Cluster(AbstractExecutor):
     """
 
     connect: Callable[[], AbstractContextManager[Client]]
+    _stopping: threading.Event = field(default_factory=threading.Event, repr=False, compare=False)
+    _idle: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
-        """The results as they are ready."""
+        """The results as they are ready; raises `ClusterError` where `stop` was called."""
         name = f"jaxsat-{uuid.uuid4().hex}"
-        with self.connect() as client:
+        with self._idle, self.connect() as client:
             double = bool(jax.config.read("jax_enable_x64"))
             client.register_plugin(_Shipped(cloudpickle.dumps(work), double), name=name)
             try:
-                yield from _as_ready(client, name, iter(chunks))
+                yield from _as_ready(client, name, iter(chunks), self._stopping)
             finally:
                 client.unregister_worker_plugin(name)
+
+    def stop(self) -> None:
+        """Take back what is given out and let the workers go; waits until they are."""
+        self._stopping.set()
+        if self._idle.acquire(timeout=PATIENCE_S):
+            self._stopping.clear()
+            self._idle.release()
 
 
 def local_processes(count: int, threads: int = 1) -> Cluster:
@@ -60,6 +79,8 @@ def local_processes(count: int, threads: int = 1) -> Cluster:
                 processes=True,
                 memory_limit=0,
                 dashboard_address=":0",
+                preload=[DEAF_TO_CTRL_C],
+                silence_logs=logging.CRITICAL,  # what counts is raised here
             ) as cluster,
             Client(cluster) as client,
         ):
@@ -117,7 +138,9 @@ def _compute(name: str, chunk: int):
     return cast(_Shipped, get_worker().plugins[name]).compute(chunk)
 
 
-def _as_ready(client: Client, name: str, remaining: Iterator[int]) -> Iterator[tuple[int, Any]]:
+def _as_ready(
+    client: Client, name: str, remaining: Iterator[int], stopping: threading.Event
+) -> Iterator[tuple[int, Any]]:
     running: dict[Future, int] = {}
     try:
         while True:
@@ -128,14 +151,17 @@ def _as_ready(client: Client, name: str, remaining: Iterator[int]) -> Iterator[t
                 running[future] = chunk
             if not running:
                 return
-            for future in _first_done(list(running)):
+            for future in _first_done(list(running), stopping):
                 yield running.pop(future), _result(future)
     finally:
         client.cancel(list(running))
 
 
-def _first_done(futures: list[Future]) -> Iterable[Future]:
-    return cast(Any, wait(futures, None, "FIRST_COMPLETED")).done
+def _first_done(futures: list[Future], stopping: threading.Event) -> Iterable[Future]:
+    while not stopping.is_set():
+        with suppress(TimeoutError):
+            return cast(Any, wait(futures, POLL_S, "FIRST_COMPLETED")).done
+    raise ClusterError("the run was stopped")
 
 
 def _result(future: Future):

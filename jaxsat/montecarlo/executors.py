@@ -24,6 +24,12 @@ class AbstractExecutor(abc.ABC):
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """Pairs of chunk and result as they are ready; `chunks` is read no faster than needed."""
 
+    def stop(self) -> None:
+        """End a run that is under way in another thread, where other processes work for it.
+
+        Threads of this process end with it, so there is nothing to do for them.
+        """
+
 
 @dataclass(frozen=True)
 class Serial(AbstractExecutor):

@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import sys
+import threading
 
 import numpy as np
 import pytest
@@ -54,6 +55,31 @@ def test_what_fails_in_a_worker_is_told_here(tmp_path, threads, monkeypatch):
     monkeypatch.setattr(ensemble, "machine", lambda: {**here, "processor": str(os.urandom(4))})
     with pytest.raises(OutputError, match=r"worker computes under other conditions \(processor"):
         run_study(tumbling(), tmp_path / "s", executor=executor)
+
+
+def test_a_run_is_stopped_from_another_thread(tmp_path, threads):
+    """The scheduler is left without the run's work; a later run goes on as if nothing had been."""
+    executor, study = scheduler_at(threads.scheduler_address), tumbling(600, duration=100.0)
+    begun, told = threading.Event(), []
+
+    def run():
+        try:
+            run_study(study, tmp_path / "s", executor=executor, report=lambda _: begun.set())
+        except ClusterError as error:
+            told.append(str(error))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    assert begun.wait(60)
+    executor.stop()
+    thread.join(5)
+    assert told == ["the run was stopped"]
+    assert not contents(tmp_path / "s")["status"].all()
+    with distributed.Client(threads) as client:
+        (left,) = client.run(lambda dask_worker: list(dask_worker.plugins)).values()
+    assert not [name for name in left if "jaxsat" in name]
+    run_study(study, tmp_path / "s", executor=executor)
+    assert contents(tmp_path / "s")["status"].all()
 
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path):
