@@ -24,7 +24,7 @@ class AbstractExecutor(abc.ABC):
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """Pairs of chunk and result as they are ready; `chunks` is read no faster than needed."""
 
-    def stop(self) -> None:
+    def stop(self) -> None:  # noqa: B027 -- most have nothing to do
         """End a run that is under way in another thread, where other processes work for it.
 
         Threads of this process end with it, so there is nothing to do for them.
