@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
+from jax.experimental.xla_metadata import set_xla_metadata
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.engine.program import Copy, Program
@@ -53,13 +54,31 @@ class Course(NamedTuple):
     program: Program
     loop: AbstractContinuousLoop
     restore: Callable[[Float[Array, " n"]], PyTree]
+    batch: str | None = None
 
     @staticmethod
-    def of(program: Program, copy: Copy) -> "Course":
-        """The course of one case."""
+    def of(program: Program, copy: Copy, batch: str | None = None) -> "Course":
+        """The course of one case, in a batch under `vmap` with this name of its axis."""
         shapes = jax.eval_shape(flat_parts, copy)
         template = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
-        return Course(program, continuous(copy), ravel_pytree(template)[1])
+        return Course(program, continuous(copy), ravel_pytree(template)[1], batch)
+
+    def seldom(
+        self, wanted: Bool[Array, ""], function: Callable[[], PyTree], default: PyTree
+    ) -> PyTree:
+        """What `function` gives where it is `wanted`, else `default`.
+
+        Under `vmap` a `lax.cond` computes both for all cases. Here the whole batch leaves the
+        function out while no case wants it.
+        """
+        if self.batch is None:
+            return jax.lax.cond(wanted, function, lambda: default)
+
+        def some():
+            return jax.tree.map(lambda x, y: jnp.where(wanted, x, y), function(), default)
+
+        anywhere = jax.lax.pmax(wanted.astype(int), self.batch) > 0
+        return jax.lax.cond(anywhere, some, lambda: default)
 
     @property
     def axes(self) -> int:
@@ -94,9 +113,14 @@ class Course(NamedTuple):
         def rate(piece, cost, t, flat):
             motion = piece.turned_back_motion(t, self.restore(flat)[0])
             torque = motion.torque[: self.axes]
-            return flat_of((motion.rate, running_cost(cost, motion), torque))
+            return motion.rate, running_cost(cost, motion), torque
 
-        return lambda t, flat: rate(piece, self.program.cost, t, flat)
+        def flat_rate(t, flat):
+            parts, tree = jax.tree.flatten(rate(piece, self.program.cost, t, flat))
+            parts[0] = set_xla_metadata(parts[0], inlineable="false")
+            return flat_of(jax.tree.unflatten(tree, parts))
+
+        return flat_rate
 
 
 def continuous(copy: Copy) -> AbstractContinuousLoop:
