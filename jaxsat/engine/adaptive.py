@@ -101,6 +101,7 @@ def iterate(
     walk: Walk = progress.state
     looked_behind = walk.t < walk.number * course.program.interval
     needed = looked_behind & (walk.t < bound * course.program.interval)
+    needed &= progress.code == int(Outcome.SUCCESS)
     return _look_back(course, bound, _attempt(solver, tolerance, course, needed, progress))
 
 
@@ -108,7 +109,7 @@ def advance_adaptively(solver, tolerance, program, copy, progress, bound, batch=
     """Progress of one trajectory up to instant number `bound`."""
     course, bound = Course.of(program, copy, batch), jnp.asarray(bound)
     return jax.lax.while_loop(
-        lambda progress: unfinished(program, bound, progress),
+        lambda progress: course.anywhere(unfinished(program, bound, progress)),
         lambda progress: iterate(solver, tolerance, course, bound, progress),
         progress,
     )

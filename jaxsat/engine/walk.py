@@ -77,8 +77,11 @@ class Course(NamedTuple):
         def some():
             return jax.tree.map(lambda x, y: jnp.where(wanted, x, y), function(), default)
 
-        anywhere = jax.lax.pmax(wanted.astype(int), self.batch) > 0
-        return jax.lax.cond(anywhere, some, lambda: default)
+        return jax.lax.cond(self.anywhere(wanted), some, lambda: default)
+
+    def anywhere(self, true: Bool[Array, ""]) -> Bool[Array, ""]:
+        """Whether it is true of any case of the batch."""
+        return true if self.batch is None else jax.lax.pmax(true.astype(int), self.batch) > 0
 
     @property
     def axes(self) -> int:
