@@ -15,11 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, PyTree
 
+from jaxsat.compiler import in_one_piece
 from jaxsat.engine import adaptive
 from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.fixed import advance_in_equal_steps, advance_with_drawn_noise
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
-from jaxsat.engine.one_kernel import as_one_kernel
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
 from jaxsat.engine.rates import plant_state
@@ -182,7 +182,9 @@ def _advance_jit(engine, program, cases, gains, progress, first, count):
     def one(case, progress):
         return _noise_in_blocks(engine, program, case, gains, progress, first, count)
 
-    return as_one_kernel(lambda: _over_cases(engine, one, cases, progress), progress.code.size)
+    if engine.tolerance is None:
+        return _over_cases(engine, one, cases, progress)
+    return in_one_piece(lambda: _over_cases(engine, one, cases, progress), progress.code.size)
 
 
 def _advance(engine, program, cases, gains, progress, first: int, count: int):

@@ -6,10 +6,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
-from jax.experimental.xla_metadata import set_xla_metadata
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from jaxsat.compiler import apart
 from jaxsat.engine.program import Copy, Program
 from jaxsat.engine.rates import running_cost
 from jaxsat.simulation import AbstractContinuousLoop
@@ -90,7 +91,8 @@ class Course(NamedTuple):
 
     def with_no_torque(self, flat: Float[Array, " n"]) -> Float[Array, " n"]:
         """A flat state in which a step begins."""
-        return flat.at[-self.axes :].set(0.0)
+        begun = np.arange(flat.size) >= flat.size - self.axes
+        return jnp.where(begun, 0.0, flat)
 
     def judged(self, flat: Float[Array, " n"]) -> Float[Array, " m"]:
         """What of a flat state an error is judged by: the loop's state and, last, the cost."""
@@ -119,9 +121,9 @@ class Course(NamedTuple):
             return motion.rate, running_cost(cost, motion), torque
 
         def flat_rate(t, flat):
-            parts, tree = jax.tree.flatten(rate(piece, self.program.cost, t, flat))
-            parts[0] = set_xla_metadata(parts[0], inlineable="false")
-            return flat_of(jax.tree.unflatten(tree, parts))
+            if self.batch is None:
+                return flat_of(rate(piece, self.program.cost, t, flat))
+            return flat_of(apart(rate, piece, self.program.cost, t, flat))
 
         return flat_rate
 
