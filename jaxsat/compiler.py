@@ -26,18 +26,17 @@ WIDEST = 96
 TESTED = ((0, 10),)
 """Versions of jaxlib with which programs of the primitives below were compiled in one piece."""
 
-COMPILED_WHOLE = frozenset(
-    """
-    abs acos add add_any and argmax argmin asin atan atan2 bitcast_convert_type broadcast_in_dim
-    cbrt ceil checkpoint clamp concatenate cond convert_element_type copy cos cosh custom_jvp_call
-    custom_vjp_call div dot_general dynamic_slice dynamic_update_slice eq erf erf_inv exp exp2 expm1
-    floor gather ge gt integer_pow iota is_finite jit le log log1p logistic lt max min mul ne neg
-    not optimization_barrier or pad pmax pow reduce_and reduce_max reduce_min reduce_or reduce_prod
-    reduce_sum rem reshape rev round rsqrt scan select_n shift_left shift_right_arithmetic
-    shift_right_logical sign sin sinh slice split sqrt square squeeze stack stop_gradient sub tan
-    tanh transpose unstack while xla_metadata_value xor
-    """.split()
-)
+_COMPILED_WHOLE = """
+abs acos add add_any and argmax argmin asin atan atan2 bitcast_convert_type broadcast_in_dim
+cbrt ceil clamp concatenate cond convert_element_type copy cos cosh custom_jvp_call
+custom_vjp_call div dot_general dynamic_slice dynamic_update_slice eq erf erf_inv exp exp2 expm1
+floor gather ge gt integer_pow iota is_finite jit le log log1p logistic lt max min mul ne neg
+not optimization_barrier or pad pmax pow reduce_and reduce_max reduce_min reduce_or reduce_prod
+reduce_sum rem remat2 reshape rev round rsqrt scan select_n shift_left shift_right_arithmetic
+shift_right_logical sign sin sinh slice split sqrt square squeeze stack stop_gradient sub tan
+tanh transpose unstack while xla_metadata_value xor
+"""
+COMPILED_WHOLE = frozenset(_COMPILED_WHOLE.split())
 """Primitives known to compile so. XLA itself does not check: it breaks down over sorts, scatters,
 Fourier transforms and whatever calls a library, in some versions with the whole process."""
 
@@ -56,8 +55,10 @@ def in_one_piece(function: Callable[[], PyTree], lanes: int) -> PyTree:
 
     It may close over traced arrays.
     """
+    if lanes > WIDEST or jax.default_backend() != "cpu":
+        return function()
     closed, shape = jax.make_jaxpr(function, return_shape=True)()
-    if lanes > WIDEST or not compiles_whole(closed.jaxpr):
+    if not compiles_whole(closed.jaxpr):
         return jax.tree.unflatten(jax.tree.structure(shape), core.jaxpr_as_fun(closed)())
 
     def whole(*inputs):
@@ -72,9 +73,8 @@ def in_one_piece(function: Callable[[], PyTree], lanes: int) -> PyTree:
 
 def compiles_whole(jaxpr: core.Jaxpr) -> bool:
     """Whether this XLA is known to compile all that the program holds in one piece."""
-    if jax.default_backend() != "cpu" or jaxlib.version.__version_info__[:2] not in TESTED:
-        return False
-    return primitives(jaxpr) <= COMPILED_WHOLE
+    tested = jaxlib.version.__version_info__[:2] in TESTED
+    return tested and primitives(jaxpr) <= COMPILED_WHOLE
 
 
 def primitives(jaxpr: core.Jaxpr) -> set[str]:
