@@ -106,7 +106,10 @@ def iterate(
 
 
 def advance_adaptively(solver, tolerance, program, copy, progress, bound, batch=None) -> Progress:
-    """Progress of one trajectory up to instant number `bound`."""
+    """Progress of one trajectory up to instant number `bound`, while any of a `batch` goes on.
+
+    An iteration leaves a trajectory that has ended as it is.
+    """
     course, bound = Course.of(program, copy, batch), jnp.asarray(bound)
     return jax.lax.while_loop(
         lambda progress: course.anywhere(unfinished(program, bound, progress)),

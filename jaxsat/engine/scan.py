@@ -24,6 +24,7 @@ from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
 from jaxsat.engine.rates import plant_state
 from jaxsat.engine.runge_kutta import dense_weights, tableau_of
+from jaxsat.engine.walk import Walk
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop, Signals
 
 NOISE_BLOCK = 16
@@ -31,6 +32,7 @@ NOISE_BLOCK = 16
 sample, draws all but one of them in vain."""
 
 CASES = "cases"
+"""The name of a block's axis."""
 
 
 class ScanEngine(AbstractEngine):
@@ -123,7 +125,8 @@ def advance_one(
 ) -> Progress:
     """Progress of one trajectory after `count` intervals from number `first` on.
 
-    Noise of sensors is drawn for `noise_block` samples at a time.
+    Noise of sensors is drawn for `noise_block` samples at a time. Under `vmap` over an axis of
+    name `batch` steps are those of the whole batch.
     """
     copy = program.copies(case, gains)
     loop, tableau = copy.loop, tableau_of(engine.solver)
@@ -182,9 +185,11 @@ def _advance_jit(engine, program, cases, gains, progress, first, count):
     def one(case, progress):
         return _noise_in_blocks(engine, program, case, gains, progress, first, count)
 
-    if engine.tolerance is None:
+    def advance():
         return _over_cases(engine, one, cases, progress)
-    return in_one_piece(lambda: _over_cases(engine, one, cases, progress), progress.code.size)
+
+    adapts = isinstance(progress.state, Walk)
+    return in_one_piece(advance, progress.code.size) if adapts else advance()
 
 
 def _advance(engine, program, cases, gains, progress, first: int, count: int):

@@ -59,7 +59,7 @@ class Course(NamedTuple):
 
     @staticmethod
     def of(program: Program, copy: Copy, batch: str | None = None) -> "Course":
-        """The course of one case, in a batch under `vmap` with this name of its axis."""
+        """The course of one case; under `vmap` `batch` may tell the name of the cases' axis."""
         shapes = jax.eval_shape(flat_parts, copy)
         template = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
         return Course(program, continuous(copy), ravel_pytree(template)[1], batch)
