@@ -29,7 +29,7 @@ TESTED = ((0, 10),)
 _COMPILED_WHOLE = """
 abs acos add add_any and argmax argmin asin atan atan2 bitcast_convert_type broadcast_in_dim
 cbrt ceil clamp concatenate cond convert_element_type copy cos cosh custom_jvp_call
-custom_vjp_call div dot_general dynamic_slice dynamic_update_slice eq erf erf_inv exp exp2 expm1
+custom_vjp_call div dynamic_slice dynamic_update_slice eq erf erf_inv exp exp2 expm1
 floor gather ge gt integer_pow iota is_finite jit le log log1p logistic lt max min mul ne neg
 not optimization_barrier or pad pmax pow reduce_and reduce_max reduce_min reduce_or reduce_prod
 reduce_sum rem remat2 reshape rev round rsqrt scan select_n shift_left shift_right_arithmetic
@@ -38,7 +38,7 @@ tanh transpose unstack while xla_metadata_value xor
 """
 COMPILED_WHOLE = frozenset(_COMPILED_WHOLE.split())
 """Primitives known to compile so. XLA itself does not check: it breaks down over sorts, scatters,
-Fourier transforms and whatever calls a library, in some versions with the whole process."""
+products of matrices and whatever else calls a library, at times with the whole process."""
 
 
 def apart(function: Callable[..., PyTree], *args: Any) -> PyTree:
