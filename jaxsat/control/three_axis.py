@@ -71,7 +71,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         """
         w = state.attitude.as_wz().w
         bounded = sat(self._steering(state), self.a, self.saturation_width, self.saturated)
-        pull = self.k3 * reciprocal(1 + w[0] ** 2 + w[1] ** 2)
+        pull = self.k3 * reciprocal(1 + (w[0] ** 2 + w[1] ** 2))
         return self.mu * bounded - pull * w
 
     def _steering(self, state: PlantState) -> Float[Array, "2"]:
@@ -79,9 +79,9 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         attitude = state.attitude.as_wz()
         w1, w2 = attitude.w
         relative_rate3 = self.model.relative_rate(state)[2]
-        divisor = self.mu * (w1**2 + w2**2 + self.tilt_width**2)
+        divisor = w1**2 + w2**2 + self.tilt_width**2
         inverse = reciprocal(jnp.where(divisor > 0, divisor, 1.0))
-        q = (self.mu * attitude.z + relative_rate3) * inverse
+        q = (attitude.z + relative_rate3 * reciprocal(self.mu)) * inverse
         return q * jnp.stack([w2, -w1])
 
     def reference_rate(self, state: PlantState) -> Float[Array, "2"]:

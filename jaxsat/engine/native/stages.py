@@ -17,6 +17,7 @@ import numpy as np
 from jaxsat.engine.native.builder import is_uniform
 from jaxsat.engine.native.ir import Function, Operation, Scalar, Sweep, Value
 from jaxsat.engine.native.lines import Module
+from jaxsat.engine.native.ordering import in_order
 from jaxsat.engine.native.llvm import Body
 from jaxsat.engine.native.places import (
     FROM,
@@ -46,6 +47,7 @@ class Stage:
         sweep = Sweep()
         sweep.need(self.function.results)
         sweep.block(self.function.block)
+        if not __import__("os").environ.get("NOORDER"): in_order(self.function.block, self.function.results)
         keep = [param.number in sweep.used for param in self.function.params]
         params = [p for p, used in zip(self.function.params, keep, strict=True) if used]
         inputs = [place for place, used in zip(self.inputs, keep, strict=True) if used]

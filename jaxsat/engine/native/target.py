@@ -34,7 +34,7 @@ class Host:
         bits = self.register * 8
         wide = f' "prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}"'
         target = f'"target-cpu"="{self.name}" "target-features"="{self.features}"'
-        return f"nounwind {target}" + (wide if self.register > 16 else "")
+        return f"nounwind {target}" + (f'{wide} "stackrealign"' if self.register > 16 else "")
 
 
 @cache
