@@ -214,6 +214,6 @@ def _size(tolerance, before, after, error) -> Float[Array, ""]:
 
 def _factor(size: Float[Array, ""]) -> Float[Array, ""]:
     """How much longer the next step may be; much shorter where the error is no number."""
-    wanted = SAFETY * jnp.maximum(size, 1e-12) ** -0.2
+    wanted = SAFETY * jnp.exp(-0.2 * jnp.log(jnp.maximum(size, 1e-12)))
     known = jnp.where(jnp.isfinite(size), wanted, LEAST_FACTOR)
     return jnp.clip(known, LEAST_FACTOR, LARGEST_FACTOR)

@@ -52,7 +52,7 @@ class Kernel:
 
     def __init__(self, stages: TrajectoryStages, lanes: int):
         self.stages, self.lanes = stages, lanes
-        module = Module(lanes)
+        module = Module(lanes, target.host().masks)
         for stage in stages.stages:
             add_stage(module, stage)
         if stages.going is None:

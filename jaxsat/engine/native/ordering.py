@@ -1,22 +1,33 @@
-"""The order of a block's steps in which few values wait for their use at the same time.
+"""The order of the steps in a block, so that what can go on beside one another stands together.
 
-What does not fit into the processor's registers is written to memory and read again, and storing a
-whole vector takes as long as several operations. Programs come in the order in which they were
-traced, array by array; here every block is put in order again, from its end: of the steps whose
-results are all spoken for, the one goes last that leaves the fewest values waiting.
+Programs come in the order in which they were traced, array by array, and a processor looks only
+some dozens of steps ahead for work that need not wait. So every block is put in order again, from
+its beginning: of the steps whose operands are there the one goes next on which the longest chain
+of others depends.
 """
 
-from collections.abc import Iterable, Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from heapq import heappop, heappush
 
-from jaxsat.engine.native.ir import Block, Call, Load, Loop, Operation, Scalar, Step, Store, Switch
-from jaxsat.engine.native.ir import Value
+from jaxsat.engine.native.ir import (
+    Block,
+    Loop,
+    Operation,
+    Scalar,
+    Step,
+    Switch,
+    Value,
+    made,
+    memories,
+    read,
+)
 
-FUSED = ("add", "sub")
-"""What a product that is used once becomes one operation with."""
+_CYCLES = {"div": 13, "sqrt": 20, "add": 4, "sub": 4, "mul": 4, "round": 8}
 
 
 def in_order(block: Block, results: Iterable[Scalar]) -> None:
-    """Put the steps of a block in order, and of the blocks inside; `results` are used after it."""
+    """Put the steps of a block in order, and of those inside; `results` are used after it."""
     for step in block.steps:
         match step:
             case Loop():
@@ -25,207 +36,98 @@ def in_order(block: Block, results: Iterable[Scalar]) -> None:
             case Switch():
                 for inside, yields in zip(step.blocks, step.yields, strict=True):
                     in_order(inside, yields)
-    block.steps = _ordered(block.steps, [x for x in results if isinstance(x, Value)])
-
-
-def _weight(value: Value) -> float:
-    """What a waiting value takes of the vector registers."""
-    if value.uniform:
-        return 0.0
-    return 0.1 if value.dtype.kind == "b" else 1.0
+            case _:
+                pass
+    kept = {x.number for x in results if isinstance(x, Value)}
+    block.steps = _ordered(_nodes(block.steps, kept))
 
 
 class _Node:
-    """Steps that stay together: what they read and make, and how many others wait for that."""
+    """Steps that stay together: the values they read, and the nodes before and after them."""
 
-    __slots__ = ("before", "makes", "number", "reads", "steps", "users")
+    __slots__ = ("after", "before", "cycles", "height", "reads", "start", "steps")
 
-    def __init__(self, number: int):
-        self.number = number
-        self.steps: list[Step] = []
-        self.reads: dict[int, float] = {}
-        self.makes: list[tuple[int, float]] = []
+    def __init__(self, steps: list[Step], reads: set[int]):
+        self.steps, self.reads = steps, reads
         self.before: set[int] = set()
-        self.users = 0
+        self.after: list[int] = []
+        last = steps[-1]
+        self.cycles = _CYCLES.get(last.name, 1) if isinstance(last, Operation) else 4
+        self.height = 0.0  # cycles from its begin to the end of the block
+        self.start = 0.0  # when its operands are there
 
 
-LATENCY = {"div": 13, "sqrt": 20}
-import os
-LIMIT = float(os.environ.get("LIMIT", "20"))
-PER = float(os.environ.get("PER", "1"))
-
-
-def _latency(step: Step) -> float:
-    match step:
-        case Operation(name=name, out=out):
-            if name in LATENCY:
-                return LATENCY[name]
-            return 4.0 if out.dtype.kind == "f" and name in ("add", "sub", "mul") else 1.0 if name not in ("round",) else 8.0
-    return 4.0
-
-
-def _ordered(steps: list[Step], results: list[Value]) -> list[Step]:
-    nodes = _nodes(steps, {x.number for x in results})
-    after: list[list[int]] = [[] for _ in nodes]
-    missing = [len(node.before) for node in nodes]
-    for node in nodes:
-        for number in node.before:
-            after[number].append(node.number)
-    height = [0.0] * len(nodes)
-    late = [sum(_latency(s) for s in node.steps[-1:]) for node in nodes]
+def _ordered(nodes: list[_Node]) -> list[Step]:
+    for number, node in enumerate(nodes):
+        for earlier in node.before:
+            nodes[earlier].after.append(number)
     for node in reversed(nodes):
-        height[node.number] = late[node.number] + max((height[n] for n in after[node.number]), default=0.0)
-    kept = {x.number for x in results}
-    users: dict[int, int] = {}
-    weight: dict[int, float] = {}
-    for node in nodes:
-        for n in node.reads:
-            users[n] = users.get(n, 0) + 1
-        for n, w in node.makes:
-            weight[n] = w
-    ready = {n for n, m in enumerate(missing) if not m}
-    start = [0.0] * len(nodes)
-    now = pressure = 0.0
-    placed: list[_Node] = []
-
-    def delta(node):
-        made = sum(w for n, w in node.makes if users.get(n) or n in kept)
-        return made - sum(weight.get(n, 0.0) for n in node.reads if users[n] == 1 and n not in kept)
-
-    while ready:
-        if pressure < LIMIT:
-            best = min(ready, key=lambda n: (max(start[n] - now, 0.0), -height[n], n))
-        else:
-            best = min(ready, key=lambda n: (delta(nodes[n]), max(start[n] - now, 0.0), -height[n], n))
-        node = nodes[best]
-        pressure += delta(node)
-        ready.discard(best)
-        placed.append(node)
-        for n in node.reads:
-            users[n] -= 1
-        now = max(now, start[best]) + PER
-        for n in after[best]:
-            start[n] = max(start[n], now - PER + late[best])
-            missing[n] -= 1
-            if not missing[n]:
-                ready.add(n)
-    assert len(placed) == len(nodes)
-    return [step for node in placed for step in node.steps]
+        node.height = node.cycles + max((nodes[n].height for n in node.after), default=0.0)
+    missing = [len(node.before) for node in nodes]
+    waiting = [(0.0, number) for number, count in enumerate(missing) if not count]
+    ready: list[tuple[float, int]] = []
+    found: list[Step] = []
+    now = 0.0
+    while waiting or ready:
+        while waiting and waiting[0][0] <= now:
+            number = heappop(waiting)[1]
+            heappush(ready, (-nodes[number].height, number))
+        node = nodes[heappop(ready or waiting)[1]]
+        found += node.steps
+        begin = max(now, node.start)
+        now = begin + 1
+        for number in node.after:
+            later = nodes[number]
+            later.start = max(later.start, begin + node.cycles)
+            missing[number] -= 1
+            if not missing[number]:
+                heappush(waiting, (later.start, number))
+    return found
 
 
-def _nodes(steps: list[Step], results: set[int]) -> list[_Node]:
-    uses: dict[int, int] = {}
-    read = [dict(_read(step)) for step in steps]
-    for values in read:
-        for number in values:
-            uses[number] = uses.get(number, 0) + 1
-    products = {
-        step.out.number: step
-        for step in steps
-        if isinstance(step, Operation)
-        and step.name == "mul"
-        and uses.get(step.out.number) == 1
-        and step.out.number not in results
-        and not step.out.uniform and step.out.dtype.kind=="f"
-    }
-    taken: dict[int, Operation] = {}  # product by the sum it goes with
-    for i, step in enumerate(steps):
-        if isinstance(step, Operation) and step.name in FUSED:
-            for arg in step.args:
-                if isinstance(arg, Value) and arg.number in products:
-                    taken[i] = products.pop(arg.number)
-                    break
-    gone = {id(step) for step in taken.values()}
+def _nodes(steps: Sequence[Step], kept: set[int]) -> list[_Node]:
+    reads = [set(read(step)) for step in steps]
     nodes: list[_Node] = []
-    maker: dict[int, _Node] = {}
-    memory: dict[int, list[_Node]] = {}
-    for i, step in enumerate(steps):
-        if id(step) in gone:
+    maker: dict[int, int] = {}
+    touched: dict[int, list[int]] = defaultdict(list)  # nodes by memory
+    fused = _fused(steps, reads, kept)
+    products = {id(product) for product in fused.values()}
+    for i, (step, needs) in enumerate(zip(steps, reads, strict=True)):
+        if id(step) in products:
             continue
-        node = _Node(len(nodes))
+        product = fused.get(i)
+        if product is None:
+            node = _Node([step], needs)
+        else:
+            node = _Node([product, step], (needs - {product.out.number}) | set(read(product)))
+        number = len(nodes)
         nodes.append(node)
-        inner = set()
-        if i in taken:
-            node.steps.append(taken[i])
-            inner.add(taken[i].out.number)
-            for n, w in _read(taken[i]):
-                node.reads[n] = w
-        node.steps.append(step)
-        node.reads |= {n: w for n, w in read[i].items() if n not in inner}
-        for out in _made(step):
-            node.makes.append((out.number, _weight(out)))
-            maker[out.number] = node
-        for n in node.reads:
-            if n in maker:
-                node.before.add(maker[n].number)
-        for number, writes in _touched(step):
-            for other in memory.get(number, []):
-                node.before.add(other.number)
-            memory.setdefault(number, []).append(node)
-    for node in nodes:
-        node.before.discard(node.number)
-        for number in node.before:
-            nodes[number].users += 1
+        node.before = {maker[n] for n in node.reads if n in maker}
+        for memory in {memory.number for memory in memories(step)}:
+            node.before.update(touched[memory])
+            touched[memory].append(number)
+        maker.update((out.number, number) for out in made(step))
     return nodes
 
 
-def _made(step: Step) -> Iterator[Value]:
-    match step:
-        case Operation(out=out) | Load(out=out):
-            yield out
-        case Switch(outs=outs) | Call(outs=outs) | Loop(params=outs):
-            yield from outs
-
-
-def _scalars(scalars) -> Iterator[tuple[int, float]]:
-    for x in scalars:
-        if isinstance(x, Value):
-            yield x.number, _weight(x)
-
-
-def _read(step: Step) -> Iterator[tuple[int, float]]:
-    match step:
-        case Operation(args=args) | Call(args=args):
-            yield from _scalars(args)
-        case Load(index=index):
-            yield from _scalars([index])
-        case Store(index=index, value=value):
-            yield from _scalars([index, value])
-        case Switch():
-            yield from _scalars([step.index])
-            for block, results in zip(step.blocks, step.yields, strict=True):
-                yield from _inside(block, results)
-        case Loop():
-            yield from _scalars(step.before)
-            inner = {p.number for p in step.params}
-            for block, results in ((step.condition, [step.active]), (step.body, step.after)):
-                yield from ((n, w) for n, w in _inside(block, results) if n not in inner)
-
-
-def _inside(block: Block, results) -> Iterator[tuple[int, float]]:
-    made: set[int] = set()
-    for step in block.steps:
-        yield from ((n, w) for n, w in _read(step) if n not in made)
-        made.update(out.number for out in _made(step))
-    yield from ((n, w) for n, w in _scalars(results) if n not in made)
-
-
-def _touched(step: Step) -> Iterator[tuple[int, bool]]:
-    match step:
-        case Load(memory=memory):
-            yield memory.number, False
-        case Store(memory=memory):
-            yield memory.number, True
-        case Call(function=function):
-            yield from _touched_in(function.block)
-        case Switch(blocks=blocks):
-            for block in blocks:
-                yield from _touched_in(block)
-        case Loop(condition=condition, body=body):
-            yield from _touched_in(condition)
-            yield from _touched_in(body)
-
-
-def _touched_in(block: Block) -> Iterator[tuple[int, bool]]:
-    for step in block.steps:
-        yield from _touched(step)
+def _fused(
+    steps: Sequence[Step], reads: Sequence[set[int]], kept: set[int]
+) -> dict[int, Operation]:
+    """Products that are used once, by the place of the sum with which they become one operation."""
+    uses: dict[int, int] = defaultdict(int)
+    for numbers in reads:
+        for number in numbers:
+            uses[number] += 1
+    products: dict[int, Operation] = {}
+    found: dict[int, Operation] = {}
+    for i, step in enumerate(steps):
+        match step:
+            case Operation(name="mul", out=out) if out.dtype.kind == "f" and not out.uniform:
+                if uses[out.number] == 1 and out.number not in kept:
+                    products[out.number] = step
+            case Operation(name="add" | "sub", args=args):
+                for arg in args:
+                    if isinstance(arg, Value) and arg.number in products:
+                        found[i] = products.pop(arg.number)
+                        break
+    return found

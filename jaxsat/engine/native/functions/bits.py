@@ -132,7 +132,7 @@ def polynomial(x: Double, coefficients: Sequence[float]) -> Double:
     return jnp.asarray(terms[0])
 
 
-def horner(x: Double, coefficients: Sequence[float]) -> Double:
+def horner(x: Double, coefficients: Sequence[float | Double]) -> Double:
     """A polynomial, lowest power first, by Horner's scheme: few operations."""
     total = jnp.asarray(coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):

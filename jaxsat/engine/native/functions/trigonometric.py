@@ -78,13 +78,44 @@ def near_sincos(x: Double) -> tuple[Double, Double, Truth]:
     sine = r + z * r * horner(z, _SINE)
     cosine = (1.0 - 0.5 * z) + z * z * horner(z, _COSINE)
     first, second = _chosen(sine, cosine, quadrant)
-    sign = ((quadrant << 62) ^ bits_of(x)) & SIGN
-    return double_of(bits_of(first) ^ sign), second, size >= NEAR_LIMIT
+    return _odd(first, x, quadrant), second, size >= NEAR_LIMIT
+
+
+def near_sin(x: Double) -> tuple[Double, Truth]:
+    """The sine of `near_sincos` alone."""
+    size = lax.abs(x)
+    r, quadrant = near(size)
+    return _odd(_alone(r, _is_odd(quadrant)), x, quadrant), size >= NEAR_LIMIT
+
+
+def near_cos(x: Double) -> tuple[Double, Truth]:
+    """The cosine of `near_sincos` alone."""
+    size = lax.abs(x)
+    r, quadrant = near(size)
+    following = quadrant + np.int64(1)
+    return _signed(_alone(r, _is_odd(following)), following), size >= NEAR_LIMIT
+
+
+def _alone(r: Double, by_cosine: Truth) -> Double:
+    """Cosine or sine of a reduced angle by one polynomial, whose coefficients are chosen."""
+    z = r * r
+    coefficients = [select(by_cosine, c, s) for c, s in zip(_COSINE, _SINE, strict=True)]
+    first = select(by_cosine, 1.0 - 0.5 * z, r)
+    return first + z * select(by_cosine, z, r) * horner(z, coefficients)
+
+
+def _is_odd(quadrant: Integer) -> Truth:
+    return (quadrant & np.int64(1)) != 0
+
+
+def _odd(value: Double, x: Double, quadrant: Integer) -> Double:
+    """A sine without its sign, with that of the quadrant and of `x`."""
+    return double_of(bits_of(value) ^ (((quadrant << 62) ^ bits_of(x)) & SIGN))
 
 
 def _chosen(sine: Double, cosine: Double, quadrant: Integer) -> tuple[Double, Double]:
     """Sine, without the sign of the quadrant, and cosine of the whole angle."""
-    odd = (quadrant & np.int64(1)) != 0
+    odd = _is_odd(quadrant)
     cosine_of_all = _signed(select(odd, sine, cosine), quadrant + np.int64(1))
     return select(odd, cosine, sine), cosine_of_all
 
@@ -104,7 +135,7 @@ def tan(x: Double) -> Double:
     tangent = half + rest
     square = tangent * tangent
     one_less, one_less_low = fast_two_sum(lax.full_like(x, 1.0), -square)
-    odd = (quadrant & np.int64(1)) != 0
+    odd = _is_odd(quadrant)
     num = select(odd, -one_less, double)
     num_low = select(odd, -one_less_low, double_low)
     den = select(odd, double, one_less)
