@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree, UInt32
 
 from jaxsat import noise
+from jaxsat.checks import as_array
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import AbstractCopies, Copy
 from jaxsat.montecarlo.changes import (
@@ -111,7 +112,7 @@ class Dispersed(AbstractCopies):
 
     def __init__(self, loop: AbstractLoop, start: PlantState, dispersions: Dispersions, seed: int):
         dispersions.check(loop)
-        self.loop = _with_sensor_key(loop, jnp.zeros(2, jnp.uint32))
+        self.loop = _with_sensor_key(loop, as_array(np.zeros(2, np.uint32)))
         self.start = start
         self.dispersions = dispersions
         self.key = noise.key_of_seed(seed)
