@@ -153,7 +153,10 @@ class Dispersed(AbstractCopies):
         return drawn, possible
 
     def _possible(self, names, coordinates, own_key, inertia_of):
-        """The first of several draws of `names` that makes a possible body."""
+        """The first of several draws of `names` that makes a possible body.
+
+        Where there is none, the very first.
+        """
 
         def draw(attempt):
             values = {}
@@ -167,9 +170,16 @@ class Dispersed(AbstractCopies):
                 setting = QUANTITIES[name].apply(setting, values[name])
             return values, possible_inertia(inertia_of(setting.loop))
 
-        values, fine = jax.vmap(draw)(jnp.arange(ATTEMPTS))
-        first = jnp.argmax(fine)
-        return jax.tree.map(lambda x: x[first], values), jnp.any(fine)
+        def unlucky(state):
+            turn, (_, fine) = state
+            return ~fine & (turn <= ATTEMPTS)
+
+        def once_more(state):
+            turn, _ = state
+            return turn + 1, draw(turn % ATTEMPTS)
+
+        nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(draw, 0))
+        return jax.lax.while_loop(unlucky, once_more, (0, nothing))[1]
 
 
 def with_gains(loop: AbstractLoop, gains: dict[str, Array] | None) -> AbstractLoop:
