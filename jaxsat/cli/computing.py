@@ -34,8 +34,9 @@ def no_collection() -> Iterator[None]:
 
 def interruptibly(work: Callable[[], Result]) -> Result:
     """Do the work in a thread, so that a signal need not wait for compiled code to return."""
-    gc.freeze()
-    gc.enable()
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
     outcome: list[Result] = []
     failure: list[BaseException] = []
 
