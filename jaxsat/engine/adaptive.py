@@ -101,14 +101,18 @@ def iterate(
     walk: Walk = progress.state
     looked_behind = walk.t < walk.number * course.program.interval
     needed = looked_behind & (walk.t < bound * course.program.interval)
+    needed &= progress.code == int(Outcome.SUCCESS)
     return _look_back(course, bound, _attempt(solver, tolerance, course, needed, progress))
 
 
-def advance_adaptively(solver, tolerance, program, copy, progress, bound) -> Progress:
-    """Progress of one trajectory up to instant number `bound`."""
-    course, bound = Course.of(program, copy), jnp.asarray(bound)
+def advance_adaptively(solver, tolerance, program, copy, progress, bound, batch=None) -> Progress:
+    """Progress of one trajectory up to instant number `bound`, while any of a `batch` goes on.
+
+    An iteration leaves a trajectory that has ended as it is.
+    """
+    course, bound = Course.of(program, copy, batch), jnp.asarray(bound)
     return jax.lax.while_loop(
-        lambda progress: unfinished(program, bound, progress),
+        lambda progress: course.anywhere(unfinished(program, bound, progress)),
         lambda progress: iterate(solver, tolerance, course, bound, progress),
         progress,
     )
@@ -154,7 +158,7 @@ def _attempt(solver, tolerance, course: Course, needed, progress: Progress) -> P
     end = Landing(step, after, rates[-1], walk.sides, walk.gaps)
     landing = until_switch(course, walk, stretch, end, accepted, tolerance.min_step)
     part = landing.seconds / step
-    turns = constant(sign_change(course.torques(growth), part, accepted))
+    turns = constant(sign_change(course.torques(growth), part, accepted, course.seldom))
     stretch = stretch._replace(turns=turns)
     further = Walk(
         walk.t + landing.seconds,

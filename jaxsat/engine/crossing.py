@@ -73,7 +73,7 @@ def located(
 
 
 def sign_change(
-    growth: Float[Array, "4 n"], end: Float[Array, ""], wanted: Bool[Array, ""]
+    growth: Float[Array, "4 n"], end: Float[Array, ""], wanted: Bool[Array, ""], seldom: Callable
 ) -> Float[Array, " n"]:
     """Where the derivative of Σ_p θ^p growth[p] changes its sign before `end`; 2 if nowhere.
 
@@ -89,7 +89,7 @@ def sign_change(
         found = _sign_change(growth, changes, Bracket(low, low_value, high, high_value))
         return jnp.where(changes, found, nowhere)
 
-    return jax.lax.cond(wanted & jnp.any(changes), search, lambda: nowhere)
+    return seldom(wanted & jnp.any(changes), search, nowhere)
 
 
 def _slope(growth, part):

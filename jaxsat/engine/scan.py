@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, PyTree
 
+from jaxsat.compiler import in_one_piece
 from jaxsat.engine import adaptive
 from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.fixed import advance_in_equal_steps, advance_with_drawn_noise
@@ -23,11 +24,15 @@ from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
 from jaxsat.engine.rates import plant_state
 from jaxsat.engine.runge_kutta import dense_weights, tableau_of
+from jaxsat.engine.walk import Walk
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop, Signals
 
 NOISE_BLOCK = 16
 """Samples whose noise is drawn together. More gain little, and a replay, which stops at every
 sample, draws all but one of them in vain."""
+
+CASES = "cases"
+"""The name of a block's axis."""
 
 
 class ScanEngine(AbstractEngine):
@@ -116,17 +121,18 @@ def _is_adaptive(engine: ScanEngine, loop: AbstractLoop) -> bool:
 
 
 def advance_one(
-    engine, program, case, gains, progress, first, count, noise_block: int = 1
+    engine, program, case, gains, progress, first, count, noise_block: int = 1, batch=None
 ) -> Progress:
     """Progress of one trajectory after `count` intervals from number `first` on.
 
-    Noise of sensors is drawn for `noise_block` samples at a time.
+    Noise of sensors is drawn for `noise_block` samples at a time. Under `vmap` over an axis of
+    name `batch` steps are those of the whole batch.
     """
     copy = program.copies(case, gains)
     loop, tableau = copy.loop, tableau_of(engine.solver)
     if _is_adaptive(engine, loop):
         return adaptive.advance_adaptively(
-            engine.solver, engine.tolerance, program, copy, progress, first + count
+            engine.solver, engine.tolerance, program, copy, progress, first + count, batch
         )
     where = (program, loop, progress, first, count)
     if noise_block > 1 and isinstance(loop, SampledLoop) and loop.sensors is not None:
@@ -166,7 +172,7 @@ def _signals(loop, program, number: Int[Array, ""], state) -> Signals:
 def _over_cases(engine, one, *per_case):
     """`one` for a block."""
     del engine
-    return jax.vmap(one)(*per_case)
+    return jax.vmap(one, axis_name=CASES)(*per_case)
 
 
 @eqx.filter_jit
@@ -179,7 +185,11 @@ def _advance_jit(engine, program, cases, gains, progress, first, count):
     def one(case, progress):
         return _noise_in_blocks(engine, program, case, gains, progress, first, count)
 
-    return _over_cases(engine, one, cases, progress)
+    def advance():
+        return _over_cases(engine, one, cases, progress)
+
+    adapts = isinstance(progress.state, Walk)
+    return in_one_piece(advance, progress.code.size) if adapts else advance()
 
 
 def _advance(engine, program, cases, gains, progress, first: int, count: int):
@@ -232,7 +242,7 @@ def _gradient(engine, program, cases, gains, mode):
 
 
 def _noise_in_blocks(engine, program, case, gains, progress, first, count) -> Progress:
-    return advance_one(engine, program, case, gains, progress, first, count, NOISE_BLOCK)
+    return advance_one(engine, program, case, gains, progress, first, count, NOISE_BLOCK, CASES)
 
 
 def _checkpointed(engine, program, case, gains, progress, first, count: int) -> Progress:

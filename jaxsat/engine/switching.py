@@ -64,7 +64,7 @@ def until_switch(
         sides = jnp.where(one_hot, flipped, gaps > 0)
         return Landing(seconds, state, course.rate(sides)(t, state), sides, gaps)
 
-    return jax.lax.cond(crosses, at_switch, lambda: end)
+    return course.seldom(crosses, at_switch, end)
 
 
 def _bracket(sign, begin_gaps, excess, end_gaps) -> Bracket:

@@ -6,9 +6,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from jaxsat.compiler import apart
 from jaxsat.engine.program import Copy, Program
 from jaxsat.engine.rates import running_cost
 from jaxsat.simulation import AbstractContinuousLoop
@@ -53,13 +55,34 @@ class Course(NamedTuple):
     program: Program
     loop: AbstractContinuousLoop
     restore: Callable[[Float[Array, " n"]], PyTree]
+    batch: str | None = None
 
     @staticmethod
-    def of(program: Program, copy: Copy) -> "Course":
-        """The course of one case."""
+    def of(program: Program, copy: Copy, batch: str | None = None) -> "Course":
+        """The course of one case; under `vmap` `batch` may tell the name of the cases' axis."""
         shapes = jax.eval_shape(flat_parts, copy)
         template = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
-        return Course(program, continuous(copy), ravel_pytree(template)[1])
+        return Course(program, continuous(copy), ravel_pytree(template)[1], batch)
+
+    def seldom(
+        self, wanted: Bool[Array, ""], function: Callable[[], PyTree], default: PyTree
+    ) -> PyTree:
+        """What `function` gives where it is `wanted`, else `default`.
+
+        Under `vmap` a `lax.cond` computes both for all cases. Here the whole batch leaves the
+        function out while no case wants it.
+        """
+        if self.batch is None:
+            return jax.lax.cond(wanted, function, lambda: default)
+
+        def some():
+            return jax.tree.map(lambda x, y: jnp.where(wanted, x, y), function(), default)
+
+        return jax.lax.cond(self.anywhere(wanted), some, lambda: default)
+
+    def anywhere(self, true: Bool[Array, ""]) -> Bool[Array, ""]:
+        """Whether it is true of any case of the batch."""
+        return true if self.batch is None else jax.lax.pmax(true.astype(int), self.batch) > 0
 
     @property
     def axes(self) -> int:
@@ -68,7 +91,8 @@ class Course(NamedTuple):
 
     def with_no_torque(self, flat: Float[Array, " n"]) -> Float[Array, " n"]:
         """A flat state in which a step begins."""
-        return flat.at[-self.axes :].set(0.0)
+        begun = np.arange(flat.size) >= flat.size - self.axes
+        return jnp.where(begun, 0.0, flat)
 
     def judged(self, flat: Float[Array, " n"]) -> Float[Array, " m"]:
         """What of a flat state an error is judged by: the loop's state and, last, the cost."""
@@ -94,9 +118,14 @@ class Course(NamedTuple):
         def rate(piece, cost, t, flat):
             motion = piece.turned_back_motion(t, self.restore(flat)[0])
             torque = motion.torque[: self.axes]
-            return flat_of((motion.rate, running_cost(cost, motion), torque))
+            return motion.rate, running_cost(cost, motion), torque
 
-        return lambda t, flat: rate(piece, self.program.cost, t, flat)
+        def flat_rate(t, flat):
+            if self.batch is None:
+                return flat_of(rate(piece, self.program.cost, t, flat))
+            return flat_of(apart(rate, piece, self.program.cost, t, flat))
+
+        return flat_rate
 
 
 def continuous(copy: Copy) -> AbstractContinuousLoop:

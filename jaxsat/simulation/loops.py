@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_optional_float, concrete, require_positive
+from jaxsat.compiler import apart
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController, AbstractSampledController
 from jaxsat.control.controller import Memory
 from jaxsat.dynamics import PlantState, RigidBody
@@ -96,10 +97,15 @@ def motion_turned_back(
     loop: AbstractContinuousLoop, controller: AbstractController, t: Float[Array, ""], back: PyTree
 ) -> Motion:
     """`motion` for a state whose `memory` alone is turned back, as its controller tells."""
-    turn = controller.turn(t)
+    turn = apart(_turn, controller, t)
     motion = loop.motion(t, back._replace(memory=controller.turned(turn, back.memory)))
     rate = controller.turned_back_rate(turn, motion.rate_error, motion.rate.memory)
     return motion._replace(rate=motion.rate._replace(memory=rate))
+
+
+@eqx.filter_jit
+def _turn(controller: AbstractController, t: Float[Array, ""]) -> PyTree:
+    return controller.turn(t)
 
 
 class LoopState(NamedTuple):

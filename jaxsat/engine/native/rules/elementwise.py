@@ -32,7 +32,9 @@ def _same(b: Builder, eqn, *arrays: Elements) -> Elements:
     return each(lambda *scalars: b.operation(name, *scalars), *arrays)
 
 
-@lowers("copy", "copy_p", "stop_gradient", "optimization_barrier", "pvary", "name")
+@lowers(
+    "copy", "copy_p", "stop_gradient", "optimization_barrier", "pvary", "name", "xla_metadata_value"
+)
 def _identical(b: Builder, eqn, *arrays: Elements):
     del b, eqn
     return list(arrays)
