@@ -65,8 +65,9 @@ class WZ(AbstractAttitude):
         """Equation (36)."""
         w1, w2 = self.w
         r1, r2, r3 = relative_rate
-        w1_rate = r3 * w2 + (1 + w1**2 - w2**2) * r1 / 2 + w1 * w2 * r2
-        w2_rate = -r3 * w1 + (1 - w1**2 + w2**2) * r2 / 2 + w1 * w2 * r1
+        half, along = (1 - (w1**2 + w2**2)) / 2, w1 * r1 + w2 * r2
+        w1_rate = r3 * w2 + half * r1 + w1 * along
+        w2_rate = -r3 * w1 + half * r2 + w2 * along
         z_rate = r3 + w1 * r2 - w2 * r1
         return WZ(jnp.stack([w1_rate, w2_rate]), z_rate)
 

@@ -1,13 +1,26 @@
 """Checks and conversions used where an object is made, and nowhere else."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Inexact
 
 
+def as_array(known: np.ndarray) -> Array:
+    """A NumPy array as a JAX array of the default precision, without compiling a copy for it."""
+    known = known.astype(jax.dtypes.canonicalize_dtype(known.dtype))  # which is a copy
+    return jnp.asarray(known, known.dtype)  # with its type named, or XLA compiles the identity
+
+
 def as_float(value: ArrayLike | list | tuple) -> Inexact[Array, "..."]:
     """Turn numbers into a floating-point JAX array whose type no later operation weakens."""
+    if not any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
+        known = np.asarray(value)
+        if known.dtype.kind in "biu":
+            known = known.astype(float)
+        if known.dtype.kind in "fc":
+            return as_array(known)
     array = jnp.asarray(value)
     inexact = jnp.issubdtype(array.dtype, jnp.inexact)
     return array.astype(array.dtype if inexact else float)
@@ -41,7 +54,7 @@ def require_positive(name: str, value: ArrayLike, *, zero_allowed: bool = False)
         raise ValueError(f"Argument `{name}` must be {kind}, but got {known.tolist()}.")
 
 
-def require_inertia(name: str, inertia: Float[Array, "3 3"]) -> None:
+def require_inertia(name: str, inertia: Float[Array | np.ndarray, "3 3"]) -> None:
     """Raise `ValueError` unless the matrix is symmetric and positive definite."""
     known = concrete(inertia)
     if known is None:

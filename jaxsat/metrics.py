@@ -20,7 +20,7 @@ class Tolerances(eqx.Module):
 
 def wrapped(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """An angle brought into [-π, π), rad."""
-    return jnp.mod(angle + jnp.pi, 2 * jnp.pi) - jnp.pi
+    return angle - 2 * jnp.pi * jnp.floor(angle / (2 * jnp.pi) + 0.5)
 
 
 def within(

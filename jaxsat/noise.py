@@ -7,6 +7,8 @@ repeated with either. Nothing here carries a typed key or a state through a loop
 """
 
 import hashlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +16,14 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int, UInt, UInt32
 from numpy.typing import DTypeLike
 
+from jaxsat.checks import as_array
+
 Key = UInt32[Array, "2"]
+
+if TYPE_CHECKING:
+    Words = Any  # type checkers know no operations of either
+else:
+    Words = UInt32[Array | np.ndarray, "..."]
 
 _ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 _PARITY = 0x1BD11BDA
@@ -27,7 +36,7 @@ def key_of_seed(seed: int) -> Key:
     """
     if not 0 <= seed < 2**64:
         raise ValueError(f"Argument `seed` must be from 0 to 2^64 - 1, but got {seed}.")
-    return jnp.asarray(np.array([seed >> 32, seed & 0xFFFFFFFF], np.uint32))
+    return as_array(np.array([seed >> 32, seed & 0xFFFFFFFF], np.uint32))
 
 
 def name_number(name: str) -> int:
@@ -75,10 +84,11 @@ def sample_noise(
     return standard_normal(fold_in(key, sample), count, dtype)
 
 
-def threefry(
-    key: Key, first: UInt32[Array, "*n"], second: UInt32[Array, "*n"]
-) -> tuple[UInt32[Array, "*n"], UInt32[Array, "*n"]]:
-    """Threefry-2x32-20 of the counters `first` and `second`: two words of random bits each."""
+def threefry(key: Words | Sequence[Words], first: Words, second: Words) -> tuple[Words, Words]:
+    """Threefry-2x32-20 of the counters `first` and `second`: two words of random bits each.
+
+    Arrays of JAX, or arrays of NumPy alone, which then does the same.
+    """
     words = (key[0], key[1], key[0] ^ key[1] ^ np.uint32(_PARITY))
     first, second = first + words[0], second + words[1]
     for group in range(5):

@@ -1,6 +1,10 @@
-"""A reciprocal whose derivative takes no further division."""
+"""A reciprocal and a quotient whose derivatives take no further division."""
+
+import functools
 
 import jax
+import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 
@@ -18,3 +22,21 @@ def reciprocal(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
 def _reciprocal_jvp(primals, tangents):
     found = reciprocal(primals[0])
     return found, -found * found * tangents[0]
+
+
+@jax.custom_jvp
+def quotient(x: Float[Array, "*n"], y: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """x/y, by way of 1/y."""
+    return x * reciprocal(y)
+
+
+@functools.partial(quotient.defjvp, symbolic_zeros=True)
+def _quotient_jvp(primals, tangents):
+    (x, y), (dx, dy) = primals, tangents
+    inverse = reciprocal(y)
+    found = x * inverse
+    if isinstance(dy, SymbolicZero):
+        change = jnp.zeros_like(found) if isinstance(dx, SymbolicZero) else dx
+    else:
+        change = -found * dy if isinstance(dx, SymbolicZero) else dx - found * dy
+    return found, inverse * change

@@ -13,7 +13,8 @@ import diffrax
 import numpy as np
 
 from jaxsat.engine import Tolerance
-from jaxsat.engine.runge_kutta import dense_weights
+from jaxsat.engine.runge_kutta import middle_weights
+from jaxsat.engine.walk import powers
 
 HERE = Path(__file__).parent
 FLAGS = (
@@ -92,6 +93,13 @@ class Adaptive:
         self.function(*arrays, *self.numbers, begin, end, address(results))
 
 
+def _by_powers(solver: diffrax.Tsit5) -> np.ndarray:
+    """Weights of the stages in the powers 1 to 4 of the dense output, one row each."""
+    begin, *_, end = np.eye(len(solver.tableau.b_sol))
+    middle, whole = middle_weights(solver), solver.tableau.b_sol
+    return np.array(powers(np.stack([begin, middle, whole, end])))
+
+
 def tableau_header() -> str:
     """Tsit5 as jaxsat has it, as C constants."""
     solver = diffrax.Tsit5()
@@ -105,7 +113,7 @@ def tableau_header() -> str:
         "B": tableau.b_sol,
         "ERROR": tableau.b_error,
         "NODES": np.concatenate([[0.0], tableau.c]),
-        "DENSE": dense_weights(solver),
+        "DENSE": _by_powers(solver),
     }
     lines = []
     for name, values in numbers.items():

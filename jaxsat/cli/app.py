@@ -10,6 +10,7 @@ from cyclopts import App, CycloptsError, UnusedCliTokensError
 import jaxsat
 from jaxsat.cli.bound import bound
 from jaxsat.cli.compare import compare
+from jaxsat.cli.computing import no_collection
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.reproduce import reproduce
@@ -50,7 +51,8 @@ def main(tokens: Sequence[str] | None = None) -> None:
     """Run the command line and exit with one of the statuses of `jaxsat.cli.terminal`."""
     make_streams_safe()
     signal.signal(signal.SIGTERM, _raise_terminated)
-    status = _status(tokens)
+    with no_collection():
+        status = _status(tokens)
     try:
         sys.stdout.flush()
     except BrokenPipeError:

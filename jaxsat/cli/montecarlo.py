@@ -138,9 +138,9 @@ def _what_is_left(target: Path) -> str:
 
 def _summary(target: Path, counted: int) -> "Summary":
     from jaxsat.montecarlo import summarise
-    from jaxsat.results import open_study
+    from jaxsat.results import study_columns
 
-    return summarise(open_study(target), counted)
+    return summarise(study_columns(target), counted)
 
 
 def _stop_rule(text: str) -> "StopRule":

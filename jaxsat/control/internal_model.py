@@ -47,7 +47,8 @@ class InternalModel(eqx.Module):
         self, state: OscillatorState, rate_error: Float[Array, "2"], period: Float[Array, ""]
     ) -> OscillatorState:
         """The oscillators after `period` seconds with the rate error held: the exact solution."""
-        c, s = jnp.cos(self.frequency * period), jnp.sin(self.frequency * period)
+        angle = self.frequency * period
+        c, s = jnp.cos(angle), jnp.sin(angle)
         rest = rate_error / self.frequency**2
         offset = state.position - rest
         return OscillatorState(
@@ -57,7 +58,8 @@ class InternalModel(eqx.Module):
 
     def turn(self, t: Float[Array, ""]) -> Turn:
         """How far the oscillators turn by themselves from time zero to `t` (s)."""
-        return Turn(jnp.cos(self.frequency * t), jnp.sin(self.frequency * t))
+        angle = self.frequency * t
+        return Turn(jnp.cos(angle), jnp.sin(angle))
 
     def turned(self, turn: Turn, back: OscillatorState) -> OscillatorState:
         """What a state turned back has become by the oscillators' own motion."""

@@ -33,6 +33,12 @@ def linear_model(model: RigidBody) -> tuple[np.ndarray, np.ndarray]:
     (u1, u2) in N m. Derivatives of the model's own equations (1), (10), (11) by JAX.
     """
 
+    a, b = _derivatives(model)
+    return np.asarray(a), np.asarray(b)
+
+
+@eqx.filter_jit  # one program instead of hundreds of operations compiled one by one
+def _derivatives(model: RigidBody) -> tuple[Array, Array]:
     def rate(deviation, torque):
         vector = deviation[:3] / 2
         scalar = jnp.sqrt(1 - jnp.sum(vector**2))
@@ -43,8 +49,7 @@ def linear_model(model: RigidBody) -> tuple[np.ndarray, np.ndarray]:
         turn = cast(Quaternion, change.attitude).q[1:]
         return jnp.concatenate([2 * turn, change.omega])
 
-    a, b = jax.jacfwd(rate, argnums=(0, 1))(jnp.zeros(6), jnp.zeros(2))
-    return np.asarray(a), np.asarray(b)
+    return jax.jacfwd(rate, argnums=(0, 1))(jnp.zeros(6), jnp.zeros(2))
 
 
 class OrbitalRegulator(eqx.Module):

@@ -10,7 +10,7 @@ from jaxsat.checks import all_positive, as_float, require_positive
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
 from jaxsat.control.internal_model import InternalModel, Turn
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.quotients import reciprocal
+from jaxsat.quotients import quotient, reciprocal
 from jaxsat.smooth import Width, as_width, sat
 
 
@@ -70,8 +70,9 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         with q = (z + ω_r3 / μ) / |w|², and zero for the second term where w = 0.
         """
         w = state.attitude.as_wz().w
+        square = w[0] * w[0] + w[1] * w[1]
         bounded = sat(self._steering(state), self.a, self.saturation_width, self.saturated)
-        pull = self.k3 * reciprocal(1 + w[0] ** 2 + w[1] ** 2)
+        pull = quotient(self.k3, 1 + square)
         return self.mu * bounded - pull * w
 
     def _steering(self, state: PlantState) -> Float[Array, "2"]:
@@ -79,9 +80,9 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         attitude = state.attitude.as_wz()
         w1, w2 = attitude.w
         relative_rate3 = self.model.relative_rate(state)[2]
-        divisor = self.mu * (w1**2 + w2**2 + self.tilt_width**2)
-        inverse = reciprocal(jnp.where(divisor > 0, divisor, 1.0))
-        q = (self.mu * attitude.z + relative_rate3) * inverse
+        divisor = w1 * w1 + w2 * w2 + self.tilt_width**2
+        turn = attitude.z + relative_rate3 * reciprocal(self.mu)
+        q = quotient(turn, jnp.where(divisor > 0, divisor, 1.0))
         return q * jnp.stack([w2, -w1])
 
     def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
@@ -97,8 +98,8 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         (w1, w2), z = attitude.w, attitude.z
         square = w1**2 + w2**2
         attitude_terms = jnp.stack([-w1 * (1 + square) + w2 * z, -w2 * (1 + square) - w1 * z])
-        torque = self.attitude_weight * attitude_terms - self.k4 * rate_error
-        return torque if self.internal_model is None else torque - self.k4 * memory.velocity
+        damped = rate_error if self.internal_model is None else rate_error + memory.velocity
+        return self.attitude_weight * attitude_terms - self.k4 * damped
 
     def memory_rate(self, rate_error: Float[Array, "2"], memory: Memory) -> Memory:
         """The internal model of (42)."""

@@ -31,7 +31,7 @@ from jaxsat.engine.progress import (
     looked_at,
     outputs_of,
 )
-from jaxsat.engine.runge_kutta import dense_weights, stage_rates, tableau_of, weighted
+from jaxsat.engine.runge_kutta import middle_weights, stage_rates, tableau_of, weighted
 from jaxsat.engine.switching import Landing, until_switch
 from jaxsat.engine.walk import (
     Course,
@@ -43,6 +43,7 @@ from jaxsat.engine.walk import (
     flat_of,
     flat_parts,
     part_of,
+    powers,
 )
 from jaxsat.simulation import Outcome, Signals
 
@@ -148,17 +149,19 @@ def _attempt(solver, tolerance, course: Course, needed, progress: Progress) -> P
     tableau, walk, step = tableau_of(solver), progress.state, progress.step
     begin_state = course.with_no_torque(walk.state)
     rates = stage_rates(tableau, course.rate(walk.sides), walk.t, step, begin_state, walk.rate)
-    after = begin_state + step * weighted(tableau.b_sol, rates)
+    grown = step * weighted(tableau.b_sol, rates)
+    after = begin_state + grown
     error = step * weighted(tableau.b_error, rates)
     size = constant(_size(tolerance, *map(course.judged, (begin_state, after, error))))
     accepted = needed & ((size <= 1) | (step <= tolerance.min_step))
-    growth = jnp.stack([step * weighted(row, rates) for row in dense_weights(solver)])
+    middle = step * weighted(middle_weights(solver), rates)
+    growth = jnp.stack([step * rates[0], middle, grown, step * rates[-1]])
     turns = jnp.zeros(course.axes, growth.dtype)
     stretch = Stretch(walk.t, step, begin_state, growth, turns, progress.integrals.effort)
     end = Landing(step, after, rates[-1], walk.sides, walk.gaps)
     landing = until_switch(course, walk, stretch, end, accepted, tolerance.min_step)
     part = landing.seconds / step
-    turns = constant(sign_change(course.torques(growth), part, accepted, course.seldom))
+    turns = constant(sign_change(powers(course.torques(growth)), part, accepted, course.seldom))
     stretch = stretch._replace(turns=turns)
     further = Walk(
         walk.t + landing.seconds,
@@ -218,6 +221,6 @@ def _size(tolerance, before, after, error) -> Float[Array, ""]:
 
 def _factor(size: Float[Array, ""]) -> Float[Array, ""]:
     """How much longer the next step may be; much shorter where the error is no number."""
-    wanted = SAFETY * jnp.maximum(size, 1e-12) ** -0.2
+    wanted = SAFETY * jnp.exp(-0.2 * jnp.log(jnp.maximum(size, 1e-12)))
     known = jnp.where(jnp.isfinite(size), wanted, LEAST_FACTOR)
     return jnp.clip(known, LEAST_FACTOR, LARGEST_FACTOR)

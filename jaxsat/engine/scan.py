@@ -15,7 +15,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, PyTree
 
-from jaxsat.compiler import in_one_piece
 from jaxsat.engine import adaptive
 from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.fixed import advance_in_equal_steps, advance_with_drawn_noise
@@ -23,8 +22,7 @@ from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
 from jaxsat.engine.rates import plant_state
-from jaxsat.engine.runge_kutta import dense_weights, tableau_of
-from jaxsat.engine.walk import Walk
+from jaxsat.engine.runge_kutta import middle_weights, tableau_of
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop, Signals
 
 NOISE_BLOCK = 16
@@ -50,7 +48,7 @@ class ScanEngine(AbstractEngine):
     def __check_init__(self):
         tableau_of(self.solver)
         if self.tolerance is not None:
-            dense_weights(self.solver)
+            middle_weights(self.solver)
         for name in ("substeps", "lanes"):
             if getattr(self, name) < 1:
                 raise ValueError(
@@ -185,11 +183,7 @@ def _advance_jit(engine, program, cases, gains, progress, first, count):
     def one(case, progress):
         return _noise_in_blocks(engine, program, case, gains, progress, first, count)
 
-    def advance():
-        return _over_cases(engine, one, cases, progress)
-
-    adapts = isinstance(progress.state, Walk)
-    return in_one_piece(advance, progress.code.size) if adapts else advance()
+    return _over_cases(engine, one, cases, progress)
 
 
 def _advance(engine, program, cases, gains, progress, first: int, count: int):

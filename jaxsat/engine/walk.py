@@ -19,9 +19,10 @@ from jaxsat.simulation import AbstractContinuousLoop
 class Stretch(NamedTuple):
     """The last step with its dense output.
 
-    It began at `begin` (s) in the flat state `state`, and after the part θ of its `length` (s) has
-    grown by Σ_p θ^p growth[p]. The torques change their signs at the parts `turns`; `effort` is
-    that before the step.
+    It began at `begin` (s) in the flat state `state`. `growth` has in its rows how far that grows
+    over the `length` (s) of the step at the rate of its begin, until its middle, until its end, and
+    at the rate of its end; the dense output is the polynomial of fourth degree through these. The
+    torques change their signs at the parts `turns`; `effort` is that before the step.
     """
 
     begin: Float[Array, ""]
@@ -160,14 +161,35 @@ def part_of(stretch: Stretch, t: Float[Array, ""]) -> Float[Array, ""]:
 
 def dense(stretch: Stretch, part: Float[Array, ""]) -> Float[Array, " n"]:
     """The flat state after a part of the step."""
-    one, two, three, four = stretch.growth
-    return stretch.state + part * (one + part * (two + part * (three + part * four)))
+    at_begin, middle, whole, at_end = stretch.growth
+    rest, square = 1 - part, part * part
+    bend = rest * (1 - 2 * part)
+    return (
+        stretch.state
+        + (part * rest * bend) * at_begin
+        + (16 * square * rest * rest) * middle
+        + (square * (14 * part - 5 - 8 * square)) * whole
+        + (square * bend) * at_end
+    )
+
+
+def powers(growth: Float[Array, "4 n"]) -> Float[Array, "4 n"]:
+    """The rows of a dense output's growth as those by which the powers 1 to 4 of the part count."""
+    at_begin, middle, whole, at_end = growth
+    return jnp.stack(
+        [
+            at_begin,
+            at_end - 4 * at_begin - 5 * whole + 16 * middle,
+            5 * at_begin - 3 * at_end + 14 * whole - 32 * middle,
+            2 * (at_end - at_begin) - 8 * whole + 16 * middle,
+        ]
+    )
 
 
 def effort_until(stretch: Stretch, part: Float[Array, ""]) -> Float[Array, ""]:
     """∫ Σ|T_i| until a part of the step, from the integrals of T_i between its signs' changes."""
     turns = jnp.minimum(stretch.turns, part)
-    one, two, three, four = stretch.growth[:, -turns.size :]
+    one, two, three, four = powers(stretch.growth[:, -turns.size :])
 
     def integral(at):
         return at * (one + at * (two + at * (three + at * four)))

@@ -8,12 +8,12 @@ import abc
 import functools
 import warnings
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.stats import qmc
 
 from jaxsat import noise
 
@@ -39,9 +39,10 @@ class Independent(AbstractDesign):
     def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
         """Uniform draws."""
         _require_numbers(numbers)
-        words, key = jnp.asarray(numbers, jnp.uint32), noise.key_of_seed(self.seed)
+        key = np.asarray(noise.key_of_seed(self.seed))
+        own = _folded(key, np.asarray(numbers).astype(np.uint32))
         columns = [
-            np.asarray(_independent(key, words, noise.name_number(name), count))
+            _draws(_folded(own, np.array(noise.name_number(name), np.uint32)), count)
             for name, count in dimensions.items()
         ]
         return _joined(columns, len(numbers))
@@ -93,29 +94,43 @@ class LatinHypercube(AbstractDesign):
         return _joined(columns, len(numbers))
 
 
-@functools.partial(jax.jit, static_argnums=3)
-def _independent(key, numbers, name, count):
-    def one(number):
-        own = noise.fold_in(noise.fold_in(key, number), name)
-        return open_uniform(own, count)
-
-    return jax.vmap(one)(numbers)
-
-
 def open_uniform(key: noise.Key, count: int):
     """Uniform draws that are neither 0 nor 1: the middles of the cells of `noise.uniform`."""
     draws = noise.uniform(key, count)
     return draws + jnp.finfo(draws.dtype).epsneg
 
 
+def _folded(key: Any, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`noise.fold_in` by NumPy: a key (two words) for every number, or for every key given."""
+    return noise.threefry(key, np.zeros_like(numbers), numbers)
+
+
+def _draws(keys: tuple[np.ndarray, np.ndarray], count: int) -> np.ndarray:
+    """`open_uniform` by NumPy, for which nothing must be compiled: (keys, count)."""
+    low = np.arange(count, dtype=np.uint32)[None, :]
+    first, second = noise.threefry([word[:, None] for word in keys], np.zeros_like(low), low)
+    dtype = jax.dtypes.canonicalize_dtype(float)
+    info = np.finfo(dtype)
+    words = first ^ second
+    if info.bits == 64:
+        words = first.astype(np.uint64) << np.uint64(32) | second
+    one = np.ones((), dtype).view(words.dtype)
+    mantissa = words >> words.dtype.type(info.bits - info.nmant)
+    return (mantissa | one).view(dtype) - dtype.type(1) + info.epsneg
+
+
 @functools.lru_cache(maxsize=64)
 def _hypercube(seed: int, name: str, count: int, size: int) -> np.ndarray:
+    from scipy.stats import qmc  # takes its time, and most studies draw independently
+
     generator = np.random.Generator(np.random.Philox(_name_seed(seed, name)))
     draws = qmc.LatinHypercube(count, rng=generator).random(size)
     return np.clip(draws, 2.0**-53, 1 - 2.0**-53)
 
 
 def _sobol_run(dimension: int, first: int, count: int) -> np.ndarray:
+    from scipy.stats import qmc
+
     sequence = qmc.Sobol(dimension, scramble=False)
     if first:
         sequence.fast_forward(first)

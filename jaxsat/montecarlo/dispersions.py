@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree, UInt32
 
 from jaxsat import noise
+from jaxsat.checks import as_array
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import AbstractCopies, Copy
 from jaxsat.montecarlo.changes import (
@@ -111,7 +112,7 @@ class Dispersed(AbstractCopies):
 
     def __init__(self, loop: AbstractLoop, start: PlantState, dispersions: Dispersions, seed: int):
         dispersions.check(loop)
-        self.loop = _with_sensor_key(loop, jnp.zeros(2, jnp.uint32))
+        self.loop = _with_sensor_key(loop, as_array(np.zeros(2, np.uint32)))
         self.start = start
         self.dispersions = dispersions
         self.key = noise.key_of_seed(seed)
@@ -152,7 +153,10 @@ class Dispersed(AbstractCopies):
         return drawn, possible
 
     def _possible(self, names, coordinates, own_key, inertia_of):
-        """The first of several draws of `names` that makes a possible body."""
+        """The first of several draws of `names` that makes a possible body.
+
+        Where there is none, the very first.
+        """
 
         def draw(attempt):
             values = {}
@@ -166,9 +170,16 @@ class Dispersed(AbstractCopies):
                 setting = QUANTITIES[name].apply(setting, values[name])
             return values, possible_inertia(inertia_of(setting.loop))
 
-        values, fine = jax.vmap(draw)(jnp.arange(ATTEMPTS))
-        first = jnp.argmax(fine)
-        return jax.tree.map(lambda x: x[first], values), jnp.any(fine)
+        def unlucky(state):
+            turn, (_, fine) = state
+            return ~fine & (turn <= ATTEMPTS)
+
+        def once_more(state):
+            turn, _ = state
+            return turn + 1, draw(turn % ATTEMPTS)
+
+        nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(draw, 0))
+        return jax.lax.while_loop(unlucky, once_more, (0, nothing))[1]
 
 
 def with_gains(loop: AbstractLoop, gains: dict[str, Array] | None) -> AbstractLoop:

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 
 LEVEL = 0.95
 
@@ -25,7 +25,7 @@ def wilson(successes: int, count: int, level: float = LEVEL) -> Interval:
     """
     if not 0 <= successes <= count or count < 1:
         raise ValueError(f"Must have 0 <= successes <= count, but got {successes} of {count}.")
-    quantile = stats.norm.ppf((1 + level) / 2)
+    quantile = NormalDist().inv_cdf((1 + level) / 2)
     fraction, weight = successes / count, quantile**2 / count
     centre = (fraction + weight / 2) / (1 + weight)
     half = (

@@ -1,10 +1,9 @@
 """The summary of a study, from its store or from its columns."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.montecarlo.ensemble import DRAWN
 from jaxsat.montecarlo.statistics import (
@@ -40,11 +39,12 @@ class Summary(NamedTuple):
     settling_sensitivity: list[Sensitivity]
 
 
-def summarise(
-    dataset: xr.Dataset | Mapping[str, np.ndarray], count: int | None = None, worst: int = 10
-) -> Summary:
-    """The summary of the done cases among the first `count` (all unless given)."""
-    done = np.ones(len(dataset["code"]), bool)[:count]
+def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int = 10) -> Summary:
+    """The summary of the done cases among the first `count` (all unless given).
+
+    `dataset` is that of `open_study`, or columns by name.
+    """
+    done = np.ones(dataset["code"].shape, bool)[:count]
     if "status" in dataset:
         done = np.asarray(dataset["status"])[:count] == DONE
     if not done.any():

@@ -1,11 +1,33 @@
-"""Results as labelled arrays with units, and the folders that hold them."""
+"""Results as labelled arrays with units, and the folders that hold them.
 
-from jaxsat.results.dataset import open_trajectory, save_dataset, trajectory_dataset
+What needs xarray or zarr, which take their time, is imported when first used.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from jaxsat.results.errors import OutputError
 from jaxsat.results.folder import OutputFolder
 from jaxsat.results.provenance import machine, provenance
-from jaxsat.results.settling import is_within, time_at_rest, time_to_settle
-from jaxsat.results.store import Column, StudyStore, open_study
+
+if TYPE_CHECKING:
+    from jaxsat.results.dataset import open_trajectory, save_dataset, trajectory_dataset
+    from jaxsat.results.opening import open_study
+    from jaxsat.results.settling import is_within, time_at_rest, time_to_settle
+    from jaxsat.results.store import Column, StudyStore, study_columns
+
+_LATER = {
+    "Column": "store",
+    "StudyStore": "store",
+    "is_within": "settling",
+    "open_study": "opening",
+    "open_trajectory": "dataset",
+    "save_dataset": "dataset",
+    "study_columns": "store",
+    "time_at_rest": "settling",
+    "time_to_settle": "settling",
+    "trajectory_dataset": "dataset",
+}
 
 __all__ = [
     "Column",
@@ -18,7 +40,18 @@ __all__ = [
     "open_trajectory",
     "provenance",
     "save_dataset",
+    "study_columns",
     "time_at_rest",
     "time_to_settle",
     "trajectory_dataset",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module 'jaxsat.results' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"jaxsat.results.{_LATER[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -39,7 +39,7 @@ def machine() -> dict[str, Any]:
         "processor": _processor(),
         "backend": jax.default_backend(),
         "device": jax.local_devices()[0].device_kind,
-        "double_precision": jax.numpy.zeros(()).dtype == "float64",
+        "double_precision": jax.dtypes.canonicalize_dtype(float) == "float64",
     }
 
 

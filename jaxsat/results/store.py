@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-import xarray as xr
 import zarr
 
 from jaxsat.results.errors import OutputError, system_failure
@@ -217,15 +216,9 @@ def chunk_numbers(chunk: int, size: int, count: int) -> np.ndarray:
     return np.arange(chunk * size, min((chunk + 1) * size, count))
 
 
-def open_study(path: str | Path) -> xr.Dataset:
-    """The results of a study as a dataset over `case`, read when used; `status` is 1 where done.
-
-    The attributes `identity` and `runs` are JSON.
-    """
-    dataset = xr.open_zarr(path, consolidated=False, chunks=None, decode_times=False)
-    for name in ("identity", "runs"):
-        dataset.attrs[name] = json.dumps(dataset.attrs[name])
-    return dataset
+def study_columns(path: str | Path) -> dict[str, zarr.Array]:
+    """The results of a study by name, read when used, without their labels."""
+    return dict(sorted(cast(zarr.Group, zarr.open_group(path, mode="r")).arrays()))
 
 
 def differences(old: Any, new: Any, name: str = "") -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
-from jaxsat.checks import as_float
+from jaxsat.checks import as_array, as_float
 from jaxsat.control import (
     AbstractSampledController,
     RateLaw,
@@ -143,9 +143,9 @@ def build_times(scenario: Scenario) -> Float[Array, " times"]:
     table = scenario.simulation
     unit, count = table.save_every_s, round(table.duration_s / table.save_every_s)
     if not isinstance(scenario.control, SwitchingTable | OscillatoryTable | ThreeSlewTable):
-        return jnp.asarray(np.arange(count + 1) * unit)
+        return as_array(np.arange(count + 1) * unit)
     period = scenario.control.period_s
-    return jnp.asarray(np.arange(count + 1) * round(unit / period) * period)
+    return as_array(np.arange(count + 1) * round(unit / period) * period)
 
 
 def build_method(scenario: Scenario, loop: AbstractLoop) -> Method:

@@ -22,7 +22,6 @@ from jaxsat.environment import (
     AbstractDisturbance,
     NoDisturbance,
 )
-from jaxsat.montecarlo import with_numbers
 from jaxsat.scenario.build_plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.scenario.control_tables import (
     CoastTable,
@@ -92,6 +91,8 @@ def _three_axis_law(
 def _settling_law(
     scenario: Scenario, table: OscillatoryTable | ThreeSlewTable
 ) -> AbstractSampledController:
+    from jaxsat.montecarlo import with_numbers  # takes its time, and few laws need it
+
     model = _model(scenario, table.model, (False, False, False))
     settling = oscillatory_settling if isinstance(table, OscillatoryTable) else three_slew_settling
     controller = settling(

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxsat.checks import as_float
 from jaxsat.vehicle import Thrusters, allocation
 
 
 def working_thrusters(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> Thrusters:
     """What the failures leave of thrusters given as one row of direction cosines each."""
-    return Thrusters(as_float(axes).T).without(failed)
+    return Thrusters(np.array(axes, dtype=float).T).without(failed)
 
 
 def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> np.ndarray | None:

@@ -3,13 +3,12 @@
 import math
 from typing import Annotated, Any
 
-import jax.numpy as jnp
 import numpy as np
 from annotated_types import Ge, Gt, Len
 from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Discriminator, Field, Tag
 from pydantic.types import Strict
 
-from jaxsat.checks import as_float, require_inertia
+from jaxsat.checks import require_inertia
 
 Text = Annotated[str, Strict()]
 Switch = Annotated[bool, Strict()]
@@ -35,8 +34,8 @@ def _inertia_form(value: Any) -> str:
 
 
 def _sound_inertia(value: tuple) -> tuple:
-    array = as_float(value)
-    require_inertia("inertia", jnp.diag(array) if array.ndim == 1 else array)
+    array = np.array(value, dtype=float)
+    require_inertia("inertia", np.diag(array) if array.ndim == 1 else array)
     return value
 
 

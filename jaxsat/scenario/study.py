@@ -49,8 +49,8 @@ ADAPTIVE_SOLVERS = ("tsit5", "dopri5")
 """Those with a dense output of their own, on which switches are located."""
 
 EngineName = Literal["auto", "native", "scan", "diffrax"]
-CHUNK, LARGEST_CHUNK = 256, 4096
-"""Cases computed and written together: of any engine, and at most of the native one."""
+CHUNK, NATIVE_CHUNKS = 256, (1024, 4096)
+"""Cases computed and written together: by XLA, and fewest and most by the native engine."""
 
 SMOOTH_STEP = 0.01
 """Seconds; steps of the scan engine for a smooth loop whose scenario names none."""
@@ -102,8 +102,10 @@ def build_study(
 
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:
     """Cases of a chunk: some seconds of work for the engine, and some chunks to show progress."""
-    most = LARGEST_CHUNK if isinstance(engine, NativeEngine) else CHUNK
-    return max(CHUNK, min(most, count // 16))
+    if not isinstance(engine, NativeEngine):
+        return CHUNK
+    fewest, most = NATIVE_CHUNKS
+    return max(fewest, min(most, count // 16))
 
 
 def _numbers(scenario: Scenario) -> dict[str, Any]:

@@ -6,6 +6,9 @@ from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.tuning_tables import SMOOTHABLE, TUNABLE, ParametersTable, SmoothingTable
 from jaxsat.scenario.wording import shown
 
+USUAL_OPTIMISERS = ("adam", "adamw", "lion", "rmsprop", "sgd")
+"""Known to be optimisers that will do, so that optax, which takes its time, is not asked."""
+
 THRESHOLDS = ("lower_threshold_rad_s", "upper_threshold_rad_s")
 
 
@@ -109,7 +112,9 @@ def _more_cases_can_be_drawn(steps, design):
 
 @rule("tuning.optimiser")
 def _optimiser_is_one_of_optax(name):
-    from jaxsat.tuning.optimisers import Descent  # optax takes its time, and few scenarios tune
+    if name in USUAL_OPTIMISERS:
+        return
+    from jaxsat.tuning.optimisers import Descent
 
     try:
         Descent(name)

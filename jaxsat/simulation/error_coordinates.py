@@ -50,7 +50,7 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
             return
         believed, true = self.law.model, self.plant
         same_body = np.array_equal(believed.spacecraft.inertia, true.spacecraft.inertia)
-        same_orbit = bool(eqx.tree_equal(believed.orbit, true.orbit))
+        same_orbit = bool(eqx.tree_equal(*jax.tree.map(np.asarray, (believed.orbit, true.orbit))))
         inertia = np.asarray(true.spacecraft.inertia)
         principal = np.array_equal(inertia, np.diag(np.diag(inertia)))
         if not (same_body and same_orbit and principal):

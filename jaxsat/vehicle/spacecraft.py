@@ -2,9 +2,10 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.checks import as_float, require_inertia
+from jaxsat.checks import as_array, as_float, concrete, require_inertia
 
 
 def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:
@@ -14,7 +15,10 @@ def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:
             "Argument `inertia` must be three principal moments or a 3x3 matrix in kg m², "
             f"but got shape {array.shape}."
         )
-    return jnp.diag(array) if array.ndim == 1 else array
+    if array.ndim == 2:
+        return array
+    known = concrete(array)
+    return jnp.diag(array) if known is None else as_array(np.diag(known))
 
 
 class Spacecraft(eqx.Module):

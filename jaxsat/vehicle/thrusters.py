@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.checks import as_float, concrete, require_finite
+from jaxsat.checks import as_array, as_float, concrete, require_finite
 
 NORMALISER_FLOOR = 1e-9
 """Below this the normalisation of (5) or (8) divides by what counts as zero (unit columns)."""
@@ -30,11 +30,14 @@ class Thrusters(eqx.Module):
                 f"Argument `torque_axes` must have shape (3, m), but got {tuple(axes.shape)}."
             )
         require_finite("torque_axes", axes)
-        lengths = jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
-        known = concrete(lengths)
-        if known is not None and not np.all(known > 0):
+        known = concrete(axes)
+        if known is None:
+            self.torque_axes = axes / jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
+            return
+        lengths = np.sqrt(np.sum(known**2, axis=0, keepdims=True))
+        if not np.all(lengths > 0):
             raise ValueError("Argument `torque_axes` must have no zero column, but one is zero.")
-        self.torque_axes = axes / lengths
+        self.torque_axes = as_array(known / lengths)
 
     @property
     def count(self) -> int:
@@ -53,7 +56,9 @@ class Thrusters(eqx.Module):
                 f"Argument `failed` must name thrusters from 1 to {self.count}, but got {unknown}."
             )
         kept = [j for j in range(self.count) if j + 1 not in failed]
-        return Thrusters(self.torque_axes[:, np.array(kept, dtype=int)])
+        known = concrete(self.torque_axes)
+        axes = self.torque_axes if known is None else known
+        return Thrusters(axes[:, np.array(kept, dtype=int)])
 
 
 def two_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
@@ -99,7 +104,7 @@ def allocation(thrusters: Thrusters) -> Float[Array, "m 2"]:
             "The thrusters left must make independent torques about body axes x and y, "
             f"but their torque axes are the columns of {axes.round(6).tolist()}."
         )
-    return jnp.asarray(np.linalg.pinv(rows)[:, :2])
+    return as_array(np.linalg.pinv(rows)[:, :2])
 
 
 def _require_normaliser(value: Float[Array, ""], rule: str) -> None:

@@ -1,8 +1,9 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
-from jaxsat.quotients import reciprocal
+from jaxsat.quotients import quotient, reciprocal
 
 POINTS = jnp.asarray([0.3, -2.0, 7.5])
 
@@ -17,9 +18,26 @@ def test_a_reciprocal_and_its_derivatives():
         np.testing.assert_allclose(jax.grad(jax.grad(reciprocal))(x), 2 / x**3, rtol=1e-14)
 
 
-def test_a_derivative_divides_no_more_than_the_value():
+def test_a_quotient_and_its_derivatives():
+    step = 1e-5
+    for x, y in jnp.asarray([(0.3, -2.0), (-1.5, 0.7)]):
+        np.testing.assert_allclose(quotient(x, y), x / y, rtol=3e-16)
+        by_x = (x + step) / y - (x - step) / y, 1 / y
+        by_y = x / (y + step) - x / (y - step), -x / y**2
+        for number, (change, exact) in enumerate((by_x, by_y)):
+            found = jax.grad(quotient, number)(x, y)
+            np.testing.assert_allclose(found, change / (2 * step), rtol=1e-8)
+            np.testing.assert_allclose(found, exact, rtol=1e-14)
+        slope = jax.jvp(quotient, (x, y), (jnp.asarray(2.0), jnp.asarray(-3.0)))[1]
+        np.testing.assert_allclose(slope, 2 / y + 3 * x / y**2, rtol=1e-14)
+        twice = jax.grad(jax.grad(quotient, 1), 1)(x, y)
+        np.testing.assert_allclose(twice, 2 * x / y**3, rtol=1e-14)
+
+
+@pytest.mark.parametrize("function", [reciprocal, lambda x: quotient(jnp.asarray(3.0), x)])
+def test_a_derivative_divides_no_more_than_the_value(function):
     def both(x):
-        return jax.jvp(reciprocal, (x,), (jnp.ones_like(x),))
+        return jax.jvp(function, (x,), (jnp.ones_like(x),))
 
     def divisions(jaxpr):
         count = sum(eqn.primitive.name in ("div", "integer_pow") for eqn in jaxpr.eqns)

@@ -1,114 +1,41 @@
-"""Programs in one piece of machine code, and branches that a whole batch leaves out."""
+"""Calls that XLA does not take apart, and branches that a whole batch leaves out."""
 
 import jax
 import jax.numpy as jnp
-import jaxlib.version
 import numpy as np
-import pytest
-from jax import lax
 
-from jaxsat.compiler import (
-    COMPILED_WHOLE,
-    TESTED,
-    WIDEST,
-    apart,
-    compiles_whole,
-    in_one_piece,
-    primitives,
-)
+from jaxsat.compiler import apart
 from jaxsat.engine.walk import Course
 
-UNKNOWN = (jnp.sort, lambda x: x.at[x.size // 2].set(1.0), lambda x: jnp.outer(x, x) @ x)
-KNOWN = jax.default_backend() == "cpu" and jaxlib.version.__version_info__[:2] in TESTED
-only_where_known = pytest.mark.skipif(not KNOWN, reason="this jaxlib takes plain calls")
 
-INSIDE = (lax.abs, lax.acos, lax.asin, lax.atan, lax.cbrt, lax.ceil, lax.cos, lax.cosh, lax.erf)
-INSIDE += (lax.erf_inv, lax.exp, lax.exp2, lax.expm1, lax.floor, lax.log, lax.log1p, lax.logistic)
-INSIDE += (lax.neg, lax.round, lax.rsqrt, lax.sign, lax.sin, lax.sinh, lax.sqrt, lax.square)
-INSIDE += (lax.tan, lax.tanh, lax.stop_gradient, lax.optimization_barrier, jnp.copy)
-
-
-@jax.custom_vjp
-def _doubled(x):
-    return 2 * x
-
-
-_doubled.defvjp(lambda x: (2 * x, None), lambda _, slope: (2 * slope,))
-
-
-def _arithmetic(x, y, v):
-    yield from (function(x) for function in INSIDE)
-    yield from (x + y, x - y, x * y, x / y, x**y, y**3, lax.rem(y, x), lax.atan2(x, y))
-    yield from (lax.max(x, y), lax.min(x, y), jnp.clip(x, 0.2, 0.3), jnp.where(x < y, x, y))
-    yield lax.clamp(y - 1, x, y)
-    yield from (jnp.sum(v), jnp.prod(v), jnp.max(v), jnp.min(v), jnp.outer(v, v))
-    yield from (v[jnp.argmax(v)], v[jnp.argmin(v)], v[jnp.arange(3) % 2])
-    for compare in (lax.eq, lax.ne, lax.lt, lax.le, lax.gt, lax.ge):
-        yield compare(x, y)
-    yield ~(jnp.isfinite(x) & jnp.any(v > x) | jnp.all(v > y))
-    bits = lax.bitcast_convert_type(y, jnp.int64 if y.dtype == jnp.float64 else jnp.int32)
-    yield lax.shift_right_logical(bits, jnp.ones_like(bits)) ^ (bits << 2 >> 5)
-
-
-def _structure(x, y, v, number):
-    yield from (jnp.stack([x, y]), jnp.concatenate([v, v]), jnp.pad(v, 1), v[::-1], v[1:])
-    yield from (jnp.split(v, [1])[1], v.reshape(3, 1).T, jnp.broadcast_to(x, (2, 2)), *v)
-    yield v[number]
-    yield jnp.expand_dims(x, 0).squeeze(0) + jnp.arange(3.0)
-    yield lax.cond(lax.pmax(x, "cases") < 0.5, jnp.sin, jnp.cos, y)
-    yield lax.while_loop(lambda n: n[1] < number + 2, lambda n: (n[0] * x, n[1] + 1), (y, 0))
-    yield lax.scan(lambda c, z: (c * z, c + z), x, v)
-    yield from (jax.nn.relu(x), _doubled(x), jax.checkpoint(jnp.sin)(x), jax.jit(jnp.hypot)(x, y))
-    yield jax.grad(lambda x: jnp.sin(x) * x)(x)
-    yield apart(jax.jit(lambda x: jnp.sin(x)), x)
-
-
-def _everything(x, y, v, number, unused):
-    del unused
-    return [*_arithmetic(x, y, v), *_structure(x, y, v, number)]
-
-
-def _inputs(lanes, dtype):
-    x = jnp.linspace(0.1, 0.9, lanes, dtype=dtype)
-    rows = jnp.outer(x, jnp.array([1.0, -2.0, 0.7], dtype))
-    return x, 1.3 + x**2, rows, jnp.arange(lanes) % 2, x
-
-
-def _batched(x, y, v, number, unused):
-    first, second, *_ = jnp.unstack(x)
-    part = lax.dynamic_slice(x, (number[1],), (2,))
-    several = jax.vmap(_everything, axis_name="cases")(x, y, v, number, unused)
-    return several, first * second, lax.dynamic_update_slice(y, part, (number[0],))
+def _primitives(jaxpr):
+    found = set()
+    for eqn in jaxpr.eqns:
+        found.add(eqn.primitive.name)
+        for value in eqn.params.values():
+            for inner in value if isinstance(value, tuple | list) else [value]:
+                inner = getattr(inner, "jaxpr", inner)
+                if hasattr(inner, "eqns"):
+                    found |= _primitives(inner)
+    return found
 
 
 @jax.jit
-def _whole(*inputs):
-    return in_one_piece(lambda: _batched(*inputs), len(inputs[0]))
+def _sine(x):
+    return jnp.sin(x)
 
 
-@pytest.mark.slow
-@only_where_known
-@pytest.mark.parametrize("lanes", [2, WIDEST])
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
-def test_one_piece_of_all_that_is_known_to_compile_so(lanes, dtype):
-    inputs = _inputs(lanes, dtype)
-    assert primitives(jax.make_jaxpr(_batched)(*inputs).jaxpr) == COMPILED_WHOLE
-    compiled = _whole.lower(*inputs).compile()
-    assert "xla_cpu_small_call" in compiled.as_text()
-    rtol = 1e-11 if dtype == jnp.float64 else 1e-4
-    both = compiled(*inputs), jax.jit(_batched)(*inputs)
-    for found, wanted in zip(*map(jax.tree.leaves, both), strict=True):
-        np.testing.assert_allclose(found, wanted, rtol=rtol, atol=rtol / 100)
+def test_a_call_apart_gives_the_same_and_stays_a_call():
+    def several(x, together):
+        y = apart(_sine, x) if together else jnp.sin(x)
+        return [jnp.sum(y * k) for k in range(3)]
 
-
-@pytest.mark.parametrize("lanes", [3, WIDEST + 1])
-@pytest.mark.parametrize("function", UNKNOWN)
-def test_what_is_not_known_to_compile_or_is_wide_is_left_as_it_is(function, lanes):
-    x = jnp.linspace(1.0, 0.0, lanes)
-    one = jax.jit(lambda x: in_one_piece(lambda: function(x), lanes))
-    assert not compiles_whole(jax.make_jaxpr(function)(x).jaxpr)
-    assert "xla_cpu_small_call" not in one.lower(x).as_text()
-    np.testing.assert_array_equal(one(x), function(x))
+    x = jnp.linspace(0.1, 0.9, 5)
+    compiled = jax.jit(several, static_argnums=1).lower(x, True).compile()
+    assert " call(" in compiled.as_text()
+    np.testing.assert_allclose(compiled(x), several(x, False), rtol=1e-14)
+    slope = jax.jacfwd(lambda x: apart(_sine, x))(jnp.asarray(0.3))
+    np.testing.assert_allclose(slope, np.cos(0.3), rtol=1e-14)
 
 
 def _branching(batch):
@@ -124,7 +51,7 @@ def _branching(batch):
 def test_a_batch_leaves_out_a_branch_that_none_of_it_wants():
     x, number, gain = jnp.array([-1.0, 0.3, 0.7]), jnp.array([2, 2, 0]), jnp.array(1.3)
     several = jax.vmap(_branching("cases"), (None, 0, 0), axis_name="cases")
-    assert "cond" in primitives(jax.make_jaxpr(several)(gain, x, number).jaxpr)
+    assert "cond" in _primitives(jax.make_jaxpr(several)(gain, x, number).jaxpr)
     for none in (1, 0):
         found = several(gain, x, none * number)
         alone = [_branching(None)(gain, x[i], none * number[i]) for i in range(3)]

@@ -90,6 +90,7 @@ NUMPY = {
 }
 TWO_ARGUMENTS = ("atan2", "pow")
 ULPS = {name: 4.0 if name in ("pow", "erf_inv") else 2.0 for name in REFERENCES}
+NEAR = ["sin", "cos"]
 BASIC = {
     "abs", "add", "and", "bitcast_convert_type", "broadcast_in_dim", "cond", "convert_element_type",
     "div", "eq", "floor", "ge", "gt", "le", "lt", "max", "min", "mul", "ne", "neg", "not", "or",
@@ -289,6 +290,22 @@ def test_sincos_is_sine_and_cosine():
     values = evaluate(program("sincos", "float64"), x)
     np.testing.assert_array_equal(values[0], _by_numpy("sin", (x,)))
     np.testing.assert_array_equal(values[1], _by_numpy("cos", (x,)))
+
+
+def test_the_short_way_of_sine_and_cosine_is_accurate_below_its_limit():
+    """Alone and together; beyond the limit it says that it is wrong."""
+    rng = np.random.default_rng(6)
+    x = np.concatenate([_points("sin", rng, 300), rng.uniform(-(2.0**14), 2.0**14, 600)])
+    short = np.abs(x) < 2.0**14
+    for name, parts in (("near_sin", ["sin"]), ("near_cos", ["cos"]), ("near_sincos", NEAR)):
+        for found in (evaluate(program(name, "float64"), x), jax.jit(FUNCTIONS[name])(x)):
+            np.testing.assert_array_equal(np.asarray(found[-1]), ~short)
+            for part, values in zip(parts, found[:-1], strict=True):
+                errors = _ulps(np.asarray(values)[short], _exact(part, (x[short],)))
+                assert errors.max() <= ULPS[part], x[short][errors.argmax()]
+    both = Mapped(lambda x, shared: (lax.sin(x), lax.cos(x)), 0.0)(x)
+    for part, values in zip(NEAR, both, strict=True):
+        assert _ulps(values, _exact(part, (x,))).max() <= ULPS[part]
 
 
 @pytest.mark.parametrize("name", REFERENCES)

@@ -9,7 +9,14 @@ import sys
 import numpy as np
 import pytest
 
-from jaxsat.results import Column, OutputError, OutputFolder, StudyStore, open_study
+from jaxsat.results import (
+    Column,
+    OutputError,
+    OutputFolder,
+    StudyStore,
+    open_study,
+    study_columns,
+)
 from jaxsat.results import store as store_module
 from jaxsat.results.locking import lock_folder, remove_stale
 
@@ -48,6 +55,10 @@ def test_a_store_is_filled_chunk_by_chunk(tmp_path):
     assert dataset["omega"].attrs["units"] == "rad s-1"
     assert json.loads(dataset.attrs["identity"]) == IDENTITY
     assert json.loads(dataset.attrs["runs"])[0]["versions"]["jaxsat"]
+    columns = study_columns(tmp_path / "s")
+    assert set(columns) == set(dataset)
+    for name, column in columns.items():
+        np.testing.assert_array_equal(np.asarray(column), dataset[name])
 
 
 def test_a_store_is_continued_and_grows(tmp_path):

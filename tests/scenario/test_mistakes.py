@@ -6,6 +6,8 @@ import warnings
 import pytest
 
 from jaxsat.scenario import ScenarioError, ScenarioWarning, load
+from jaxsat.scenario.tuning_checks import USUAL_OPTIMISERS
+from jaxsat.tuning.optimisers import Descent
 
 THREE_AXIS = """\
 title = "Test"
@@ -366,3 +368,8 @@ def test_windows_line_ends_and_byte_order_mark(tmp_path):
     path.write_bytes(b"\xef\xbb\xbf" + text.encode())
     with pytest.raises(ScenarioError, match=r"windows\.toml:21: key control\.k3"):
         load(path)
+
+
+@pytest.mark.parametrize("name", USUAL_OPTIMISERS)
+def test_optimisers_that_are_not_tried_will_do(name):
+    Descent(name)

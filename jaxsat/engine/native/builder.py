@@ -39,6 +39,7 @@ class Builder:
         self.mask: Scalar | None = None
         self.functions: dict[tuple, Function] = {}
         self.repeated: dict[int, Any] = {}
+        self.sine_and_cosine: set[Any] = set()  # variables of jaxprs
         self._negated: dict[int, Scalar] = {}  # what a value is the negative of
         self.written = 0  # operations so far
 
@@ -176,29 +177,19 @@ class Builder:
         return self._everywhere(index, masks, blocks, yields)
 
     def where_seldom(
-        self,
-        predicates: Sequence[Scalar],
-        seldom: Callable[[], Sequence[Scalar]],
-        mostly: Sequence[Scalar],
-    ) -> list[Scalar]:
-        """Of `seldom` where the predicates hold, of `mostly` elsewhere, one for one.
-
-        The former is jumped over unless one of them holds in some lane.
-        """
-        ever: Scalar = np.False_
-        for predicate in predicates:
-            ever = self.operation("or", ever, predicate)
+        self, predicate: Scalar, seldom: Callable[[], Scalar], mostly: Scalar
+    ) -> Scalar:
+        """`seldom` where the predicate holds, which is jumped over unless it does in some lane."""
         if self.mask is not None:
-            ever = self.operation("and", ever, self.mask)
-        if not isinstance(ever, Value):
-            return list(seldom() if ever else mostly)
+            predicate = self.operation("and", predicate, self.mask)
+        if not isinstance(predicate, Value):
+            return seldom() if predicate else mostly
         block = Block(self.block)
-        with self.inside(block, ever):
-            found = [
-                self.select(p, a, b) for p, a, b in zip(predicates, seldom(), mostly, strict=True)
-            ]
-        needed = self.convert(self.any(ever), INT)
-        return self._switch(needed, [Block(self.block), block], [mostly, found], seldom=True)
+        with self.inside(block, predicate):
+            found = self.select(predicate, seldom(), mostly)
+        needed = self.convert(self.any(predicate), INT)
+        blocks = [Block(self.block), block]
+        return self._switch(needed, blocks, [[mostly], [found]], seldom=True)[0]
 
     def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
         """The results of a function."""

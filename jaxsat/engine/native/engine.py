@@ -86,7 +86,7 @@ class NativeEngine(AbstractEngine):
         self, program: Program, cases: PyTree, gains: PyTree = None, *, derivatives: bool = False
     ) -> Kernel:
         """The machine code for such a program, made once for all numbers of the same kind."""
-        lanes = self.lanes or _lanes(self.method, derivatives)
+        lanes = self.lanes or target.host().lanes
         return _kernel(self.method, program, cases, gains, lanes, derivatives)
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
@@ -156,7 +156,7 @@ def native_obstacle(
     if obstacle is not None:
         return obstacle
     try:
-        _kernel(method, program, cases, gains, _lanes(method, False), False)
+        _kernel(method, program, cases, gains, target.host().lanes, False)
     except (CannotLower, RuntimeError) as error:
         return str(error)
     return None
@@ -193,13 +193,6 @@ def _kernel(
             )
             _kernels[key] = Kernel(stages, lanes)
         return _kernels[key]
-
-
-def _lanes(method: Method, derivatives: bool) -> int:
-    """What suits: two registers for equal steps, which hides latencies; one where lanes wait for
-    one another's switches or where derivatives fill the registers anyway."""
-    lanes = target.host().lanes
-    return lanes // 2 if derivatives or method[2] is not None else lanes
 
 
 def _as_scan(method: Method) -> ScanEngine:

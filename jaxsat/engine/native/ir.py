@@ -7,7 +7,7 @@ which loops, switches and calls hold blocks of their own. `interpreter` runs it 
 prints it as LLVM code; nothing else is known of it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import compress, count
 
@@ -143,6 +143,73 @@ class Call:
 
 
 Step = Operation | Load | Store | Loop | Switch | Call
+
+
+def made(step: Step) -> Sequence[Value]:
+    """The values that a step gives to those after it."""
+    match step:
+        case Operation(out=out) | Load(out=out):
+            return [out]
+        case Store():
+            return []
+        case Loop(params=outs) | Switch(outs=outs) | Call(outs=outs):
+            return outs
+
+
+def read(step: Step) -> Iterator[int]:
+    """Numbers of the values from outside that a step reads."""
+    match step:
+        case Operation(args=args) | Call(args=args):
+            yield from _numbers_of(args)
+        case Load(index=index):
+            yield from _numbers_of([index])
+        case Store(index=index, value=value):
+            yield from _numbers_of([index, value])
+        case Switch():
+            yield from _numbers_of([step.index])
+            for block, results in zip(step.blocks, step.yields, strict=True):
+                yield from _read_in(block, results)
+        case Loop():
+            yield from _numbers_of(step.before)
+            own = {param.number for param in step.params}
+            for block, results in ((step.condition, [step.active]), (step.body, step.after)):
+                inner = own | {out.number for s in step.condition.steps for out in made(s)}
+                yield from (n for n in _read_in(block, results) if n not in inner)
+
+
+def _read_in(block: Block, results: Iterable[Scalar]) -> Iterator[int]:
+    own: set[int] = set()
+    for step in block.steps:
+        yield from (number for number in read(step) if number not in own)
+        own.update(out.number for out in made(step))
+    yield from (number for number in _numbers_of(results) if number not in own)
+
+
+def _numbers_of(scalars: Iterable[Scalar]) -> Iterator[int]:
+    return (x.number for x in scalars if isinstance(x, Value))
+
+
+def memories(step: Step) -> Iterator[Memory]:
+    """What a step reads or writes that may be written."""
+    match step:
+        case Load(memory=memory) | Store(memory=memory):
+            if memory.initial is None:
+                yield memory
+        case Call(function=Function(block=block)):
+            yield from _memories_in(block)
+        case Switch(blocks=blocks):
+            for block in blocks:
+                yield from _memories_in(block)
+        case Loop(condition=condition, body=body):
+            yield from _memories_in(condition)
+            yield from _memories_in(body)
+        case _:
+            pass
+
+
+def _memories_in(block: Block) -> Iterator[Memory]:
+    for step in block.steps:
+        yield from memories(step)
 
 
 @dataclass

@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cached_property
 from typing import Any
 
 import jax
@@ -24,6 +25,8 @@ PIECE = 4
 
 REFILLED = 64
 """The same at most, where a lane that has ended takes the next case."""
+
+OBSERVE = "observe"
 
 RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
 STAGE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 2)
@@ -52,17 +55,28 @@ class Kernel:
 
     def __init__(self, stages: TrajectoryStages, lanes: int):
         self.stages, self.lanes = stages, lanes
-        module = Module(lanes)
+        module = Module(lanes, target.host().masks)
         for stage in stages.stages:
-            add_stage(module, stage)
+            if stage.function.name != OBSERVE:
+                add_stage(module, stage)
         if stages.going is None:
             module.functions["run"] = run_blocks(lanes, ["begin", "advance", "finish"])
         else:
             module.functions["advance"] = advance_lanes(lanes, stages.going)
             module.functions["run"] = run_lanes(lanes, stages.going)
         self.text = module.text(target.host().attributes())
-        names = ["run", "begin", "advance", "finish", "observe"]
+        names = ["run", "begin", "advance", "finish"]
         self._keep, self._addresses = target.loaded(cache.object_code(self.text), names)
+
+    @cached_property
+    def _observing(self) -> tuple[object, dict[str, int]]:
+        """The stage that only a replay needs, made for the first one."""
+        module = Module(self.lanes)
+        for stage in self.stages.stages:
+            if stage.function.name == OBSERVE:
+                add_stage(module, stage)
+        text = module.text(target.host().attributes())
+        return target.loaded(cache.object_code(text), [OBSERVE])
 
     def run(self, inputs: Sequence[np.ndarray], count: int, intervals: int, workers: int) -> Any:
         """Outputs of `count` cases, whose arrays come first among the inputs.
@@ -116,9 +130,10 @@ class Kernel:
         outputs, leaves = _room(self.stages.outputs, count)
         seen, now = _room(self.stages.signals, count)
         pointers = _pointers([*inputs, *leaves, *now])
-        begin, advance, finish, observe = (
-            STAGE(self._addresses[name]) for name in ("begin", "advance", "finish", "observe")
+        begin, advance, finish = (
+            STAGE(self._addresses[name]) for name in ("begin", "advance", "finish")
         )
+        observe = STAGE(self._observing[1][OBSERVE])
         blocks = [self._block(first, count) for first in range(0, count, self.lanes)]
         history = []
         for state, cases, wanted in blocks:

@@ -13,10 +13,13 @@ SELDOM = "!0"
 
 
 class Module:
-    """The text of a module: functions, constant arrays and declarations of what is used."""
+    """The text of a module: functions, constant arrays and declarations of what is used.
 
-    def __init__(self, lanes: int):
-        self.lanes = lanes
+    With `masks` the processor stores some lanes of a vector at once.
+    """
+
+    def __init__(self, lanes: int, masks: bool = False):
+        self.lanes, self.masks = lanes, masks
         self.functions: dict[str, str] = {}
         self.printed: dict[int, tuple[str, Function]] = {}  # by identity, with their names
         self.constants: dict[int, str] = {}  # by the number of the memory

@@ -81,6 +81,7 @@ def lower_open(
         return known[atom]
 
     note_repeated(b, jaxpr)
+    note_pairs(b, jaxpr)
     for eqn in jaxpr.eqns:
         outputs = _apply(b, eqn, [read(atom) for atom in eqn.invars])
         known.update(zip(eqn.outvars, outputs, strict=True))
@@ -94,6 +95,19 @@ def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
         found = next(one for one in called if id(one) == inner)
         if times >= REPEATED and equations(found.jaxpr) >= LONG:
             b.repeated[inner] = found
+
+
+def note_pairs(b: Builder, jaxpr: Jaxpr) -> None:
+    """Tell the builder of which variables both sine and cosine are needed: they share much."""
+    sin, cos = (
+        {eqn.invars[0] for eqn in jaxpr.eqns if eqn.primitive.name == name and _varies(eqn)}
+        for name in ("sin", "cos")
+    )
+    b.sine_and_cosine |= sin & cos
+
+
+def _varies(eqn: JaxprEqn) -> bool:
+    return not isinstance(eqn.invars[0], Literal)
 
 
 def equations(jaxpr: Jaxpr) -> int:

@@ -93,7 +93,7 @@ class Mapped:
     @cached_property
     def text(self) -> str:
         """The LLVM code."""
-        module = Module(self.lanes)
+        module = Module(self.lanes, self.cpu.masks)
         add_stage(module, self.stage)
         module.functions["run"] = run_blocks(self.lanes, [self.stage.function.name])
         return module.text(self.cpu.attributes())

@@ -18,6 +18,7 @@ from jaxsat.engine.native.builder import is_uniform
 from jaxsat.engine.native.ir import Function, Operation, Scalar, Sweep, Value
 from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.llvm import Body
+from jaxsat.engine.native.ordering import in_order
 from jaxsat.engine.native.places import (
     FROM,
     Known,
@@ -30,7 +31,8 @@ from jaxsat.engine.native.places import (
     known_to_functions,
     read_later,
 )
-from jaxsat.engine.native.words import memory_type, scalar_type, vector_type
+from jaxsat.engine.native.seldom import gather
+from jaxsat.engine.native.words import memory_type, scalar_type, suffix, vector_type
 
 
 @dataclass
@@ -46,6 +48,9 @@ class Stage:
         sweep = Sweep()
         sweep.need(self.function.results)
         sweep.block(self.function.block)
+        if not __import__("os").environ.get("NOORDER"):
+            gather(self.function.block)
+        in_order(self.function.block, self.function.results)
         keep = [param.number in sweep.used for param in self.function.params]
         params = [p for p, used in zip(self.function.params, keep, strict=True) if used]
         inputs = [place for place, used in zip(self.inputs, keep, strict=True) if used]
@@ -154,22 +159,18 @@ class _StageBody(Body):
 
     def write(self, result: Scalar, conditions: Sequence[Scalar], place: Place) -> None:
         """Put a result where it belongs, for the wanted lanes in which conditions hold."""
-        dtype = result.dtype
-        wide = vector_type(dtype, self.module.lanes)
+        dtype, lanes = result.dtype, self.module.lanes
+        wide = vector_type(dtype, lanes)
         if isinstance(place, Slot):
             where = self.fresh("p")
             self.line(f"{where} = getelementptr i8, ptr %state, i64 {place.offset}")
             if place.uniform:
                 self.put(where, self.operand(result), dtype, False)
                 return
-            old, new = self.fresh(), self.fresh()
-            self.get(old, where, dtype, True)
-            lane = f"<{self.module.lanes} x i1> {self._lanes(conditions)}"
-            self.line(f"{new} = select {lane}, {wide} {self.operand(result, True)}, {wide} {old}")
-            self.put(where, new, dtype, True)
+            self._put_some(where, result, f"<{lanes} x i1> {self._lanes(conditions)}")
             return
         assert isinstance(place, PerCase)
-        lanes, kind = self.module.lanes, memory_type(dtype)
+        kind = memory_type(dtype)
         value, name = self.operand(result, True), f"@scatter.{kind}"
         if dtype.kind == "b":
             byte = self.fresh()
@@ -181,6 +182,22 @@ class _StageBody(Body):
             f"call void {name}(ptr {base}, <{lanes} x i64> {index}, "
             f"<{lanes} x {kind}> {value}, <{lanes} x i1> %lane)"
         )
+
+    def _put_some(self, where: str, result: Scalar, lane: str) -> None:
+        """Write the lanes of a vector that `lane` tells."""
+        dtype, lanes = result.dtype, self.module.lanes
+        wide = vector_type(dtype, lanes)
+        value = f"{wide} {self.operand(result, True)}"
+        if self.module.masks and dtype.itemsize == 8:
+            name = f"@llvm.masked.store.{suffix(dtype, lanes)}.p0"
+            kinds = f"{wide}, ptr, i32, <{lanes} x i1>"
+            self.module.declarations.add(f"declare void {name}({kinds})")
+            self.line(f"call void {name}({value}, ptr {where}, i32 64, {lane})")
+            return
+        old, new = self.fresh(), self.fresh()
+        self.get(old, where, dtype, True)
+        self.line(f"{new} = select {lane}, {value}, {wide} {old}")
+        self.put(where, new, dtype, True)
 
 
 def _gather_text(name: str, kind: str, lanes: int) -> str:

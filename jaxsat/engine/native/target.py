@@ -26,15 +26,20 @@ class Host:
 
     @property
     def lanes(self) -> int:
-        """Trajectories in a vector: two registers of 64-bit numbers, which hides latencies."""
-        return 2 * self.register // 8
+        """Trajectories in a vector: one register of 64-bit numbers."""
+        return self.register // 8
+
+    @property
+    def masks(self) -> bool:
+        """Whether it stores some lanes of a vector at once, as AVX-512 does."""
+        return self.register == 64
 
     def attributes(self) -> str:
-        """Attributes of every function."""
+        """Attributes of every function; the stack is aligned to what is stored there."""
         bits = self.register * 8
         wide = f' "prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}"'
         target = f'"target-cpu"="{self.name}" "target-features"="{self.features}"'
-        return f"nounwind {target}" + (wide if self.register > 16 else "")
+        return f"nounwind {target}" + (f'{wide} "stackrealign"' if self.register > 16 else "")
 
 
 @cache

@@ -24,7 +24,15 @@ from jaxsat.engine.native.functions.inverse_hyperbolic import acosh, asinh, atan
 from jaxsat.engine.native.functions.inverse_trigonometric import acos, asin, atan, atan2
 from jaxsat.engine.native.functions.logarithm import log, log1p
 from jaxsat.engine.native.functions.power import cbrt, pow
-from jaxsat.engine.native.functions.trigonometric import cos, near_sincos, sin, sincos, tan
+from jaxsat.engine.native.functions.trigonometric import (
+    cos,
+    near_cos,
+    near_sin,
+    near_sincos,
+    sin,
+    sincos,
+    tan,
+)
 
 
 def _of_any_float(function: Callable) -> Callable:
@@ -61,6 +69,8 @@ FUNCTIONS: dict[str, Callable] = {
         "log": log,
         "log1p": log1p,
         "logistic": logistic,
+        "near_cos": near_cos,
+        "near_sin": near_sin,
         "near_sincos": near_sincos,
         "pow": pow,
         "sin": sin,

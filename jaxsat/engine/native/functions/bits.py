@@ -21,8 +21,10 @@ SIGN = np.int64(-(2**63))
 _ONE_BITS = np.int64(1023 << 52)
 _UPPER_26 = np.int64(-(2**27))
 _UPPER_17 = np.int64(-(2**36))
-_ROUNDER = 1.5 * 2.0**52
-_ROUNDER_BITS = np.float64(_ROUNDER).view(np.int64)
+ROUNDER = 1.5 * 2.0**52
+"""Added to a number far below, it leaves the nearest whole one in the lowest bits."""
+
+_ROUNDER_BITS = np.float64(ROUNDER).view(np.int64)
 
 
 def bits_of(x: Double) -> Integer:
@@ -71,12 +73,12 @@ def scaled(x: Double, n: Integer) -> Double:
 def rounded(x: Double) -> tuple[Double, Integer]:
     """The nearest whole number (ties to even), |x| < 2^51, as a double and as an integer."""
     whole = lax.round(x, lax.RoundingMethod.TO_NEAREST_EVEN)
-    return whole, bits_of(whole + _ROUNDER) - _ROUNDER_BITS
+    return whole, bits_of(whole + ROUNDER) - _ROUNDER_BITS
 
 
 def to_double(n: Integer) -> Double:
     """An integer below 2^51 in size as a double (no instruction for it below AVX-512)."""
-    return double_of(n + _ROUNDER_BITS) - _ROUNDER
+    return double_of(n + _ROUNDER_BITS) - ROUNDER
 
 
 def upper(x: Double) -> Double:
@@ -130,7 +132,7 @@ def polynomial(x: Double, coefficients: Sequence[float]) -> Double:
     return jnp.asarray(terms[0])
 
 
-def horner(x: Double, coefficients: Sequence[float]) -> Double:
+def horner(x: Double, coefficients: Sequence[float | Double]) -> Double:
     """A polynomial, lowest power first, by Horner's scheme: few operations."""
     total = jnp.asarray(coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):

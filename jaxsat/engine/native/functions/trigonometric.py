@@ -16,7 +16,7 @@ from jaxsat.engine.native.functions.bits import (
     quotient,
     select,
 )
-from jaxsat.engine.native.functions.reduction import near, reduced
+from jaxsat.engine.native.functions.reduction import NEAR_LIMIT, near, reduced
 
 _SINE = (
     -0.16666666666666666,
@@ -60,26 +60,64 @@ def cos(x: Double) -> Double:
 
 def sincos(x: Double) -> tuple[Double, Double]:
     """Sine and cosine, which share everything but the choice at the end."""
-    return _of_reduced(x, *reduced(x))
+    r, low, quadrant = reduced(x)
+    z = r * r
+    half = 0.5 * z
+    near_one = 1.0 - half
+    sine = r + (z * r * horner(z, _SINE) + low * near_one)
+    cosine = near_one + (((1.0 - near_one) - half) + (z * z * horner(z, _COSINE) - r * low))
+    first, second = _chosen(sine, cosine, quadrant)
+    return select(x == 0.0, x, _signed(first, quadrant)), second
 
 
 def near_sincos(x: Double) -> tuple[Double, Double, Truth]:
-    """The same with a short way of reduction, and where it is wrong: seldom."""
-    r, low, quadrant, wrong = near(x)
-    return *_of_reduced(x, r, low, quadrant), wrong
-
-
-def _of_reduced(x: Double, r: Double, low: Double, quadrant: Integer) -> tuple[Double, Double]:
+    """The same in fewer steps, one unit in the last place worse; and where it is wrong: seldom."""
+    size = lax.abs(x)
+    r, quadrant = near(size)
     z = r * r
-    cube = z * r
-    half = 0.5 * z
-    near_one = 1.0 - half
-    sine = r + (cube * horner(z, _SINE) + low * near_one)
-    cosine = near_one + (((1.0 - near_one) - half) + (z * z * horner(z, _COSINE) - r * low))
-    odd = (quadrant & np.int64(1)) != 0
-    first = _signed(select(odd, cosine, sine), quadrant)
-    second = _signed(select(odd, sine, cosine), quadrant + np.int64(1))
-    return select(x == 0.0, x, first), second
+    sine = r + z * r * horner(z, _SINE)
+    cosine = (1.0 - 0.5 * z) + z * z * horner(z, _COSINE)
+    first, second = _chosen(sine, cosine, quadrant)
+    return _odd(first, x, quadrant), second, size >= NEAR_LIMIT
+
+
+def near_sin(x: Double) -> tuple[Double, Truth]:
+    """The sine of `near_sincos` alone."""
+    size = lax.abs(x)
+    r, quadrant = near(size)
+    return _odd(_alone(r, _is_odd(quadrant)), x, quadrant), size >= NEAR_LIMIT
+
+
+def near_cos(x: Double) -> tuple[Double, Truth]:
+    """The cosine of `near_sincos` alone."""
+    size = lax.abs(x)
+    r, quadrant = near(size)
+    following = quadrant + np.int64(1)
+    return _signed(_alone(r, _is_odd(following)), following), size >= NEAR_LIMIT
+
+
+def _alone(r: Double, by_cosine: Truth) -> Double:
+    """Cosine or sine of a reduced angle by one polynomial, whose coefficients are chosen."""
+    z = r * r
+    coefficients = [select(by_cosine, c, s) for c, s in zip(_COSINE, _SINE, strict=True)]
+    first = select(by_cosine, 1.0 - 0.5 * z, r)
+    return first + z * select(by_cosine, z, r) * horner(z, coefficients)
+
+
+def _is_odd(quadrant: Integer) -> Truth:
+    return (quadrant & np.int64(1)) != 0
+
+
+def _odd(value: Double, x: Double, quadrant: Integer) -> Double:
+    """A sine without its sign, with that of the quadrant and of `x`."""
+    return double_of(bits_of(value) ^ (((quadrant << 62) ^ bits_of(x)) & SIGN))
+
+
+def _chosen(sine: Double, cosine: Double, quadrant: Integer) -> tuple[Double, Double]:
+    """Sine, without the sign of the quadrant, and cosine of the whole angle."""
+    odd = _is_odd(quadrant)
+    cosine_of_all = _signed(select(odd, sine, cosine), quadrant + np.int64(1))
+    return select(odd, cosine, sine), cosine_of_all
 
 
 def _signed(x: Double, quadrant: Integer) -> Double:
@@ -97,7 +135,7 @@ def tan(x: Double) -> Double:
     tangent = half + rest
     square = tangent * tangent
     one_less, one_less_low = fast_two_sum(lax.full_like(x, 1.0), -square)
-    odd = (quadrant & np.int64(1)) != 0
+    odd = _is_odd(quadrant)
     num = select(odd, -one_less, double)
     num_low = select(odd, -one_less_low, double_low)
     den = select(odd, double, one_less)

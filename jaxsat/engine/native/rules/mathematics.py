@@ -1,6 +1,9 @@
 """Elementary functions: each is written in plain `jax.numpy` and lowered as a function once."""
 
 from collections.abc import Sequence
+from typing import Any
+
+from jax.extend.core import Literal
 
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.functions import FUNCTIONS, program
@@ -33,19 +36,22 @@ def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar
 @lowers(*PARTS)
 def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
     """The short way in place, which a processor does beside its neighbours; a call if it fails."""
-    place, closed = (
-        PARTS.index(eqn.primitive.name),
-        program("near_sincos", eqn.invars[0].aval.dtype),
-    )
+    part, operand = eqn.primitive.name, eqn.invars[0]
+    aval: Any = operand.aval
+    both = not isinstance(operand, Literal) and operand in b.sine_and_cosine
+    closed = program("near_sincos" if both else f"near_{part}", aval.dtype)
+    place = PARTS.index(part) if both else 0
 
-    def long_way(y: Scalar) -> Scalar:
-        return _called(b, "sincos", [y])[place]
+    def one(y: Scalar) -> Scalar:
+        def long_way() -> Scalar:
+            return _called(b, "sincos", [y])[PARTS.index(part)]
 
-    unknown = [y for y in x.flat if isinstance(y, Value)]
-    short = [lower(b, closed, [filled((), y)]) for y in unknown]
-    near, wrong = ([found[i][()] for found in short] for i in (place, 2))
-    right = iter(b.where_seldom(wrong, lambda: [long_way(y) for y in unknown], near))
-    return each(lambda y: next(right) if isinstance(y, Value) else long_way(y), x)
+        if not isinstance(y, Value):
+            return long_way()
+        found = [result[()] for result in lower(b, closed, [filled((), y)])]
+        return b.where_seldom(found[-1], long_way, found[place])
+
+    return each(one, x)
 
 
 @lowers("integer_pow")
