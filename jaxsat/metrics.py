@@ -31,9 +31,9 @@ def within(
 ) -> Bool[Array, " times"]:
     """At which times all tolerances are met; never where a run has ended early (NaN)."""
     return (
-        (jnp.linalg.norm(w, axis=-1) < tolerances.w)
+        (jnp.sum(w**2, axis=-1) < tolerances.w**2)
         & (jnp.abs(wrapped(z)) < tolerances.z)
-        & (jnp.linalg.norm(relative_rate, axis=-1) < tolerances.relative_rate)
+        & (jnp.sum(relative_rate**2, axis=-1) < tolerances.relative_rate**2)
     )
 
 

@@ -11,7 +11,7 @@ ITERATIONS = 24
 CLOSE_ENOUGH = 1e-6
 """Of the step. One step of Newton's method from there on leaves nothing."""
 
-SECANTS, NEWTON_STEPS = 3, 2
+SECANTS, NEWTON_STEPS = 2, 2
 
 
 class Bracket(NamedTuple):

@@ -99,14 +99,14 @@ class Integrals(NamedTuple):
 class Progress(NamedTuple):
     """A trajectory that is under way.
 
-    `settled_from` is the time (s) since which the tolerances have been met, infinite while they
-    are not; `ended_at` the time up to which the state is good. `step` (s) is the next to be tried
+    `peak_square` is the largest |ω|² (rad²/s²) at the instants looked at. `settled_from` is the
+    time (s) since which the tolerances have been met, infinite while they are not; `ended_at` the time up to which the state is good. `step` (s) is the next to be tried
     and `steps` the number of those tried, where steps are adaptive.
     """
 
     state: PyTree
     integrals: Integrals
-    peak_rate: Float[Array, ""]
+    peak_square: Float[Array, ""]
     settled_from: Float[Array, ""]
     ended_at: Float[Array, ""]
     code: Int[Array, ""]
@@ -166,10 +166,9 @@ def looked_at(
     """Settling and peak rate with one more instant taken into account."""
     good = within(signals.w[None], signals.z[None], signals.relative_rate[None], tolerances)[0]
     since = jnp.where(jnp.isinf(progress.settled_from), t, progress.settled_from)
-    rate = jnp.sqrt(jnp.sum(signals.omega**2))
     return progress._replace(
         settled_from=jnp.where(good, since, jnp.inf),
-        peak_rate=jnp.maximum(progress.peak_rate, rate),
+        peak_square=jnp.maximum(progress.peak_square, jnp.sum(signals.omega**2)),
     )
 
 
@@ -195,7 +194,7 @@ def outputs_of(
         settling_time=jnp.where(settled, progress.settled_from, jnp.inf),
         effort=kept(progress.integrals.effort),
         cost=jnp.where(possible, whole, jnp.nan),
-        peak_rate=kept(progress.peak_rate),
+        peak_rate=kept(jnp.sqrt(progress.peak_square)),
         ended_at=progress.ended_at,
         w=kept(wz.w),
         z=kept(wz.z),
