@@ -100,8 +100,9 @@ class Progress(NamedTuple):
     """A trajectory that is under way.
 
     `peak_square` is the largest |ω|² (rad²/s²) at the instants looked at. `settled_from` is the
-    time (s) since which the tolerances have been met, infinite while they are not; `ended_at` the time up to which the state is good. `step` (s) is the next to be tried
-    and `steps` the number of those tried, where steps are adaptive.
+    time (s) since which the tolerances have been met, infinite while they are not; `ended_at` the
+    time up to which the state is good. `step` (s) is the next to be tried and `steps` the number
+    of those tried, where steps are adaptive.
     """
 
     state: PyTree

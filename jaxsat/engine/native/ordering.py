@@ -89,7 +89,7 @@ def _nodes(steps: Sequence[Step], kept: set[int]) -> list[_Node]:
     reads = [set(read(step)) for step in steps]
     nodes: list[_Node] = []
     maker: dict[int, int] = {}
-    touched: dict[int, list[int]] = defaultdict(list)  # nodes by memory
+    touched: dict[int, int] = {}  # the last node by memory
     fused = _fused(steps, reads, kept)
     products = {id(product) for product in fused.values()}
     for i, (step, needs) in enumerate(zip(steps, reads, strict=True)):
@@ -104,8 +104,8 @@ def _nodes(steps: Sequence[Step], kept: set[int]) -> list[_Node]:
         nodes.append(node)
         node.before = {maker[n] for n in node.reads if n in maker}
         for memory in {memory.number for memory in memories(step)}:
-            node.before.update(touched[memory])
-            touched[memory].append(number)
+            node.before.update({touched[memory]} if memory in touched else ())
+            touched[memory] = number
         maker.update((out.number, number) for out in made(step))
     return nodes
 
