@@ -71,7 +71,7 @@ class Kernel:
     @cached_property
     def _observing(self) -> tuple[object, dict[str, int]]:
         """The stage that only a replay needs, made for the first one."""
-        module = Module(self.lanes)
+        module = Module(self.lanes, target.host().masks)
         for stage in self.stages.stages:
             if stage.function.name == OBSERVE:
                 add_stage(module, stage)

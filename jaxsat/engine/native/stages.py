@@ -48,8 +48,7 @@ class Stage:
         sweep = Sweep()
         sweep.need(self.function.results)
         sweep.block(self.function.block)
-        if not __import__("os").environ.get("NOORDER"):
-            gather(self.function.block)
+        gather(self.function.block)
         in_order(self.function.block, self.function.results)
         keep = [param.number in sweep.used for param in self.function.params]
         params = [p for p, used in zip(self.function.params, keep, strict=True) if used]
