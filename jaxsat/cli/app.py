@@ -10,7 +10,6 @@ from cyclopts import App, CycloptsError, UnusedCliTokensError
 import jaxsat
 from jaxsat.cli.bound import bound
 from jaxsat.cli.compare import compare
-from jaxsat.cli.computing import no_collection
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.reproduce import reproduce
@@ -29,6 +28,7 @@ from jaxsat.cli.terminal import (
     report_mistake,
 )
 from jaxsat.cli.tune import tune
+from jaxsat.collection import no_collection
 
 app = App(
     name="jaxsat",

@@ -4,7 +4,7 @@ import contextlib
 import gc
 import importlib
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TypeVar
 
 Result = TypeVar("Result")
@@ -17,24 +17,9 @@ def use_double_precision() -> None:
     jax.config.update("jax_enable_x64", True)
 
 
-@contextlib.contextmanager
-def no_collection() -> Iterator[None]:
-    """Start without Python's search for dead cycles, which takes long while much is imported.
-
-    It begins with the work that is done `interruptibly`, among the objects that this makes.
-    """
-    active = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if active:
-            gc.enable()
-
-
 def interruptibly(work: Callable[[], Result]) -> Result:
     """Do the work in a thread, so that a signal need not wait for compiled code to return."""
-    if not gc.isenabled():
+    if not gc.isenabled():  # the command line starts without the search for dead cycles
         gc.freeze()
         gc.enable()
     outcome: list[Result] = []

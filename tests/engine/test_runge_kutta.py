@@ -5,7 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.engine.runge_kutta import explicit_step, tableau_of
+from jaxsat.engine.runge_kutta import (
+    explicit_step,
+    middle_weights,
+    stage_rates,
+    tableau_of,
+    weighted,
+)
+from jaxsat.engine.walk import Stretch, dense, powers
 
 SOLVERS = [
     diffrax.Heun(),
@@ -40,3 +47,25 @@ def test_the_order_of_a_step(solver, order):
         found = explicit_step(tableau_of(solver), rate, jnp.array(0.0), jnp.array(h), y)
         errors.append(abs(float(found["x"]) - np.cos(2 * h) - np.sin(h) / 3))
     assert np.log2(errors[0] / errors[1]) > order + 0.4
+
+
+@pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri5()])
+def test_the_dense_output_is_that_of_diffrax(solver):
+    def slope(t, y):
+        return jnp.stack([y[1], -4 * y[0] + jnp.sin(t)])
+
+    y, t, h = jnp.array([1.0, -0.3]), jnp.array(0.4), jnp.array(0.3)
+    term = diffrax.ODETerm(lambda t, y, args: slope(t, y))
+    state = solver.init(term, t, t + h, y, None)
+    _, _, inside, _, _ = solver.step(term, t, t + h, y, None, state, made_jump=False)
+    theirs = solver.interpolation_cls(t0=t, t1=t + h, **inside)
+    tableau = tableau_of(solver)
+    rates = stage_rates(tableau, slope, t, h, y, slope(t, y))
+    middle, whole = weighted(middle_weights(solver), rates), weighted(tableau.b_sol, rates)
+    growth = h * jnp.stack([rates[0], middle, whole, rates[-1]])
+    ours = Stretch(t, h, y, growth, jnp.zeros(2), jnp.zeros(()))
+    for part in np.linspace(0.0, 1.0, 9):
+        expected = theirs.evaluate(t + part * h)
+        np.testing.assert_allclose(dense(ours, jnp.asarray(part)), expected, rtol=1e-13)
+        by_powers = y + part ** np.arange(1, 5) @ np.asarray(powers(growth))
+        np.testing.assert_allclose(by_powers, expected, rtol=1e-13)

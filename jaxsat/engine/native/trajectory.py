@@ -4,9 +4,7 @@ Numbers of a case that are the same in all cases stay uniform from one stage to 
 known when lowering stay constants.
 """
 
-import gc
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +14,7 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
+from jaxsat.collection import no_collection
 from jaxsat.engine.native import rules
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.ir import Function, Scalar, Value
@@ -57,19 +56,7 @@ class _Source:
     uniform: bool = True
 
 
-@contextmanager
-def _no_collection():
-    """Without Python's search for dead cycles, which takes long among JAX's many live objects."""
-    active = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if active:
-            gc.enable()
-
-
-@_no_collection()
+@no_collection()
 def trajectory_stages(
     staged: AbstractStaged, numbers: PyTree, case: PyTree, gains: PyTree, lanes: int
 ) -> TrajectoryStages:
