@@ -132,8 +132,10 @@ static double located(const Block *b, const Gains *g, int l) {
     double low = 0, high = 0.5, low_value = excess(b, g, l, 0), high_value = b->middle[l];
     if (!(high_value > 0)) low = 0.5, low_value = high_value, high = 1, high_value = b->end[l];
     double point = high;
+    const double first = low;
     for (int n = 0, was = 0; n < 60 && high - low > 1e-14; n++) {
-        int halve = low_value >= 0 || n % 3 == 2;
+        int on_surface = low == first && low_value >= -1e-6 * high_value;
+        int halve = on_surface || low_value >= 0 || n % 3 == 2;
         double last = point;
         point = halve ? (low + high) / 2 : low - low_value * (high - low) / (high_value - low_value);
         double value = excess(b, g, l, point);

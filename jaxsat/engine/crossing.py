@@ -11,6 +11,9 @@ ITERATIONS = 24
 CLOSE_ENOUGH = 1e-6
 """Of the step. One step of Newton's method from there on leaves nothing."""
 
+NEXT_TO_NOTHING = 1e-6
+"""Of the other end's value: what rounding leaves of a function that is zero where a step begins."""
+
 SECANTS, NEWTON_STEPS = 2, 2
 
 
@@ -38,9 +41,9 @@ def located(
 ) -> Float[Array, ""]:
     """The part of the step at which the function becomes positive, to `CLOSE_ENOUGH`.
 
-    Secants with the Illinois rule; every third point, and every point while the lower end is not
-    below zero (a step that begins on the surface), halves the bracket. A step for which it is not
-    `wanted` takes no iteration.
+    Secants with the Illinois rule; every third point, and every point while the lower end is next
+    to zero (a step that begins on a surface, from which a secant would not come away), halves the
+    bracket. A step for which it is not `wanted` takes no iteration.
     """
 
     def unfinished(search: _Search):
@@ -48,7 +51,8 @@ def located(
 
     def improve(search: _Search) -> _Search:
         low, low_value, high, high_value = search.bracket
-        halve = (low_value >= 0) | (search.tried % 3 == 2)
+        on_surface = (low == bracket.low) & (low_value >= -NEXT_TO_NOTHING * high_value)
+        halve = on_surface | (low_value >= 0) | (search.tried % 3 == 2)
         slope = jnp.where(halve, 1.0, high_value - low_value)
         secant = low - low_value * (high - low) / slope
         point = jnp.where(halve, (low + high) / 2, jnp.clip(secant, low, high))
