@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.trigonometry import cos, sin
 
 
 class OscillatorState(NamedTuple):
@@ -59,7 +60,7 @@ class InternalModel(eqx.Module):
     def turn(self, t: Float[Array, ""]) -> Turn:
         """How far the oscillators turn by themselves from time zero to `t` (s)."""
         angle = self.frequency * t
-        return Turn(jnp.cos(angle), jnp.sin(angle))
+        return Turn(cos(angle), sin(angle))
 
     def turned(self, turn: Turn, back: OscillatorState) -> OscillatorState:
         """What a state turned back has become by the oscillators' own motion."""

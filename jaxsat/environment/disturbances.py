@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, require_finite
+from jaxsat.trigonometry import sin
 
 RealScalar = Float[Array, ""]
 
@@ -57,7 +58,7 @@ class PeriodicTorque(AbstractDisturbance):
 
     def at(self, t: RealScalar) -> Float[Array, "3"]:
         """Equation (2) at time `t` (s), N m."""
-        return self.amplitude * jnp.sin(self.frequency * t + self.phase)
+        return self.amplitude * sin(self.frequency * t + self.phase)
 
 
 class ConstantTorque(AbstractDisturbance):

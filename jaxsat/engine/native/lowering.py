@@ -100,8 +100,8 @@ def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
 def note_pairs(b: Builder, jaxpr: Jaxpr) -> None:
     """Tell the builder of which variables both sine and cosine are needed: they share much."""
     sin, cos = (
-        {eqn.invars[0] for eqn in jaxpr.eqns if eqn.primitive.name == name and _varies(eqn)}
-        for name in ("sin", "cos")
+        {eqn.invars[0] for eqn in jaxpr.eqns if eqn.primitive.name in names and _varies(eqn)}
+        for names in (("sin", "jaxsat_sin"), ("cos", "jaxsat_cos"))
     )
     b.sine_and_cosine |= sin & cos
 

@@ -13,6 +13,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float64, Int64
 
+from jaxsat.trigonometry import ROUNDER
+
 Double = Float64[Array, "*n"]
 Integer = Int64[Array, "*n"]
 Truth = Bool[Array, "*n"]
@@ -21,9 +23,6 @@ SIGN = np.int64(-(2**63))
 _ONE_BITS = np.int64(1023 << 52)
 _UPPER_26 = np.int64(-(2**27))
 _UPPER_17 = np.int64(-(2**36))
-ROUNDER = 1.5 * 2.0**52
-"""Added to a number far below, it leaves the nearest whole one in the lowest bits."""
-
 _ROUNDER_BITS = np.float64(ROUNDER).view(np.int64)
 
 

@@ -12,7 +12,6 @@ import numpy as np
 from jax import lax
 
 from jaxsat.engine.native.functions.bits import (
-    ROUNDER,
     Double,
     Integer,
     Truth,
@@ -27,11 +26,7 @@ from jaxsat.engine.native.functions.bits import (
 )
 
 _LIMIT = 2.0**20
-NEAR_LIMIT = 2.0**14
-"""Below it `near` is right."""
-
 _TWO_OVER_PI = 2 / np.pi
-_NEAR_PIECES = (1.5707963267923333, 2.5633441515905732e-12, 3.9455541665632055e-24)  # 39 bits each
 _PIECES = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487111665e-21, 8.4784276603689e-32)
 _HALF_PI_UPPER, _HALF_PI_REST = 1.5707963109016418, 1.5893254773528196e-08
 _HALF_PI = 1.5707963267948966
@@ -57,18 +52,6 @@ def reduced(x: Double) -> tuple[Double, Double, Integer]:
     size = lax.abs(x)
     wide = (size >= _LIMIT) & (size < np.inf)
     return lax.cond(wide if jnp.ndim(wide) == 0 else jnp.any(wide), _any, _narrow, x)
-
-
-def near(x: Double) -> tuple[Double, Integer]:
-    """r and the multiple q of x = q pi/2 + r for 0 <= x < 2^14, r to one unit in the last place.
-
-    The products are exact and so is the first difference; the second is rounded unless r is so
-    small that the third counts. Of the multiple two bits count.
-    """
-    shifted = ROUNDER + x * _TWO_OVER_PI
-    less = ROUNDER - shifted  # minus the multiple
-    first, second, third = _NEAR_PIECES
-    return ((x + less * first) + less * second) + less * third, bits_of(shifted)
 
 
 def _narrow(x: Double) -> tuple[Double, Double, Integer]:

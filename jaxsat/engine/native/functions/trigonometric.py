@@ -16,24 +16,10 @@ from jaxsat.engine.native.functions.bits import (
     quotient,
     select,
 )
-from jaxsat.engine.native.functions.reduction import NEAR_LIMIT, near, reduced
+from jaxsat.engine.native.functions.reduction import reduced
+from jaxsat.trigonometry import COSINE, NEAR_LIMIT, SINE, cos_of, sin_of
+from jaxsat.trigonometry import reduced as near
 
-_SINE = (
-    -0.16666666666666666,
-    0.008333333333330946,
-    -0.0001984126983675497,
-    2.755731610068303e-06,
-    -2.5051131455427946e-08,
-    1.591810123027412e-10,
-)
-_COSINE = (
-    0.041666666666666664,
-    -0.0013888888888887395,
-    2.4801587298763433e-05,
-    -2.7557317270560326e-07,
-    2.0876146024689747e-09,
-    -1.1382614868556325e-11,
-)
 _HALF_TANGENT = (
     0.3333333333333333,
     0.13333333333333436,
@@ -64,8 +50,8 @@ def sincos(x: Double) -> tuple[Double, Double]:
     z = r * r
     half = 0.5 * z
     near_one = 1.0 - half
-    sine = r + (z * r * horner(z, _SINE) + low * near_one)
-    cosine = near_one + (((1.0 - near_one) - half) + (z * z * horner(z, _COSINE) - r * low))
+    sine = r + (z * r * horner(z, SINE) + low * near_one)
+    cosine = near_one + (((1.0 - near_one) - half) + (z * z * horner(z, COSINE) - r * low))
     first, second = _chosen(sine, cosine, quadrant)
     return select(x == 0.0, x, _signed(first, quadrant)), second
 
@@ -75,8 +61,8 @@ def near_sincos(x: Double) -> tuple[Double, Double, Truth]:
     size = lax.abs(x)
     r, quadrant = near(size)
     z = r * r
-    sine = r + z * r * horner(z, _SINE)
-    cosine = (1.0 - 0.5 * z) + z * z * horner(z, _COSINE)
+    sine = r + z * r * horner(z, SINE)
+    cosine = (1.0 - 0.5 * z) + z * z * horner(z, COSINE)
     first, second = _chosen(sine, cosine, quadrant)
     return _odd(first, x, quadrant), second, size >= NEAR_LIMIT
 
@@ -84,24 +70,13 @@ def near_sincos(x: Double) -> tuple[Double, Double, Truth]:
 def near_sin(x: Double) -> tuple[Double, Truth]:
     """The sine of `near_sincos` alone."""
     size = lax.abs(x)
-    r, quadrant = near(size)
-    return _odd(_alone(r, _is_odd(quadrant)), x, quadrant), size >= NEAR_LIMIT
+    return sin_of(x, *near(size)), size >= NEAR_LIMIT
 
 
 def near_cos(x: Double) -> tuple[Double, Truth]:
     """The cosine of `near_sincos` alone."""
     size = lax.abs(x)
-    r, quadrant = near(size)
-    following = quadrant + np.int64(1)
-    return _signed(_alone(r, _is_odd(following)), following), size >= NEAR_LIMIT
-
-
-def _alone(r: Double, by_cosine: Truth) -> Double:
-    """Cosine or sine of a reduced angle by one polynomial, whose coefficients are chosen."""
-    z = r * r
-    coefficients = [select(by_cosine, c, s) for c, s in zip(_COSINE, _SINE, strict=True)]
-    first = select(by_cosine, 1.0 - 0.5 * z, r)
-    return first + z * select(by_cosine, z, r) * horner(z, coefficients)
+    return cos_of(*near(size)), size >= NEAR_LIMIT
 
 
 def _is_odd(quadrant: Integer) -> Truth:

@@ -33,10 +33,10 @@ def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar
     return [out.dtype.type(x) for x, out in zip(found, function.results, strict=True)]
 
 
-@lowers(*PARTS)
+@lowers(*PARTS, *(f"jaxsat_{part}" for part in PARTS))
 def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
     """The short way in place, which a processor does beside its neighbours; a call if it fails."""
-    part, operand = eqn.primitive.name, eqn.invars[0]
+    part, operand = eqn.primitive.name.removeprefix("jaxsat_"), eqn.invars[0]
     aval: Any = operand.aval
     both = not isinstance(operand, Literal) and operand in b.sine_and_cosine
     closed = program("near_sincos" if both else f"near_{part}", aval.dtype)
