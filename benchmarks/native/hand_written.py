@@ -13,8 +13,7 @@ import diffrax
 import numpy as np
 
 from jaxsat.engine import Tolerance
-from jaxsat.engine.runge_kutta import middle_weights
-from jaxsat.engine.walk import powers
+from jaxsat.engine.dense_output import dense_output
 
 HERE = Path(__file__).parent
 FLAGS = (
@@ -95,9 +94,9 @@ class Adaptive:
 
 def _by_powers(solver: diffrax.Tsit5) -> np.ndarray:
     """Weights of the stages in the powers 1 to 4 of the dense output, one row each."""
-    begin, *_, end = np.eye(len(solver.tableau.b_sol))
-    middle, whole = middle_weights(solver), solver.tableau.b_sol
-    return np.array(powers(np.stack([begin, middle, whole, end])))
+    output, whole = dense_output(solver), solver.tableau.b_sol
+    each = list(np.eye(len(whole)))  # one stage's rate alone
+    return np.array(output.powers(output.growth(np.ones(()), each, np.array(whole))))
 
 
 def tableau_header() -> str:

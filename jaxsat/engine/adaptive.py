@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
-from jaxsat.engine.crossing import sign_change
+from jaxsat.engine.crossing import sign_changes
 from jaxsat.engine.program import Copy, Program
 from jaxsat.engine.progress import (
     Integrals,
@@ -31,19 +31,16 @@ from jaxsat.engine.progress import (
     looked_at,
     outputs_of,
 )
-from jaxsat.engine.runge_kutta import middle_weights, stage_rates, tableau_of, weighted
+from jaxsat.engine.runge_kutta import stage_rates, tableau_of, weighted
 from jaxsat.engine.switching import Landing, until_switch
 from jaxsat.engine.walk import (
     Course,
     Stretch,
     Walk,
     constant,
-    dense,
-    effort_until,
     flat_of,
     flat_parts,
     part_of,
-    powers,
 )
 from jaxsat.simulation import Outcome, Signals
 
@@ -72,13 +69,22 @@ class Tolerance(eqx.Module):
             raise ValueError(f"Argument `max_steps` must be at least 1, but got {self.max_steps}.")
 
 
-def begin(tolerance: Tolerance, program: Program, copy: Copy) -> Progress:
+def begin(
+    solver: diffrax.AbstractSolver, tolerance: Tolerance, program: Program, copy: Copy
+) -> Progress:
     """Progress of one trajectory at time zero."""
-    course, flat = Course.of(program, copy), flat_of(flat_parts(copy))
+    course, flat = Course.of(solver, program, copy), flat_of(flat_parts(copy))
     zero = jnp.zeros((), flat.dtype)
     gaps = course.loop.switches(zero, course.state(zero, flat))
-    nowhere = jnp.zeros(course.axes, flat.dtype)
-    stretch = Stretch(zero, zero + 1.0, flat, jnp.zeros((4, flat.size), flat.dtype), nowhere, zero)
+    nowhere = jnp.zeros((course.output.parts, course.axes), flat.dtype)
+    stretch = Stretch(
+        zero,
+        zero + 1.0,
+        flat,
+        jnp.zeros((course.output.rows, flat.size), flat.dtype),
+        nowhere,
+        zero,
+    )
     rate = course.rate(gaps > 0)(zero, flat)
     walk = Walk(zero, jnp.array(0), flat, rate, gaps > 0, gaps, stretch)
     return begun(walk, copy.start.omega, copy.possible, tolerance.first_step)
@@ -111,7 +117,7 @@ def advance_adaptively(solver, tolerance, program, copy, progress, bound, batch=
 
     An iteration leaves a trajectory that has ended as it is.
     """
-    course, bound = Course.of(program, copy, batch), jnp.asarray(bound)
+    course, bound = Course.of(solver, program, copy, batch), jnp.asarray(bound)
     return jax.lax.while_loop(
         lambda progress: course.anywhere(unfinished(program, bound, progress)),
         lambda progress: iterate(solver, tolerance, course, bound, progress),
@@ -119,11 +125,13 @@ def advance_adaptively(solver, tolerance, program, copy, progress, bound, batch=
     )
 
 
-def finish(program: Program, copy: Copy, progress: Progress) -> Outputs:
+def finish(
+    solver: diffrax.AbstractSolver, program: Program, copy: Copy, progress: Progress
+) -> Outputs:
     """Outputs of a trajectory that has gone all its way."""
     end = program.duration
-    course, stretch = Course.of(program, copy), progress.state.stretch
-    flat = dense(stretch, part_of(stretch, end))
+    course, stretch = Course.of(solver, program, copy), progress.state.stretch
+    flat = course.dense(stretch, part_of(stretch, end))
     state = course.state(end, flat)
     plant = course.loop.plant_state(state)
     sight = Sight.of(course.loop.plant, plant)
@@ -131,17 +139,23 @@ def finish(program: Program, copy: Copy, progress: Progress) -> Outputs:
     success = progress.code == int(Outcome.SUCCESS)
     cost = course.restore(jnp.where(success, flat, progress.state.state))[1]
     progress = progress._replace(
-        integrals=Integrals(cost, effort_until(stretch, part_of(stretch, end))),
+        integrals=Integrals(cost, course.effort_until(stretch, part_of(stretch, end))),
         ended_at=jnp.where(success, end, progress.ended_at),
     )
     return outputs_of(progress, plant, end, copy.drawn, program.cost)
 
 
-def observe(program: Program, copy: Copy, progress: Progress, number: Int[Array, ""]) -> Signals:
+def observe(
+    solver: diffrax.AbstractSolver,
+    program: Program,
+    copy: Copy,
+    progress: Progress,
+    number: Int[Array, ""],
+) -> Signals:
     """Signals at instant `number`, which the last step must have reached or passed."""
-    course, stretch = Course.of(program, copy), progress.state.stretch
+    course, stretch = Course.of(solver, program, copy), progress.state.stretch
     t = number * program.interval
-    return course.loop.signals(t, course.state(t, dense(stretch, part_of(stretch, t))))
+    return course.loop.signals(t, course.state(t, course.dense(stretch, part_of(stretch, t))))
 
 
 def _attempt(solver, tolerance, course: Course, needed, progress: Progress) -> Progress:
@@ -154,15 +168,15 @@ def _attempt(solver, tolerance, course: Course, needed, progress: Progress) -> P
     error = step * weighted(tableau.b_error, rates)
     size = constant(_size(tolerance, *map(course.judged, (begin_state, after, error))))
     accepted = needed & ((size <= 1) | (step <= tolerance.min_step))
-    middle = step * weighted(middle_weights(solver), rates)
-    growth = jnp.stack([step * rates[0], middle, grown, step * rates[-1]])
-    turns = jnp.zeros(course.axes, growth.dtype)
+    growth = course.growth(step, rates, grown)
+    turns = jnp.zeros((course.output.parts, course.axes), growth.dtype)
     stretch = Stretch(walk.t, step, begin_state, growth, turns, progress.integrals.effort)
     end = Landing(step, after, rates[-1], walk.sides, walk.gaps)
     landing = until_switch(course, walk, stretch, end, accepted, tolerance.min_step)
     part = landing.seconds / step
-    turns = constant(sign_change(powers(course.torques(growth)), part, accepted, course.seldom))
-    stretch = stretch._replace(turns=turns)
+    powers = course.torque_powers(growth)
+    turns = sign_changes(powers, course.output.parts, part, accepted, course.seldom)
+    stretch = stretch._replace(turns=constant(turns))
     further = Walk(
         walk.t + landing.seconds,
         walk.number,
@@ -172,11 +186,13 @@ def _attempt(solver, tolerance, course: Course, needed, progress: Progress) -> P
         landing.gaps,
         stretch,
     )
-    integrals = progress.integrals._replace(effort=effort_until(stretch, part))
+    integrals = progress.integrals._replace(effort=course.effort_until(stretch, part))
     moved = progress._replace(state=further, integrals=integrals, ended_at=further.t)
     following = _judged(tolerance, course, progress, moved, needed, accepted)
     # no longer step after one that met a switch: a law that slides would lose its way
-    factor = jnp.minimum(_factor(size), jnp.where(part < 1, 1.0, LARGEST_FACTOR))
+    factor = jnp.minimum(
+        _factor(size, solver.order(None)), jnp.where(part < 1, 1.0, LARGEST_FACTOR)
+    )
     proposal = jnp.maximum(step * constant(factor), tolerance.min_step)
     return following._replace(step=jnp.where(needed, proposal, step))
 
@@ -205,7 +221,7 @@ def _look_back(course: Course, bound, progress: Progress) -> Progress:
     def look(progress: Progress) -> Progress:
         walk: Walk = progress.state
         t = walk.number * program.interval
-        state = course.state(t, dense(walk.stretch, part_of(walk.stretch, t)))
+        state = course.state(t, course.dense(walk.stretch, part_of(walk.stretch, t)))
         sight = Sight.of(course.loop.plant, course.loop.plant_state(state))
         seen = looked_at(progress, t, sight, program.tolerances)
         return seen._replace(state=walk._replace(number=walk.number + 1))
@@ -219,8 +235,8 @@ def _size(tolerance, before, after, error) -> Float[Array, ""]:
     return jnp.sqrt(jnp.mean((error / scale) ** 2))
 
 
-def _factor(size: Float[Array, ""]) -> Float[Array, ""]:
+def _factor(size: Float[Array, ""], order: int) -> Float[Array, ""]:
     """How much longer the next step may be; much shorter where the error is no number."""
-    wanted = SAFETY * jnp.exp(-0.2 * jnp.log(jnp.maximum(size, 1e-12)))
+    wanted = SAFETY * jnp.exp(-(1 / order) * jnp.log(jnp.maximum(size, 1e-12)))
     known = jnp.where(jnp.isfinite(size), wanted, LEAST_FACTOR)
     return jnp.clip(known, LEAST_FACTOR, LARGEST_FACTOR)

@@ -1,10 +1,11 @@
 """Where within a step a function becomes positive: a bracket and a few safeguarded secants."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 ITERATIONS = 24
@@ -76,39 +77,66 @@ def located(
     return jax.lax.while_loop(unfinished, improve, first).point
 
 
-def sign_change(
-    growth: Float[Array, "4 n"], end: Float[Array, ""], wanted: Bool[Array, ""], seldom: Callable
-) -> Float[Array, " n"]:
-    """Where the derivative of Σ_p θ^p growth[p] changes its sign before `end`; 2 if nowhere.
+def polynomial(
+    coefficients: Sequence[Float[Array, "1 n"]], part: Float[Array, "parts #n"]
+) -> Float[Array, "parts n"]:
+    """Σ_p θ^p coefficients[p - 1] at θ = `part`."""
+    total = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        total = coefficient + part * total
+    return part * total
 
-    A fixed number of secants with the Illinois rule, and of Newton's steps inside the bracket;
-    none where no sign changes, or where it is not `wanted`.
+
+def ends_of_parts(parts: int) -> Float[np.ndarray, "parts 1"]:
+    """Where equal parts of a step end."""
+    return np.arange(1, parts + 1)[:, None] / parts
+
+
+def sign_changes(
+    growth: Float[Array, "degree n"],
+    parts: int,
+    end: Float[Array, ""],
+    wanted: Bool[Array, ""],
+    seldom: Callable,
+) -> Float[Array, "parts n"]:
+    """Where the derivative of Σ_p θ^p growth[p - 1] changes its sign before `end`.
+
+    One change in each of equal `parts` of a step; the end of that part where there is none. A fixed
+    number of secants with the Illinois rule, and of Newton's steps inside the bracket; none where
+    no sign changes, or where it is not `wanted`.
     """
-    low, low_value = jnp.zeros_like(growth[0]), growth[0]
-    high, high_value = low + end, _slope(growth, low + end)
+    first, *others = growth[:, None]
+    slopes = [p * row for p, row in enumerate(others, 2)]
+    curves = [p * row for p, row in enumerate(slopes, 1)]
+
+    def slope(part):
+        return first + polynomial(slopes, part)
+
+    def curve(part):
+        return curves[0] + polynomial(curves[1:], part)
+
+    ends = ends_of_parts(parts)
+    nowhere = jnp.broadcast_to(ends, (parts, first.size))
+    high = jnp.minimum(nowhere, end)
+    high_value = slope(high)
+    low = jnp.concatenate([jnp.zeros_like(high[:1]), high[:-1]])
+    low_value = jnp.concatenate([first, high_value[:-1]])
     changes = low_value * high_value < 0
-    nowhere = jnp.full_like(low, 2.0)
 
     def search():
-        found = _sign_change(growth, changes, Bracket(low, low_value, high, high_value))
-        return jnp.where(changes, found, nowhere)
+        bracket = Bracket(low, low_value, high, high_value)
+        return jnp.where(changes, _sign_change(slope, curve, changes, bracket), nowhere)
 
     return seldom(wanted & jnp.any(changes), search, nowhere)
 
 
-def _slope(growth, part):
-    one, two, three, four = growth
-    return one + part * (2 * two + part * (3 * three + part * 4 * four))
-
-
-def _sign_change(growth, changes, bracket: Bracket) -> Float[Array, " n"]:
+def _sign_change(slope, curve, changes, bracket: Bracket) -> Float[Array, "parts n"]:
     low, low_value, high, high_value = bracket
-    _, two, three, four = growth
     point = high
     for _ in range(SECANTS):
         difference = jnp.where(changes, high_value - low_value, 1.0)
         point = low - low_value * (high - low) / difference
-        value = _slope(growth, point)
+        value = slope(point)
         is_low = value * low_value > 0
         low, high = jnp.where(is_low, point, low), jnp.where(is_low, high, point)
         low_value, high_value = (
@@ -116,7 +144,7 @@ def _sign_change(growth, changes, bracket: Bracket) -> Float[Array, " n"]:
             jnp.where(is_low, high_value / 2, value),
         )
     for _ in range(NEWTON_STEPS):
-        curve = 2 * two + point * (6 * three + point * 12 * four)
-        correction = _slope(growth, point) / jnp.where(curve == 0, 1.0, curve)
+        bend = curve(point)
+        correction = slope(point) / jnp.where(bend == 0, 1.0, bend)
         point = jnp.clip(point - correction, low, high)
     return point

@@ -83,56 +83,6 @@ def weighted(weights: np.ndarray, rates: list[Float[Array, " n"]]) -> Float[Arra
     return reduce(operator.add, used) if used else jnp.zeros_like(rates[0])
 
 
-def middle_weights(solver: diffrax.AbstractSolver) -> Float[np.ndarray, " stages"]:
-    """Weights of the stages in how far the state has come in the middle of a step.
-
-    That is where a solver's own dense output is then. Rates and growth at both ends give the rest
-    of it: it is of fourth order and has one derivative across steps. Raises `ValueError` for a
-    solver other than Tsit5 and Dopri5. The last stage of both is at the end of the step, in the
-    state there.
-    """
-    if isinstance(solver, diffrax.Tsit5):
-        return _TSIT5_MIDDLE
-    if isinstance(solver, diffrax.Dopri5):  # (a class, typed as a function)
-        return getattr(solver.interpolation_cls, "c_mid")  # noqa: B009
-    raise ValueError(
-        "Argument `solver` must be Tsit5 or Dopri5 where steps are adaptive, "
-        f"but got {type(solver).__name__}."
-    )
-
-
-def _tsit5_middle() -> np.ndarray:
-    """From the factored polynomials in section 5 of Tsitouras, Comput. Math. Appl. 62 (2011)."""
-    half = 0.5
-
-    def quadratic(linear, constant):
-        return (half - linear) * half + constant
-
-    return np.array(
-        [
-            -1.0530884977290216
-            * half
-            * (half - 1.3299890189751412)
-            * quadratic(1.4364028541716351, 0.7139816917074209),
-            0.1017 * half**2 * quadratic(2.1966568338249754, 1.2949852507374631),
-            2.490627285651252793 * half**2 * quadratic(2.38535645472061657, 1.57803468208092486),
-            -16.54810288924490272
-            * half**2
-            * (half - 1.21712927295533244)
-            * (half - 0.61620406037800089),
-            47.37952196281928122
-            * half**2
-            * (half - 1.203071208372362603)
-            * (half - 0.658047292653547382),
-            -34.87065786149660974 * half**2 * (half - 1.2) * (half - 2 / 3),
-            2.5 * half**2 * (half - 1.0) * (half - 0.6),
-        ]
-    )
-
-
-_TSIT5_MIDDLE = _tsit5_middle()
-
-
 def _needed_stages(tableau: diffrax.ButcherTableau) -> set[int]:
     needed = {stage for stage, weight in enumerate(tableau.b_sol) if weight != 0}
     for stage in range(len(tableau.b_sol) - 1, 0, -1):

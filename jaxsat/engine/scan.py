@@ -17,12 +17,13 @@ from jaxtyping import Array, Int, PyTree
 
 from jaxsat.engine import adaptive
 from jaxsat.engine.adaptive import Tolerance
+from jaxsat.engine.dense_output import dense_output
 from jaxsat.engine.fixed import advance_in_equal_steps, advance_with_drawn_noise
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
 from jaxsat.engine.rates import plant_state
-from jaxsat.engine.runge_kutta import middle_weights, tableau_of
+from jaxsat.engine.runge_kutta import tableau_of
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop, Signals
 
 NOISE_BLOCK = 16
@@ -48,7 +49,7 @@ class ScanEngine(AbstractEngine):
     def __check_init__(self):
         tableau_of(self.solver)
         if self.tolerance is not None:
-            middle_weights(self.solver)
+            dense_output(self.solver)
         for name in ("substeps", "lanes"):
             if getattr(self, name) < 1:
                 raise ValueError(
@@ -110,7 +111,7 @@ def begin_one(engine: ScanEngine, program: Program, case: PyTree, gains: PyTree)
     """Progress of one trajectory at time zero."""
     copy = program.copies(case, gains)
     if engine.tolerance is not None and _is_adaptive(engine, copy.loop):
-        return adaptive.begin(engine.tolerance, program, copy)
+        return adaptive.begin(engine.solver, engine.tolerance, program, copy)
     return begun(copy.loop.start(copy.start), copy.start.omega, copy.possible)
 
 
@@ -142,7 +143,7 @@ def finish_one(engine, program, case, gains, progress) -> Outputs:
     """Outputs of one trajectory that has gone through all its intervals."""
     copy = program.copies(case, gains)
     if _is_adaptive(engine, copy.loop):
-        return adaptive.finish(program, copy, progress)
+        return adaptive.finish(engine.solver, program, copy, progress)
     signals = _signals(copy.loop, program, jnp.array(program.intervals), progress.state)
     seen = looked_at(progress, program.duration, signals, program.tolerances)
     plant = plant_state(copy.loop, progress.state)
@@ -153,7 +154,7 @@ def observe_one(engine, program, case, gains, progress, number) -> Signals:
     """Signals at the beginning of interval `number`; NaN after the end of a failed run."""
     copy = program.copies(case, gains)
     if _is_adaptive(engine, copy.loop):
-        signals = adaptive.observe(program, copy, progress, number)
+        signals = adaptive.observe(engine.solver, program, copy, progress, number)
     else:
         signals = _signals(copy.loop, program, number, progress.state)
     ended = progress.code != int(Outcome.SUCCESS)

@@ -1,5 +1,6 @@
 """Where a step meets a switch of its loop, with derivatives that move the instant."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import jax
@@ -7,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.engine.crossing import Bracket, located
-from jaxsat.engine.walk import Course, Stretch, Walk, constant, dense
+from jaxsat.engine.walk import Course, Stretch, Walk, constant
 
 
 class Landing(NamedTuple):
@@ -43,13 +44,15 @@ def until_switch(
 
     def gaps_at(part):
         still_course, t, still_stretch = still
-        return still_course.gaps(walk.sides, t + part * whole, dense(still_stretch, part))
+        return still_course.gaps(
+            walk.sides, t + part * whole, still_course.dense(still_stretch, part)
+        )
 
     def excess(part):  # positive beyond a surface
         return jnp.max(sign * gaps_at(part))
 
     end = end._replace(gaps=course.gaps(walk.sides, walk.t + whole, end.state))
-    bracket = _bracket(sign, constant(walk.gaps), excess, constant(end.gaps))
+    bracket = _bracket(sign, constant(walk.gaps), excess, constant(end.gaps), course.output.looks)
     crosses = wanted & (bracket.high_value > 0)
 
     def at_switch():
@@ -57,7 +60,7 @@ def until_switch(
         one_hot = jnp.arange(sign.size) == jnp.argmax(sign * gaps_at(part))
         seconds = _corrected(course, walk, stretch, one_hot, part)
         seconds = jnp.clip(seconds, jnp.minimum(min_step, whole), whole)
-        t, state = walk.t + seconds, dense(stretch, seconds / whole)
+        t, state = walk.t + seconds, course.dense(stretch, seconds / whole)
         flipped = walk.sides ^ one_hot
         gaps = course.gaps(flipped, t, state)
         # what jumps with the piece may be on another side there
@@ -67,18 +70,18 @@ def until_switch(
     return course.seldom(crosses, at_switch, end)
 
 
-def _bracket(sign, begin_gaps, excess, end_gaps) -> Bracket:
-    """The half of the step that first crosses a surface, if its `high_value` is positive."""
-    begin_value, end_value = jnp.max(sign * begin_gaps), jnp.max(sign * end_gaps)
-    half = jnp.full_like(begin_value, 0.5)
-    middle_value = excess(half)
-    early = middle_value > 0
-    return Bracket(
-        jnp.where(early, 0.0, half),
-        jnp.where(early, begin_value, middle_value),
-        jnp.where(early, half, 1.0),
-        jnp.where(early, middle_value, end_value),
-    )
+def _bracket(sign, begin_gaps, excess, end_gaps, looks: int) -> Bracket:
+    """The first of equal parts of a step that crosses a surface, if its `high_value` is positive;
+    else the last one."""
+    begin, end = jnp.max(sign * begin_gaps), jnp.max(sign * end_gaps)
+    points = [jnp.full_like(begin, number / looks) for number in range(looks + 1)]
+    values = [begin, *map(excess, points[1:-1]), end]
+    ends = list(zip(points, values, strict=True))
+    *earlier, found = (Bracket(*low, *high) for low, high in pairwise(ends))
+    for bracket in reversed(earlier):
+        beyond = bracket.high_value > 0
+        found = Bracket(*(jnp.where(beyond, a, b) for a, b in zip(bracket, found, strict=True)))
+    return found
 
 
 def _corrected(course: Course, walk: Walk, stretch: Stretch, one_hot, part) -> Float[Array, ""]:
@@ -86,7 +89,7 @@ def _corrected(course: Course, walk: Walk, stretch: Stretch, one_hot, part) -> F
     first = part * stretch.length
 
     def gap(seconds):
-        flat = dense(stretch, seconds / stretch.length)
+        flat = course.dense(stretch, seconds / stretch.length)
         gaps = course.gaps(walk.sides, walk.t + seconds, flat)
         return jnp.sum(jnp.where(one_hot, gaps, 0.0))
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,8 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.compiler import apart
+from jaxsat.engine.crossing import ends_of_parts, polynomial
+from jaxsat.engine.dense_output import AbstractDenseOutput, dense_output
 from jaxsat.engine.program import Copy, Program
 from jaxsat.engine.rates import running_cost
 from jaxsat.simulation import AbstractContinuousLoop
@@ -19,17 +22,16 @@ from jaxsat.simulation import AbstractContinuousLoop
 class Stretch(NamedTuple):
     """The last step with its dense output.
 
-    It began at `begin` (s) in the flat state `state`. `growth` has in its rows how far that grows
-    over the `length` (s) of the step at the rate of its begin, until its middle, until its end, and
-    at the rate of its end; the dense output is the polynomial of fourth degree through these. The
-    torques change their signs at the parts `turns`; `effort` is that before the step.
+    It began at `begin` (s) in the flat state `state` and has the `length` in s. `growth` has the
+    rows of the method's dense output. In each of some equal parts of the step a torque changes its
+    sign at `turns`, or nowhere before that part's end; `effort` is that before the step.
     """
 
     begin: Float[Array, ""]
     length: Float[Array, ""]
     state: Float[Array, " n"]
-    growth: Float[Array, "4 n"]
-    turns: Float[Array, " axes"]
+    growth: Float[Array, "rows n"]
+    turns: Float[Array, "parts axes"]
     effort: Float[Array, ""]
 
 
@@ -51,19 +53,24 @@ class Walk(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What stays the same along one trajectory: program, loop, and how the flat state is read."""
+    """What stays the same along one trajectory: program, loop, the method's dense output, and how
+    the flat state is read."""
 
     program: Program
     loop: AbstractContinuousLoop
+    output: AbstractDenseOutput
     restore: Callable[[Float[Array, " n"]], PyTree]
     batch: str | None = None
 
     @staticmethod
-    def of(program: Program, copy: Copy, batch: str | None = None) -> "Course":
+    def of(
+        solver: diffrax.AbstractSolver, program: Program, copy: Copy, batch: str | None = None
+    ) -> "Course":
         """The course of one case; under `vmap` `batch` may tell the name of the cases' axis."""
         shapes = jax.eval_shape(flat_parts, copy)
         template = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
-        return Course(program, continuous(copy), ravel_pytree(template)[1], batch)
+        restore = ravel_pytree(template)[1]
+        return Course(program, continuous(copy), dense_output(solver), restore, batch)
 
     def seldom(
         self, wanted: Bool[Array, ""], function: Callable[[], PyTree], default: PyTree
@@ -99,13 +106,36 @@ class Course(NamedTuple):
         """What of a flat state an error is judged by: the loop's state and, last, the cost."""
         return flat[: -self.axes]
 
-    def torques(self, flat: Float[Array, "*rows n"]) -> Float[Array, "*rows axes"]:
-        """The torques' part of flat states."""
-        return flat[..., -self.axes :]
-
     def state(self, t: Float[Array, ""], flat: Float[Array, " n"]) -> PyTree:
         """The loop's state in a flat one."""
         return self.loop.turned(t, self.restore(flat)[0])
+
+    def growth(self, step, rates, grown) -> Float[Array, "rows n"]:
+        """The rows of a step's dense output."""
+        growth = eqx.filter_jit(self.output.growth)
+        if self.batch is None:
+            return growth(step, rates, grown)
+        return apart(growth, step, rates, grown)
+
+    def dense(self, stretch: Stretch, part: Float[Array, ""]) -> Float[Array, " n"]:
+        """The flat state after a part of a step."""
+        return self.output.at(stretch.state, stretch.growth, part)
+
+    def torque_powers(self, growth: Float[Array, "rows n"]) -> Float[Array, "degree axes"]:
+        """The torques' integrals within a step: the coefficients of the powers of its part."""
+        return self.output.powers(growth[:, -self.axes :])
+
+    def effort_until(self, stretch: Stretch, part: Float[Array, ""]) -> Float[Array, ""]:
+        """∫ Σ|T_i| until a part of a step, from the integrals of T_i between its signs' changes."""
+        coefficients = list(self.torque_powers(stretch.growth)[:, None])
+
+        def integrals(at):
+            return polynomial(coefficients, jnp.minimum(at, part))
+
+        ends = integrals(ends_of_parts(self.output.parts))
+        begins = jnp.concatenate([jnp.zeros_like(ends[:1]), ends[:-1]])
+        between = integrals(stretch.turns)
+        return stretch.effort + jnp.sum(jnp.abs(between - begins) + jnp.abs(ends - between))
 
     def gaps(self, sides, t: Float[Array, ""], flat: Float[Array, " n"]) -> Float[Array, " m"]:
         """The switching functions as the piece on these sides has them."""
@@ -116,15 +146,19 @@ class Course(NamedTuple):
         piece = self.loop.piece(sides)
 
         @eqx.filter_jit  # traced once for all stages
-        def rate(piece, cost, t, flat):
-            motion = piece.turned_back_motion(t, self.restore(flat)[0])
+        def rate(piece, cost, t, back):
+            motion = piece.turned_back_motion(t, back)
             torque = motion.torque[: self.axes]
             return motion.rate, running_cost(cost, motion), torque
 
+        @eqx.filter_jit  # few operations by themselves: XLA does those one after the other
+        def whole(piece, cost, t, flat):
+            return flat_of(apart(rate, piece, cost, t, self.restore(flat)[0]))
+
         def flat_rate(t, flat):
             if self.batch is None:
-                return flat_of(rate(piece, self.program.cost, t, flat))
-            return flat_of(apart(rate, piece, self.program.cost, t, flat))
+                return flat_of(rate(piece, self.program.cost, t, self.restore(flat)[0]))
+            return apart(whole, piece, self.program.cost, t, flat)
 
         return flat_rate
 
@@ -157,42 +191,3 @@ def constant(tree: PyTree) -> PyTree:
 def part_of(stretch: Stretch, t: Float[Array, ""]) -> Float[Array, ""]:
     """The part of the step that has gone by at time `t` (s)."""
     return (t - stretch.begin) / stretch.length
-
-
-def dense(stretch: Stretch, part: Float[Array, ""]) -> Float[Array, " n"]:
-    """The flat state after a part of the step."""
-    at_begin, middle, whole, at_end = stretch.growth
-    rest, square = 1 - part, part * part
-    bend = rest * (1 - 2 * part)
-    return (
-        stretch.state
-        + (part * rest * bend) * at_begin
-        + (16 * square * rest * rest) * middle
-        + (square * (14 * part - 5 - 8 * square)) * whole
-        + (square * bend) * at_end
-    )
-
-
-def powers(growth: Float[Array, "4 n"]) -> Float[Array, "4 n"]:
-    """The rows of a dense output's growth as those by which the powers 1 to 4 of the part count."""
-    at_begin, middle, whole, at_end = growth
-    return jnp.stack(
-        [
-            at_begin,
-            at_end - 4 * at_begin - 5 * whole + 16 * middle,
-            5 * at_begin - 3 * at_end + 14 * whole - 32 * middle,
-            2 * (at_end - at_begin) - 8 * whole + 16 * middle,
-        ]
-    )
-
-
-def effort_until(stretch: Stretch, part: Float[Array, ""]) -> Float[Array, ""]:
-    """∫ Σ|T_i| until a part of the step, from the integrals of T_i between its signs' changes."""
-    turns = jnp.minimum(stretch.turns, part)
-    one, two, three, four = powers(stretch.growth[:, -turns.size :])
-
-    def integral(at):
-        return at * (one + at * (two + at * (three + at * four)))
-
-    until = integral(turns)
-    return stretch.effort + jnp.sum(jnp.abs(until) + jnp.abs(integral(part) - until))

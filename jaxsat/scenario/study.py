@@ -41,12 +41,9 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 
-TOLERANCE = 2e-8
-"""Of the adaptive steps of the scan and native engines, relative and absolute, where a scenario
-names none."""
-
-ADAPTIVE_SOLVERS = ("tsit5", "dopri5")
-"""Those with a dense output of their own, on which switches are located."""
+ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
+"""Those with a dense output of their own, on which switches are located; and what the tolerance,
+relative and absolute, is where a scenario names none."""
 
 EngineName = Literal["auto", "native", "scan", "diffrax"]
 CHUNK, NATIVE_CHUNKS = 256, (1024, 4096)
@@ -154,9 +151,10 @@ def _engine(
     suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)
     if name == "diffrax" or (name == "auto" and not suits):
         return ReferenceEngine(method=run.method, width=width), None
-    tolerance = _tolerance(solver) if adaptive else None
+    method = solver.name or ("dopri8" if adaptive else "tsit5")
+    tolerance = _tolerance(solver, ADAPTIVE_SOLVERS.get(method)) if adaptive else None
     substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
-    kind = SOLVERS[solver.name or "tsit5"]()
+    kind = SOLVERS[method]()
     remark = None
     if name == "native" or (name == "auto" and jax.default_backend() == "cpu"):
         engine, obstacle = _native(kind, substeps, tolerance, width, work)
@@ -171,11 +169,11 @@ def _engine(
     return engine, remark
 
 
-def _tolerance(solver: SolverTable) -> Tolerance:
+def _tolerance(solver: SolverTable, usual: float | None) -> Tolerance:
     """The scenario's own numbers, and what they are in studies where it names none."""
     given = {
-        "rtol": solver.rtol or TOLERANCE,
-        "atol": solver.atol or TOLERANCE,
+        "rtol": solver.rtol or usual,
+        "atol": solver.atol or usual,
         "min_step": solver.min_step_s,
         "max_steps": solver.max_steps,
     }

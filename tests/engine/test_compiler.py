@@ -39,7 +39,7 @@ def test_a_call_apart_gives_the_same_and_stays_a_call():
 
 
 def _branching(batch):
-    course = Course(None, None, None, batch)  # pyright: ignore[reportArgumentType]
+    course = Course(None, None, None, None, batch)  # pyright: ignore[reportArgumentType]
 
     def one(gain, x, number):
         wanted = (x > 0) & (number > 1)

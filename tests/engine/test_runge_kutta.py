@@ -5,14 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.engine.dense_output import dense_output
 from jaxsat.engine.runge_kutta import (
     explicit_step,
-    middle_weights,
     stage_rates,
     tableau_of,
     weighted,
 )
-from jaxsat.engine.walk import Stretch, dense, powers
 
 SOLVERS = [
     diffrax.Heun(),
@@ -49,7 +48,7 @@ def test_the_order_of_a_step(solver, order):
     assert np.log2(errors[0] / errors[1]) > order + 0.4
 
 
-@pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri5()])
+@pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri5(), diffrax.Dopri8()])
 def test_the_dense_output_is_that_of_diffrax(solver):
     def slope(t, y):
         return jnp.stack([y[1], -4 * y[0] + jnp.sin(t)])
@@ -61,11 +60,11 @@ def test_the_dense_output_is_that_of_diffrax(solver):
     theirs = solver.interpolation_cls(t0=t, t1=t + h, **inside)
     tableau = tableau_of(solver)
     rates = stage_rates(tableau, slope, t, h, y, slope(t, y))
-    middle, whole = weighted(middle_weights(solver), rates), weighted(tableau.b_sol, rates)
-    growth = h * jnp.stack([rates[0], middle, whole, rates[-1]])
-    ours = Stretch(t, h, y, growth, jnp.zeros(2), jnp.zeros(()))
+    output = dense_output(solver)
+    growth = output.growth(h, rates, h * weighted(tableau.b_sol, rates))
+    coefficients = np.asarray(output.powers(growth))
     for part in np.linspace(0.0, 1.0, 9):
         expected = theirs.evaluate(t + part * h)
-        np.testing.assert_allclose(dense(ours, jnp.asarray(part)), expected, rtol=1e-13)
-        by_powers = y + part ** np.arange(1, 5) @ np.asarray(powers(growth))
+        np.testing.assert_allclose(output.at(y, growth, jnp.asarray(part)), expected, rtol=1e-13)
+        by_powers = y + part ** np.arange(1, len(coefficients) + 1) @ coefficients
         np.testing.assert_allclose(by_powers, expected, rtol=1e-13)

@@ -33,7 +33,7 @@ def relays():
     return program_of(Relays(loop), loop, 20.0, cost=POSITION)
 
 
-@pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri5()])
+@pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri5(), diffrax.Dopri8()])
 def test_a_relay_follows_its_parabolas(relays, solver):
     """About 10 switches, the pieces being of second order: all that is left is rounding."""
     found = engine(1e-11, solver=solver).evaluate(relays, STARTS)

@@ -1,5 +1,6 @@
 """Studies from scenario files."""
 
+import diffrax
 import numpy as np
 import pytest
 
@@ -7,7 +8,13 @@ from jaxsat.engine import ReferenceEngine
 from jaxsat.montecarlo import QUANTITIES, LatinHypercube, Sobol
 from jaxsat.scenario import ScenarioError, dump, load
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
-from jaxsat.scenario.study import _KINDS, TOLERANCE, build_dispersions, build_study, dispersion_key
+from jaxsat.scenario.study import (
+    _KINDS,
+    ADAPTIVE_SOLVERS,
+    build_dispersions,
+    build_study,
+    dispersion_key,
+)
 
 OMEGA = "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=[0.1, 0.2, 0.3]}"
 
@@ -51,11 +58,13 @@ def test_sampling_and_design_reach_the_study():
 @pytest.mark.slow
 def test_engines_that_suit():
     benchmark = load("benchmark-three-axis")
-    assert build_study(benchmark, 4).engine.tolerance.rtol == TOLERANCE
+    chosen = build_study(benchmark, 4).engine
+    assert isinstance(chosen.solver, diffrax.Dopri8)
+    assert chosen.tolerance.rtol == ADAPTIVE_SOLVERS["dopri8"]
     assert isinstance(build_study(benchmark, 4, engine="diffrax").engine, ReferenceEngine)
-    other = load("benchmark-three-axis", ["simulation.solver.name=dopri8"])
+    other = load("benchmark-three-axis", ["simulation.solver.name=bosh3"])
     assert isinstance(build_study(other, 4).engine, ReferenceEngine)
-    with pytest.raises(ValueError, match="Tsit5 or Dopri5"):
+    with pytest.raises(ValueError, match="Tsit5, Dopri5 or Dopri8"):
         build_study(other, 4, engine="scan")
     passing = ["simulation.solver.min_step_s=1e-3", "simulation.solver.max_steps=500"]
     judged = build_study(load("benchmark-three-axis", passing), 4).engine.tolerance

@@ -107,7 +107,7 @@ class Plain(AbstractStaged):
     def attempt(self, fixed, moving, numbers, first, count):
         """The progress after one step tried."""
         engine, program = self._with(fixed, numbers)
-        course = Course.of(program, program.copies(None, None))
+        course = Course.of(engine.solver, program, program.copies(None, None))
         return adaptive.iterate(engine.solver, engine.tolerance, course, first + count, moving)
 
     def going(self, fixed, moving, numbers, first, count):
