@@ -17,7 +17,7 @@ def test_engines_are_compared_at_equal_accuracy(tmp_path):
     pytest.importorskip("numba")
     command = [sys.executable, "benchmarks/engines.py", "--cases", "1", "3", "--duration", "2"]
     command += ["--rounds", "1", "--truth", "3", "--cold-cases", "2"]
-    command += ["--only", "jaxsat native", "lax.scan", "--json", str(tmp_path / "found.json")]
+    command += ["--only", "native, Dopri8", "lax.scan", "--json", str(tmp_path / "found.json")]
     done = subprocess.run(
         command,
         cwd=ROOT,
@@ -27,10 +27,10 @@ def test_engines_are_compared_at_equal_accuracy(tmp_path):
         check=True,
     )
     found = json.loads((tmp_path / "found.json").read_text())
-    names = {"jaxsat native, Tsit5 adaptive", "lax.scan by hand, RK4"}
+    names = {"jaxsat native, Dopri8 adaptive", "lax.scan by hand, RK4"}
     for kind in ("accuracy", "cold"):
         assert found[kind].keys() == names
-    assert found["accuracy"]["jaxsat native, Tsit5 adaptive"]["error"] <= 1e-6
+    assert found["accuracy"]["jaxsat native, Dopri8 adaptive"]["error"] <= 1e-6
     assert {count: row.keys() for count, row in found["rows"].items()} == {"1": names, "3": names}
     assert all(entry["peak_MB"] > entry["own_MB"] > 0 for entry in found["cold"].values())
     lines = done.stdout.splitlines()

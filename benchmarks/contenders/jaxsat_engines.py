@@ -1,6 +1,7 @@
 """jaxsat's engines, as a study uses them."""
 
 import importlib.util
+from collections.abc import Callable
 
 import diffrax
 import numpy as np
@@ -43,15 +44,17 @@ def final(found: Outputs) -> np.ndarray:
 
 def width(count: int) -> int:
     """Cases in a block: the engine's usual number, or a share for every processor."""
-    return max(2, min(LANES, -(-count // processors())))
+    return min(LANES, -(-count // processors()))
 
 
-def scan(study: Study, count: int, tolerance: float) -> Run:
+def scan(solver: diffrax.AbstractSolver) -> Callable[[Study, int, float], Run]:
     """The scan engine, adaptive."""
-    judged = Tolerance(tolerance, tolerance)
-    return with_engine(
-        study, count, ScanEngine(diffrax.Tsit5(), lanes=width(count), tolerance=judged)
-    )
+
+    def prepare(study: Study, count: int, tolerance: float) -> Run:
+        judged = Tolerance(tolerance, tolerance)
+        return with_engine(study, count, ScanEngine(solver, lanes=width(count), tolerance=judged))
+
+    return prepare
 
 
 def reference(study: Study, count: int, tolerance: float) -> Run:
@@ -60,19 +63,27 @@ def reference(study: Study, count: int, tolerance: float) -> Run:
     return with_engine(study, count, ReferenceEngine(method, width(count)))
 
 
-def native(study: Study, count: int, tolerance: float) -> Run:
+def native(solver: diffrax.AbstractSolver) -> Callable[[Study, int, float], Run]:
     """The native engine, which shares all cases out to threads of its own."""
-    engine = NativeEngine(tolerance=Tolerance(tolerance, tolerance))
-    cases = study.cases(np.arange(count))
-    return lambda: final(engine.evaluate(study.program, cases))
+
+    def prepare(study: Study, count: int, tolerance: float) -> Run:
+        engine = NativeEngine(solver, tolerance=Tolerance(tolerance, tolerance))
+        cases = study.cases(np.arange(count))
+        return lambda: final(engine.evaluate(study.program, cases))
+
+    return prepare
 
 
 def contenders() -> list[Contender]:
     """All engines, the native one where there is llvmlite."""
     found = [
-        Contender("jaxsat scan, Tsit5 adaptive", TOLERANCES, scan),
+        Contender("jaxsat scan, Dopri8 adaptive", TOLERANCES, scan(diffrax.Dopri8())),
+        Contender("jaxsat scan, Tsit5 adaptive", TOLERANCES, scan(diffrax.Tsit5())),
         Contender("jaxsat diffrax, Dopri8 adaptive", TOLERANCES, reference, most=1024),
     ]
     if importlib.util.find_spec("llvmlite") is not None:
-        found.insert(1, Contender("jaxsat native, Tsit5 adaptive", TOLERANCES, native))
+        found[2:2] = [
+            Contender("jaxsat native, Dopri8 adaptive", TOLERANCES, native(diffrax.Dopri8())),
+            Contender("jaxsat native, Tsit5 adaptive", TOLERANCES, native(diffrax.Tsit5())),
+        ]
     return found
