@@ -85,16 +85,22 @@ def _bracket(sign, begin_gaps, excess, end_gaps, looks: int) -> Bracket:
 
 
 def _corrected(course: Course, walk: Walk, stretch: Stretch, one_hot, part) -> Float[Array, ""]:
-    """The seconds until the switch: one step of Newton's method, which moves with parameters."""
-    first = part * stretch.length
+    """The seconds until the switch: two steps of Newton's method.
+
+    The second one moves with parameters. Taken where the function is zero, it is exact to first
+    order.
+    """
 
     def gap(seconds):
         flat = course.dense(stretch, seconds / stretch.length)
         gaps = course.gaps(walk.sides, walk.t + seconds, flat)
         return jnp.sum(jnp.where(one_hot, gaps, 0.0))
 
-    value, slope = jax.jvp(gap, (first,), (jnp.ones_like(first),))
-    slope = constant(slope)
-    correction = -value / jnp.where(slope == 0, 1.0, slope)
-    sound = (slope != 0) & (jnp.abs(correction) < 1e-2 * stretch.length)
-    return jnp.where(sound, first + correction, first)
+    def improved(seconds):
+        value, slope = jax.jvp(gap, (seconds,), (jnp.ones_like(seconds),))
+        slope = constant(slope)
+        correction = -value / jnp.where(slope == 0, 1.0, slope)
+        sound = (slope != 0) & (jnp.abs(correction) < 1e-2 * stretch.length)
+        return jnp.where(sound, seconds + correction, seconds)
+
+    return improved(constant(improved(part * stretch.length)))

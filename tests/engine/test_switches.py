@@ -43,14 +43,15 @@ def test_a_relay_follows_its_parabolas(relays, solver):
         np.testing.assert_allclose(mine, exact, rtol=1e-9, atol=1e-9)
 
 
-def test_a_relay_gradient_has_the_jumps_of_its_switches(relays):
+@pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri8()])
+def test_a_relay_gradient_has_the_jumps_of_its_switches(relays, solver):
     slopes = []
     for step in (1e-4, 2e-4):
         costs = [[exact_relay(1.0 + shift, *start, 20.0)[2] for start in STARTS]
                  for shift in (step, -step)]  # fmt: skip
         slopes.append(np.subtract(*costs) / (2 * step))
     exact = (4 * slopes[0] - slopes[1]) / 3
-    found = engine(1e-13).gradient(relays, STARTS, jnp.array(1.0)).derivatives
+    found = engine(1e-13, solver=solver).gradient(relays, STARTS, jnp.array(1.0)).derivatives
     np.testing.assert_allclose(found, exact, rtol=1e-7)
 
 
@@ -87,6 +88,17 @@ def test_a_surface_just_left_does_not_hide_the_next_one():
     bounded = engine(3e-8, lanes=256, max_steps=200)
     found = bounded.evaluate(study.program, study.cases(np.arange(256)))
     assert np.all(found.code == int(Outcome.SUCCESS))
+
+
+def test_the_effort_of_long_steps_is_that_of_short_ones():
+    """A torque changes its sign more than once in some steps of Dopri8, and in none of Tsit5's."""
+    scenario = load("benchmark-three-axis", ["simulation.duration_s=200"])
+    study = build_study(scenario, 16, seed=1, engine="scan")
+    long, short = (
+        engine(tolerance, 16, solver).evaluate(study.program, study.cases(np.arange(16)))
+        for tolerance, solver in ((3e-7, diffrax.Dopri8()), (1e-9, diffrax.Tsit5()))
+    )
+    np.testing.assert_allclose(long.effort, short.effort, rtol=1e-4)
 
 
 CASE = {**PAPER_THREE_AXIS, "amplitude": (0.015, 0.01, 0.0), "phase": (1.0, 2.0, 0.0)}
