@@ -41,7 +41,7 @@ ROUNDER = 1.5 * 2.0**52
 NEAR_LIMIT = 2.0**14
 """Below it the reduction of an angle is right."""
 
-_SIGN = np.int64(-(2**63))
+SIGN = np.int64(-(2**63))
 
 
 def sin(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -63,18 +63,18 @@ def reduced(size: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Int[Array, "*
     shifted = ROUNDER + size * _TWO_OVER_PI
     less = ROUNDER - shifted  # minus the multiple
     first, second, third = _PIECES
-    return ((size + less * first) + less * second) + less * third, _bits(shifted)
+    return ((size + less * first) + less * second) + less * third, bits_of(shifted)
 
 
 def sin_of(x: Float[Array, "*n"], r: Float[Array, "*n"], q: Int[Array, "*n"]) -> Array:
     """The sine of x, |x| being reduced to r and q."""
-    return _signed(_of_reduced(r, _is_odd(q)), (q << 62) ^ _bits(x))
+    return signed(_of_reduced(r, is_odd(q)), (q << 62) ^ bits_of(x))
 
 
 def cos_of(r: Float[Array, "*n"], q: Int[Array, "*n"]) -> Float[Array, "*n"]:
     """The cosine of what is reduced to r and q."""
     following = q + np.int64(1)
-    return _signed(_of_reduced(r, _is_odd(following)), following << 62)
+    return signed(_of_reduced(r, is_odd(following)), following << 62)
 
 
 def _of_reduced(r: Float[Array, "*n"], by_cosine: Bool[Array, "*n"]) -> Float[Array, "*n"]:
@@ -93,17 +93,19 @@ def _either(condition: Bool[Array, "*n"], x: ArrayLike, y: ArrayLike) -> Float[A
     return lax.select(condition, *full)
 
 
-def _is_odd(quadrant: Int[Array, "*n"]) -> Bool[Array, "*n"]:
+def is_odd(quadrant: Int[Array, "*n"]) -> Bool[Array, "*n"]:
+    """Whether sine and cosine change places."""
     return (quadrant & np.int64(1)) != 0
 
 
-def _bits(x: Float[Array, "*n"]) -> Int[Array, "*n"]:
+def bits_of(x: Float[Array, "*n"]) -> Int[Array, "*n"]:
+    """The bits of a double as an integer."""
     return lax.bitcast_convert_type(x, jnp.int64)
 
 
-def _signed(x: Float[Array, "*n"], bits: Int[Array, "*n"]) -> Float[Array, "*n"]:
+def signed(x: Float[Array, "*n"], bits: Int[Array, "*n"]) -> Float[Array, "*n"]:
     """`x` with its sign turned where the sign bit of `bits` is set."""
-    return lax.bitcast_convert_type(_bits(x) ^ (bits & _SIGN), jnp.float64)
+    return lax.bitcast_convert_type(bits_of(x) ^ (bits & SIGN), jnp.float64)
 
 
 def _bounded(x: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Int[Array, "*n"]]:

@@ -1,9 +1,9 @@
 """Adaptive steps through a loop in smooth pieces, each trajectory at its own pace.
 
 During a step the loop is held in one of its pieces (`loop.piece`). Where a switching function has
-changed its sign at the middle or the end of the step, the instant is located on the step's dense
-output, the step ends there, and the next one is taken in the other piece. Nothing else ends a
-step: the instants that are looked at, and the end of the run, lie on the dense output.
+changed its sign at the end of one of a step's equal parts, the instant is located on the step's
+dense output, the step ends there, and the next one is taken in the other piece. Nothing else ends
+a step: the instants that are looked at, and the end of the run, lie on the dense output.
 
 The program of one trajectory is `begin`, then `iterate` while `unfinished`, then `finish`, on a
 `Progress` of fixed size; any engine that runs these runs the method.

@@ -91,7 +91,7 @@ def test_a_surface_just_left_does_not_hide_the_next_one():
 
 
 def test_the_effort_of_long_steps_is_that_of_short_ones():
-    """A torque changes its sign more than once in some steps of Dopri8, and in none of Tsit5's."""
+    """In some steps of Dopri8 a torque changes its sign twice."""
     scenario = load("benchmark-three-axis", ["simulation.duration_s=200"])
     study = build_study(scenario, 16, seed=1, engine="scan")
     long, short = (

@@ -13,22 +13,16 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float64, Int64
 
-from jaxsat.trigonometry import ROUNDER
+from jaxsat.trigonometry import ROUNDER, SIGN, bits_of
 
 Double = Float64[Array, "*n"]
 Integer = Int64[Array, "*n"]
 Truth = Bool[Array, "*n"]
 
-SIGN = np.int64(-(2**63))
 _ONE_BITS = np.int64(1023 << 52)
 _UPPER_26 = np.int64(-(2**27))
 _UPPER_17 = np.int64(-(2**36))
 _ROUNDER_BITS = np.float64(ROUNDER).view(np.int64)
-
-
-def bits_of(x: Double) -> Integer:
-    """The bits of a double as an integer."""
-    return lax.bitcast_convert_type(x, jnp.int64)
 
 
 def double_of(bits: Integer) -> Double:

@@ -4,12 +4,9 @@ import numpy as np
 from jax import lax
 
 from jaxsat.engine.native.functions.bits import (
-    SIGN,
     Double,
     Integer,
     Truth,
-    bits_of,
-    double_of,
     fast_two_sum,
     horner,
     polynomial,
@@ -17,7 +14,7 @@ from jaxsat.engine.native.functions.bits import (
     select,
 )
 from jaxsat.engine.native.functions.reduction import reduced
-from jaxsat.trigonometry import COSINE, NEAR_LIMIT, SINE, cos_of, sin_of
+from jaxsat.trigonometry import COSINE, NEAR_LIMIT, SINE, bits_of, cos_of, is_odd, signed, sin_of
 from jaxsat.trigonometry import reduced as near
 
 _HALF_TANGENT = (
@@ -53,7 +50,7 @@ def sincos(x: Double) -> tuple[Double, Double]:
     sine = r + (z * r * horner(z, SINE) + low * near_one)
     cosine = near_one + (((1.0 - near_one) - half) + (z * z * horner(z, COSINE) - r * low))
     first, second = _chosen(sine, cosine, quadrant)
-    return select(x == 0.0, x, _signed(first, quadrant)), second
+    return select(x == 0.0, x, signed(first, quadrant << 62)), second
 
 
 def near_sincos(x: Double) -> tuple[Double, Double, Truth]:
@@ -64,7 +61,7 @@ def near_sincos(x: Double) -> tuple[Double, Double, Truth]:
     sine = r + z * r * horner(z, SINE)
     cosine = (1.0 - 0.5 * z) + z * z * horner(z, COSINE)
     first, second = _chosen(sine, cosine, quadrant)
-    return _odd(first, x, quadrant), second, size >= NEAR_LIMIT
+    return signed(first, (quadrant << 62) ^ bits_of(x)), second, size >= NEAR_LIMIT
 
 
 def near_sin(x: Double) -> tuple[Double, Truth]:
@@ -79,25 +76,11 @@ def near_cos(x: Double) -> tuple[Double, Truth]:
     return cos_of(*near(size)), size >= NEAR_LIMIT
 
 
-def _is_odd(quadrant: Integer) -> Truth:
-    return (quadrant & np.int64(1)) != 0
-
-
-def _odd(value: Double, x: Double, quadrant: Integer) -> Double:
-    """A sine without its sign, with that of the quadrant and of `x`."""
-    return double_of(bits_of(value) ^ (((quadrant << 62) ^ bits_of(x)) & SIGN))
-
-
 def _chosen(sine: Double, cosine: Double, quadrant: Integer) -> tuple[Double, Double]:
     """Sine, without the sign of the quadrant, and cosine of the whole angle."""
-    odd = _is_odd(quadrant)
-    cosine_of_all = _signed(select(odd, sine, cosine), quadrant + np.int64(1))
+    odd = is_odd(quadrant)
+    cosine_of_all = signed(select(odd, sine, cosine), (quadrant + np.int64(1)) << 62)
     return select(odd, cosine, sine), cosine_of_all
-
-
-def _signed(x: Double, quadrant: Integer) -> Double:
-    """`x`, its sign turned in the quadrants 2 and 3."""
-    return double_of(bits_of(x) ^ ((quadrant << 62) & SIGN))
 
 
 def tan(x: Double) -> Double:
@@ -110,7 +93,7 @@ def tan(x: Double) -> Double:
     tangent = half + rest
     square = tangent * tangent
     one_less, one_less_low = fast_two_sum(lax.full_like(x, 1.0), -square)
-    odd = _is_odd(quadrant)
+    odd = is_odd(quadrant)
     num = select(odd, -one_less, double)
     num_low = select(odd, -one_less_low, double_low)
     den = select(odd, double, one_less)
