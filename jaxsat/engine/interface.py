@@ -18,6 +18,7 @@ SPARE = 8
 
 A compiler may take the last few lanes, one vector of them, through a scalar copy of a loop that
 rounds differently: reading two of three components needs one, so as not to read past the end.
+A block of one case has no other place to be in, and needs none.
 """
 
 
@@ -44,11 +45,16 @@ Mode = Literal["forward", "reverse"]
 class AbstractEngine(eqx.Module):
     """Runs a program for many cases, `width` at a time.
 
-    Cases go through one compiled program of that width and `SPARE` more, the rest padded, so that
+    Cases go through one compiled program of as many lanes and some more, the rest padded, so that
     the bits of a case depend neither on how many others there are, nor on which, nor on its place.
     """
 
     width: eqx.AbstractVar[int]
+
+    @property
+    def padded_width(self) -> int:
+        """How many lanes a block has, padding included."""
+        return self.width + SPARE if self.width > 1 else 1
 
     @abc.abstractmethod
     def identity(self) -> dict[str, Any]:
@@ -98,7 +104,7 @@ class AbstractEngine(eqx.Module):
 
     def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
         """One case (no leading axis) again, with its history and the same bits as before."""
-        cases = jax.tree.map(lambda x: jnp.stack([x] * (self.width + SPARE)), case)
+        cases = jax.tree.map(lambda x: jnp.stack([x] * self.padded_width), case)
         outputs, signals = self.replay_block(program, cases, gains)
         outputs, signals = jax.tree.map(lambda x: np.asarray(x[0]), (outputs, signals))
         times = np.arange(program.intervals + 1) * float(program.interval)
@@ -128,5 +134,5 @@ class AbstractEngine(eqx.Module):
         return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *blocks)
 
     def _padded(self, block: np.ndarray) -> Array:
-        missing = self.width + SPARE - len(block)
+        missing = self.padded_width - len(block)
         return jnp.asarray(np.concatenate([block, np.repeat(block[:1], missing, axis=0)]))

@@ -17,8 +17,8 @@ COPIES = Kicked(three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_
 KICKS = np.array([[0.0, 0, 0], [0.01, 0, 0], [0, 0.01, 0], [0.02, -0.01, 0], [np.nan, 0, 0]])
 
 
-def engine(**options):
-    return ScanEngine(diffrax.Dopri5(), lanes=4, tolerance=Tolerance(1e-10, 1e-10, **options))
+def engine(lanes=4, **options):
+    return ScanEngine(diffrax.Dopri5(), lanes=lanes, tolerance=Tolerance(1e-10, 1e-10, **options))
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +51,19 @@ def test_a_replay_has_the_same_bits(found):
     one = [-0.851881952, 0.854286967]
     first = engine().replay(program_of(COPIES, COPIES.loop, 10.0), KICKS[0]).signals
     np.testing.assert_allclose(first.w[1], one, atol=1e-8)
+
+
+def test_a_block_of_one_case_goes_without_padding(found):
+    program, alone = program_of(COPIES, COPIES.loop, 10.0), engine(lanes=1)
+    assert (alone.padded_width, engine().padded_width) == (1, 12)
+    several = alone.evaluate(program, KICKS[[3, 4, 0]])
+    one, other = (jax.tree.map(lambda x, n=n: x[n], several) for n in (0, 2))
+    same_bits(alone.replay(program, KICKS[3]).outputs, one)
+    same_bits(jax.tree.map(lambda x: x[0], alone.evaluate(program, KICKS[:1])), other)
+    assert several.code.tolist() == found.code[[3, 4, 0]].tolist()
+    for name in ("w", "z", "omega", "cost"):
+        expected = getattr(found, name)[[3, 4, 0]]
+        np.testing.assert_allclose(getattr(several, name), expected, rtol=1e-9, atol=1e-9)
 
 
 def test_a_case_out_of_steps_is_coded():
