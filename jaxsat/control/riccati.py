@@ -1,25 +1,33 @@
 """Small dense linear-quadratic design, in NumPy, for use where a controller is made."""
 
 import numpy as np
+from jaxtyping import Float
+
+NOISE = 1e-9
+"""What counts as nothing beside the largest singular values of A and B."""
 
 
-def reachable_rank(a: np.ndarray, b: np.ndarray, tolerance: float = 1e-9) -> int:
-    """Dimension of the space that x' = A x + B u can be steered in.
+def reachable_rank(
+    a: Float[np.ndarray, "n n"], b: Float[np.ndarray, "n m"], noise: float
+) -> tuple[int, float]:
+    """Dimension of the space that x' = A x + B u can be steered in, and the shortest of the new
+    directions that were counted.
 
-    An orthonormal basis is grown by A; a new direction counts if it is longer than `tolerance`
-    times the largest singular value of A. Sounder than the rank of [B AB A²B ...], whose columns
-    differ by many powers of ten.
+    An orthonormal basis is grown by A; a new direction counts if it is longer than `noise`. Sounder
+    than the rank of [B AB A²B ...], whose columns differ by many powers of ten.
     """
-    basis = np.zeros((a.shape[0], 0))
-    front = b / np.linalg.norm(b, 2)
-    scale = 1.0
-    while front.size:
-        front = front - basis @ (basis.T @ front)
-        left, values, _ = np.linalg.svd(front, full_matrices=False)
-        new = left[:, values > tolerance * scale]
+    basis, shortest = np.zeros((a.shape[0], 0)), np.inf
+    front = b
+    while front.size and basis.shape[1] < a.shape[0]:
+        for _ in range(2):  # twice is enough for orthogonality to rounding
+            front = front - basis @ (basis.T @ front)
+        directions, lengths, _ = np.linalg.svd(front, full_matrices=False)
+        found = lengths > noise
+        shortest = min(shortest, float(np.min(lengths[found], initial=np.inf)))
+        new = directions[:, found]
         basis = np.hstack([basis, new])
-        front, scale = a @ new, np.linalg.norm(a, 2)
-    return basis.shape[1]
+        front = a @ new
+    return basis.shape[1], shortest
 
 
 def regulator_gain(
@@ -32,11 +40,9 @@ def regulator_gain(
     Raises `ValueError` where no stabilising solution exists.
     """
     n = a.shape[0]
-    if reachable_rank(a, b) < n:
-        raise ValueError(
-            "The linear system must be controllable, but its rank is "
-            f"{reachable_rank(a, b)} of {n}."
-        )
+    rank, _ = reachable_rank(a / np.linalg.norm(a, 2), b / np.linalg.norm(b, 2), NOISE)
+    if rank < n:
+        raise ValueError(f"The linear system must be controllable, but its rank is {rank} of {n}.")
     gain = _hamiltonian_start(a, b, state_weight, torque_weight)
     for _ in range(10):
         closed = a - b @ gain

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.control import reachable_rank
 from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
 
 
@@ -68,26 +69,6 @@ class LinearControllability:
     input_matrix: Float[np.ndarray, "6 m"]
 
 
-def _staircase(
-    state: Float[np.ndarray, "6 6"], inputs: Float[np.ndarray, "6 m"], noise: float
-) -> tuple[int, float]:
-    """Dimension of the reachable space and the smallest size that was taken for a direction."""
-    basis, smallest = np.zeros((6, 0)), np.inf
-    block = inputs
-    while block.size and basis.shape[1] < 6:
-        for _ in range(2):  # twice is enough for orthogonality to rounding
-            block = block - basis @ (basis.T @ block)
-        directions, values, _ = np.linalg.svd(block, full_matrices=False)
-        found = values > noise
-        if not np.any(found):
-            break
-        smallest = min(smallest, float(np.min(values[found])))
-        block = directions[:, found]
-        basis = np.concatenate([basis, block], axis=1)
-        block = state @ block
-    return basis.shape[1], smallest
-
-
 def linear_controllability(
     inertia: Numbers,
     torque_axes: Numbers,
@@ -109,7 +90,7 @@ def linear_controllability(
     scaled = np.diag([1.0] * 3 + [1.0 / rate] * 3) @ state @ np.diag([1.0] * 3 + [rate] * 3) / rate
     lengths = np.linalg.norm(inputs, axis=0)
     unit = inputs[:, lengths > 0] / lengths[lengths > 0]
-    rank, smallest = _staircase(scaled, unit, layout.rounding)
+    rank, smallest = reachable_rank(scaled, unit, layout.rounding)
     eigenvalues = np.linalg.eigvals(scaled)
     margins = [
         np.linalg.svd(np.concatenate([scaled - value * np.eye(6), unit], axis=1))[1][5]
@@ -126,19 +107,6 @@ def linear_controllability(
     )
 
 
-def _exponential(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
-    """Matrix exponential by scaling and squaring of a Taylor series (small matrices)."""
-    squarings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(matrix, 1), 1e-300)))) + 3)
-    step = matrix / 2.0**squarings
-    term = total = np.eye(matrix.shape[0])
-    for k in range(1, 17):
-        term = term @ step / k
-        total = total + term
-    for _ in range(squarings):
-        total = total @ total
-    return total
-
-
 def gramian(
     state_matrix: Float[np.ndarray, "n n"],
     input_matrix: Float[np.ndarray, "n m"],
@@ -149,12 +117,14 @@ def gramian(
     x'W⁻¹x is then the least ∫|u|²dt that takes the *error* x to zero in that time. Van Loan's block
     exponential.
     """
+    from scipy.linalg import expm  # takes its time
+
     size = state_matrix.shape[0]
     block = np.zeros((2 * size, 2 * size))
     block[:size, :size] = state_matrix
     block[:size, size:] = input_matrix @ input_matrix.T
     block[size:, size:] = -state_matrix.T
-    power = _exponential(block * horizon)
+    power = expm(block * horizon)
     # power = [[e^{AT}, M], [0, e^{−AᵀT}]], M = ∫ e^{A(T−s)} BBᵀ e^{−Aᵀs} ds = e^{AT} W.
     found = np.linalg.solve(power[:size, :size], power[:size, size:])
     return 0.5 * (found + found.T)
@@ -175,6 +145,8 @@ def gramian_time_scales(
     `longest` seconds are needed or the error cannot be removed at all. Pitch answers in seconds;
     roll and yaw, which only the orbit rate couples, take minutes.
     """
+    from scipy.linalg import expm
+
     found = np.full(6, np.nan)
     nodes, weights = np.polynomial.legendre.leggauss(64)
     for horizon in np.geomspace(1e-2, longest, 200):
@@ -187,7 +159,7 @@ def gramian_time_scales(
         # A factor of the Gramian: its singular values are not squared.
         factor = np.concatenate(
             [
-                np.sqrt(0.5 * w) * _exponential(-0.5 * (x + 1.0) * state) @ inputs
+                np.sqrt(0.5 * w) * expm(-0.5 * (x + 1.0) * state) @ inputs
                 for x, w in zip(nodes, weights, strict=True)
             ],
             axis=1,

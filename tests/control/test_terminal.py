@@ -46,7 +46,9 @@ def test_linear_model_with_gravity_gradient():
 def test_rank(inertia, orbit_rate, rank):
     """The orbit and unlike moments are what makes the third axis reachable."""
     a, b = linear_model(body(inertia, orbit_rate))
-    assert reachable_rank(a, b) == rank
+    found, shortest = reachable_rank(a / np.linalg.norm(a, 2), b / np.linalg.norm(b, 2), 1e-9)
+    assert found == rank
+    assert 1e-9 < shortest <= 1 + 1e-12
     # Time counted in orbits: the same rank from the textbook matrix, whose columns are now alike.
     scaling = np.diag([1, 1, 1, 1e3, 1e3, 1e3])
     a, b = scaling @ a @ np.linalg.inv(scaling) * 1e3, scaling @ b
