@@ -126,10 +126,13 @@ def advance_adaptively(solver, tolerance, program, copy, progress, bound, batch=
 
 
 def finish(
-    solver: diffrax.AbstractSolver, program: Program, copy: Copy, progress: Progress
+    solver: diffrax.AbstractSolver,
+    program: Program,
+    copy: Copy,
+    progress: Progress,
+    end: Float[Array, ""],
 ) -> Outputs:
-    """Outputs of a trajectory that has gone all its way."""
-    end = program.duration
+    """Outputs of a trajectory that has gone all its way, until time `end` (s)."""
     course, stretch = Course.of(solver, program, copy), progress.state.stretch
     flat = course.dense(stretch, part_of(stretch, end))
     state = course.state(end, flat)

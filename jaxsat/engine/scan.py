@@ -139,15 +139,15 @@ def advance_one(
     return advance_in_equal_steps(tableau, engine.substeps, *where)
 
 
-def finish_one(engine, program, case, gains, progress) -> Outputs:
-    """Outputs of one trajectory that has gone through all its intervals."""
-    copy = program.copies(case, gains)
+def finish_one(engine, program, case, gains, progress, number) -> Outputs:
+    """Outputs of one trajectory that has gone through all its intervals, `number` of them."""
+    copy, end = program.copies(case, gains), number * program.interval
     if _is_adaptive(engine, copy.loop):
-        return adaptive.finish(engine.solver, program, copy, progress)
-    signals = _signals(copy.loop, program, jnp.array(program.intervals), progress.state)
-    seen = looked_at(progress, program.duration, signals, program.tolerances)
+        return adaptive.finish(engine.solver, program, copy, progress, end)
+    signals = _signals(copy.loop, program, number, progress.state)
+    seen = looked_at(progress, end, signals, program.tolerances)
     plant = plant_state(copy.loop, progress.state)
-    return outputs_of(seen, plant, program.duration, copy.drawn, program.cost)
+    return outputs_of(seen, plant, end, copy.drawn, program.cost)
 
 
 def observe_one(engine, program, case, gains, progress, number) -> Signals:
@@ -199,11 +199,16 @@ def _any_length(program: Program) -> Program:
 
 
 @eqx.filter_jit
-def _finish(engine, program, cases, gains, progress):
+def _finish_jit(engine, program, cases, gains, progress, number):
     def one(case, progress):
-        return finish_one(engine, program, case, gains, progress)
+        return finish_one(engine, program, case, gains, progress, number)
 
     return _over_cases(engine, one, cases, progress)
+
+
+def _finish(engine, program, cases, gains, progress):
+    number = jnp.array(program.intervals)
+    return _finish_jit(engine, _any_length(program), cases, gains, progress, number)
 
 
 @eqx.filter_jit
@@ -224,7 +229,7 @@ def _gradient(engine, program, cases, gains, mode):
         advance = _checkpointed if mode == "reverse" else _noise_in_blocks
         progress = begin_one(engine, program, case, gains)
         progress = advance(engine, program, case, gains, progress, 0, program.intervals)
-        outputs = finish_one(engine, program, case, gains, progress)
+        outputs = finish_one(engine, program, case, gains, progress, jnp.array(program.intervals))
         return outputs.cost, outputs
 
     differentiate = jax.jacrev if mode == "reverse" else jax.jacfwd

@@ -117,10 +117,7 @@ class Plain(AbstractStaged):
 
     def finish(self, fixed, moving, numbers, first, count):
         """Outputs."""
-        engine, program = self._with(fixed, numbers)
-        # the length as a number: the same machine code is for all lengths
-        object.__setattr__(program, "intervals", first + count)
-        return finish_one(engine, program, None, None, moving)
+        return finish_one(*self._with(fixed, numbers), None, None, moving, first + count)
 
     def observe(self, fixed, moving, numbers, number):
         """Signals."""
