@@ -11,7 +11,14 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, console, report
+from jaxsat.cli.terminal import (
+    FAILED_RUN,
+    SUCCESS,
+    UserMistake,
+    console,
+    output_problem,
+    report,
+)
 
 if TYPE_CHECKING:
     from jaxsat.bounds import Bound
@@ -113,7 +120,7 @@ def searched(
 
 
 def _write(target: Path, found: "Bound") -> None:
-    from jaxsat.results import provenance
+    from jaxsat.results import provenance, system_failure
 
     solution = found.solution
     record = {
@@ -132,4 +139,5 @@ def _write(target: Path, found: "Bound") -> None:
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise UserMistake(f"{target} cannot be written: {error.strerror or error}.") from None
+        message = f"{target} cannot be written: {error.strerror or error}."
+        raise output_problem(system_failure(message, error)) from None

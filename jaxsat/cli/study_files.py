@@ -8,15 +8,17 @@ from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem
 
 if TYPE_CHECKING:
+    import numpy as np
     import xarray as xr
 
     from jaxsat.montecarlo import Sensitivity, Study, Summary
     from jaxsat.report.study_figures import DrawnNumber
     from jaxsat.scenario import Scenario
+    from jaxsat.simulation import Signals
 
 
-FAN_INSTANTS = 500
-"""About as many as a figure can show."""
+FAN_INSTANTS, FAN_CASES = 500, 64
+"""About as many as a figure can show, and the cases that are computed again for the fans."""
 
 
 def write_figures(
@@ -36,11 +38,8 @@ def write_figures(
         ranked = [entry.name for entry in _ranking(summary)][:2]
         drawn = {label: _drawn(dataset, label, count) for label in ranked}
         figures = study_figures(columns, drawn, title)
-        numbers = np.arange(min(count, study.engine.width))
         every = max(1, study.program.intervals // FAN_INSTANTS)
-        signals = study.engine.histories(
-            study.program, study.cases(numbers), study.gains, every=every
-        )
+        signals = _histories(study, np.arange(min(count, FAN_CASES)), every)
         times = study.program.instants(every) * float(study.program.interval)
         figures |= fan_figures(times, signals, title)
         with OutputFolder(folder, overwrite=True) as made:
@@ -50,6 +49,20 @@ def write_figures(
         interruptibly(write)
     except OutputError as error:
         raise output_problem(error) from None
+
+
+def _histories(study: "Study", numbers: "np.ndarray", every: int) -> "Signals":
+    """Signals (cases, times) of these cases."""
+    import jax
+    import numpy as np
+
+    width = study.engine.width
+    blocks = [numbers[first : first + width] for first in range(0, len(numbers), width)]
+    found = [
+        study.engine.histories(study.program, study.cases(block), study.gains, every=every)
+        for block in blocks
+    ]
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
 
 
 def _ranking(summary: "Summary") -> list["Sensitivity"]:

@@ -6,7 +6,7 @@ if TYPE_CHECKING:
     from jaxsat.montecarlo import StudyProgress, Summary
 
 SHOWN = 8
-"""Lines of the sensitivity ranking that are printed."""
+"""Entries of a sensitivity ranking that are printed."""
 
 
 def summary_lines(summary: "Summary") -> list[str]:
@@ -26,11 +26,13 @@ def summary_lines(summary: "Summary") -> list[str]:
         if parts:
             lines.append(f"{name.replace('_', ' '):<16} {', '.join(parts)} {unit}")
     lines.append(f"worst cases      {', '.join(map(str, summary.worst))} (see --case)")
-    ranked = [entry for entry in summary.cost_sensitivity if entry.first_order > 0][:SHOWN]
-    for label, entry in zip(["what the cost depends on"], [ranked], strict=True):
-        shown = [f"{e.name} {e.first_order:.2f} ({e.rank_correlation:+.2f})" for e in entry]
+    rankings = {"the cost": summary.cost_sensitivity, "settling": summary.settling_sensitivity}
+    for result, ranking in rankings.items():
+        ranked = [entry for entry in ranking if entry.first_order > 0][:SHOWN]
+        shown = [f"{e.name} {e.first_order:.2f} ({e.rank_correlation:+.2f})" for e in ranked]
         if shown:
-            lines.append(f"{label}: {', '.join(shown)}, first-order index (rank correlation)")
+            found = ", ".join(shown)
+            lines.append(f"what {result} depends on: {found}, first-order index (rank correlation)")
     return lines
 
 

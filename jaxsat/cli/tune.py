@@ -9,7 +9,14 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console, report
+from jaxsat.cli.terminal import (
+    SUCCESS,
+    Terminated,
+    UserMistake,
+    console,
+    output_problem,
+    report,
+)
 from jaxsat.processors import processors
 
 if TYPE_CHECKING:
@@ -88,9 +95,11 @@ def tune(
             if not quiet:
                 console().print((folder.path / SUMMARY).read_text(encoding="utf-8"), end="")
                 console().print(f"\n{'already ' if done else ''}written to {target}")
-    except (OutputError, ValueError) as error:
+    except OutputError as error:
         hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
-        raise UserMistake(f"{error}{hint}") from None
+        raise output_problem(error, hint) from None
+    except ValueError as error:
+        raise UserMistake(str(error)) from None
     return SUCCESS
 
 
@@ -122,10 +131,10 @@ def _descended(
     try:
         with status:
             return interruptibly(work)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Terminated) as stop:
         best = f"the best gains so far are in {folder.path / TUNED}" if kept["step"] else "no step"
         text = f"{best}, after {kept['step']} steps; the same command goes on from there"
-        raise KeyboardInterrupt(text) from None
+        raise type(stop)(text) from None
 
 
 def progress_text(progress: "Report") -> str:
@@ -170,9 +179,9 @@ def _concluded(
     try:
         with status:
             interruptibly(work)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Terminated) as stop:
         text = f"the tuned gains are in {folder.path / TUNED}; the same command goes on from there"
-        raise KeyboardInterrupt(text) from None
+        raise type(stop)(text) from None
 
 
 def _write_json(folder: "TuningFolder", name: str, data: object) -> None:

@@ -30,11 +30,14 @@ class ReferenceEngine(AbstractEngine):
     """`diffeqsolve`, vmapped over the cases of a block.
 
     `method` is what suits the loop unless given; a sampled loop takes its solver with equal steps,
-    `substeps` in each period. Adaptive steps run a block at the pace of its slowest case.
+    `substeps` in each period. Adaptive steps run a block at the pace of its slowest case. Reverse
+    mode goes by `adjoint`, one that differentiates what a term closes over, as all but
+    `diffrax.BacksolveAdjoint` do.
     """
 
     method: Method | None = None
     width: int = eqx.field(static=True, default=32)
+    adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint()
 
     def __check_init__(self):
         if self.width < 1:
@@ -68,7 +71,7 @@ class ReferenceEngine(AbstractEngine):
     def block_gradient(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
     ) -> CostGradient:
-        """Outputs of one block and the derivatives of its costs; reverse mode with checkpoints."""
+        """Outputs of one block and the derivatives of its costs."""
         return _gradient(self, program, cases, gains, mode)
 
 
@@ -84,7 +87,7 @@ def _run(engine, program, cases, gains):
 @eqx.filter_jit
 def _gradient(engine, program, cases, gains, mode):
     reverse = mode == "reverse"
-    adjoint = diffrax.RecursiveCheckpointAdjoint() if reverse else diffrax.ForwardMode()
+    adjoint = engine.adjoint if reverse else diffrax.ForwardMode()
     differentiate = jax.jacrev if reverse else jax.jacfwd
 
     def cost(gains, case):

@@ -44,24 +44,6 @@ def explicit_step(
     return restore(_combined(flat, step, tableau.b_sol, rates))
 
 
-def step_with_error(
-    tableau: diffrax.ButcherTableau,
-    rate: Callable[[Float[Array, ""], PyTree], PyTree],
-    t: Float[Array, ""],
-    step: Float[Array, ""],
-    state: PyTree,
-) -> tuple[PyTree, PyTree]:
-    """The state after one step and the embedded estimate of its error, from all stages."""
-    flat, restore = ravel_pytree(state)
-    rows = [np.zeros(0), *tableau.a_lower]
-    rates: dict[int, Array] = {}
-    for stage, (row, node) in enumerate(zip(rows, [0.0, *tableau.c], strict=False)):
-        there = restore(_combined(flat, step, row, rates))
-        rates[stage] = ravel_pytree(rate(t + node * step, there))[0]
-    after = _combined(flat, step, tableau.b_sol, rates)
-    return restore(after), restore(_combined(jnp.zeros_like(flat), step, tableau.b_error, rates))
-
-
 def stage_rates(
     tableau: diffrax.ButcherTableau,
     rate: Callable[[Float[Array, ""], Float[Array, " n"]], Float[Array, " n"]],

@@ -7,6 +7,7 @@ import logging
 import threading
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import CancelledError
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, cast
@@ -38,7 +39,8 @@ class Cluster(AbstractExecutor):
     `connect` gives a client as a context manager; see `local_processes` and `scheduler_at`. What is
     to be computed is sent to every worker once, so that it compiles once there, and to those that
     come later or replace one that died. The chunks of a worker that died are computed again.
-    Raises `ClusterError` where no scheduler answers or one chunk's workers die again and again.
+    Raises `ClusterError` where no scheduler answers, or no longer, or one chunk's workers die again
+    and again.
     """
 
     connect: Callable[[], AbstractContextManager[Client]]
@@ -53,8 +55,13 @@ class Cluster(AbstractExecutor):
             client.register_plugin(_Shipped(cloudpickle.dumps(work), double), name=name)
             try:
                 yield from _as_ready(client, name, iter(chunks), self._stopping)
+            except (OSError, CancelledError) as error:
+                if client.status == "running":  # it is the work's own
+                    raise
+                raise ClusterError(f"the scheduler is gone: {_reason(error)}") from error
             finally:
-                client.unregister_worker_plugin(name)
+                with suppress(OSError):  # of a scheduler that is gone
+                    client.unregister_worker_plugin(name)
 
     def stop(self) -> None:
         """Take back what is given out and let the workers go; waits until they are."""
@@ -105,12 +112,16 @@ def scheduler_at(place: str, timeout: float = 10.0) -> Cluster:
                 else Client(place, timeout=timeout)
             )
         except (OSError, ValueError) as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise ClusterError(f"no scheduler answers at {place}: {reason}") from error
+            raise ClusterError(f"no scheduler answers at {place}: {_reason(error)}") from error
         with client:
             yield client
 
     return Cluster(connect)
+
+
+def _reason(error: BaseException) -> str:
+    """What an error says, in one line."""
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 class _Shipped(WorkerPlugin):

@@ -34,13 +34,16 @@ def fan_chart(times: np.ndarray, values: np.ndarray, labels: Sequence[str], titl
     """
     figure, axes = panels(len(labels), title, height=1.8)
     for panel, label, component in zip(axes, labels, np.moveaxis(values, 2, 0), strict=True):
+        panel.set_ylabel(label)
         alive = np.isfinite(component).any(axis=0)
+        if not alive.any():
+            panel.set_title("no case can exist", fontsize=8, loc="right")
+            continue
         t, alive_values = times[alive], component[:, alive]
         for (low, high), shade in zip(BANDS, SHADES, strict=True):
             bounds = np.nanpercentile(alive_values, (low, high), axis=0)
             panel.fill_between(t, *bounds, color=shade, linewidth=0)
         panel.plot(t, np.nanmedian(alive_values, axis=0), **LINES[0])
-        panel.set_ylabel(label)
         panel.margins(x=0)
         _cut_rare(panel, alive_values)
     axes[-1].set_xlabel("time (s)")

@@ -6,7 +6,7 @@ What needs xarray or zarr, which take their time, is imported when first used.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.results.errors import OutputError
+from jaxsat.results.errors import OutputError, system_failure
 from jaxsat.results.folder import OutputFolder
 from jaxsat.results.provenance import machine, provenance
 
@@ -41,6 +41,7 @@ __all__ = [
     "provenance",
     "save_dataset",
     "study_columns",
+    "system_failure",
     "time_at_rest",
     "time_to_settle",
     "trajectory_dataset",

@@ -9,7 +9,7 @@ from typing import Any
 
 import jaxsat
 
-PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "numpy")
+PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
 
 
 def provenance() -> dict[str, Any]:

@@ -11,7 +11,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -23,7 +23,9 @@ from jaxsat.results.locking import lock_folder, remove_stale
 from jaxsat.results.provenance import machine, provenance
 
 FORMAT = 1
-PENDING, DONE = 0, 1
+DONE = 1
+"""The status of a case that is; 0 before."""
+
 CASE = "case"
 
 
@@ -114,13 +116,19 @@ class StudyStore:
         if set(values) != set(self._columns):
             missing = sorted(set(values) ^ set(self._columns))
             raise ValueError(f"Argument `values` must have the store's columns; see {missing}.")
-        try:
+        with self._writing():
             for name, column in self._columns.items():
                 self._array(name)[place] = np.asarray(values[name], column.dtype)
             for name in self._columns:
                 self._keep(name, chunk)  # on the disk before the ledger says so
             self._array("status")[place] = np.full(len(numbers), DONE, np.uint8)
             self._keep("status", chunk)
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Tell what the system has against a change of the store."""
+        try:
+            yield
         except OSError as error:
             raise OutputError(
                 f"{self.path} cannot be written: {error.strerror or error}. What is in it is good; "
@@ -181,8 +189,11 @@ class StudyStore:
     def _open(self) -> None:
         try:
             self._group = zarr.open_group(self.path, mode="r+")
-        except (OSError, ValueError, KeyError) as error:
+        except (FileNotFoundError, NotADirectoryError, ValueError, KeyError) as error:
             raise OutputError(f"{self.path} is no store of jaxsat; give another folder.") from error
+        except OSError as error:
+            message = f"{self.path} cannot be read: {error.strerror or error}."
+            raise system_failure(message, error) from error
         if self._group.attrs.get("jaxsat_format") != FORMAT:
             raise OutputError(f"{self.path} is no store of jaxsat; give another folder.")
 
@@ -203,12 +214,13 @@ class StudyStore:
                 "results may differ in their last bits from those to come; allow that explicitly "
                 "or give another folder."
             )
-        if other:
-            self._group.attrs["runs"] = [*runs, _record(self._remark)]
-        if count > self.count:
-            for array in [*self._columns, "status"]:
-                whole = self._array(array)
-                whole.resize((count, *whole.shape[1:]))
+        with self._writing():
+            if other:
+                self._group.attrs["runs"] = [*runs, _record(self._remark)]
+            if count > self.count:
+                for array in [*self._columns, "status"]:
+                    whole = self._array(array)
+                    whole.resize((count, *whole.shape[1:]))
 
 
 def chunk_numbers(chunk: int, size: int, count: int) -> np.ndarray:

@@ -60,6 +60,10 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     [
         (["switching"], "[dispersion] table"),
         ([*SHORT, "--until-ci", "half"], "--until-ci: must be a half width"),
+        (
+            [*SHORT, "--set", "dispersion.design=latin-hypercube", "--until-ci", "1%"],
+            "--until-ci: must go with another design",
+        ),
         ([*SHORT, "-n", "0"], "`count` must be at least 1"),
         ([*SHORT, "--seed", "-1"], "`seed` must be"),
     ],
@@ -103,10 +107,26 @@ def test_the_workers_of_a_scheduler_are_asked(jaxsat):
     assert "no scheduler answers at tcp://127.0.0.1:9" in err
 
 
+DEVICES_IN_USE = """
+import time
+import jax.numpy as jnp
+from jaxsat.montecarlo import Devices
+
+def where(chunk):
+    time.sleep(0.2)
+    return jnp.ones(1).device.id
+
+print(sorted({device for _, device in Devices(4).run(where, range(8))}))
+"""
+
+
 @pytest.mark.slow
 def test_processes_and_devices_give_the_same_bits(jaxsat, tmp_path):
-    """Two processes; four pretended devices; and too many devices, which are refused."""
-    tokens = [*SHORT[:-2], "-n", "10", "--chunk", "5", "--quiet"]
+    """Two processes; four pretended devices; and too many devices, which are refused.
+
+    Through XLA: machine code of our own knows no devices.
+    """
+    tokens = [*SHORT[:-2], "-n", "16", "--chunk", "2", "--engine", "scan", "--quiet"]
     assert jaxsat(*tokens, "--out", "plain")[0] == 0
     plain = of_store(tmp_path / "plain")
     runs = [("two", ["--processes", "2"], {})]
@@ -120,6 +140,14 @@ def test_processes_and_devices_give_the_same_bits(jaxsat, tmp_path):
         assert found.keys() == plain.keys()
         for column in plain:
             np.testing.assert_array_equal(found[column], plain[column], err_msg=column)
+    done = subprocess.run(
+        [sys.executable, "-c", DEVICES_IN_USE],
+        env=environment(**flags),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "[0, 1, 2, 3]\n"
     status, _, err = jaxsat(*tokens, "--devices", "99")
     assert status == 2
     assert "--devices: Argument `count` must be from 1 to" in err

@@ -1,5 +1,6 @@
 """One list of checks over every loop and engine."""
 
+import dataclasses
 from typing import NamedTuple
 
 import diffrax
@@ -185,6 +186,38 @@ def test_a_diverging_case_is_coded_and_changes_no_other(example, found):
     assert mixed.ended_at[2] == 0
     others = np.delete(np.arange(11), [2, 7])
     same_bits(*[jax.tree.map(lambda x: x[others], outputs) for outputs in (mixed, found)])
+
+
+@pytest.mark.slow
+def test_a_block_of_one_case_has_bits_of_its_own(example, found):
+    """No padding and no companion: run, replay and history of a case go through one program."""
+    prog, alone = program(example), dataclasses.replace(example.scan, lanes=1)
+    several = alone.evaluate(prog, KICKS[[3, 0]])
+    one = jax.tree.map(lambda x: x[0], several)
+    replay = alone.replay(prog, KICKS[3])
+    same_bits(replay.outputs, one)
+    history = alone.histories(prog, KICKS[3:4])
+    same_bits(jax.tree.map(lambda x: x[0], history), replay.signals)
+    for name in ("w", "z", "omega", "cost"):
+        expected = getattr(found, name)[[3, 0]]
+        np.testing.assert_allclose(getattr(several, name), expected, rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_reference_keeps_cases_apart(example):
+    """The same bits in another order and beside a case that diverges, and again in a replay."""
+    prog, kicks = program(example), np.array(KICKS[:6])
+    plain = example.reference.evaluate(prog, kicks)
+    order = np.array([4, 0, 5, 2])
+    some = example.reference.evaluate(prog, kicks[order])
+    same_bits(some, jax.tree.map(lambda x: x[order], plain))
+    kicks[1] = np.nan
+    mixed = example.reference.evaluate(prog, kicks)
+    assert mixed.code[1] != int(Outcome.SUCCESS)
+    others = np.delete(np.arange(6), 1)
+    same_bits(*[jax.tree.map(lambda x: x[others], outputs) for outputs in (mixed, plain)])
+    replay = example.reference.replay(prog, KICKS[3])
+    same_bits(replay.outputs, jax.tree.map(lambda x: x[3], plain))
 
 
 def test_a_replay_has_the_same_bits_and_the_history_of_simulate(example, found):

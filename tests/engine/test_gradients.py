@@ -18,7 +18,7 @@ from jaxsat.engine import (
     program_of,
 )
 from jaxsat.metrics import Tolerances
-from jaxsat.simulation import ErrorCoordinateLoop, adaptive
+from jaxsat.simulation import ErrorCoordinateLoop, Method, adaptive
 
 DURATION = 6.0
 COST = RunningCost(settling=2.0, unsettled=Unsettled(Tolerances(0.5, 0.5, 0.1)), limit=3.0)
@@ -37,6 +37,11 @@ ENGINES = {
     "scan": ScanEngine(diffrax.Tsit5(), substeps=20, lanes=2),
     "adaptive": ScanEngine(diffrax.Tsit5(), lanes=2, tolerance=Tolerance(1e-11, 1e-11)),
     "diffrax": ReferenceEngine(adaptive(1e-11, 1e-11, diffrax.Tsit5()), width=2),
+    "direct": ReferenceEngine(
+        Method(diffrax.Tsit5(), diffrax.ConstantStepSize(), jnp.array(0.02), 400),
+        2,
+        diffrax.DirectAdjoint(),
+    ),
 }
 
 
@@ -52,6 +57,7 @@ def program(loop, begin, cost=COST):
         pytest.param("error", "adaptive", "forward", marks=pytest.mark.slow),
         pytest.param("error", "diffrax", "forward", marks=pytest.mark.slow),
         pytest.param("error", "diffrax", "reverse", marks=pytest.mark.slow),
+        pytest.param("error", "direct", "reverse", marks=pytest.mark.slow),
         ("sampled", "scan", "forward"),
         pytest.param("sampled", "scan", "reverse", marks=pytest.mark.slow),
     ],

@@ -29,7 +29,7 @@ def tumbling_loop():
     return ContinuousLoop(plant, Coast(), Actuators.of(Thrusters(jnp.eye(3)).without([3])))
 
 
-def tumbling(count=100, chunk=16, design=None, seed=4, lanes=8, duration=20.0):
+def tumbling(count=100, chunk=16, design=None, seed=4, lanes=8, duration=20.0, **also):
     loop = tumbling_loop()
     begin = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.0, 0.0, 0.0])
     dispersions = Dispersions(
@@ -37,6 +37,7 @@ def tumbling(count=100, chunk=16, design=None, seed=4, lanes=8, duration=20.0):
             "inertia": Uniform(-0.1, 0.1),
             "disturbance_phase": Uniform(0.0, 6.28),
             "omega": Uniform([-0.03, -0.01, -0.01], [0.03, 0.01, 0.01]),
+            **also,
         }
     )
     copies = Dispersed(loop, begin, dispersions, seed)

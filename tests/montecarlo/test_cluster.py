@@ -89,6 +89,17 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path):
             run_study(tumbling(), tmp_path / "s", executor=scheduler_at(place, 0.2))
 
 
+def test_a_scheduler_that_goes_away_is_told(tmp_path, whole):
+    """What is done stays, and the study goes on elsewhere."""
+    cluster = distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=":0")
+    executor = scheduler_at(cluster.scheduler_address)
+    with pytest.raises(ClusterError, match="the scheduler is gone"):
+        run_study(tumbling(), tmp_path / "s", executor=executor, report=lambda _: cluster.close())
+    assert 0 < contents(tmp_path / "s")["status"].sum() < 100
+    run_study(tumbling(), tmp_path / "s")
+    same(without_status(contents(tmp_path / "s")), whole)
+
+
 @pytest.mark.slow
 def test_a_worker_killed_is_replaced_and_changes_nothing(tmp_path, whole):
     """Two processes; one is killed after the first chunk, and what it had is computed again."""

@@ -5,13 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jaxsat.engine import ReferenceEngine
+from jaxsat.engine import ReferenceEngine, ScanEngine
 from jaxsat.montecarlo import (
+    Discrete,
     LatinHypercube,
     Serial,
     Sobol,
     StopRule,
     Threads,
+    Uniform,
     run_study,
     summarise,
     wilson,
@@ -20,7 +22,7 @@ from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.results import OutputError, open_study
 from jaxsat.scenario import load
 from jaxsat.scenario.study import build_study
-from jaxsat.simulation import adaptive
+from jaxsat.simulation import Outcome, adaptive
 from montecarlo.studies import tumbling
 
 
@@ -125,6 +127,36 @@ def test_summary(tmp_path, whole):
     assert not np.any(settled[summary.worst])
     assert summary.cost_sensitivity[0].name == "omega[1]"
     assert summarise(open_study(tmp_path / "s"), 10).cases == 10
+
+
+def test_what_fails_is_kept_and_counted_and_changes_nothing_else(tmp_path):
+    """Some spin beyond the limit of the state from the start; the rest is as if alone."""
+    study = tumbling(omega=Discrete([0.01, 1e9], [3.0, 1.0]))
+    run_study(study, tmp_path / "s")
+    found = contents(tmp_path / "s")
+    failed = found["code"] == int(Outcome.STATE_LIMIT)
+    assert 20 < failed.sum() < 100
+    assert found["status"].all()
+    np.testing.assert_array_equal(failed, (found["drawn_omega"] > 1).any(axis=1))
+    for name in ("omega", "effort", "peak_rate"):
+        assert np.isnan(found[name][failed]).all()
+    alone = _by_column(study.evaluate(np.flatnonzero(~failed)))
+    same({name: found[name][~failed] for name in alone}, alone)
+    summary = summarise(open_study(tmp_path / "s"))
+    assert summary.outcomes["state_limit"] == failed.sum()
+    assert sum(summary.outcomes.values()) == summary.cases == 100
+    assert failed[summary.worst].all()
+
+
+@pytest.mark.parametrize("engine", [ScanEngine(lanes=4), ReferenceEngine(width=4)])
+def test_an_impossible_body_is_coded(engine):
+    """Moments that break the triangle inequality however often they are drawn."""
+    flat = Uniform([-0.9, -0.9, 0.0], [-0.8, -0.8, 0.1])
+    study = dataclasses.replace(tumbling(6, 3, inertia=flat), engine=engine)
+    found = study.evaluate(np.arange(6))
+    assert found.code.tolist() == [int(Outcome.IMPOSSIBLE_CASE)] * 6
+    assert np.isnan(found.cost).all()
+    assert np.isfinite(found.drawn["omega"]).all()
 
 
 @pytest.fixture(scope="module")

@@ -67,6 +67,13 @@ def test_the_figures_of_a_study():
     assert set(study_figures({"settling_time": times}, {}, "t")) == {"settling", "convergence"}
 
 
+def test_a_fan_of_cases_that_cannot_exist_says_so():
+    nothing = np.full((3, 11, 2), np.nan)
+    figure = fan_chart(np.arange(11.0), nothing, ["w1", "w2"], "title")
+    assert [axes.get_title(loc="right") for axes in figure.axes] == ["no case can exist"] * 2
+    assert not figure.axes[0].lines
+
+
 def test_rare_peaks_do_not_hide_the_fan():
     values = RNG.normal(size=(200, 11, 2))
     values[:4, 5, 0] = 1e3

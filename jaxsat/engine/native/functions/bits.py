@@ -19,7 +19,6 @@ Double = Float64[Array, "*n"]
 Integer = Int64[Array, "*n"]
 Truth = Bool[Array, "*n"]
 
-_ONE_BITS = np.int64(1023 << 52)
 _UPPER_26 = np.int64(-(2**27))
 _UPPER_17 = np.int64(-(2**36))
 _ROUNDER_BITS = np.float64(ROUNDER).view(np.int64)
