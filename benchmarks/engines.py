@@ -1,6 +1,6 @@
 """Engines and other programs on one piece of work, at equal accuracy, in one interleaved run.
 
-    python benchmarks/engines.py                                        # some minutes
+    python benchmarks/engines.py                                        # three quarters of an hour
     python benchmarks/engines.py --cases 1 4 --duration 5 --rounds 1    # to see that it works
 
 The work is the scenario benchmark-three-axis. Of every contender the loosest setting takes part
@@ -43,7 +43,7 @@ from jaxsat.scenario.study import build_study
 WANTED = 1e-6
 PERCENT = 95.0
 PATIENCE = 60.0
-"""Seconds; a contender whose first turn takes longer has no other."""
+"""Seconds; a contender whose first turn takes longer has no other, so that no run takes hours."""
 
 TURN = 0.5
 """Seconds that a turn lasts at least. The time of a run of some milliseconds depends on what the
@@ -103,12 +103,15 @@ def seconds(run: Run) -> float:
 
 
 def paces(runs: dict[str, Run], count: int, rounds: int) -> dict[str, float]:
-    """Cases a second of every contender, the best of its turns after one that does not count."""
-    best = dict.fromkeys(runs, math.inf)
-    for run in runs.values():
-        run()
-    for number in range(rounds):
-        for name in [name for name in runs if number == 0 or best[name] <= PATIENCE]:
+    """Cases a second of every contender, the best of its turns.
+
+    The first, in which machine code is made, counts only where it is so long that it is the last.
+    """
+    best = {name: seconds(run) for name, run in runs.items()}
+    quick = [name for name in runs if best[name] <= PATIENCE]
+    best |= dict.fromkeys(quick, math.inf)
+    for _ in range(rounds):
+        for name in quick:
             best[name] = min(best[name], seconds(runs[name]))
     return {name: count / best[name] for name in runs}
 

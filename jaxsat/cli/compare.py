@@ -216,7 +216,9 @@ def _tell_of_untuned(limits: Sequence[float]) -> None:
     for limit in limits:
         if limit not in TUNED_LIMITS:
             report(
-                f"gains are tuned for {tuned} N m and interpolated for {limit:g} N m", "warning: "
+                f"gains are tuned for {tuned} N m; for {limit:g} N m they are interpolated, or "
+                "those of the nearest",
+                "warning: ",
             )
 
 

@@ -60,6 +60,7 @@ def _limit_cautions(scenario: Scenario) -> list[Issue]:
     tuned = ", ".join(f"{one:g}" for one in TUNED_LIMITS)
     message = (
         f'should be one of {tuned} N m under the law "{scenario.control.law}", whose gains are '
-        f"tuned for these and interpolated for any other, got {shown(limit)}"
+        "tuned for these, interpolated between them and beyond them those of the nearest, "
+        f"got {shown(limit)}"
     )
     return [Issue(("spacecraft", "torque_limit_N_m"), message)]

@@ -79,20 +79,36 @@ def test_a_scenario_without_the_table_is_refused(jaxsat):
     assert "[tuning] table" in err
 
 
+def test_a_full_disk_is_a_failure_and_no_mistake(jaxsat, monkeypatch):
+    from jaxsat.results import OutputError
+    from jaxsat.tuning import checkpoint
+
+    def full(*_, **__):
+        raise OutputError("run cannot be made: No space left on device.", failure=True)
+
+    monkeypatch.setattr(checkpoint, "TuningFolder", full)
+    status, _, err = jaxsat("rate.toml", "--width", "4", "--out", "run")
+    assert status == 1
+    assert "No space left on device" in err
+
+
 @pytest.mark.slow
 def test_an_interrupted_run_keeps_its_best_and_goes_on(jaxsat, tmp_path):
     short = ("rate.toml", "--set", "tuning.steps=60", "--width", "4", "--workers", "1")
     root = Path(__file__).parents[2]
     command = [sys.executable, "-m", "jaxsat", "tune", *short, "--out", "run"]
     environment = {**os.environ, "PYTHONPATH": str(root)}
-    run = subprocess.Popen(command, stderr=subprocess.PIPE, env=environment, text=True)
-    while not (tmp_path / "run" / "tuned.toml").exists():
-        time.sleep(0.05)
-        assert run.poll() is None, run.stderr.read()
-    run.send_signal(signal.SIGINT)
-    message = run.communicate(timeout=120)[1]
-    assert run.returncode == 130
-    assert "the same command goes on from there" in message
+    tuned = tmp_path / "run" / "tuned.toml"
+    for number, status in ((signal.SIGTERM, 143), (signal.SIGINT, 130)):
+        before = tuned.stat().st_mtime_ns if tuned.exists() else None
+        run = subprocess.Popen(command, stderr=subprocess.PIPE, env=environment, text=True)
+        while not tuned.exists() or tuned.stat().st_mtime_ns == before:
+            time.sleep(0.05)
+            assert run.poll() is None, run.stderr.read()
+        run.send_signal(number)
+        message = run.communicate(timeout=120)[1]
+        assert run.returncode == status
+        assert "the same command goes on from there" in message
     status, _, err = jaxsat(*short, "--out", "run")
     assert status == 0, err
     status, _, err = jaxsat(*short, "--out", "whole")

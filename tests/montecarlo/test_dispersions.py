@@ -56,14 +56,19 @@ def models(loop):
     return [law.rate_law.model, law.three_axis_law.model]
 
 
+def of_both_models(read):
+    """What is read of the model of the rate law and of that of the three-axis law."""
+
+    def read_both(copy):
+        one, other = map(read, models(copy.loop))
+        np.testing.assert_array_equal(one, other)
+        return one
+
+    return read_both
+
+
 def tilted(copy):
     return jax.vmap(lambda a: a.as_wz())(copy.start.attitude)
-
-
-def axis_turns(copy):
-    """Components of each torque axis across its nominal one, as small angles."""
-    axes = copy.loop.actuators.torque_axes
-    return np.stack([axes[:, 1, 0], axes[:, 2, 0], axes[:, 2, 1], axes[:, 0, 1]], axis=1)
 
 
 REACHES = {
@@ -80,10 +85,10 @@ REACHES = {
     ),
     "disturbance_phase": lambda c: c.loop.plant.disturbance.phase,
     "constant_torque": lambda c: c.loop.plant.disturbance.terms[1].torque,
-    "model_inertia": lambda c: (
-        np.diagonal(models(c.loop)[0].spacecraft.inertia, axis1=1, axis2=2) / J - 1
+    "model_inertia": of_both_models(
+        lambda m: np.diagonal(m.spacecraft.inertia, axis1=1, axis2=2) / J - 1
     ),
-    "model_orbit_rate": lambda c: models(c.loop)[1].orbit.rate[:, None] / 0.0011 - 1,
+    "model_orbit_rate": of_both_models(lambda m: m.orbit.rate[:, None] / 0.0011 - 1),
     "rate_noise": lambda c: c.loop.sensors.rate_noise[:, None],
     "attitude_noise": lambda c: c.loop.sensors.attitude_noise[:, None],
     "delay": lambda c: c.loop.delay[:, None],
@@ -113,10 +118,16 @@ def test_a_dispersed_quantity_reaches_the_model(name):
 
 
 def test_misalignment_reaches_the_torque_axes():
+    """Of each thruster its own pair, towards two directions across it that stay the same."""
     copy = copies_of(sampled(), 5, misalignment=Uniform(-0.02, 0.02))
-    found = np.sort(np.abs(axis_turns(copy)), axis=1)
-    drawn = np.sort(np.abs(copy.drawn["misalignment"]), axis=1)
-    np.testing.assert_allclose(found, drawn, rtol=1e-3)
+    axes = np.asarray(copy.loop.actuators.torque_axes)
+    drawn = np.asarray(copy.drawn["misalignment"]).reshape(5, 2, 2)
+    for j in range(2):
+        across = np.delete(axes[:, :, j], j, axis=1) / axes[:, j, j, None]
+        directions = np.linalg.lstsq(drawn[:, j], across, rcond=None)[0]
+        np.testing.assert_allclose(drawn[:, j] @ directions, across, atol=1e-15)
+        np.testing.assert_allclose(directions @ directions.T, np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1.0, rtol=1e-14)
     nominal = sampled().actuators.thrust_map
     np.testing.assert_array_equal(copy.loop.actuators.thrust_map, jnp.stack([nominal] * 5))
 
