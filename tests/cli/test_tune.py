@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -81,13 +82,16 @@ def test_a_scenario_without_the_table_is_refused(jaxsat):
 
 def test_a_full_disk_is_a_failure_and_no_mistake(jaxsat, monkeypatch):
     from jaxsat.results import OutputError
+    from jaxsat.scenario import tuning
     from jaxsat.tuning import checkpoint
 
     def full(*_, **__):
         raise OutputError("run cannot be made: No space left on device.", failure=True)
 
+    monkeypatch.setattr(tuning, "build_plan", lambda *_, **__: SimpleNamespace(remark=None))
+    monkeypatch.setattr(checkpoint, "plan_identity", lambda _: {})
     monkeypatch.setattr(checkpoint, "TuningFolder", full)
-    status, _, err = jaxsat("rate.toml", "--width", "4", "--out", "run")
+    status, _, err = jaxsat("rate.toml", "--out", "run")
     assert status == 1
     assert "No space left on device" in err
 

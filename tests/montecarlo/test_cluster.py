@@ -92,7 +92,7 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path):
 def test_a_scheduler_that_goes_away_is_told(tmp_path, whole):
     """What is done stays, and the study goes on elsewhere."""
     cluster = distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=":0")
-    executor = scheduler_at(cluster.scheduler_address)
+    executor = scheduler_at(cluster.scheduler_address, 1.0)
     with pytest.raises(ClusterError, match="the scheduler is gone"):
         run_study(tumbling(), tmp_path / "s", executor=executor, report=lambda _: cluster.close())
     assert 0 < contents(tmp_path / "s")["status"].sum() < 100
