@@ -28,6 +28,12 @@ DONE = 1
 
 CASE = "case"
 
+SHOWN = 6
+"""Differences between two studies that are told."""
+
+PROGRAM = ("program",)
+"""What of an identity is told last: numbers without names, most of which a scenario names."""
+
 
 class Column(NamedTuple):
     """How one result of a case is stored: shape and type of one case's value, and its label."""
@@ -233,18 +239,24 @@ def study_columns(path: str | Path) -> dict[str, zarr.Array]:
     return dict(sorted(cast(zarr.Group, zarr.open_group(path, mode="r")).arrays()))
 
 
-def differences(old: Any, new: Any, name: str = "") -> list[str]:
-    """Where two nests of plain data differ, one clause for each place."""
+def differences(old: Any, new: Any) -> list[str]:
+    """Where two nests of plain data differ, one clause for each place; of many the first few."""
+    found = sorted(_differences(old, new), key=lambda place: (place[0][:1] == PROGRAM, place[0]))
+    clauses = [f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in found]
+    more = len(clauses) - SHOWN
+    return [*clauses[:SHOWN], f"and {more} more"] if more > 0 else clauses
+
+
+def _differences(old: Any, new: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Path, old and new value of every place where they differ."""
     if isinstance(old, Mapping) and isinstance(new, Mapping):
-        keys = sorted(set(old) | set(new))
-        below = [
-            differences(old.get(key), new.get(key), f"{name}.{key}" if name else key)
-            for key in keys
-        ]
-        return [clause for clauses in below for clause in clauses]
-    if old == new:
-        return []
-    return [f"{name}: {_short(old)} there, {_short(new)} here"]
+        for key in sorted(set(old) | set(new)):
+            yield from _differences(old.get(key), new.get(key), *path, key)
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        for number, (x, y) in enumerate(zip(old, new, strict=True), 1):
+            yield from _differences(x, y, *path, str(number))
+    elif old != new:
+        yield path, old, new
 
 
 def _short(value: Any) -> str:

@@ -19,6 +19,7 @@ from jaxsat.results import (
 )
 from jaxsat.results import store as store_module
 from jaxsat.results.locking import lock_folder, remove_stale
+from jaxsat.results.store import differences
 
 COLUMNS = {
     "cost": Column((), "float64", "1", "the cost"),
@@ -76,6 +77,21 @@ def test_another_study_is_refused(tmp_path):
     other = {"seed": 2, "program": {"duration": 2.0}}
     with pytest.raises(OutputError, match=r"another study \(seed: 1 there, 2 here\)"):
         made(tmp_path / "s", identity=other)
+
+
+def test_differences_are_told_by_place_the_programs_last():
+    old = {"program": {"numbers": [[1, 2], 3]}, "scenario": {"k": 1}, "list": [1], "same": [[0]]}
+    new = {"program": {"numbers": [[1, 4], 5]}, "scenario": {"k": 2}, "list": [1, 2], "same": [[0]]}
+    assert differences(old, new) == [
+        "list: [1] there, [1, 2] here",
+        "scenario.k: 1 there, 2 here",
+        "program.numbers.1.2: 2 there, 4 here",
+        "program.numbers.2: 3 there, 5 here",
+    ]
+    many = differences(list(range(9)), list(range(1, 10)))
+    assert len(many) == 7
+    assert many[-1] == "and 3 more"
+    assert differences(old, old) == []
 
 
 def test_what_is_no_store_is_refused(tmp_path):
