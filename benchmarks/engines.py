@@ -1,6 +1,6 @@
 """Engines and other programs on one piece of work, at equal accuracy, in one interleaved run.
 
-    python benchmarks/engines.py                                        # three quarters of an hour
+    python benchmarks/engines.py                                        # half an hour
     python benchmarks/engines.py --cases 1 4 --duration 5 --rounds 1    # to see that it works
 
 The work is the scenario benchmark-three-axis. Of every contender the loosest setting takes part

@@ -215,11 +215,9 @@ def _tell_of_untuned(limits: Sequence[float]) -> None:
     tuned = ", ".join(f"{one:g}" for one in TUNED_LIMITS)
     for limit in limits:
         if limit not in TUNED_LIMITS:
-            report(
-                f"gains are tuned for {tuned} N m; for {limit:g} N m they are interpolated, or "
-                "those of the nearest",
-                "warning: ",
-            )
+            inside = min(TUNED_LIMITS) < limit < max(TUNED_LIMITS)
+            how = "interpolated" if inside else "those of the nearest"
+            report(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}", "warning: ")
 
 
 def _refuse_strangers(out: Path) -> None:

@@ -78,8 +78,8 @@ def located(
 
 
 def polynomial(
-    coefficients: Sequence[Float[Array, "1 n"]], part: Float[Array, "parts #n"]
-) -> Float[Array, "parts n"]:
+    coefficients: Sequence[Float[Array, "..."]], part: Float[Array, "..."]
+) -> Float[Array, "..."]:
     """Σ_p θ^p coefficients[p - 1] at θ = `part`."""
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:

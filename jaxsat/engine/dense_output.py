@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.engine.crossing import polynomial
 from jaxsat.engine.runge_kutta import weighted
 
 
@@ -97,10 +98,7 @@ class Sextic(AbstractDenseOutput):
 
     def at(self, begin, growth, part):
         """By Horner's rule."""
-        total = growth[-1]
-        for row in growth[-2::-1]:
-            total = row + part * total
-        return begin + part * total
+        return begin + polynomial(list(growth), part)
 
     def powers(self, growth):
         """The rows themselves."""
