@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.terminal import UserMistake
+from jaxsat.cli.terminal import UserMistake, report
 from jaxsat.processors import processors
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ def chosen_executor(
 
     On this machine no more threads compute than there are processors, whatever is asked for.
     """
-    from jaxsat.montecarlo import Devices, Serial, Threads
+    from jaxsat.montecarlo import Devices, Processes, Serial, Threads
 
     for name, value in (("--workers", workers), ("--processes", processes)):
         if value is not None and value < 1:
@@ -34,23 +34,24 @@ def chosen_executor(
             return Devices(devices)
         except ValueError as error:
             raise UserMistake(f"--devices: {error}") from None
-    if processes is not None or scheduler is not None:
-        return _cluster(workers, processes, scheduler)
+    if scheduler is not None:
+        return _cluster(scheduler)
+    if processes is not None:
+        count = min(processes, processors())
+        share = processors() // count
+        return Processes(count, min(workers or share, share))
     workers = min(workers or processors(), processors())
     return Threads(workers) if workers > 1 else Serial()
 
 
-def _cluster(
-    workers: int | None, processes: int | None, scheduler: str | None
-) -> "AbstractExecutor":
+def _cluster(place: str) -> "AbstractExecutor":
     try:
-        from jaxsat.montecarlo.cluster import local_processes, scheduler_at
+        from jaxsat.montecarlo.cluster import scheduler_at
     except ImportError:
         raise UserMistake(
-            "--processes and --scheduler: must have dask.distributed; install jaxsat[cluster]"
+            "--scheduler: must have dask.distributed; install jaxsat[cluster]"
         ) from None
-    if scheduler:
-        return scheduler_at(scheduler)
-    count = min(processes or 1, processors())
-    share = processors() // count
-    return local_processes(count, min(workers or share, share))
+    try:
+        return scheduler_at(place, tell=report)
+    except ValueError as error:
+        raise UserMistake(f"--scheduler: {error}") from None

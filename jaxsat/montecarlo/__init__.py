@@ -19,6 +19,7 @@ from jaxsat.montecarlo.distributions import (
 )
 from jaxsat.montecarlo.ensemble import Study, StudyProgress, require_counts, run_study
 from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Devices, Serial, Threads
+from jaxsat.montecarlo.processes import Processes
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.montecarlo.statistics import (
     Interval,
@@ -45,6 +46,7 @@ __all__ = [
     "Interval",
     "LatinHypercube",
     "Normal",
+    "Processes",
     "RandomAttitude",
     "Sensitivity",
     "Serial",

@@ -1,182 +1,302 @@
-"""Chunks computed by the workers of dask.distributed: processes here, or machines elsewhere.
+"""Chunks computed by the workers of a dask scheduler, on other machines perhaps.
 
-Needs the extra `cluster`. Only this process writes to the study's store.
+Needs the extra `cluster`. Only this process writes to the study's store. Whoever can reach a
+scheduler can run code as those who use it; see `scheduler_at`.
 """
 
 import logging
+import platform
 import threading
+import time
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
-from contextlib import AbstractContextManager, contextmanager, suppress
+from concurrent.futures import Future as Answer
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import Any, cast
+from importlib.metadata import version
+from typing import Any, TypeVar, cast
 
-import cloudpickle
-import jax
-from distributed import Client, Future, KilledWorker, LocalCluster, WorkerPlugin, get_worker, wait
+from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker, wait
+from distributed.utils import silence_logging_cmgr
+from distributed.versions import VersionMismatchWarning
 
-from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Work
-from jaxsat.processors import share_of
+from jaxsat.montecarlo.addresses import scheduler_address
+from jaxsat.montecarlo.executors import POLL_S, AbstractExecutor, ClusterError, Stop, Work
+from jaxsat.montecarlo.shipping import Done, Failed, Packed, computed, packed
 
 AHEAD = 2
 """Chunks that are given out for every thread of a worker: one to compute, one to go on with."""
 
-POLL_S = 0.2
-"""How often a run looks whether it is to stop."""
+CONNECT_S = 10.0
+"""How long a scheduler is waited for."""
 
-PATIENCE_S = 10.0
-"""How long a run that is to stop may take to let its workers go."""
+WITHOUT_WORKERS_S = 3600.0
+"""How long a scheduler may have no workers."""
 
-DEAF_TO_CTRL_C = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
-"""A terminal sends Ctrl-C to the workers as well; who started them ends them, in good order."""
+SHIPPED_S = 300.0
+"""How long the workers that are there may take to import what a study needs."""
+
+ANSWER_S = 30.0
+"""How long a scheduler may take for any other answer."""
+
+LOOK_S = 5.0
+"""How often a run asks whether the scheduler and its workers are still there."""
+
+PARTING_S = 3.0
+"""How long taking leave of a scheduler may take."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Cluster(AbstractExecutor):
-    """The workers of a dask cluster, which may come and go while a study runs.
+class Scheduler(AbstractExecutor):
+    """The workers of the dask scheduler at an address, which may come and go while a study runs.
 
-    `connect` gives a client as a context manager; see `local_processes` and `scheduler_at`. What is
-    to be computed is sent to every worker once, so that it compiles once there, and to those that
-    come later or replace one that died. The chunks of a worker that died are computed again.
-    Raises `ClusterError` where no scheduler answers, or no longer, or one chunk's workers die again
+    What is to be computed is sent to every worker once, so that it compiles once there, and to
+    those that come later. The chunks of a worker that died are computed again. `tell` is told that
+    there are no workers yet, or no longer. Raises `ClusterError` where no scheduler answers within
+    `timeout` seconds, or no longer does, or is of another version; where there are no workers for
+    `patience` seconds; where they cannot import jaxsat; and where one chunk's workers die again
     and again.
     """
 
-    connect: Callable[[], AbstractContextManager[Client]]
-    _stopping: threading.Event = field(default_factory=threading.Event, repr=False, compare=False)
-    _idle: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
+    address: str
+    timeout: float = CONNECT_S
+    patience: float = WITHOUT_WORKERS_S
+    tell: Callable[[str], None] = field(default=lambda _: None, repr=False, compare=False)
+    _stop: Stop = field(default_factory=Stop, init=False, repr=False, compare=False)
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """The results as they are ready; raises `ClusterError` where `stop` was called."""
-        name = f"jaxsat-{uuid.uuid4().hex}"
-        with self._idle, self.connect() as client:
-            double = bool(jax.config.read("jax_enable_x64"))
-            client.register_plugin(_Shipped(cloudpickle.dumps(work), double), name=name)
-            try:
-                yield from _as_ready(client, name, iter(chunks), self._stopping)
-            except (OSError, CancelledError) as error:
-                if client.status == "running":  # it is the work's own
-                    raise
-                raise ClusterError(f"the scheduler is gone: {_reason(error)}") from error
-            finally:
-                with suppress(OSError):  # of a scheduler that is gone
-                    client.unregister_worker_plugin(name)
+        with self._stop.run(), _Link.to(self) as link:
+            yield from link.results(packed(work), iter(chunks), self._stop)
 
     def stop(self) -> None:
         """Take back what is given out and let the workers go; waits until they are."""
-        self._stopping.set()
-        if self._idle.acquire(timeout=PATIENCE_S):
-            self._stopping.clear()
-            self._idle.release()
+        self._stop.ask()
 
 
-def local_processes(count: int, threads: int = 1) -> Cluster:
-    """`count` worker processes on this machine with `threads` threads each."""
-    for name, value in (("count", count), ("threads", threads)):
-        if value < 1:
-            raise ValueError(f"Argument `{name}` must be at least 1, but got {value}.")
+def scheduler_at(
+    place: str,
+    timeout: float = CONNECT_S,
+    patience: float = WITHOUT_WORKERS_S,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Scheduler:
+    """The scheduler at an address such as tcp://host:8786, or named in the JSON file it wrote.
 
-    @contextmanager
-    def connect():
-        with (
-            LocalCluster(
-                n_workers=count,
-                threads_per_worker=threads,
-                processes=True,
-                memory_limit=0,
-                dashboard_address=":0",
-                preload=[DEAF_TO_CTRL_C],
-                silence_logs=logging.CRITICAL,  # what counts is raised here
-            ) as cluster,
-            Client(cluster) as client,
-        ):
-            yield client
-
-    return Cluster(connect)
-
-
-def scheduler_at(place: str, timeout: float = 10.0) -> Cluster:
-    """The workers of a scheduler at an address such as tcp://host:8786, or named in a JSON file.
-
-    Waits `timeout` seconds for the scheduler, and for its first worker as long as it takes.
+    The connection is as dask's configuration says: with a tls:// address and
+    `distributed.comm.tls` encrypted and authenticated, else open to all who reach the address.
+    Raises `ValueError` for what is neither an address nor a scheduler's file.
     """
+    return Scheduler(scheduler_address(place, timeout), timeout, patience, tell)
+
+
+class _Link:
+    """A connection to a scheduler, each of whose answers has a time limit."""
+
+    def __init__(self, to: Scheduler, client: Client):
+        self._to, self._client = to, client
+        self._name = f"jaxsat-{uuid.uuid4().hex}"
+        self._running: dict[Future, int] = {}
+        self._threads = 0
+        self._looked = float("-inf")
+        self._alone_since: float | None = None
+
+    @staticmethod
+    @contextmanager
+    def to(scheduler: Scheduler) -> Iterator["_Link"]:
+        with silence_logging_cmgr(logging.CRITICAL):  # what counts is raised here
+            link = _Link(scheduler, _connected(scheduler.address, scheduler.timeout))
+            try:
+                yield link
+            finally:
+                link._leave()
+
+    def results(
+        self, work: Packed, remaining: Iterator[int], stop: Stop
+    ) -> Iterator[tuple[int, Any]]:
+        plugin = _Shipped(work)
+        self._ask(lambda: self._client.register_plugin(plugin, name=self._name), SHIPPED_S)
+        while True:
+            self._look()
+            room = AHEAD * max(1, self._threads)
+            while len(self._running) < room and (chunk := next(remaining, None)) is not None:
+                self._running[self._submitted(chunk)] = chunk
+            if not self._running:
+                return
+            for future in self._first_done(stop):
+                chunk = self._running.pop(future)
+                yield chunk, self._result(future, chunk, stop)
+
+    def _submitted(self, chunk: int) -> Future:
+        key = f"{self._name}-{chunk}"
+        return self._client.submit(_compute, self._name, chunk, key=key, pure=False)
+
+    def _first_done(self, stop: Stop) -> Iterable[Future]:
+        while True:
+            stop.check()
+            self._look()
+            with suppress(TimeoutError), self._lasting():
+                return cast(Any, wait(list(self._running), POLL_S, "FIRST_COMPLETED")).done
+
+    def _result(self, future: Future, chunk: int, stop: Stop) -> Any:
+        while True:
+            stop.check()
+            self._look()
+            try:
+                with suppress(TimeoutError), self._lasting():
+                    outcome: Done | Failed = future.result(ANSWER_S)
+                    break
+            except KilledWorker as error:
+                raise ClusterError(
+                    f"{error.allowed_failures + 1} workers died on chunk {chunk}, the last at "
+                    f"{error.last_worker.address}"
+                ) from error
+        if isinstance(outcome, Failed):
+            raise outcome.error
+        return outcome.result
+
+    def _look(self) -> None:
+        """Ask from time to time who is there."""
+        now = time.monotonic()
+        if now - self._looked < LOOK_S:
+            return
+        threads = cast(dict[str, int], self._ask(self._client.nthreads, ANSWER_S))
+        self._threads, self._looked = sum(threads.values()), time.monotonic()
+        if self._threads:
+            self._alone_since = None
+        elif self._alone_since is None:
+            self._alone_since = now
+            self._to.tell(
+                f"the scheduler at {self._to.address} has no workers; "
+                f"waiting {self._to.patience:g} s for one"
+            )
+        elif now - self._alone_since > self._to.patience:
+            raise ClusterError(
+                f"the scheduler at {self._to.address} had no workers for {self._to.patience:g} s"
+            )
+
+    def _ask(self, question: Callable[[], T], limit: float) -> T:
+        with self._lasting():
+            try:
+                return _in_time(question, limit)
+            except TimeoutError:
+                raise OSError(f"no answer within {limit:g} s") from None
 
     @contextmanager
-    def connect():
-        by_file = place.endswith(".json")
+    def _lasting(self) -> Iterator[None]:
+        """Tell in words what goes wrong between here and the workers."""
         try:
-            client = (
-                Client(scheduler_file=place, timeout=timeout)
-                if by_file
-                else Client(place, timeout=timeout)
-            )
-        except (OSError, ValueError) as error:
-            raise ClusterError(f"no scheduler answers at {place}: {_reason(error)}") from error
-        with client:
-            yield client
+            yield
+        except (ClusterError, KilledWorker, TimeoutError):
+            raise
+        except (OSError, CancelledError) as error:
+            raise ClusterError(f"the scheduler is gone: {_reason(error)}") from error
+        except Exception as error:  # their own are sent as `Failed`
+            raise ClusterError(f"the workers cannot compute: {_reason(error)}") from error
 
-    return Cluster(connect)
+    def _leave(self) -> None:
+        for parting in (self._take_back, self._client.close):
+            with suppress(Exception):  # of a scheduler that is gone
+                _in_time(parting, PARTING_S)
+
+    def _take_back(self) -> None:
+        if self._client.status == "running":
+            self._client.cancel(list(self._running))
+            self._client.unregister_worker_plugin(self._name)
+
+
+def _connected(address: str, timeout: float) -> Client:
+    def connect() -> Client:
+        with warnings.catch_warnings():  # versions are compared below
+            warnings.simplefilter("ignore", VersionMismatchWarning)
+            return Client(address, timeout=timeout)
+
+    try:
+        client = _in_time(connect, timeout + 1.0)
+    except (OSError, ValueError) as error:
+        raise ClusterError(f"no scheduler answers at {address}: {_reason(error)}") from error
+    except Exception as error:  # whatever dask makes of what is there
+        raise ClusterError(
+            f"no scheduler at {address} can be used by dask {version('dask')}: {_reason(error)}"
+        ) from error
+    loop = cast(Any, client.loop).asyncio_loop
+    loop.set_exception_handler(lambda *_: None)  # of tasks that nobody waits for any longer
+    try:
+        _require_same_versions(client, address)
+    except BaseException:
+        with suppress(Exception):
+            _in_time(client.close, PARTING_S)
+        raise
+    return client
+
+
+def _require_same_versions(client: Client, address: str) -> None:
+    """Raise `ClusterError` where a scheduler has other versions, with which it may not answer."""
+    here = {name: version(name) for name in ("dask", "distributed")}
+    here["python"] = platform.python_version()
+    try:
+        ask = cast(Any, client.scheduler).versions
+        told = _in_time(lambda: cast(Any, client.sync(ask)), ANSWER_S)
+        there = {name: str(told["packages"][name]) for name in here}
+    except Exception as error:
+        reason = _reason(error)
+        raise ClusterError(f"the scheduler at {address} tells no versions: {reason}") from error
+    other = [
+        f"{name}: {there[name]} there, {here[name]} here"
+        for name in here
+        if _release(name, there[name]) != _release(name, here[name])
+    ]
+    if other:
+        raise ClusterError(
+            f"the scheduler at {address} must have the same versions ({'; '.join(other)})"
+        )
+
+
+def _release(name: str, number: str) -> str:
+    """Of Python 3.11.7 the 3.11, of others all."""
+    return ".".join(number.split(".")[:2]) if name == "python" else number
+
+
+def _in_time(question: Callable[[], T], limit: float) -> T:
+    """An answer within a number of seconds, or `TimeoutError`; not all of dask's own have one."""
+    answer = Answer[T]()
+
+    def target() -> None:
+        try:
+            answer.set_result(question())
+        except BaseException as error:
+            answer.set_exception(error)
+
+    threading.Thread(target=target, daemon=True).start()
+    return answer.result(limit)
 
 
 def _reason(error: BaseException) -> str:
     """What an error says, in one line."""
-    return " ".join(str(error).split()) or type(error).__name__
+    silent = "no answer in time" if isinstance(error, TimeoutError) else type(error).__name__
+    return " ".join(str(error).split()) or silent
 
 
 class _Shipped(WorkerPlugin):
-    """What a worker keeps of a study: the work, unpacked once in the precision of the sender."""
+    """What a worker keeps of a study: the work, unpacked once."""
 
-    def __init__(self, packed: bytes, double_precision: bool):
-        self._packed, self._double_precision = packed, double_precision
+    def __init__(self, work: Packed):
+        self._packed = work
 
     def setup(self, worker) -> None:
         del worker
         self._lock = threading.Lock()
         self._work: Work | None = None
 
-    def compute(self, chunk: int):
+    def compute(self, chunk: int) -> Done | Failed:
         with self._lock:
             if self._work is None:
-                # before unpacking, which would round arrays to the precision of the moment
-                jax.config.update("jax_enable_x64", self._double_precision)
-                self._work = cast(Work, cloudpickle.loads(self._packed))
-        with share_of(1):  # of the worker's threads, which are the scheduler's to give out
-            return self._work(chunk)
+                self._work = self._packed.unpacked()
+        return computed(self._work, chunk)
 
 
-def _compute(name: str, chunk: int):
+def _compute(name: str, chunk: int) -> Done | Failed:
     return cast(_Shipped, get_worker().plugins[name]).compute(chunk)
-
-
-def _as_ready(
-    client: Client, name: str, remaining: Iterator[int], stopping: threading.Event
-) -> Iterator[tuple[int, Any]]:
-    running: dict[Future, int] = {}
-    try:
-        while True:
-            threads = cast(Mapping[str, int], client.nthreads())
-            room = AHEAD * max(1, sum(threads.values()))
-            while len(running) < room and (chunk := next(remaining, None)) is not None:
-                future = client.submit(_compute, name, chunk, key=f"{name}-{chunk}", pure=False)
-                running[future] = chunk
-            if not running:
-                return
-            for future in _first_done(list(running), stopping):
-                yield running.pop(future), _result(future)
-    finally:
-        client.cancel(list(running))
-
-
-def _first_done(futures: list[Future], stopping: threading.Event) -> Iterable[Future]:
-    while not stopping.is_set():
-        with suppress(TimeoutError):
-            return cast(Any, wait(futures, POLL_S, "FIRST_COMPLETED")).done
-    raise ClusterError("the run was stopped")
-
-
-def _result(future: Future):
-    try:
-        return future.result()
-    except KilledWorker as error:
-        raise ClusterError(f"the workers died again and again on a chunk: {error}") from error

@@ -1,8 +1,10 @@
 """Where the chunks of a study are computed."""
 
 import abc
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Any
@@ -11,6 +13,12 @@ import jax
 
 Work = Callable[[int], Any]
 """Computes one chunk, given its number; can be pickled."""
+
+POLL_S = 0.2
+"""How often a run that waits looks whether it is to stop."""
+
+PATIENCE_S = 10.0
+"""How long a run that is to stop may take to let its workers go."""
 
 
 class ClusterError(Exception):
@@ -29,6 +37,31 @@ class AbstractExecutor(abc.ABC):
 
         Threads of this process end with it, so there is nothing to do for them.
         """
+
+
+class Stop:
+    """The way to end a run of other processes from another thread; one run at a time."""
+
+    def __init__(self):
+        self._asked, self._idle = threading.Event(), threading.Lock()
+
+    @contextmanager
+    def run(self) -> Iterator[None]:
+        """A run, which lets its workers go before it leaves this."""
+        with self._idle:
+            yield
+
+    def check(self) -> None:
+        """Raise `ClusterError` where the run is to end."""
+        if self._asked.is_set():
+            raise ClusterError("the run was stopped")
+
+    def ask(self) -> None:
+        """End the run that is under way, and wait until it has ended."""
+        self._asked.set()
+        if self._idle.acquire(timeout=PATIENCE_S):
+            self._asked.clear()
+            self._idle.release()
 
 
 @dataclass(frozen=True)

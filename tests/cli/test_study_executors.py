@@ -4,7 +4,8 @@ import pytest
 
 from jaxsat.cli import study_executors
 from jaxsat.cli.study_executors import chosen_executor
-from jaxsat.montecarlo import Serial, Threads
+from jaxsat.cli.terminal import UserMistake
+from jaxsat.montecarlo import Processes, Serial, Threads
 
 
 @pytest.fixture
@@ -33,8 +34,35 @@ def test_threads(four, workers, executor):
         (64, 64, (4, 1)),
     ],
 )
-def test_processes_and_their_threads(four, monkeypatch, workers, processes, made):
-    cluster = pytest.importorskip("jaxsat.montecarlo.cluster")
-    monkeypatch.setattr(cluster, "local_processes", lambda *counts: counts)
-    assert chosen_executor(workers, processes, None, None) == made
+def test_processes_and_their_threads(four, workers, processes, made):
+    assert chosen_executor(workers, processes, None, None) == Processes(*made)
     assert made[0] * made[1] <= 4
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"workers": 0}, "--workers: must be at least 1, got 0"),
+        ({"workers": -3}, "--workers: must be at least 1, got -3"),
+        ({"processes": 0}, "--processes: must be at least 1, got 0"),
+        ({"processes": -(10**9)}, "--processes: must be at least 1"),
+        ({"devices": 0}, "--devices: Argument `count` must be from 1 to"),
+        ({"devices": 10**9}, "--devices: Argument `count` must be from 1 to"),
+        ({"devices": 1, "processes": 1}, "--devices: must be given without --workers or"),
+        ({"scheduler": "h:1", "workers": 1}, "--scheduler: must be given without --workers"),
+        ({"scheduler": ""}, "--scheduler: A scheduler must be an address such as"),
+        ({"scheduler": "", "processes": 2}, "--scheduler: must be given without"),
+        ({"scheduler": "."}, "--scheduler: The scheduler's file '.' cannot be used"),
+    ],
+)
+def test_mistakes_are_told(options, message):
+    everything = dict.fromkeys(("workers", "processes", "scheduler", "devices"))
+    with pytest.raises(UserMistake) as caught:
+        chosen_executor(**everything | options)
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize("count", [5, 10**9, 10**30])
+def test_too_much_is_cut_down(four, count):
+    assert chosen_executor(count, count, None, None) == Processes(4, 1)
+    assert chosen_executor(count, None, None, None) == Threads(4)

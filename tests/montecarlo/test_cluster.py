@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import signal
 import sys
 import threading
 
@@ -16,7 +15,7 @@ from montecarlo.studies import tumbling
 from montecarlo.test_ensemble import contents, same, without_status
 
 distributed = pytest.importorskip("distributed")
-from jaxsat.montecarlo.cluster import ClusterError, local_processes, scheduler_at  # noqa: E402
+from jaxsat.montecarlo.cluster import ClusterError, scheduler_at  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -98,26 +97,6 @@ def test_a_scheduler_that_goes_away_is_told(tmp_path, whole):
     assert 0 < contents(tmp_path / "s")["status"].sum() < 100
     run_study(tumbling(), tmp_path / "s")
     same(without_status(contents(tmp_path / "s")), whole)
-
-
-@pytest.mark.slow
-def test_a_worker_killed_is_replaced_and_changes_nothing(tmp_path, whole):
-    """Two processes; one is killed after the first chunk, and what it had is computed again."""
-    executor = local_processes(2)
-    pids = []
-
-    def kill(progress):
-        client = distributed.get_client()
-        pids.append(set(client.run(os.getpid).values()))
-        if len(pids) == 1:
-            os.kill(min(pids[0]), signal.SIGKILL)
-
-    study = tumbling(chunk=4)
-    run_study(study, tmp_path / "s", executor=executor, report=kill)
-    same(without_status(contents(tmp_path / "s")), whole)
-    assert os.getpid() not in set.union(*pids)
-    assert len(pids) == 25
-    assert len(set.union(*pids)) == 3, "the one killed was replaced"
 
 
 @pytest.mark.slow

@@ -118,7 +118,6 @@ def test_an_interrupted_study_says_what_is_kept(tmp_path, sent, status):
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="needs groups of processes")
 def test_ctrl_c_ends_all_processes_of_a_study(tmp_path):
     """SIGINT to the whole group, as from a terminal; resumed, the bits are as if never stopped."""
-    pytest.importorskip("distributed")
     store = tmp_path / "s"
     options = ("--engine", "scan", "-n", "120", "--processes", "2")
     process = begun_study(store, *options)
