@@ -163,8 +163,8 @@ class _Link:
         now = time.monotonic()
         if now - self._looked < LOOK_S:
             return
-        threads = cast(dict[str, int], self._ask(self._client.nthreads, ANSWER_S))
-        self._threads, self._looked = sum(threads.values()), time.monotonic()
+        self._threads = sum(self._ask(self._workers_there, ANSWER_S).values())
+        self._looked = time.monotonic()
         if self._threads:
             self._alone_since = None
         elif self._alone_since is None:
@@ -177,6 +177,17 @@ class _Link:
             raise ClusterError(
                 f"the scheduler at {self._to.address} had no workers for {self._to.patience:g} s"
             )
+
+    def _workers_there(self) -> dict[str, int]:
+        """The threads of every worker; a busy scheduler may turn the question away once."""
+        until = time.monotonic() + ANSWER_S
+        while True:
+            try:
+                return cast(dict[str, int], self._client.nthreads())
+            except OSError:
+                if self._client.status != "running" or time.monotonic() > until:
+                    raise
+            time.sleep(POLL_S)
 
     def _ask(self, question: Callable[[], T], limit: float) -> T:
         with self._lasting():

@@ -92,7 +92,7 @@ def of_store(path):
 def test_the_workers_of_a_scheduler_are_asked(jaxsat):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
     ) as cluster:
         place = cluster.scheduler_address
         tokens = [*SHORT[:-2], "-n", "4", "--chunk", "2"]

@@ -2,8 +2,11 @@
 
 import os
 import shutil
+import socket
 import sys
 import threading
+import time
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -15,6 +18,7 @@ from montecarlo.studies import tumbling
 from montecarlo.test_ensemble import contents, same, without_status
 
 distributed = pytest.importorskip("distributed")
+from jaxsat.montecarlo import cluster  # noqa: E402
 from jaxsat.montecarlo.cluster import ClusterError, scheduler_at  # noqa: E402
 
 
@@ -30,7 +34,7 @@ def threads():
         n_workers=1,
         threads_per_worker=2,
         processes=False,
-        dashboard_address=":0",
+        dashboard_address="127.0.0.1:0",
     ) as cluster:
         yield cluster
 
@@ -82,18 +86,57 @@ def test_a_run_is_stopped_from_another_thread(tmp_path, threads):
 
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path):
-    (tmp_path / "scheduler.json").write_text('{"address": "tcp://127.0.0.1:9"}')
-    for place in ("tcp://127.0.0.1:9", str(tmp_path / "scheduler.json"), "nonsense://x"):
-        with pytest.raises(ClusterError, match="no scheduler answers at"):
-            run_study(tumbling(), tmp_path / "s", executor=scheduler_at(place, 0.2))
+    """Nobody, somebody who says nothing, a protocol that dask does not know."""
+    with closing(socket.create_server(("127.0.0.1", 0))) as silent:
+        here = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        for place in ("tcp://127.0.0.1:9", here, "nonsense://x"):
+            begun = time.monotonic()
+            with pytest.raises(ClusterError, match=f"no scheduler answers at {place}: "):
+                run_study(tumbling(), tmp_path / "s", executor=scheduler_at(place, 0.2))
+            assert time.monotonic() - begun < 20.0
+
+
+def test_a_scheduler_of_another_version_is_told(tmp_path, threads, monkeypatch):
+    monkeypatch.setattr(cluster, "version", lambda name: "1.2.3")
+    there = distributed.__version__
+    told = f"must have the same versions .*; distributed: {there} there, 1.2.3 here"
+    with pytest.raises(ClusterError, match=told):
+        run_study(tumbling(), tmp_path / "s", executor=scheduler_at(threads.scheduler_address))
+
+
+def test_a_scheduler_without_workers_is_waited_for_with_a_word(tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "LOOK_S", 0.1)
+    said = []
+    with distributed.LocalCluster(
+        n_workers=0, processes=False, dashboard_address="127.0.0.1:0"
+    ) as empty:
+        place = empty.scheduler_address
+        executor = scheduler_at(place, patience=0.5, tell=said.append)
+        with pytest.raises(ClusterError, match=r"had no workers for 0\.5 s"):
+            run_study(tumbling(), tmp_path / "s", executor=executor)
+    assert said == [f"the scheduler at {place} has no workers; waiting 0.5 s for one"]
+
+
+def test_a_scheduler_that_does_not_answer_is_told(tmp_path, threads, monkeypatch):
+    """As one that is stopped, or whose network is gone."""
+    monkeypatch.setattr(cluster, "LOOK_S", 0.0)
+    monkeypatch.setattr(cluster, "ANSWER_S", 0.3)
+    deaf = threading.Event()
+    monkeypatch.setattr(distributed.Client, "nthreads", lambda client: deaf.wait(60))
+    executor = scheduler_at(threads.scheduler_address)
+    with pytest.raises(ClusterError, match=r"the scheduler is gone: no answer within 0\.3 s"):
+        run_study(tumbling(), tmp_path / "s", executor=executor)
+    deaf.set()
 
 
 def test_a_scheduler_that_goes_away_is_told(tmp_path, whole):
     """What is done stays, and the study goes on elsewhere."""
-    cluster = distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=":0")
-    executor = scheduler_at(cluster.scheduler_address, 1.0)
+    leaving = distributed.LocalCluster(
+        n_workers=1, processes=False, dashboard_address="127.0.0.1:0"
+    )
+    executor = scheduler_at(leaving.scheduler_address, 1.0)
     with pytest.raises(ClusterError, match="the scheduler is gone"):
-        run_study(tumbling(), tmp_path / "s", executor=executor, report=lambda _: cluster.close())
+        run_study(tumbling(), tmp_path / "s", executor=executor, report=lambda _: leaving.close())
     assert 0 < contents(tmp_path / "s")["status"].sum() < 100
     run_study(tumbling(), tmp_path / "s")
     same(without_status(contents(tmp_path / "s")), whole)
@@ -104,8 +147,8 @@ def test_a_scheduler_that_goes_away_is_told(tmp_path, whole):
 def test_a_slurm_job_computes(tmp_path, whole):
     jobqueue = pytest.importorskip("dask_jobqueue")
     options = {"cores": 1, "memory": "2GB", "walltime": "00:10:00"}
-    with jobqueue.SLURMCluster(**options, python=sys.executable) as cluster:
-        cluster.scale(jobs=1)
-        executor = scheduler_at(cluster.scheduler_address)
+    with jobqueue.SLURMCluster(**options, python=sys.executable) as jobs:
+        jobs.scale(jobs=1)
+        executor = scheduler_at(jobs.scheduler_address)
         run_study(tumbling(), tmp_path / "s", executor=executor, elsewhere=True)
     assert contents(tmp_path / "s")["status"].sum() == len(whole["code"])

@@ -80,7 +80,7 @@ def test_a_worker_of_a_scheduler_gives_the_bits_of_the_serial_run(tmp_path, whol
 
     monkeypatch.setattr(kernel.Kernel, "run", noted)
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=":0"
+        n_workers=1, threads_per_worker=2, processes=False, dashboard_address="127.0.0.1:0"
     ) as cluster:
         executor = scheduler_at(cluster.scheduler_address)
         run_study(compiled(), tmp_path / "s", executor=executor)
