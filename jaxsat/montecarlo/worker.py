@@ -13,7 +13,7 @@ from typing import NamedTuple, NoReturn
 
 import cloudpickle
 
-from jaxsat.montecarlo.executors import Work
+from jaxsat.montecarlo.executors import ClusterError, Work
 from jaxsat.montecarlo.shipping import Done, Failed, Packed, computed, failed
 
 
@@ -37,7 +37,7 @@ def serve() -> NoReturn:
         pool = ThreadPoolExecutor(order.threads)
         replies.send(Ready())
         while (chunk := _next_chunk()) is not None:
-            pool.submit(_compute, work, chunk, replies)
+            _begin(pool, work, chunk, replies)
     except BaseException as error:
         replies.send(failed(error))
         os._exit(1)
@@ -50,6 +50,13 @@ def _next_chunk() -> int | None:
         return pickle.load(sys.stdin.buffer)
     except (EOFError, OSError, pickle.UnpicklingError):  # in the middle of a number, perhaps
         return None
+
+
+def _begin(pool: ThreadPoolExecutor, work: Work, chunk: int, replies: "_Replies") -> None:
+    try:
+        pool.submit(_compute, work, chunk, replies)
+    except RuntimeError as error:  # the user has as many as are allowed
+        raise ClusterError(f"a worker process cannot start its threads: {error}") from error
 
 
 class _Replies:
