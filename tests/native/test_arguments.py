@@ -31,7 +31,7 @@ def one():
 
 def test_a_campaign_of_wrong_arguments_crashes_nothing():
     found = subprocess.run(
-        [sys.executable, "-m", "native.wrong_arguments", "3", "400"],
+        [sys.executable, "-m", "native.wrong_arguments", "3", "200"],
         cwd=TESTS, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert found.returncode == 0, found.stdout + found.stderr
@@ -100,6 +100,18 @@ def test_numbers_are_taken_where_their_type_represents_them():
         function(np.arange(3), 300)
     with pytest.raises(TypeError, match="but got float"):
         function(np.arange(3), 2.0)
+
+
+def test_what_an_argument_tells_of_itself_is_not_believed(one):
+    class Liar:
+        shape, dtype, ndim, size = TABLE.shape, TABLE.dtype, 1, TABLE.size
+
+        def __array__(self, dtype=None, copy=None):
+            return np.zeros(2)
+
+    mapped, cases, _ = one
+    with pytest.raises(ValueError, match=r"`shared` must have the shape \(40\), but got \(2,\)"):
+        mapped(cases, Liar())
 
 
 def test_no_cases_give_no_outputs():
@@ -265,7 +277,9 @@ thread.join()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no ulimit")
-@pytest.mark.parametrize(("rows", "stack"), [(2_000, "96"), (200_000, "8192")])
+@pytest.mark.parametrize(
+    ("rows", "stack"), [(2_000, "96"), pytest.param(200_000, "8192", marks=pytest.mark.slow)]
+)
 def test_large_arrays_and_small_stacks(rows, stack):
     """Python itself does not start with less than some 80 kB."""
     found = subprocess.run(

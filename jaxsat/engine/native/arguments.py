@@ -36,15 +36,22 @@ class Argument:
         Raises `TypeError` for numbers of a type that this one cannot represent, and `ValueError`
         for a wrong shape.
         """
-        shape = np.shape(x)
+        self._require_shape(np.shape(x))  # before anything large is copied
+        array = self._copied(x)
+        self._require_shape(array.shape)  # whatever `x` told of itself
+        return array
+
+    def _require_shape(self, shape: tuple[int, ...]) -> None:
         if shape[self.per_case :] != self.shape or (self.per_case and not shape):
             wanted = ", ".join(["cases"] * self.per_case + [str(n) for n in self.shape])
             raise ValueError(
                 f"Argument `{self.name}` must have the shape ({wanted}), but got {shape}."
             )
+
+    def _copied(self, x: Any) -> np.ndarray:
         given, dtype = getattr(x, "dtype", None), number_type(self.dtype)
         if given is dtype and dtype == self.dtype:  # as it mostly is, and quick
-            return np.array(x, order="C")
+            return np.array(x, dtype, order="C")
         if dtype != self.dtype:  # typed random keys, and derivatives that are none
             if given != self.dtype:
                 raise self._wrong_type(given or type(x).__name__)
