@@ -26,6 +26,7 @@ from jaxsat.cli.terminal import (
     make_streams_safe,
     report,
     report_mistake,
+    warnings_as_lines,
 )
 from jaxsat.cli.tune import tune
 from jaxsat.collection import no_collection
@@ -51,7 +52,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
     """Run the command line and exit with one of the statuses of `jaxsat.cli.terminal`."""
     make_streams_safe()
     signal.signal(signal.SIGTERM, _raise_terminated)
-    with no_collection():
+    with no_collection(), warnings_as_lines():
         status = _status(tokens)
     try:
         sys.stdout.flush()

@@ -2,6 +2,9 @@
 
 import io
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -66,3 +69,19 @@ def report(message: str, prefix: str = "jaxsat: ") -> None:
 def report_mistake(mistake: UserMistake) -> None:
     """Write a mistake to standard error."""
     report(str(mistake), "" if mistake.located else "jaxsat: ")
+
+
+@contextmanager
+def warnings_as_lines() -> Iterator[None]:
+    """Inside, jaxsat's own warnings are shown as one line each, without the place in its code."""
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def shown(message, category, filename, lineno, file=None, line=None) -> None:
+            if category.__module__.partition(".")[0] == "jaxsat":
+                report(str(message), "warning: ")
+            else:
+                show(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = shown
+        yield

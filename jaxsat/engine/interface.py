@@ -114,18 +114,16 @@ class AbstractEngine(eqx.Module):
         self, program: Program, cases: PyTree, gains: PyTree = None, every: int = 1
     ) -> Signals:
         """Signals (cases, times) of at most `width` cases, at `program.instants(every)`."""
+        count = count_of(cases)
         cases = jax.tree.map(np.asarray, cases)
-        count = len(jax.tree.leaves(cases)[0])
-        if not 1 <= count <= self.width:
+        if count > self.width:
             raise ValueError(f"There must be 1 to {self.width} cases, but got {count}.")
         signals = self.replay_block(program, jax.tree.map(self._padded, cases), gains, every)[1]
         return jax.tree.map(lambda x: np.asarray(x[:count]), signals)
 
     def _in_blocks(self, run, program: Program, cases: PyTree, gains: PyTree):
+        count = count_of(cases)
         cases = jax.tree.map(np.asarray, cases)
-        count = len(jax.tree.leaves(cases)[0])
-        if not count:
-            raise ValueError("Argument `cases` must hold at least one case, but got none.")
         blocks = []
         for first in range(0, count, self.width):
             block = jax.tree.map(lambda x: x[first : first + self.width], cases)  # noqa: B023
@@ -136,3 +134,27 @@ class AbstractEngine(eqx.Module):
     def _padded(self, block: np.ndarray) -> Array:
         missing = self.padded_width - len(block)
         return jnp.asarray(np.concatenate([block, np.repeat(block[:1], missing, axis=0)]))
+
+
+def count_of(cases: PyTree) -> int:
+    """How many cases there are along the leading axis of all arrays.
+
+    Raises `ValueError` where there is none, or the arrays differ.
+    """
+    leaves = [
+        ("cases" + jax.tree_util.keystr(path), np.shape(leaf))
+        for path, leaf in jax.tree_util.tree_leaves_with_path(cases)
+    ]
+    if not leaves:
+        raise ValueError("Argument `cases` must hold at least one array, but got none.")
+    for name, shape in leaves:
+        if not shape:
+            raise ValueError(f"Argument `{name}` must have an axis of cases, but got a number.")
+        if not shape[0]:
+            raise ValueError(f"Argument `{name}` must hold at least one case, but got none.")
+        if shape[0] != leaves[0][1][0]:
+            raise ValueError(
+                f"Argument `{name}` must have {leaves[0][1][0]} cases, as `{leaves[0][0]}` has, "
+                f"but got {shape[0]}."
+            )
+    return leaves[0][1][0]

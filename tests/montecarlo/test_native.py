@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jaxsat.engine import NativeEngine
-from jaxsat.engine.native import kernel
+from jaxsat.engine.native import kernel, threads
 from jaxsat.montecarlo import Threads, run_study
 from jaxsat.montecarlo.ensemble import _by_column
 from montecarlo.studies import tumbling
@@ -51,11 +51,11 @@ def calls(monkeypatch):
 @pytest.fixture
 def three(monkeypatch):
     """A machine with three processors."""
-    monkeypatch.setattr(kernel, "all_processors", lambda: 3)
+    monkeypatch.setattr(threads, "all_processors", lambda: 3)
     monkeypatch.setattr("jaxsat.engine.native.engine.processors", lambda: 3)
-    kernel._threads_of.cache_clear()
+    threads._shared.cache_clear()
     yield
-    kernel._threads_of.cache_clear()
+    threads._shared.cache_clear()
 
 
 def test_chunks_at_once_share_the_processors(tmp_path, whole, calls, three):

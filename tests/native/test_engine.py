@@ -101,6 +101,24 @@ def test_other_numbers_need_no_new_machine_code(example, found):
     close(other, example.scan.evaluate(stiffer, KICKS), tolerance_of(example, 1e-9))
 
 
+def test_machine_code_is_given_no_arrays_but_those_it_was_made_for(example):
+    prog, engine = program(example), native(example)
+    kernel, trees = engine.kernel(prog, KICKS), engine._trees(KICKS, prog, None)
+    wrong = [
+        ({"cases": KICKS[:, :2]}, ValueError, r"`cases` must have the shape \(cases, 3\)"),
+        ({"cases": KICKS.astype(complex)}, TypeError, "`cases` must hold real numbers"),
+        ({"cases": (KICKS, KICKS)}, ValueError, "`cases` must be a tree"),
+        ({"gains": 1.0}, ValueError, "`gains` must be a tree"),
+        ({"numbers": jax.tree.map(lambda x: x[None], trees["numbers"])}, ValueError, "numbers"),
+    ]
+    for change, error, words in wrong:
+        for call in (lambda t: kernel.run(t, 1, 1), lambda t: kernel.replay(t, 1)):
+            with pytest.raises(error, match=words):
+                call(trees | change)
+    with pytest.raises(ValueError, match="`intervals` must be at least 1, but got"):
+        kernel.run(trees, 1 << 63, 1)
+
+
 @pytest.mark.slow
 def test_gradient_against_central_differences(example):
     prog, gain, step = program(example), jnp.array(1.0), 1e-5

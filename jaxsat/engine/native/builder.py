@@ -116,6 +116,7 @@ class Builder:
     def store(self, memory: Memory, index: Scalar, value: Scalar) -> None:
         """Put a value at an element of a memory."""
         self.block.steps.append(Store(memory, index, value))
+        self.written += 1
 
     @contextmanager
     def inside(self, block: Block, mask: Scalar | None):

@@ -1,6 +1,10 @@
 """The loops around stages, in LLVM: over blocks of cases, or lanes that finish by themselves."""
 
+import ctypes
 from collections.abc import Sequence
+
+RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
+"""The type of the drivers `run`."""
 
 
 def run_blocks(lanes: int, stages: Sequence[str]) -> str:

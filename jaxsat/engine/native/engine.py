@@ -10,9 +10,11 @@ import numpy as np
 from jaxtyping import PyTree
 
 from jaxsat.engine.adaptive import Tolerance
-from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
+from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay, count_of
 from jaxsat.engine.native import target
+from jaxsat.engine.native.arguments import as_numbers
 from jaxsat.engine.native.kernel import Kernel
+from jaxsat.engine.native.lines import require_lanes
 from jaxsat.engine.native.lowering import CannotLower
 from jaxsat.engine.native.staged import Plain, WithDerivatives, any_length
 from jaxsat.engine.native.trajectory import numbers_of, trajectory_stages
@@ -37,9 +39,10 @@ class NativeEngine(AbstractEngine):
     """Runs a program as machine code made for it, each vector lane one case.
 
     Steps are those of `ScanEngine` with the same solver, `substeps` and tolerance. `lanes` is the
-    number of cases in a vector, by default what suits the processor; `workers` the number of
-    threads, by default as many as there are processors. Neither changes a bit of any case.
-    `width` is the number of cases whose histories can be had at once.
+    number of cases in a vector (1, 2, 4, 8 or 16), by default what suits the processor; `workers`
+    the number of threads, by default as many as there are processors. Neither changes a bit of any
+    case. `width` is the number of cases whose histories can be had at once. Arrays are copied:
+    what happens to the caller's own during a run changes nothing.
 
     Raises `CannotLower` where the program holds something that has no rule, and `RuntimeError`
     without llvmlite or without 64-bit numbers.
@@ -58,6 +61,8 @@ class NativeEngine(AbstractEngine):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise ValueError(f"Argument `{name}` must be at least 1, but got {value}.")
+        if self.lanes is not None:
+            require_lanes(self.lanes)
         obstacle = _llvmlite_obstacle()
         if obstacle is not None:
             raise RuntimeError(obstacle)
@@ -85,16 +90,20 @@ class NativeEngine(AbstractEngine):
     def kernel(
         self, program: Program, cases: PyTree, gains: PyTree = None, *, derivatives: bool = False
     ) -> Kernel:
-        """The machine code for such a program, made once for all numbers of the same kind."""
+        """The machine code for such a program, made once for all numbers of the same kind.
+
+        Raises `ValueError` unless there are cases, and as many in all arrays, and `TypeError` for
+        what are no numbers.
+        """
+        cases, gains = _numbers(cases, gains)
         lanes = self.lanes or target.host().lanes
         return _kernel(self.method, program, cases, gains, lanes, derivatives)
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
         """Outputs of all cases, in as many threads as there are workers."""
-        cases, count = _counted(cases)
         kernel = self.kernel(program, cases, gains)
-        inputs = self._inputs(kernel, cases, program, gains)
-        return kernel.run(inputs, count, program.intervals, self.workers or processors())
+        trees = self._trees(cases, program, gains)
+        return kernel.run(trees, program.intervals, self.workers or processors())
 
     def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
         """Outputs of one block."""
@@ -104,10 +113,9 @@ class NativeEngine(AbstractEngine):
         self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
     ) -> tuple[Outputs, Signals]:
         """Outputs and signals of one block."""
-        cases, count = _counted(cases)
         kernel = self.kernel(program, cases, gains)
-        inputs = self._inputs(kernel, cases, program, gains)
-        outputs, signals = kernel.replay(inputs, count, program.intervals)
+        trees = self._trees(cases, program, gains)
+        outputs, signals = kernel.replay(trees, program.intervals)
         instants = program.instants(every)
         return outputs, jax.tree.map(lambda x: x[:, instants], signals)
 
@@ -128,10 +136,10 @@ class NativeEngine(AbstractEngine):
         """
         if mode != "forward":
             raise ValueError(f'Argument `mode` must be "forward" here, but got "{mode}".')
-        cases, count = _counted(cases)
+        _require_floats(gains)
         kernel = self.kernel(program, cases, gains, derivatives=True)
-        inputs = self._inputs(kernel, cases, program, gains)
-        found = kernel.run(inputs, count, program.intervals, self.workers or processors())
+        trees = self._trees(cases, program, gains)
+        found = kernel.run(trees, program.intervals, self.workers or processors())
         return CostGradient(found.outputs, _by_gain(found.derivatives, gains))
 
     def block_gradient(
@@ -140,12 +148,9 @@ class NativeEngine(AbstractEngine):
         """Outputs of one block and the derivatives of its costs."""
         return self.gradient(program, cases, gains, mode)
 
-    def _inputs(self, kernel: Kernel, cases, program: Program, gains) -> list[np.ndarray]:
-        numbers = numbers_of(_as_scan(self.method), program)
-        leaves = [*jax.tree.leaves(cases), *jax.tree.leaves(numbers), *jax.tree.leaves(gains)]
-        return [
-            np.ascontiguousarray(x, d) for x, d in zip(leaves, kernel.stages.inputs, strict=True)
-        ]
+    def _trees(self, cases: PyTree, program: Program, gains: PyTree) -> dict[str, PyTree]:
+        numbers = jax.tree.leaves(numbers_of(_as_scan(self.method), program))
+        return {"cases": cases, "numbers": numbers, "gains": gains}
 
 
 def native_obstacle(
@@ -212,12 +217,22 @@ def _by_gain(derivatives: np.ndarray, gains: PyTree) -> PyTree:
     return jax.tree.unflatten(structure, shaped)
 
 
-def _counted(cases: PyTree) -> tuple[PyTree, int]:
-    cases = jax.tree.map(np.asarray, cases)
-    count = len(jax.tree.leaves(cases)[0])
-    if not count:
-        raise ValueError("Argument `cases` must hold at least one case, but got none.")
-    return cases, count
+def _numbers(cases: PyTree, gains: PyTree) -> tuple[PyTree, PyTree]:
+    """Cases and gains as arrays of numbers."""
+    count_of(cases)
+    return tuple(
+        jax.tree_util.tree_map_with_path(
+            lambda path, x, name=name: as_numbers(name + jax.tree_util.keystr(path), x), tree
+        )
+        for name, tree in (("cases", cases), ("gains", gains))
+    )
+
+
+def _require_floats(gains: PyTree) -> None:
+    for path, leaf in jax.tree_util.tree_leaves_with_path(gains):
+        name, dtype = "gains" + jax.tree_util.keystr(path), np.asarray(leaf).dtype
+        if dtype.kind != "f":
+            raise TypeError(f"Argument `{name}` must be floating-point, but got {dtype}.")
 
 
 def _kind(tree: PyTree) -> tuple:
@@ -225,4 +240,11 @@ def _kind(tree: PyTree) -> tuple:
     arrays, rest = eqx.partition(tree, lambda x: isinstance(x, jax.Array))
     shapes = [(x.shape, x.dtype.name) for x in jax.tree.leaves(arrays)]
     leaves, structure = jax.tree.flatten(rest)
-    return tuple(shapes), structure, jax.tree.structure(arrays), tuple(leaves)
+    return tuple(shapes), structure, jax.tree.structure(arrays), tuple(map(_identity, leaves))
+
+
+def _identity(x: Any) -> Any:
+    """What tells a leaf from others: True from 1, 0.0 from -0.0, and arrays by their bytes."""
+    if isinstance(x, np.ndarray | np.generic):
+        return np.ndarray, x.dtype.str, x.shape, x.tobytes()
+    return type(x), x.hex() if isinstance(x, float) else x

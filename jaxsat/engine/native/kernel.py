@@ -1,11 +1,9 @@
 """The machine code of a trajectory's stages, and how it is called."""
 
 import ctypes
-import functools
-import os
+import operator
 import threading
-from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
@@ -14,11 +12,12 @@ import numpy as np
 from jaxtyping import PyTree
 
 from jaxsat.engine.native import cache, target
-from jaxsat.engine.native.drivers import advance_lanes, run_blocks, run_lanes
+from jaxsat.engine.native.arguments import Memory, addresses
+from jaxsat.engine.native.drivers import RUN, advance_lanes, run_blocks, run_lanes
 from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.stages import add_stage
-from jaxsat.engine.native.trajectory import ALIGNMENT, TrajectoryStages
-from jaxsat.processors import all_processors
+from jaxsat.engine.native.threads import in_own_thread, in_threads
+from jaxsat.engine.native.trajectory import TrajectoryStages
 
 PIECE = 4
 """Vectors of cases that a thread takes at a time."""
@@ -28,26 +27,10 @@ REFILLED = 64
 
 OBSERVE = "observe"
 
-RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
 STAGE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 2)
 
-
-_making = threading.Lock()
-
-
-def _threads() -> ThreadPoolExecutor:
-    """The threads in which machine code runs: as many as processors, however many callers wait.
-
-    Callers are served in turn, so several at once keep all processors busy and no more.
-    """
-    with _making:
-        return _threads_of(os.getpid())  # a process that was forked has none of its parent's
-
-
-@functools.cache
-def _threads_of(process: int) -> ThreadPoolExecutor:
-    del process
-    return ThreadPoolExecutor(all_processors(), thread_name_prefix="jaxsat-native")
+Trees = Mapping[str, PyTree]
+"""Cases (with their axis), a list of the numbers, and gains, by these names."""
 
 
 class Kernel:
@@ -66,52 +49,49 @@ class Kernel:
             module.functions["run"] = run_lanes(lanes, stages.going)
         self.text = module.text(target.host().attributes())
         names = ["run", "begin", "advance", "finish"]
-        self._keep, self._addresses = target.loaded(cache.object_code(self.text), names)
+        self._arena = module.arena
+        names = ["run", "begin", "advance", "finish"]
+        self._keep, self._addresses = _linked(self.text, names)
 
     @cached_property
-    def _observing(self) -> tuple[object, dict[str, int]]:
-        """The stage that only a replay needs, made for the first one."""
+    def _observing(self) -> tuple[object, dict[str, int], int]:
+        """The stage that only a replay needs, made for the first one, and the size of its arena."""
         module = Module(self.lanes, target.host().masks)
         for stage in self.stages.stages:
             if stage.function.name == OBSERVE:
                 add_stage(module, stage)
         text = module.text(target.host().attributes())
-        return target.loaded(cache.object_code(text), [OBSERVE])
+        return *_linked(text, [OBSERVE]), module.arena
 
-    def run(self, inputs: Sequence[np.ndarray], count: int, intervals: int, workers: int) -> Any:
-        """Outputs of `count` cases, whose arrays come first among the inputs.
+    def run(self, trees: Trees, intervals: int, workers: int) -> Any:
+        """Outputs of all cases.
 
         At most `workers` of the threads work for this call. An exception of the caller's thread
-        (Ctrl-C) ends the call after the pieces under way.
+        (Ctrl-C) ends the call after the pieces under way. Raises `TypeError` and `ValueError` for
+        arrays that are not of the kind the machine code was made for.
         """
+        inputs, count = self._taken(trees, intervals)
         outputs, leaves = _room(self.stages.outputs, count)
         run = RUN(self._addresses["run"])
         piece = self._piece(count, workers)
         pieces = iter(range(0, count, piece))
-        stopped = False
 
-        def work() -> None:
-            pointers = _pointers([*inputs, *leaves])  # which live as long as this needs them
-            state = _State(self.stages.state_size)
+        def work(stopped: threading.Event) -> None:
+            arena, state = Memory(self._arena), Memory(self.stages.state_size)
+            pointers = addresses(arena, [*inputs, *leaves])  # which live as long as this needs them
             for begin in pieces:  # next() of a range iterator is atomic
-                if stopped:
+                if stopped.is_set():
                     return
                 end = min(begin + piece, count)
                 run(pointers, state.address, begin, end, 0, intervals)
 
-        workers = min(workers, -(-count // piece))
-        futures: list[Future] = []
-        try:
-            for _ in range(workers):
-                futures.append(_threads().submit(work))
-            for future in futures:
-                future.result()
-        finally:
-            stopped = True
-            for future in futures:
-                if not future.cancel():
-                    future.exception()  # waits
+        in_threads(work, min(workers, -(-count // piece)))
         return outputs
+
+    def _taken(self, trees: Trees, intervals: int) -> tuple[list[np.ndarray], int]:
+        if not 0 < operator.index(intervals) < 1 << 63:
+            raise ValueError(f"Argument `intervals` must be at least 1, but got {intervals}.")
+        return self.stages.arguments.taken(trees)
 
     def _piece(self, count: int, workers: int) -> int:
         """Cases that a thread takes at a time: more where lanes are refilled."""
@@ -120,60 +100,54 @@ class Kernel:
             vectors = min(max(PIECE, count // (2 * self.lanes * workers)), REFILLED)
         return vectors * self.lanes
 
-    def replay(
-        self, inputs: Sequence[np.ndarray], count: int, intervals: int
-    ) -> tuple[PyTree, PyTree]:
-        """Outputs and signals (cases, times) of `count` cases, stopped at every interval.
+    def replay(self, trees: Trees, intervals: int) -> tuple[PyTree, PyTree]:
+        """Outputs and signals (cases, times) of all cases, stopped at every interval.
 
-        The stages are those of `run`, so the bits are, too.
+        The stages are those of `run`, so the bits are, too, and so are the errors.
         """
+        inputs, count = self._taken(trees, intervals)
         outputs, leaves = _room(self.stages.outputs, count)
         seen, now = _room(self.stages.signals, count)
-        pointers = _pointers([*inputs, *leaves, *now])
         begin, advance, finish = (
             STAGE(self._addresses[name]) for name in ("begin", "advance", "finish")
         )
-        observe = STAGE(self._observing[1][OBSERVE])
-        blocks = [self._block(first, count) for first in range(0, count, self.lanes)]
-        history = []
-        for state, cases, wanted in blocks:
-            begin(pointers, state.address, cases.ctypes.data, wanted.ctypes.data, 0, 0)
-        for number in range(intervals + 1):
+        _, observing, arena_size = self._observing
+        observe = STAGE(observing[OBSERVE])
+
+        def work(stopped: threading.Event) -> list[PyTree]:
+            arena, history = Memory(max(self._arena, arena_size)), []
+            pointers = addresses(arena, [*inputs, *leaves, *now])
+            blocks = [self._block(first, count) for first in range(0, count, self.lanes)]
             for state, cases, wanted in blocks:
-                where = (pointers, state.address, cases.ctypes.data, wanted.ctypes.data)
-                observe(*where, number, 0)
-                if number < intervals:
-                    advance(*where, number, 1)
-                else:
-                    finish(*where, 0, intervals)
-            history.append(jax.tree.map(np.copy, seen))
+                begin(pointers, state.address, cases.ctypes.data, wanted.ctypes.data, 0, 0)
+            for number in range(intervals + 1):
+                if stopped.is_set():
+                    break
+                for state, cases, wanted in blocks:
+                    where = (pointers, state.address, cases.ctypes.data, wanted.ctypes.data)
+                    observe(*where, number, 0)
+                    if number < intervals:
+                        advance(*where, number, 1)
+                    else:
+                        finish(*where, 0, intervals)
+                history.append(jax.tree.map(np.copy, seen))
+            return history
+
+        history = in_own_thread(work)
         return outputs, jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
 
     def _block(self, first: int, count: int):
         numbers = first + np.arange(self.lanes)
-        cases = _aligned(8 * self.lanes).view(np.int64)
+        cases = Memory(8 * self.lanes).bytes.view(np.int64)
         cases[:] = np.minimum(numbers, count - 1)
-        return _State(self.stages.state_size), cases, (numbers < count).astype(np.uint8)
+        return Memory(self.stages.state_size), cases, (numbers < count).astype(np.uint8)
 
 
-class _State:
-    """Memory of one vector of cases."""
-
-    def __init__(self, size: int):
-        self._memory = _aligned(size)
-        self.address = self._memory.ctypes.data
-
-
-def _aligned(size: int) -> np.ndarray:
-    room = np.zeros(size + ALIGNMENT, np.uint8)
-    skipped = -room.ctypes.data % ALIGNMENT
-    return room[skipped : skipped + size]
+def _linked(text: str, names: list[str]) -> tuple[object, dict[str, int]]:
+    """The machine code of a text, from the cache or made."""
+    return in_own_thread(lambda stopped: target.loaded(cache.object_code(text), names))
 
 
 def _room(shapes: PyTree, count: int) -> tuple[PyTree, list[np.ndarray]]:
     arrays = jax.tree.map(lambda leaf: np.zeros((count, *leaf.shape), leaf.dtype), shapes)
     return arrays, jax.tree.leaves(arrays)
-
-
-def _pointers(arrays: Sequence[np.ndarray]):
-    return (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))

@@ -6,27 +6,85 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxsat.engine.native.ir import Block, Function, Memory, Scalar, Value
+from jaxsat.engine.native.lowering import CannotLower
+from jaxsat.engine.native.threads import STACK
 from jaxsat.engine.native.words import constant, memory_type, scalar_type, vector_type
 
 SELDOM = "!0"
 """Weights of a switch whose second branch hardly ever runs: its costs stay out of the first."""
 
+ON_STACK = 64 << 10
+"""Bytes of memories of a module that are on the stack; further ones are in its arena."""
+
+LARGEST_ARENA = 1 << 30
+"""Bytes of an arena, of which every thread has one."""
+
+ALIGNMENT = 128
+"""Bytes that addresses of memory for vectors are multiples of: the largest vector."""
+
+NUMBER = 8
+"""Bytes of the largest number."""
+
+LARGEST = STACK // 2
+"""Bytes that all values of a module together may take, so that any of them may be on the stack."""
+
+
+LANES = (1, 2, 4, 8, 16)
+"""Numbers of cases in a vector: its cells have no gaps between them, and are aligned."""
+
+
+def require_lanes(lanes: int) -> None:
+    """Raise `ValueError` for a number of lanes that no vector has."""
+    if lanes not in LANES:
+        raise ValueError(f"Argument `lanes` must be 1, 2, 4, 8 or 16, but got {lanes}.")
+
 
 class Module:
     """The text of a module: functions, constant arrays and declarations of what is used.
 
-    With `masks` the processor stores some lanes of a vector at once.
+    With `masks` the processor stores some lanes of a vector at once. Memories too large for the
+    stack are in the *arena*, `arena` bytes that the caller provides to each of its threads. Every
+    memory has a place of its own in it, as no function is ever called inside itself.
     """
 
     def __init__(self, lanes: int, masks: bool = False):
+        require_lanes(lanes)
         self.lanes, self.masks = lanes, masks
         self.functions: dict[str, str] = {}
-        self.printed: dict[int, tuple[str, Function]] = {}  # by identity, with their names
+        self.printed: dict[int, tuple[str, Function, bool]] = {}  # by identity: `llvm.internal`
         self.constants: dict[int, str] = {}  # by the number of the memory
         self.declarations: set[str] = set()
+        self.arena = self._on_stack = 0
+        self._offsets: dict[int, int | None] = {}  # by the number of the memory
+
+    def offset(self, memory: Memory) -> int | None:
+        """Where in the arena a memory is; None if it is on the stack.
+
+        Raises `CannotLower` where the arena becomes too large.
+        """
+        if memory.number not in self._offsets:
+            room = memory.size * memory.dtype.itemsize * (1 if memory.uniform else self.lanes)
+            room = -(-room // ALIGNMENT) * ALIGNMENT
+            self._offsets[memory.number] = None
+            if self._on_stack + room <= ON_STACK:
+                self._on_stack += room
+            elif self.arena + room > LARGEST_ARENA:
+                raise CannotLower(
+                    f"Its arrays would take more than {LARGEST_ARENA >> 20} MiB in every thread"
+                )
+            else:
+                self._offsets[memory.number] = self.arena
+                self.arena += room
+        return self._offsets[memory.number]
 
     def text(self, attributes: str) -> str:
-        """All of it, every function with these attributes."""
+        """All of it, every function with these attributes.
+
+        Raises `CannotLower` for so many lines that their values might not all be on the stack.
+        """
+        lines = sum(text.count("\n") for text in self.functions.values())
+        if lines * self.lanes * NUMBER > LARGEST:
+            raise CannotLower(f"It would become {lines} lines of LLVM code")
         parts = [*self.constants.values(), *self.functions.values(), *sorted(self.declarations)]
         attributes = f"attributes #0 = {{ {attributes} }}"
         weights = f'{SELDOM} = !{{!"branch_weights", i32 100000, i32 1}}'
@@ -40,6 +98,7 @@ class AbstractLines(abc.ABC):
         self.module = module
         self.written: list[str] = []
         self._first: list[str] = []
+        self.in_arena = False  # whether it needs %arena, the arena's address
         self._count = 0
         self.label = "entry"
         self.spread: list[dict[int | tuple[str, int], str]] = [{}]
@@ -124,9 +183,13 @@ class AbstractLines(abc.ABC):
             head = f"{name} = internal constant [{memory.size} x {kind}]"
             self.module.constants[memory.number] = f"{head} [{numbers}], align 128"
         else:
-            room = memory.size * (1 if memory.uniform else self.module.lanes)
-            name = f"%m{len(self._memories)}"
-            self._first.append(f"{name} = alloca [{room} x {kind}], align 128")
+            name, offset = f"%m{len(self._memories)}", self.module.offset(memory)
+            if offset is None:
+                room = memory.size * (1 if memory.uniform else self.module.lanes)
+                self._first.append(f"{name} = alloca [{room} x {kind}], align {ALIGNMENT}")
+            else:
+                self.in_arena = True
+                self._first.append(f"{name} = getelementptr i8, ptr %arena, i64 {offset}")
         self._memories[memory.number] = name
         return name
 

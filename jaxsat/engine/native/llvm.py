@@ -33,24 +33,24 @@ from jaxsat.engine.native.words import (
 )
 
 
-def internal(module: Module, function: Function, known: Known) -> str:
-    """The name of an internal function of a module, printed if it was not.
+def internal(module: Module, function: Function, known: Known) -> tuple[str, bool]:
+    """The name of an internal function of a module, and whether it needs the module's arena.
 
-    Parameters whose places are `known` it reads itself.
+    It is printed if it was not. Parameters whose places are `known` it reads itself.
     """
     found = module.printed.get(id(function))
     if found is None:
         name, number = f'@"{function.name}"', 0
-        text = _printed(module, name, function, known)
+        text, in_arena = _printed(module, name, function, known)
         while module.functions.setdefault(name, text) != text:
             number += 1  # another function has the name
             name = f'@"{function.name}.{number}"'
-            text = _printed(module, name, function, known)
-        found = module.printed[id(function)] = (name, function)
-    return found[0]
+            text, in_arena = _printed(module, name, function, known)
+        found = module.printed[id(function)] = (name, function, in_arena)
+    return found[0], found[2]
 
 
-def _printed(module: Module, name: str, function: Function, known: Known) -> str:
+def _printed(module: Module, name: str, function: Function, known: Known) -> tuple[str, bool]:
     body = Body(module)
     params = [FROM] if known else []
     for param in function.params:
@@ -61,9 +61,11 @@ def _printed(module: Module, name: str, function: Function, known: Known) -> str
     body.steps(function.block)
     results = [body.operand(result) for result in function.results]
     body.line(f"ret {aggregate(body, function.results, results)}")
+    if body.in_arena:
+        params.append("ptr noalias %arena")
     returned = result_type(function.results, module.lanes)
     head = f"define internal {returned} {name}({', '.join(params)}) #0 {{"
-    return "\n".join([head, *body.text(), "}"])
+    return "\n".join([head, *body.text(), "}"]), body.in_arena
 
 
 def result_type(results: Sequence[Scalar], lanes: int) -> str:
@@ -172,12 +174,15 @@ class Body(AbstractLines):
 
     def _call(self, step: Call) -> None:
         known = self.known.get(id(step.function), {})
-        name = internal(self.module, step.function, known)
+        name, in_arena = internal(self.module, step.function, known)
         passed = [FROM.replace("noalias ", "")] if known else []
         for param, arg in zip(step.function.params, step.args, strict=True):
             if param.number not in known:
                 kind = type_of(param, self.module.lanes)
                 passed.append(f"{kind} {self.operand(arg, not param.uniform)}")
+        if in_arena:
+            self.in_arena = True
+            passed.append("ptr %arena")
         typed = ", ".join(passed)
         returned = result_type(step.function.results, self.module.lanes)
         if len(step.outs) == 1:

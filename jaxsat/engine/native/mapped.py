@@ -1,6 +1,6 @@
 """Any function of one case, compiled for many: what the tests and the curious use."""
 
-import ctypes
+import threading
 from collections.abc import Callable
 from functools import cached_property
 
@@ -10,26 +10,23 @@ from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
 from jaxsat.engine.native import rules, target
+from jaxsat.engine.native.arguments import Arguments, Memory, addresses
 from jaxsat.engine.native.builder import Builder
-from jaxsat.engine.native.drivers import run_blocks
+from jaxsat.engine.native.drivers import RUN, run_blocks
 from jaxsat.engine.native.interpreter import interpret
 from jaxsat.engine.native.ir import Function, Value
-from jaxsat.engine.native.lines import Module
+from jaxsat.engine.native.lines import Module, require_lanes
 from jaxsat.engine.native.lowering import (
     arrays_of,
     lower,
     number_type,
-    numbers_in,
     scalars_of,
 )
 from jaxsat.engine.native.places import PerCase, Place, Shared
 from jaxsat.engine.native.stages import Stage, add_stage
+from jaxsat.engine.native.threads import in_own_thread
 
 del rules  # imported for the table it fills
-
-
-RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
-"""The type of the driver `run`."""
 
 
 class Mapped:
@@ -37,8 +34,8 @@ class Mapped:
 
     `function(case, shared)` is given as for one case and may be anything of `jax.numpy` that the
     compiled engine knows; `case` and `shared` are examples, for their shapes and types. Raises
-    `CannotLower` for what it does not know. `cpu` is the processor to make code for, this one
-    unless given.
+    `CannotLower` for what it does not know, and `ValueError` for a number of `lanes` that is none
+    of 1, 2, 4, 8 and 16. `cpu` is the processor to make code for, this one unless given.
     """
 
     def __init__(
@@ -51,26 +48,35 @@ class Mapped:
     ):
         self.cpu = cpu or target.host()
         self.lanes = lanes or self.cpu.lanes
+        require_lanes(self.lanes)
         self.jaxpr, self._shape = jax.make_jaxpr(function, return_shape=True)(case, shared)
-        self._per_case = len(jax.tree.leaves(case))
-        self.stage = _one_stage(self.jaxpr, self._per_case)
+        trees = {"cases": case, "shared": shared}
+        self._arguments = Arguments.of(trees, self.jaxpr.in_avals, "cases")
+        self.stage = _one_stage(self.jaxpr, len(jax.tree.leaves(case)))
 
     def __call__(self, cases: PyTree, shared: PyTree = None) -> PyTree:
-        """The outputs of all cases."""
-        inputs = self._inputs(cases, shared)
-        count = len(inputs[0])
+        """The outputs of all cases.
+
+        Raises `ValueError` for arrays of other shapes than those of the examples (after the axis of
+        cases, which all must have in common) and trees of another structure, and `TypeError` for
+        numbers of types that those of the examples cannot represent.
+        """
+        inputs, count = self._taken(cases, shared)
         leaves, structure = jax.tree.flatten(self._shape)
         outputs = [np.zeros((count, *leaf.shape), leaf.dtype) for leaf in leaves]
-        pointers = (ctypes.c_void_p * (len(inputs) + len(outputs)))(
-            *(array.ctypes.data for array in [*inputs, *outputs])
-        )
-        RUN(self._code[1]["run"])(pointers, None, 0, count, 0, 0)
+        run = RUN(self._code[1]["run"])
+
+        def work(stopped: threading.Event) -> None:
+            del stopped
+            arena = Memory(self._module.arena)
+            run(addresses(arena, [*inputs, *outputs]), None, 0, count, 0, 0)
+
+        in_own_thread(work)
         return jax.tree.unflatten(structure, outputs)
 
     def interpreted(self, cases: PyTree, shared: PyTree = None) -> PyTree:
         """The same by the interpreter, all cases as lanes of one vector."""
-        inputs = self._inputs(cases, shared)
-        count = len(inputs[0])
+        inputs, count = self._taken(cases, shared)
         args = []
         for place in self.stage.inputs:
             assert isinstance(place, PerCase | Shared)
@@ -91,25 +97,34 @@ class Mapped:
         return jax.tree.unflatten(structure, outputs)
 
     @cached_property
-    def text(self) -> str:
-        """The LLVM code."""
+    def _module(self) -> Module:
         module = Module(self.lanes, self.cpu.masks)
         add_stage(module, self.stage)
         module.functions["run"] = run_blocks(self.lanes, [self.stage.function.name])
-        return module.text(self.cpu.attributes())
+        return module
+
+    @property
+    def text(self) -> str:
+        """The LLVM code."""
+        return self._module.text(self.cpu.attributes())
 
     def assembly(self) -> str:
         """The machine code for this processor, as text."""
-        return target.assembly(self.text, self.cpu)
+        text = self.text
+        return in_own_thread(lambda stopped: target.assembly(text, self.cpu))
 
     @cached_property
-    def _code(self):
-        return target.loaded(target.object_code(self.text, self.cpu), ["run"])
+    def _code(self) -> tuple[object, dict[str, int]]:
+        here = target.host()
+        if self.cpu.register > here.register:
+            raise RuntimeError(f"This processor ({here.name}) cannot run code for {self.cpu.name}.")
+        text = self.text
+        return in_own_thread(
+            lambda stopped: target.loaded(target.object_code(text, self.cpu), ["run"])
+        )
 
-    def _inputs(self, cases: PyTree, shared: PyTree) -> list[np.ndarray]:
-        leaves = [*jax.tree.leaves(cases), *jax.tree.leaves(shared)]
-        dtypes = [number_type(aval.dtype) for aval in self.jaxpr.in_avals]
-        return [np.ascontiguousarray(numbers_in(x), d) for x, d in zip(leaves, dtypes, strict=True)]
+    def _taken(self, cases: PyTree, shared: PyTree) -> tuple[list[np.ndarray], int]:
+        return self._arguments.taken({"cases": cases, "shared": shared})
 
 
 def _one_stage(jaxpr: ClosedJaxpr, per_case: int) -> Stage:

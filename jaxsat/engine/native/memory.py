@@ -6,9 +6,22 @@ import numpy as np
 
 from jaxsat.engine.native.builder import INT, Builder, is_uniform
 from jaxsat.engine.native.ir import Memory, Scalar, Value
+from jaxsat.engine.native.lowering import CannotLower
 
 CHOSEN = 16
 """Of at most so many elements one is found by selections; more are put into memory."""
+
+LARGEST = 1 << 20
+"""Elements of a memory: with eight lanes of 64 bits, 64 MiB."""
+
+
+def memory_of(
+    dtype: np.dtype, size: int, uniform: bool, initial: np.ndarray | None = None
+) -> Memory:
+    """A memory. Raises `CannotLower` where it would be too large."""
+    if size > LARGEST:
+        raise CannotLower(f"An array of {size} numbers is larger than {LARGEST}")
+    return Memory(dtype, size, uniform, initial)
 
 
 def stored(b: Builder, elements: np.ndarray) -> Memory:
@@ -16,8 +29,8 @@ def stored(b: Builder, elements: np.ndarray) -> Memory:
     flat = list(elements.flat)
     dtype = flat[0].dtype
     if not any(isinstance(x, Value) for x in flat):
-        return Memory(dtype, len(flat), True, np.array(flat, dtype))
-    memory = Memory(dtype, len(flat), all(map(is_uniform, flat)))
+        return memory_of(dtype, len(flat), True, np.array(flat, dtype))
+    memory = memory_of(dtype, len(flat), all(map(is_uniform, flat)))
     for number, scalar in enumerate(flat):
         b.store(memory, INT.type(number), scalar)
     return memory

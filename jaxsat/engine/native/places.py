@@ -48,6 +48,9 @@ Known = Mapping[int, Shared | Slot]
 
 FROM = "ptr noalias %pointers, ptr noalias %state"
 
+FIRST = 1
+"""Before the addresses of the arrays from outside stands that of the arena (`lines.Module`)."""
+
 
 def read_later(lines: AbstractLines, value: Value, place: Shared | Slot) -> None:
     """Let a value be read in every block that needs it: it need not be kept in between."""
@@ -59,7 +62,7 @@ def array_of(lines: AbstractLines, number: int) -> str:
 
     def load(out: str) -> None:
         place = lines.fresh("p")
-        lines.line(f"{place} = getelementptr ptr, ptr %pointers, i64 {number}")
+        lines.line(f"{place} = getelementptr ptr, ptr %pointers, i64 {number + FIRST}")
         lines.line(f"{out} = load ptr, ptr {place}")
 
     return lines.once_in_block(("array", number), load)

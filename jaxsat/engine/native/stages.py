@@ -4,9 +4,9 @@ A stage is called for one vector of trajectories as
 
     void stage(pointers, state, cases, wanted, a, b)
 
-`pointers` holds the address of every array from outside; `state` is memory of this vector alone;
-`cases` gives the number of every lane's case and `wanted` (bytes) tells the lanes for which
-something is to be written; `a` and `b` are whole numbers for all lanes.
+`pointers` holds the address of the arena (`lines.Module`) and of every array from outside; `state`
+is memory of this vector alone; `cases` gives the number of every lane's case and `wanted` (bytes)
+tells the lanes for which something is to be written; `a` and `b` are whole numbers for all lanes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -82,11 +82,14 @@ def add_stage(module: Module, stage: Stage) -> None:
     for result, conditions, place in masked:
         body.write(result, conditions, place)
     body.line("ret void")
+    lines = body.text()
+    if body.in_arena:
+        lines.insert(1, "%arena = load ptr, ptr %pointers")
     head = (
         f"define void @{stage.function.name}({FROM}, "
         "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) noinline #0 {"
     )
-    module.functions[stage.function.name] = "\n".join([head, *body.text(), "}"])
+    module.functions[stage.function.name] = "\n".join([head, *lines, "}"])
 
 
 def _new(

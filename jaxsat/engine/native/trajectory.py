@@ -16,8 +16,10 @@ from jaxtyping import PyTree
 
 from jaxsat.collection import no_collection
 from jaxsat.engine.native import rules
+from jaxsat.engine.native.arguments import Arguments
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.ir import Function, Scalar, Value
+from jaxsat.engine.native.lines import ALIGNMENT
 from jaxsat.engine.native.lowering import Elements, arrays_of, lower, number_type, scalars_of
 from jaxsat.engine.native.places import Number, PerCase, Place, Shared, Slot
 from jaxsat.engine.native.staged import AbstractStaged, zero_leaves
@@ -25,21 +27,19 @@ from jaxsat.engine.native.stages import Stage
 
 del rules  # imported for the table it fills
 
-ALIGNMENT = 128
-
 
 @dataclass(frozen=True)
 class TrajectoryStages:
     """The stages, the bytes of a vector's state, and the shapes of what comes out.
 
     Arrays from outside are numbered in the order: those of cases, of the program, of the gains
-    (these have the types `inputs`), the outputs, what is observed. Where every trajectory has its
+    (the `arguments`), the outputs, what is observed. Where every trajectory has its
     own pace, `going` is the place of the bytes in the state that tell which lanes are to go on.
     """
 
     stages: list[Stage]
     state_size: int
-    inputs: list[np.dtype]
+    arguments: Arguments
     outputs: PyTree
     signals: PyTree
     jaxprs: dict[str, ClosedJaxpr]
@@ -99,8 +99,9 @@ def trajectory_stages(
         places["going"], going = where, slot.offset
     inputs = [*sources, *of_program]
     later = [_later(name, jaxprs[name], inputs, place) for name, place in places.items()]
-    dtypes = [number_type(aval.dtype) for aval in jaxprs["begin"].in_avals]
-    return TrajectoryStages([begin, *later], state.size, dtypes, outputs, signals, jaxprs, going)
+    trees = {"cases": case, "numbers": jax.tree.leaves(numbers), "gains": gains}
+    arguments = Arguments.of(trees, jaxprs["begin"].in_avals, "cases")
+    return TrajectoryStages([begin, *later], state.size, arguments, outputs, signals, jaxprs, going)
 
 
 def numbers_of(method: PyTree, program: PyTree) -> PyTree:

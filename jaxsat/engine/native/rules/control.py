@@ -17,7 +17,7 @@ from jaxsat.engine.native.lowering import (
     number_type,
     scalars_of,
 )
-from jaxsat.engine.native.memory import stored
+from jaxsat.engine.native.memory import memory_of, stored
 from jaxsat.engine.native.operations import BOOL
 from jaxsat.engine.native.rules.elementwise import extremum
 from jaxsat.engine.native.uniformity import scan_outputs, unchanged, while_carries
@@ -83,7 +83,7 @@ def _scan(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     x_shapes = [x.shape[1:] for x in arrays[n_consts + n_carry :]]
     y_avals = [var.aval for var in eqn.outvars[n_carry:]]
     ys = [
-        Memory(number_type(aval.dtype), int(np.prod(aval.shape)), not vary)
+        memory_of(number_type(aval.dtype), int(np.prod(aval.shape)), not vary)
         for aval, vary in zip(y_avals, stacked_vary, strict=True)
     ]
     shapes = [x.shape for x in carries]
