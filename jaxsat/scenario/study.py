@@ -12,6 +12,7 @@ from jaxsat.engine import (
     NativeEngine,
     Program,
     ReferenceEngine,
+    RunningCost,
     ScanEngine,
     Tolerance,
     native_obstacle,
@@ -88,7 +89,8 @@ def build_study(
     seed = scenario.simulation.seed if seed is None else seed
     copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
     table = scenario.simulation
-    program = program_of(copies, run.loop, table.duration_s, table.save_every_s)
+    cost = RunningCost(attitude=table.attitude_cost)
+    program = program_of(copies, run.loop, table.duration_s, table.save_every_s, cost=cost)
     design = _design(scenario.dispersion, seed, count)
     example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
     chosen, remark = _engine(scenario, run, (program, example), engine, width)
