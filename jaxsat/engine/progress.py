@@ -49,9 +49,11 @@ class RunningCost(eqx.Module):
     smooth over all rotations, zero at the target alone and at most 1 and 4. With "wz" they are |w|²
     and z², to which the others are equal to second order near the target; |w|² has no bound upside
     down, and z counts as it is integrated, unwrapped in (w, z) parameters. U is that of
-    `unsettled`, left out where that is None. With a `limit` c_max the cost a second c saturates as c / (1 + c/c_max), and
-    a run that ends early is charged c_max for every second that it lacks, so that the cost of any
-    run is at most c_max times its horizon. Without one, None, the cost of such a run is NaN.
+    `unsettled`, left out where that is None.
+
+    With a `limit` c_max the cost a second c saturates as c / (1 + c/c_max), and a run that ends
+    early is charged c_max for every second that it lacks, so that the cost of any run is at most
+    c_max times its horizon. Without one, None, the cost of such a run is NaN.
     """
 
     w: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)

@@ -71,6 +71,7 @@ def build_study(
     engine: EngineName = "auto",
     width: int = 64,
     chunk: int | None = None,
+    history: int | None = None,
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
@@ -80,7 +81,8 @@ def build_study(
     that cannot be, the study's `remark` says why, and it is "scan", or "diffrax" if the scenario
     names a solver that the adaptive steps cannot take. Raises `ValueError` where the scenario
     disperses nothing or something that its loop does not have, and for "native" where that cannot
-    be. `chunk` is the number of cases written together, by default what suits the engine.
+    be. `chunk` is the number of cases written together, by default what suits the engine;
+    `history` the number of instants at which signals of every case are kept.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
@@ -96,7 +98,8 @@ def build_study(
     chosen, remark = _engine(scenario, run, (program, example), engine, width)
     description = {"scenario": _numbers(scenario)}
     chunk = _suitable_chunk(chosen, count) if chunk is None else chunk
-    return Study(program, design, chosen, count, chunk, description=description, remark=remark)
+    told = {"description": description, "remark": remark}
+    return Study(program, design, chosen, count, chunk, **told, history=history)
 
 
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:

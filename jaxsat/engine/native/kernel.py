@@ -2,6 +2,7 @@
 
 import ctypes
 import functools
+import itertools
 import os
 import threading
 from collections.abc import Sequence
@@ -121,11 +122,12 @@ class Kernel:
         return vectors * self.lanes
 
     def replay(
-        self, inputs: Sequence[np.ndarray], count: int, intervals: int
+        self, inputs: Sequence[np.ndarray], count: int, instants: Sequence[int]
     ) -> tuple[PyTree, PyTree]:
-        """Outputs and signals (cases, times) of `count` cases, stopped at every interval.
+        """Outputs and signals (cases, times) of `count` cases, stopped at some of the intervals.
 
-        The stages are those of `run`, so the bits are, too.
+        `instants` are their numbers, ascending from 0 to that of the end. The stages are those of
+        `run`, so the bits are, too.
         """
         outputs, leaves = _room(self.stages.outputs, count)
         seen, now = _room(self.stages.signals, count)
@@ -138,14 +140,14 @@ class Kernel:
         history = []
         for state, cases, wanted in blocks:
             begin(pointers, state.address, cases.ctypes.data, wanted.ctypes.data, 0, 0)
-        for number in range(intervals + 1):
+        for number, following in itertools.zip_longest(instants, instants[1:]):
             for state, cases, wanted in blocks:
                 where = (pointers, state.address, cases.ctypes.data, wanted.ctypes.data)
                 observe(*where, number, 0)
-                if number < intervals:
-                    advance(*where, number, 1)
+                if following is not None:
+                    advance(*where, number, following - number)
                 else:
-                    finish(*where, 0, intervals)
+                    finish(*where, 0, number)
             history.append(jax.tree.map(np.copy, seen))
         return outputs, jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
 
