@@ -162,5 +162,5 @@ def test_the_smooth_settling_time_is_near_the_true_one():
 
 @pytest.mark.parametrize("wrong", [{"limit": 0.0}, {"settling": -1.0}, {"attitude": "w"}])
 def test_bounds_of_the_cost_are_checked(wrong):
-    with pytest.raises(ValueError, match=next(iter(wrong))):
+    with pytest.raises((ValueError, TypeError), match=next(iter(wrong))):
         RunningCost(**wrong)

@@ -62,7 +62,7 @@ def test_settling_can_be_judged_again_from_a_history(tmp_path):
     dataset = open_study(tmp_path / "s.zarr")
     limits = Tolerances(0.2, 0.2, 0.1)
     times = dataset["history_time"].values
-    for case in range(COUNT):
+    for case in range(4):
         one = dataset.isel(case=case)
         names = ("w", "z", "relative_rate")
         signals = (jnp.asarray(one[f"history_{name}"].values) for name in names)
