@@ -63,8 +63,8 @@ class Program(eqx.Module):
         """
         if not 2 <= count <= self.intervals + 1:
             raise ValueError(
-                f"There must be 2 to {self.intervals + 1} instants, as the state is looked at so "
-                f"often, but got {count}."
+                f"A history must have 2 to {self.intervals + 1} instants, as the state is looked "
+                f"at so often, but got {count}."
             )
         return np.round(np.linspace(0, self.intervals, count)).astype(int)
 

@@ -98,8 +98,16 @@ def build_study(
     chosen, remark = _engine(scenario, run, (program, example), engine, width)
     description = {"scenario": _numbers(scenario)}
     chunk = _suitable_chunk(chosen, count) if chunk is None else chunk
-    told = {"description": description, "remark": remark}
-    return Study(program, design, chosen, count, chunk, **told, history=history)
+    return Study(
+        program,
+        design,
+        chosen,
+        count,
+        chunk,
+        description=description,
+        remark=remark,
+        history=history,
+    )
 
 
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:

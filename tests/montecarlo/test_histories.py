@@ -117,5 +117,5 @@ def test_a_store_goes_on_with_its_histories_alone(stored, tmp_path):
 
 @pytest.mark.parametrize("wrong", [1, 22])
 def test_more_instants_than_there_are_are_refused(wrong):
-    with pytest.raises(ValueError, match="There must be 2 to 21 instants"):
+    with pytest.raises(ValueError, match="must have 2 to 21 instants"):
         study(history=wrong)
