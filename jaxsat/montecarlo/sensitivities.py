@@ -122,13 +122,13 @@ class _Evidence(NamedTuple):
     """What the sample says of one number, before it is known how many there are."""
 
     name: str
-    index: _Index | None
+    share: _Index | None
     correlation: float
     cases: int
 
     def judged(self, tails: float) -> Sensitivity:
         """With intervals that miss with a probability of `tails`."""
-        index = UNKNOWN if self.index is None else _index_interval(self.index, tails)
+        index = UNKNOWN if self.share is None else _index_interval(self.share, tails)
         return Sensitivity(
             self.name, index, _correlation_interval(self.correlation, self.cases, tails)
         )
