@@ -26,7 +26,7 @@ def comparison_lines(rows: Sequence["Row"], verdicts: Sequence["Verdict"]) -> li
     lines = _aligned([list(HEADINGS), *map(_cells, rows)])
     lines.append(
         f"{rows[0].cases} random starts each; t50 and t90: half and 90 % of all cases have settled "
-        "(95 % bootstrap interval); median effort, largest rate"
+        "(95 % interval, of the number of cases below it); median effort, largest rate"
     )
     for one in verdicts:
         where = f"{one.torque_limit:g} N m, {one.level}"
@@ -64,10 +64,11 @@ def _cells(row: "Row") -> list[str]:
 
 
 def _interval(found) -> str:
-    if not math.isfinite(found.value):
+    from jaxsat.montecarlo import ends_text
+
+    if not math.isfinite(found.low) and not math.isfinite(found.value):
         return "never"
-    ends = (_number(end, ".0f") for end in found[1:])
-    return f"{found.value:.0f} ({' to '.join(ends)})"
+    return f"{_number(found.value, '.0f')} ({ends_text(found, '.0f')})"
 
 
 def _number(value: float, form: str) -> str:

@@ -43,6 +43,7 @@ def montecarlo(
     scheduler: str | None = None,
     devices: int | None = None,
     figures: Path | None = None,
+    history: int | None = None,
     elsewhere: Annotated[bool, Parameter(negative="")] = False,
     quiet: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -91,6 +92,8 @@ def montecarlo(
     figures
         Folder for figures: settling times, where it settles, convergence, fans of attitude and
         rates.
+    history
+        Keep attitude, rates and torque of every case at so many instants, evenly over the horizon.
     elsewhere
         Go on with a store that was begun with other versions or on another processor.
     quiet
@@ -102,7 +105,9 @@ def montecarlo(
     try:
         from jaxsat.scenario.study import build_study
 
-        study = build_study(chosen, count, seed=seed, engine=engine, width=width, chunk=chunk)
+        study = build_study(
+            chosen, count, seed=seed, engine=engine, width=width, chunk=chunk, history=history
+        )
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if study.remark is not None and not quiet:

@@ -35,7 +35,7 @@ def write_figures(
         dataset = open_study(store)
         count = summary.cases
         columns = {"settling_time": np.asarray(dataset["settling_time"][:count])}
-        ranked = [entry.name for entry in _ranking(summary)][:2]
+        ranked = [entry.name for entry in _ranking(summary) if entry.matters][:2]
         drawn = {label: _drawn(dataset, label, count) for label in ranked}
         figures = study_figures(columns, drawn, title)
         every = max(1, study.program.intervals // FAN_INSTANTS)
@@ -73,15 +73,21 @@ def _ranking(summary: "Summary") -> list["Sensitivity"]:
 
 
 def _drawn(dataset: "xr.Dataset", label: str, count: int) -> "DrawnNumber":
-    """What was drawn of a number that is called as in a sensitivity ranking: name or name[i]."""
+    """What was drawn of a number that is called as in a sensitivity ranking."""
     import numpy as np
 
+    from jaxsat.montecarlo import numbers_of
     from jaxsat.report.study_figures import DrawnNumber
 
-    name, _, component = label.removesuffix("]").partition("[")
+    name = label.partition("[")[0]
     column = dataset[f"drawn_{name}"]
-    values = np.asarray(column[:count, int(component or 1) - 1])
-    return DrawnNumber(values, column.attrs["units"], column.attrs["long_name"])
+    values = numbers_of(name, np.asarray(column[:count]))[label]
+    unit, meaning = column.attrs["units"], column.attrs["long_name"]
+    if label == "attitude[angle]":
+        unit, meaning = "rad", "rotation from the orbit to the body frame at the start"
+    elif name == "attitude":
+        meaning = "its axis"
+    return DrawnNumber(values, unit, meaning)
 
 
 def write_one_case(

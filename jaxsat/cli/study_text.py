@@ -1,9 +1,10 @@
 """Studies in words: how far one is, and what it found."""
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from jaxsat.montecarlo import StudyProgress, Summary
+    from jaxsat.montecarlo import Sensitivity, StudyProgress, Summary
 
 SHOWN = 8
 """Entries of a sensitivity ranking that are printed."""
@@ -11,6 +12,8 @@ SHOWN = 8
 
 def summary_lines(summary: "Summary") -> list[str]:
     """What a study found, for a person."""
+    from jaxsat.montecarlo import ends_text
+
     settled = summary.settled
     lines = [
         f"cases            {summary.cases}: "
@@ -18,9 +21,10 @@ def summary_lines(summary: "Summary") -> list[str]:
         f"settled          {settled.value:.2%} (95 % interval {settled.low:.2%} to "
         f"{settled.high:.2%})",
     ]
-    for name, unit in (("settling_time", "s"), ("effort", "N m s")):
+    of_whom = {"settling_time": "s, of those that settle", "effort": "N m s, of those that end"}
+    for name, unit in of_whom.items():
         parts = [
-            f"{percent:g} %: {found.value:.4g} ({found.low:.4g} to {found.high:.4g})"
+            f"{percent:g} %: {found.value:.4g} ({ends_text(found)})"
             for percent, found in getattr(summary, name).items()
         ]
         if parts:
@@ -28,12 +32,25 @@ def summary_lines(summary: "Summary") -> list[str]:
     lines.append(f"worst cases      {', '.join(map(str, summary.worst))} (see --case)")
     rankings = {"the cost": summary.cost_sensitivity, "settling": summary.settling_sensitivity}
     for result, ranking in rankings.items():
-        ranked = [entry for entry in ranking if entry.first_order > 0][:SHOWN]
-        shown = [f"{e.name} {e.first_order:.2f} ({e.rank_correlation:+.2f})" for e in ranked]
-        if shown:
-            found = ", ".join(shown)
-            lines.append(f"what {result} depends on: {found}, first-order index (rank correlation)")
+        lines += _ranking_lines(result, ranking)
     return lines
+
+
+def _ranking_lines(result: str, ranking: "Sequence[Sensitivity]") -> Iterator[str]:
+    """The numbers that matter, and nothing where the result does not vary."""
+    if not any(entry.first_order.value == entry.first_order.value for entry in ranking):
+        return
+    shown = [entry for entry in ranking if entry.matters][:SHOWN]
+    if not shown:
+        yield f"what {result} depends on: nothing that so many cases can tell from chance"
+        return
+    yield f"what {result} depends on: first-order index and rank correlation (95 % intervals)"
+    for entry in shown:
+        index, rank = entry.first_order, entry.rank_correlation
+        yield (
+            f"  {entry.name:<26} {index.value:.2f} ({index.low:.2f} to {index.high:.2f})  "
+            f"{rank.value:+.2f} ({rank.low:+.2f} to {rank.high:+.2f})"
+        )
 
 
 def progress_text(progress: "StudyProgress") -> str:

@@ -4,16 +4,18 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import special
 
 from jaxsat.comparison.acceptance import Setting
-from jaxsat.montecarlo import Interval, percentile, wilson
+from jaxsat.montecarlo import LEVEL, Interval, percentile, wilson
 
 
 class Row(NamedTuple):
     """One law on the acceptance set.
 
-    `settled` is a fraction with Wilson's interval. `t50` and `t90` (s, with bootstrap intervals)
-    are the times within which half and nine tenths of *all* cases settle, infinite where fewer do.
+    `settled` is a fraction with Wilson's interval. `t50` and `t90` (s) are the times within which
+    half and nine tenths of *all* cases settle, infinite where fewer do; so is the upper end of an
+    interval where the cases are too few or too few of them settle.
     `effort` (N m s) is the median over the cases that did not diverge and `peak_rate` (rad/s) the
     largest, `paper_start` (s) the settling time from the paper's initial state, infinite if never.
     """
@@ -70,16 +72,20 @@ def row_of(
 
 
 def verdict(rows: Sequence[Row]) -> Verdict:
-    """The law to take among rows of one level and limit.
+    """The law to take among rows of one level and limit, whose cases are the same.
 
-    Those whose interval of the settled fraction is not below the best one's are as sure as it; of
-    these the one with the least median is taken, the tail (t90) deciding between equals.
+    A law is less sure than the one that settles most if of the cases that only one of the two
+    settles more than chance allows (95 %, two-sided) are the other's: McNemar's exact test. Of the
+    others the one with the least median is taken, the tail (t90) deciding between equals. Raises
+    `ValueError` for rows of different numbers of cases.
     """
+    if len({row.cases for row in rows}) > 1:
+        raise ValueError("The rows must have the same cases, but got different numbers of them.")
     level, limit, _ = rows[0].setting
     surest = max(rows, key=lambda row: (row.settled.value, -row.t50.value))
     if surest.settled.value == 0:
         return Verdict(level, limit, None, "no law settled a single case")
-    sure = [row for row in rows if row.settled.high >= surest.settled.low]
+    sure = [row for row in rows if not _settles_fewer(row, surest)]
     best = min(sure, key=lambda row: (row.t50.value, row.t90.value, -row.settled.value))
     return Verdict(level, limit, best.setting.law, _reason(best, surest, sure, rows))
 
@@ -95,13 +101,35 @@ def _reason(best: Row, surest: Row, sure: Sequence[Row], rows: Sequence[Row]) ->
     for row in sure:
         if row is best:
             continue
-        alike = "" if row.t50.low > best.t50.high else ", which this sample cannot tell apart"
-        clauses.append(f"{row.setting.law} is as sure and takes {_seconds(row.t50.value)}{alike}")
+        clauses.append(f"{row.setting.law} is as sure and takes {_seconds(row.t50.value)}")
+        clauses[-1] += _quicker(best, row)
     beaten = [row for row in rows if all(row is not one for one in sure)]
     if beaten:
         listed = ", ".join(f"{row.setting.law} {row.settled.value:.1%}" for row in beaten)
         clauses.append(f"less sure: {listed}")
     return "; ".join(clauses)
+
+
+def _settles_fewer(row: Row, other: Row) -> bool:
+    """Whether of the cases that only one law settles too many are the other's."""
+    one, two = (np.isfinite(each.settling_times) for each in (row, other))
+    alone, others = int((one & ~two).sum()), int((two & ~one).sum())
+    return bool(others > alone and _tail(alone, alone + others) < (1 - LEVEL) / 2)
+
+
+def _quicker(best: Row, row: Row) -> str:
+    """In how many of the cases that differ the best law is quicker: the exact sign test."""
+    ahead = int((best.settling_times < row.settling_times).sum())
+    behind = int((best.settling_times > row.settling_times).sum())
+    tail = _tail(min(ahead, behind), ahead + behind)
+    if tail > (1 - LEVEL) / 2:
+        return ", which this sample cannot tell apart"
+    return f", {best.setting.law} being quicker in {ahead} of {ahead + behind} cases"
+
+
+def _tail(fewer: int, count: int) -> float:
+    """The probability of at most so many of `count` fair coins."""
+    return float(special.bdtr(fewer, count, 0.5)) if count else 1.0
 
 
 def _seconds(value: float) -> str:

@@ -13,7 +13,13 @@ from jaxsat.control.oscillatory import (
     OscillatoryLaw,
     TwoChannel,
 )
-from jaxsat.control.presets import TUNED_LIMITS, oscillatory_settling, three_slew_settling
+from jaxsat.control.presets import (
+    TUNED_LIMITS,
+    equivalent_limit,
+    oscillatory_settling,
+    ripple_filter,
+    three_slew_settling,
+)
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.riccati import reachable_rank, regulator_gain
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, RippleObserver
@@ -54,9 +60,11 @@ __all__ = [
     "ThreeSlewLaw",
     "ThreeSlewSettling",
     "TwoChannel",
+    "equivalent_limit",
     "linear_model",
     "oscillatory_settling",
     "reachable_rank",
     "regulator_gain",
+    "ripple_filter",
     "three_slew_settling",
 ]

@@ -13,13 +13,14 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.rate_tracking import coupling
-from jaxsat.control.ripple import AbstractRippleEstimator, RippleObserver, ThirdRate
+from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
 from jaxsat.dynamics import PlantState, RigidBody
 
 RealScalar = Float[Array, ""]
 
-LEAST_COUPLING = 0.2
-"""A smaller |c + δc| than this is not believed: the laws divide by it."""
+LEAST_COUPLING, LEAST_SHARE = 0.2, 0.5
+"""A |c + δc| below both the first and this share of the model's |c| is not believed: the laws
+divide by it."""
 
 
 class ThirdAxis(NamedTuple):
@@ -53,7 +54,7 @@ class ThirdAxisEstimator(eqx.Module):
     """
 
     model: RigidBody
-    observer: AbstractRippleEstimator | None = eqx.field(default_factory=RippleObserver)
+    observer: AbstractRippleEstimator | None = None
     least_squares: RecursiveLeastSquares | None = eqx.field(default_factory=RecursiveLeastSquares)
 
     def init(self, state: PlantState) -> EstimatorMemory:
@@ -101,7 +102,8 @@ class ThirdAxisEstimator(eqx.Module):
             known = self.observer.believed(ripple, omega3)
         by_others = errors[0] * omega1 + errors[1] * (omega2 + self.model.orbit.rate)
         sign = jnp.where(c < 0, -1.0, 1.0)
-        fitted = sign * jnp.maximum(sign * (c + errors[2]), LEAST_COUPLING)
+        least = jnp.minimum(LEAST_COUPLING, LEAST_SHARE * jnp.abs(c))
+        fitted = sign * jnp.maximum(sign * (c + errors[2]), least)
         # Without a fit the model's own value is used, however small.
         believed = c if self.least_squares is None else fitted
         return ThirdAxis(

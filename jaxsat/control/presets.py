@@ -2,8 +2,11 @@
 
 The gains were tuned for J = diag(449.5, 264.6, 312.5) kg m², ω0 = 0.0011 rad/s and the printed
 disturbance, at thrusters of 1, 5 and 20 N m, and a period of 0.1 s. Between these limits they are
-interpolated; below and above they are those of the nearest. Other spacecraft need gains of their
-own; the regulator's gain is computed from the model in any case.
+interpolated; below and above they are those of the nearest. All are rates, angles and numbers
+without a unit, so a larger body under torques larger in proportion flies alike: a limit counts by
+the angular acceleration that it gives the believed body (`equivalent_limit`). Other ratios of the
+moments need gains of their own; the regulator's gain is computed from the model in any case, and
+what is known of the periodic d3 goes into the ripple estimator (`ripple_filter`).
 """
 
 import bisect
@@ -12,6 +15,7 @@ from typing import NamedTuple, TypeVar
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
@@ -51,7 +55,8 @@ DEAD_ZONE = 1e-5
 """Slow rate (rad/s) that the oscillation leaves to the regulator."""
 
 STATE_SCALE, TORQUE_SCALE = (0.1, 0.1, 0.05, 0.002, 0.002, 0.001), 0.3
-"""Of the regulator, so that rates stay below 1e-3 rad/s while it removes what is left."""
+"""Of the regulator, so that rates stay below 1e-3 rad/s while it removes what is left; the torque
+(N m) for the body of the tuned gains, for another in proportion."""
 
 _MORIN_SAMSON = {
     1.0: _Oscillation(0.086, 0.03, 0.26, 0.03, 0.76, 0.07, 1.52, 2.24e-5, 2e-3, 0.02),
@@ -68,6 +73,15 @@ _APPROACH = {
     5.0: _Approach((0.779, 1.12, 3e-5), 4.7e-3, (0.791, 4.77, 2.34, 2.7e-3, 8.8e-4)),
     20.0: _Approach((0.881, 0.795, 5e-5), 2.7e-3, (0.825, 7.32, 2.33, 2.0e-3, 6.4e-4)),
 }
+
+TUNED_MOMENTS = (449.5, 264.6, 312.5)
+"""Principal moments (kg m²) for which the gains are tuned."""
+
+TUNED_RIPPLE = (0.001, 0.1)
+"""Amplitude (N m) and frequency (rad/s) of the d3 for which the gains are tuned."""
+
+RIPPLE_EXPECTED = 3e-5
+"""Ripple of ω3 (rad/s) that the filter expects of that d3 on that body."""
 
 TUNED_PERIOD = 0.1
 """Control period (s) for which the gains are tuned."""
@@ -88,10 +102,10 @@ def oscillatory_settling(
     """The Morin-Samson law with regulator.
 
     `model` is what the controller believes of the plant. `observe` tells whether it estimates the
-    ripple of d3 (by `ripple`, a `RippleFilter` unless given), `estimate` whether it estimates the
-    errors of axes and inertia. Raises `ValueError` for a torque limit that is not positive.
+    ripple of d3 (by `ripple`, `ripple_filter(model)` unless given), `estimate` whether it estimates
+    the errors of axes and inertia. Raises `ValueError` for a torque limit that is not positive.
     """
-    gains = _gains(_MORIN_SAMSON, torque_limit)
+    gains = _gains(_MORIN_SAMSON, model, torque_limit)
     demand = MorinSamson(gains.k3, gains.turn, gains.rest)
     fine = _fine_stage(model, demand, gains, fade_lean=False)
     estimator = _estimator(model, observe, estimate, ripple)
@@ -110,8 +124,8 @@ def three_slew_settling(
     ripple: AbstractRippleEstimator | None = None,
 ) -> ThreeSlewSettling:
     """Rate law, three slews, two-channel law and regulator; arguments as above."""
-    gains = _gains(_TWO_CHANNEL, torque_limit)
-    approach = _gains(_APPROACH, torque_limit)
+    gains = _gains(_TWO_CHANNEL, model, torque_limit)
+    approach = _gains(_APPROACH, model, torque_limit)
     demand = TwoChannel(gains.k3, gains.turn, gains.rest)
     return ThreeSlewSettling(
         rate_law=FiniteTimeRate(model, torque_limit, *approach.rate),
@@ -125,16 +139,45 @@ def three_slew_settling(
     )
 
 
+def ripple_filter(
+    model: RigidBody, amplitude: float = TUNED_RIPPLE[0], frequency: float = TUNED_RIPPLE[1]
+) -> RippleFilter:
+    """The filter for d3 = amplitude sin(frequency t + any phase) about the third axis of `model`.
+
+    `amplitude` in N m, `frequency` in rad/s, by default those of the paper. It expects a ripple of
+    ω3 in proportion to amplitude / (J3 frequency), but none smaller than the paper's d3 makes. A
+    frequency of zero means that no periodic d3 is known: the filter then keeps the paper's.
+    """
+    moment = float(model.spacecraft.moments[2])
+    tuned = TUNED_RIPPLE[0] / (TUNED_MOMENTS[2] * TUNED_RIPPLE[1])
+    frequency = abs(frequency) or TUNED_RIPPLE[1]
+    size = abs(amplitude) / (moment * frequency) / tuned
+    return RippleFilter(frequency=frequency, amplitude=RIPPLE_EXPECTED * max(1.0, size))
+
+
+def equivalent_limit(
+    moments: Float[np.ndarray | jax.Array, "3"] | tuple[float, ...], torque_limit: float
+) -> float:
+    """The limit (N m) that turns the body of the tuned gains as fast as `torque_limit` this one.
+
+    By the mean of J1 and J2 (kg m²), the geometric one.
+    """
+    j1, j2, _ = np.asarray(moments, float)
+    tuned = np.sqrt(TUNED_MOMENTS[0] * TUNED_MOMENTS[1])
+    return float(torque_limit * (tuned / np.sqrt(j1 * j2)))
+
+
 Gains = TypeVar("Gains", bound=tuple)
 
 
-def _gains(table: Mapping[float, Gains], torque_limit: float | int) -> Gains:
+def _gains(table: Mapping[float, Gains], model: RigidBody, torque_limit: float | int) -> Gains:
     """Those tuned for the limit; between two limits on straight lines in logarithms."""
     limit = float(torque_limit)
     if not 0 < limit < np.inf:
         raise ValueError(
             f"Argument `torque_limit` must be positive and finite, but got {torque_limit} N m."
         )
+    limit = equivalent_limit(model.spacecraft.moments, limit)
     known = sorted(table)
     limit = min(max(limit, known[0]), known[-1])
     if limit in table:
@@ -158,7 +201,8 @@ def _fine_stage(model, demand, gains: _Oscillation, *, fade_lean: bool) -> FineS
         ratio=gains.ratio,
         dead_zone=DEAD_ZONE,
     )
-    regulator = OrbitalRegulator.design(model, STATE_SCALE, TORQUE_SCALE)
+    torque_scale = TORQUE_SCALE / equivalent_limit(model.spacecraft.moments, 1.0)
+    regulator = OrbitalRegulator.design(model, STATE_SCALE, torque_scale)
     handover = Handover(gains.enter_slow_rate, gains.enter_rate)
     return FineStage(oscillator, regulator, handover, fade_lean)
 
@@ -166,5 +210,5 @@ def _fine_stage(model, demand, gains: _Oscillation, *, fade_lean: bool) -> FineS
 def _estimator(
     model: RigidBody, observe: bool, estimate: bool, ripple: AbstractRippleEstimator | None
 ) -> ThirdAxisEstimator:
-    observer = (ripple or RippleFilter()) if observe else None
+    observer = (ripple or ripple_filter(model)) if observe else None
     return ThirdAxisEstimator(model, observer, RecursiveLeastSquares() if estimate else None)

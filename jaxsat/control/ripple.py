@@ -71,7 +71,7 @@ class RippleObserver(AbstractRippleEstimator):
     unknown part of c ω1 ω2 would be taken for a disturbance, so only the oscillation goes on.
     """
 
-    frequency: RealScalar = eqx.field(converter=as_float, default=0.1)
+    frequency: RealScalar = eqx.field(converter=as_float)
     pole: RealScalar = eqx.field(converter=as_float, default=0.05)
     rate_limit: RealScalar = eqx.field(converter=as_float, default=0.02)
 
@@ -152,12 +152,13 @@ class RippleFilter(AbstractRippleEstimator):
 
     At first it learns in a fraction of the disturbance's period, later it averages the noise of
     the sensor away. Rates of ω1 and ω2 make it careful instead of being switched off: the
-    predicted ω3 is trusted to `product_error` |ω|², `lean_error` |ω| (without unit). `noise` is
-    the sensor's (rad/s), `amplitude` the ripple's expected size (rad/s), and `drift` the rate at
-    which the ripple may change by itself (rad/s per √s), which lets another frequency be followed.
+    predicted ω3 is trusted to `product_error` |ω|², `lean_error` |ω| (without unit). `frequency`
+    is Ω (rad/s), `noise` the sensor's (rad/s), `amplitude` the ripple's expected size (rad/s), and
+    `drift` the rate at which the ripple may change by itself (rad/s per √s), which lets a frequency
+    nearby be followed.
     """
 
-    frequency: RealScalar = eqx.field(converter=as_float, default=0.1)
+    frequency: RealScalar = eqx.field(converter=as_float)
     noise: RealScalar = eqx.field(converter=as_float, default=1e-5)
     amplitude: RealScalar = eqx.field(converter=as_float, default=3e-5)
     drift: RealScalar = eqx.field(converter=as_float, default=2e-6)

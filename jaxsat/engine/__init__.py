@@ -4,13 +4,14 @@ from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
 from jaxsat.engine.native import CannotLower, NativeEngine, native_obstacle
 from jaxsat.engine.program import AbstractCopies, Copy, Program, program_of
-from jaxsat.engine.progress import Outputs, RunningCost, Unsettled
+from jaxsat.engine.progress import AttitudeCost, Outputs, RunningCost, Unsettled
 from jaxsat.engine.reference import ReferenceEngine
 from jaxsat.engine.scan import ScanEngine
 
 __all__ = [
     "AbstractCopies",
     "AbstractEngine",
+    "AttitudeCost",
     "CannotLower",
     "Copy",
     "CostGradient",

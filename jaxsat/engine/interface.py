@@ -66,11 +66,12 @@ class AbstractEngine(eqx.Module):
 
     @abc.abstractmethod
     def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
+        self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
         """Outputs and signals (times after cases) of a padded block.
 
-        The signals are those at `program.instants(every)`.
+        The signals are those at the beginning of the intervals of these numbers, ascending from 0
+        to the end.
         """
 
     @abc.abstractmethod
@@ -105,7 +106,7 @@ class AbstractEngine(eqx.Module):
     def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
         """One case (no leading axis) again, with its history and the same bits as before."""
         cases = jax.tree.map(lambda x: jnp.stack([x] * self.padded_width), case)
-        outputs, signals = self.replay_block(program, cases, gains)
+        outputs, signals = self.replay_block(program, cases, gains, program.instants())
         outputs, signals = jax.tree.map(lambda x: np.asarray(x[0]), (outputs, signals))
         times = np.arange(program.intervals + 1) * float(program.interval)
         return Replay(outputs, times, signals)
@@ -118,8 +119,22 @@ class AbstractEngine(eqx.Module):
         cases = jax.tree.map(np.asarray, cases)
         if count > self.width:
             raise ValueError(f"There must be 1 to {self.width} cases, but got {count}.")
-        signals = self.replay_block(program, jax.tree.map(self._padded, cases), gains, every)[1]
+        padded, instants = jax.tree.map(self._padded, cases), program.instants(every)
+        signals = self.replay_block(program, padded, gains, instants)[1]
         return jax.tree.map(lambda x: np.asarray(x[:count]), signals)
+
+    def observed(
+        self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
+    ) -> tuple[Outputs, Signals]:
+        """`evaluate`, to the same bits, and signals (cases, times) at `instants`.
+
+        These are numbers of intervals, ascending from 0 to the end, such as `program.evenly` gives.
+        """
+
+        def run(program, cases, gains):
+            return self.replay_block(program, cases, gains, instants)
+
+        return self._in_blocks(run, program, cases, gains)
 
     def _in_blocks(self, run, program: Program, cases: PyTree, gains: PyTree):
         count = count_of(cases)

@@ -56,6 +56,18 @@ class Program(eqx.Module):
         """Numbers of the intervals that begin at every so many intervals, and of the end."""
         return np.unique(np.append(np.arange(0, self.intervals, every), self.intervals))
 
+    def evenly(self, count: int) -> np.ndarray:
+        """Numbers of `count` intervals, evenly from the first to the end, each the nearest.
+
+        Raises `ValueError` for fewer than two, or for more than there are.
+        """
+        if not 2 <= count <= self.intervals + 1:
+            raise ValueError(
+                f"A history must have 2 to {self.intervals + 1} instants, as the state is looked "
+                f"at so often, but got {count}."
+            )
+        return np.round(np.linspace(0, self.intervals, count)).astype(int)
+
     @property
     def duration(self) -> Float[Array, ""]:
         """The time of the whole trajectory, s."""

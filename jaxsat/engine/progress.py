@@ -1,6 +1,6 @@
 """What is kept of a trajectory while it runs and what is told of it at the end."""
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,7 +9,9 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from jaxsat.checks import as_float, as_optional_float, require_positive
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.metrics import Tolerances, within
+from jaxsat.quotients import reciprocal
 from jaxsat.simulation import Outcome, Signals
+from jaxsat.trigonometry import cos
 
 SETTLED_BEFORE = 0.9
 """The part of the horizon in which a case must have begun to be settled."""
@@ -37,13 +39,21 @@ class Unsettled(eqx.Module):
         return 1 - 1 / (1 + size**2)
 
 
-class RunningCost(eqx.Module):
-    """w |w|² + z z² + relative_rate |ω_r|² + torque Σ T_i² + settling U, integrated over time.
+AttitudeCost = Literal["rotation", "wz"]
 
-    z counts as it is integrated, unwrapped in (w, z) parameters; U is that of `unsettled`, left out
-    where that is None. With a `limit` c_max the cost a second c saturates as c / (1 + c/c_max), and
-    a run that ends early is charged c_max for every second that it lacks, so that the cost of any
-    run is at most c_max times its horizon. Without one, None, the cost of such a run is NaN.
+
+class RunningCost(eqx.Module):
+    """w A + z B + relative_rate |ω_r|² + torque Σ T_i² + settling U, integrated over time.
+
+    With `attitude` "rotation" A = sin²(tilt/2) = q1² + q2² and B = 4 q3² of the unit quaternion:
+    smooth over all rotations, zero at the target alone and at most 1 and 4. With "wz" they are |w|²
+    and z², to which the others are equal to second order near the target; |w|² has no bound upside
+    down, and z counts as it is integrated, unwrapped in (w, z) parameters. U is that of
+    `unsettled`, left out where that is None.
+
+    With a `limit` c_max the cost a second c saturates as c / (1 + c/c_max), and a run that ends
+    early is charged c_max for every second that it lacks, so that the cost of any run is at most
+    c_max times its horizon. Without one, None, the cost of such a run is NaN.
     """
 
     w: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
@@ -53,12 +63,17 @@ class RunningCost(eqx.Module):
     settling: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     unsettled: Unsettled | None = None
     limit: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+    attitude: AttitudeCost = eqx.field(static=True, default="rotation")
 
     def __check_init__(self):
         for name in ("w", "z", "relative_rate", "torque", "settling"):
             require_positive(name, getattr(self, name), zero_allowed=True)
         if self.limit is not None:
             require_positive("limit", self.limit)
+        if self.attitude not in get_args(AttitudeCost):
+            raise ValueError(
+                f'Argument `attitude` must be "rotation" or "wz", but got {self.attitude!r}.'
+            )
 
     def __call__(
         self,
@@ -69,14 +84,21 @@ class RunningCost(eqx.Module):
     ) -> Float[Array, ""]:
         """The cost a second."""
         cost = (
-            self.w * jnp.sum(w**2)
-            + self.z * z**2
+            self._of_attitude(w, z)
             + self.relative_rate * jnp.sum(relative_rate**2)
             + self.torque * jnp.sum(torque**2)
         )
         if self.unsettled is not None:
             cost = cost + self.settling * self.unsettled(w, z, relative_rate)
         return cost if self.limit is None else cost / (1 + cost / self.limit)
+
+    def _of_attitude(self, w: Float[Array, "2"], z: Float[Array, ""]) -> Float[Array, ""]:
+        """w A + z B."""
+        square = jnp.sum(w**2)
+        if self.attitude == "wz":
+            return self.w * square + self.z * z**2
+        upright = reciprocal(1 + square)  # cos²(tilt/2); 2 - 2 cos z = 4 sin²(z/2)
+        return self.w * (1 - upright) + self.z * (2 - 2 * cos(z)) * upright
 
     def whole(
         self,

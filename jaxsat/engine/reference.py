@@ -6,6 +6,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import PyTree
 
 from jaxsat.dynamics import PlantState
@@ -61,11 +62,10 @@ class ReferenceEngine(AbstractEngine):
         return _run(self, program, cases, gains)[0]
 
     def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
+        self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
         """Outputs and history of one block, both from the program that runs blocks."""
         outputs, signals = _run(self, program, cases, gains)
-        instants = program.instants(every)
         return outputs, jax.tree.map(lambda x: x[:, instants], signals)
 
     def block_gradient(

@@ -77,12 +77,12 @@ class ScanEngine(AbstractEngine):
         return _finish(self, program, cases, gains, progress)
 
     def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
+        self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
         """Outputs of one block, stopped at some intervals to be observed."""
         progress = _begin(self, program, cases, gains)
-        history, instants = [], program.instants(every).tolist()
-        for number, following in itertools.pairwise(instants):
+        history = []
+        for number, following in itertools.pairwise(instants.tolist()):
             history.append(_to_host(_observe(self, program, cases, gains, progress, number)))
             progress = _advance(self, program, cases, gains, progress, number, following - number)
         last = _observe(self, program, cases, gains, progress, program.intervals)

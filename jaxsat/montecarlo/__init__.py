@@ -21,18 +21,17 @@ from jaxsat.montecarlo.ensemble import Study, StudyProgress, require_counts, run
 from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Devices, Serial, Threads
 from jaxsat.montecarlo.processes import Processes
 from jaxsat.montecarlo.quantities import QUANTITIES
-from jaxsat.montecarlo.statistics import (
-    Interval,
+from jaxsat.montecarlo.sensitivities import (
     Sensitivity,
-    StopRule,
     first_order_index,
-    percentile,
+    numbers_of,
     sensitivity,
-    wilson,
 )
+from jaxsat.montecarlo.statistics import LEVEL, Interval, StopRule, ends_text, percentile, wilson
 from jaxsat.montecarlo.summary import Summary, summarise
 
 __all__ = [
+    "LEVEL",
     "QUANTITIES",
     "AbstractDesign",
     "AbstractDistribution",
@@ -59,8 +58,10 @@ __all__ = [
     "Threads",
     "TruncatedNormal",
     "Uniform",
+    "ends_text",
     "first_order_index",
     "number_at",
+    "numbers_of",
     "percentile",
     "require_counts",
     "run_study",

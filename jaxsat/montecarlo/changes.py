@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.attitude import DCM, WZ, AbstractAttitude, Quaternion
-from jaxsat.control import AbstractBacksteppingLaw, InternalModel
+from jaxsat.control import AbstractBacksteppingLaw, InternalModel, RippleFilter, RippleObserver
 from jaxsat.dynamics import PlantState
 from jaxsat.environment import (
     AbstractOrbit,
@@ -120,14 +120,21 @@ def set_periodic(field: str, new: Callable[[Array, Values], Array]):
 
 
 def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
-    """The loop whose internal model knows the frequencies of the plant's periodic torque."""
+    """The loop whose law knows the frequencies of the plant's periodic torque.
+
+    That is its internal model about the first two axes and its ripple estimator about the third.
+    """
     (torque,) = parts_of(PeriodicTorque, loop.plant.disturbance)
 
     def change(part):
-        known = isinstance(part, InternalModel)
-        return InternalModel(torque.frequency[:2]) if known else part
+        if isinstance(part, InternalModel):
+            return InternalModel(torque.frequency[:2])
+        if isinstance(part, RippleFilter | RippleObserver):
+            return eqx.tree_at(lambda estimator: estimator.frequency, part, torque.frequency[2])
+        return part
 
-    return with_controller(loop, _map(change, InternalModel, controller_of(loop)))
+    kinds = (InternalModel, RippleFilter, RippleObserver)
+    return with_controller(loop, _map(change, kinds, controller_of(loop)))
 
 
 def set_constant_torque(setting: Setting, torque: Values) -> Setting:
@@ -227,7 +234,7 @@ def _in_loop(setting: Setting, where, new) -> Setting:
     return setting._replace(loop=eqx.tree_at(where, setting.loop, new))
 
 
-def _map(change, kind: type, tree):
+def _map(change, kind: type | tuple[type, ...], tree):
     return jax.tree.map(change, tree, is_leaf=lambda part: isinstance(part, kind))
 
 

@@ -44,7 +44,8 @@ EXCLUSIVE = (
 class Dispersions(eqx.Module):
     """Distributions by the name of what they disperse; see `QUANTITIES` for the names.
 
-    With `frequency_known` the law's internal model follows the dispersed disturbance frequency.
+    With `frequency_known` the law's internal model and ripple estimator follow the dispersed
+    disturbance frequency.
     """
 
     distributions: dict[str, AbstractDistribution]

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +18,7 @@ from jaxsat.montecarlo.executors import AbstractExecutor, Serial
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.montecarlo.statistics import StopRule
 from jaxsat.results import Column, OutputError, StudyStore, machine
+from jaxsat.results.histories import HISTORY
 from jaxsat.results.store import chunk_numbers, differences
 
 DRAWN = "drawn_"
@@ -37,6 +38,18 @@ COLUMNS = {
 }
 
 
+HISTORIES = {
+    "w": Column((2,), "float64", "1", "tilt relative to the orbit frame"),
+    "z": Column((), "float64", "rad", "turn about the third axis"),
+    "omega": Column((3,), "float64", "rad s-1", "inertial angular velocity in body axes"),
+    "relative_rate": Column(
+        (3,), "float64", "rad s-1", "angular velocity relative to the orbit frame in body axes"
+    ),
+    "torque": Column((3,), "float64", "N m", "thruster torque in body axes"),
+}
+"""The signals of which a study can keep a history."""
+
+
 def require_counts(**counts: int) -> None:
     """Raise `ValueError` for a number of things that is below one."""
     for name, count in counts.items():
@@ -50,8 +63,9 @@ class Study:
 
     `description` is plain data that, with seed, design, engine and program, tells studies apart in
     a store: the scenario and its dispersions. `remark` is to be told with the results, such as why
-    an engine was not taken. Raises `ValueError` where the design has another
-    seed or size than the study.
+    an engine was not taken. `history` is the number of instants, evenly over the horizon, at which
+    signals of every case are kept; None keeps none. Raises `ValueError` where the design has
+    another size than the study, or `history` does not suit the program.
     """
 
     program: Program
@@ -62,11 +76,14 @@ class Study:
     gains: Mapping[str, Any] | None = None
     description: Mapping[str, Any] = field(default_factory=dict)
     remark: str | None = None
+    history: int | None = None
 
     def __post_init__(self):
         if not isinstance(self.program.copies, Dispersed):
             raise TypeError("Argument `program` must run dispersed copies.")
         require_counts(count=self.count, chunk=self.chunk)
+        if self.history is not None:
+            self.program.evenly(self.history)
         if isinstance(self.design, LatinHypercube) and self.design.size != self.count:
             raise ValueError(
                 f"A Latin hypercube must have the study's size {self.count}, "
@@ -92,6 +109,17 @@ class Study:
         """Outputs of these cases."""
         return self.engine.evaluate(self.program, self.cases(numbers), self.gains)
 
+    def values(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """What these cases have in a store, by column. Histories change no bit of the rest."""
+        if self.history is None:
+            return _by_column(self.evaluate(numbers))
+        instants = self.program.evenly(self.history)
+        outputs, signals = self.engine.observed(
+            self.program, self.cases(numbers), self.gains, instants
+        )
+        kept = {HISTORY + name: np.asarray(getattr(signals, name)) for name in HISTORIES}
+        return _by_column(outputs) | kept
+
     def replay(self, number: int) -> Replay:
         """One case again, with its history and the bits that it has in any study."""
         case = jax.tree.map(lambda x: jnp.asarray(x[0]), self.cases(np.array([number])))
@@ -108,12 +136,22 @@ class Study:
             )
             for name in self.copies.dispersions.names
         }
-        return COLUMNS | drawn
+        kept = {} if self.history is None else HISTORIES
+        histories = {
+            HISTORY + name: column._replace(shape=(cast(int, self.history), *column.shape))
+            for name, column in kept.items()
+        }
+        return COLUMNS | drawn | histories
 
     def identity(self) -> dict[str, Any]:
         """All that the numbers of a case depend on. The count is part of it only where it must."""
+        times = None
+        if self.history is not None:
+            interval = float(np.asarray(self.program.interval))
+            times = (self.program.evenly(self.history) * interval).tolist()
         return {
             **self.description,
+            "history": times,
             "design": type(self.design).__name__,
             "seed": self.design.seed,
             "size": self.count if self.has_fixed_size else None,
@@ -203,7 +241,7 @@ class _ChunkWork:
                     "results may differ in their last bits; allow that explicitly."
                 )
         numbers = chunk_numbers(chunk, self.chunk, self.count)
-        return _by_column(self.study.evaluate(numbers))
+        return self.study.values(numbers)
 
 
 class _Ledger:

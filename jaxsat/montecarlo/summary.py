@@ -6,13 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.montecarlo.ensemble import DRAWN
-from jaxsat.montecarlo.statistics import (
-    Interval,
-    Sensitivities,
-    Sensitivity,
-    percentile,
-    wilson,
-)
+from jaxsat.montecarlo.sensitivities import Sensitivities, Sensitivity
+from jaxsat.montecarlo.statistics import Interval, percentile, wilson
 from jaxsat.results.store import DONE
 from jaxsat.simulation import Outcome
 
@@ -26,7 +21,9 @@ class Summary(NamedTuple):
     `settled` is a fraction; `settling_time` (s, of the settled cases) and `effort` (N m s, of the
     cases that reached their end) are by percent, empty where there are none. `outcomes` counts the
     cases by how they ended, `worst` lists case numbers, those that failed first. The rankings say
-    which dispersion matters for the cost and for settling at all.
+    which dispersion matters for the cost and for settling at all. Intervals are of 95 %, those of
+    independent draws, and open (infinite) where there are too few cases; those of a ranking hold
+    together.
     """
 
     cases: int

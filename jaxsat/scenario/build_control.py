@@ -15,6 +15,7 @@ from jaxsat.control import (
     SwitchingLaw,
     ThreeAxisLaw,
     oscillatory_settling,
+    ripple_filter,
     three_slew_settling,
 )
 from jaxsat.dynamics import RigidBody
@@ -94,6 +95,13 @@ def _settling_law(
     from jaxsat.montecarlo import with_numbers  # takes its time, and few laws need it
 
     model = _model(scenario, table.model, (False, False, False))
+    amplitude, frequency = table.ripple_amplitude_N_m, table.ripple_frequency_rad_s
+    disturbance = scenario.disturbance
+    ripple = ripple_filter(
+        model,
+        disturbance.amplitude_N_m[2] if amplitude is None else amplitude,
+        disturbance.frequency_rad_s[2] if frequency is None else frequency,
+    )
     settling = oscillatory_settling if isinstance(table, OscillatoryTable) else three_slew_settling
     controller = settling(
         model,
@@ -101,6 +109,7 @@ def _settling_law(
         observe=table.observe_ripple,
         estimate=table.estimate_axes,
         period=table.period_s,
+        ripple=ripple,
     )
     places = TUNABLE.get(table.law, {})
     given = {place: getattr(table, key) for key, place in places.items()}

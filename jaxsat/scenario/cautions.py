@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxsat.control import TUNED_LIMITS
+from jaxsat.control import TUNED_LIMITS, equivalent_limit
 from jaxsat.scenario.control_tables import SETTLING_LAWS
 from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.errors import Issue
@@ -55,9 +55,14 @@ def _law_cautions(scenario: Scenario) -> list[Issue]:
 
 def _limit_cautions(scenario: Scenario) -> list[Issue]:
     limit = scenario.spacecraft.torque_limit_N_m
-    if scenario.control.law not in SETTLING_LAWS or limit in TUNED_LIMITS:
+    if scenario.control.law not in SETTLING_LAWS or limit is None:
         return []
-    tuned = ", ".join(f"{one:g}" for one in TUNED_LIMITS)
+    believed = getattr(scenario.control, "model", None)
+    inertia = getattr(believed, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
+    scale = equivalent_limit(np.diag(inertia_matrix(inertia)), 1.0)
+    if any(np.isclose(scale * limit, one, rtol=1e-9) for one in TUNED_LIMITS):
+        return []
+    tuned = ", ".join(f"{one / scale:.4g}" for one in TUNED_LIMITS)
     message = (
         f'should be one of {tuned} N m under the law "{scenario.control.law}", whose gains are '
         "tuned for these, interpolated between them and beyond them those of the nearest, "

@@ -131,6 +131,14 @@ class SwitchingTable(Table):
 
 
 OBSERVE = choice("Whether the ripple of d3 is observed and left out of the feedback", True)
+RIPPLE_FREQUENCY = quantity(
+    "Frequency of d3 that the controller believes; left out, that of the disturbance",
+    "rad/s",
+    None,
+)
+RIPPLE_AMPLITUDE = quantity(
+    "Amplitude of d3 that the controller expects; left out, that of the disturbance", "N m", None
+)
 ESTIMATE = choice("Whether leaning thruster axes and the inertia ratio are estimated", True)
 PERIOD = quantity("Time between two runs of the controller; the gains are tuned for 0.1", "s", 0.1)
 
@@ -153,6 +161,8 @@ class OscillatoryTable(Table):
     k3: Positive | None = quantity("Gain of the slow motion about the third axis", "1/s", None)
     damping: Positive | None = quantity("Damping ratio ζ of that motion", "1", None)
     observe_ripple: Switch = OBSERVE
+    ripple_frequency_rad_s: Positive | None = RIPPLE_FREQUENCY
+    ripple_amplitude_N_m: NonNegative | None = RIPPLE_AMPLITUDE
     estimate_axes: Switch = ESTIMATE
     period_s: Positive = PERIOD
     model: ModelTable = MODEL
@@ -166,6 +176,8 @@ class ThreeSlewTable(Table):
 
     law: Literal["three-slew"] = choice("The control law")
     observe_ripple: Switch = OBSERVE
+    ripple_frequency_rad_s: Positive | None = RIPPLE_FREQUENCY
+    ripple_amplitude_N_m: NonNegative | None = RIPPLE_AMPLITUDE
     estimate_axes: Switch = ESTIMATE
     period_s: Positive = PERIOD
     model: ModelTable = MODEL

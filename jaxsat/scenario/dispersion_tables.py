@@ -65,7 +65,9 @@ class DispersionTable(Table):
         "How the cases are spread over the distributions", "independent"
     )
     frequency_known: Switch = choice(
-        "Whether the law's internal model knows the drawn disturbance frequencies", False
+        "Whether the law's internal model or ripple estimator knows the drawn disturbance "
+        "frequencies",
+        False,
     )
     inertia: Distribution = _dispersed("relative changes of J1, J2, J3", "1")
     products_of_inertia: Distribution = _dispersed(

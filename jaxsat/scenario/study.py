@@ -12,6 +12,7 @@ from jaxsat.engine import (
     NativeEngine,
     Program,
     ReferenceEngine,
+    RunningCost,
     ScanEngine,
     Tolerance,
     native_obstacle,
@@ -70,6 +71,7 @@ def build_study(
     engine: EngineName = "auto",
     width: int = 64,
     chunk: int | None = None,
+    history: int | None = None,
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
@@ -79,7 +81,8 @@ def build_study(
     that cannot be, the study's `remark` says why, and it is "scan", or "diffrax" if the scenario
     names a solver that the adaptive steps cannot take. Raises `ValueError` where the scenario
     disperses nothing or something that its loop does not have, and for "native" where that cannot
-    be. `chunk` is the number of cases written together, by default what suits the engine.
+    be. `chunk` is the number of cases written together, by default what suits the engine;
+    `history` the number of instants at which signals of every case are kept.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
@@ -88,13 +91,23 @@ def build_study(
     seed = scenario.simulation.seed if seed is None else seed
     copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
     table = scenario.simulation
-    program = program_of(copies, run.loop, table.duration_s, table.save_every_s)
+    cost = RunningCost(attitude=table.attitude_cost)
+    program = program_of(copies, run.loop, table.duration_s, table.save_every_s, cost=cost)
     design = _design(scenario.dispersion, seed, count)
     example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
     chosen, remark = _engine(scenario, run, (program, example), engine, width)
     description = {"scenario": _numbers(scenario)}
     chunk = _suitable_chunk(chosen, count) if chunk is None else chunk
-    return Study(program, design, chosen, count, chunk, description=description, remark=remark)
+    return Study(
+        program,
+        design,
+        chosen,
+        count,
+        chunk,
+        description=description,
+        remark=remark,
+        history=history,
+    )
 
 
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:

@@ -124,6 +124,11 @@ class SimulationTable(Table):
         '"auto" takes error coordinates for the printed three-axis law where they hold',
         "auto",
     )
+    attitude_cost: Literal["rotation", "wz"] = choice(
+        "How the cost of studies and tuning counts the attitude: "
+        '"rotation", sin²(tilt/2) and 4 q3², or "wz", |w|² and z², without bound upside down',
+        "rotation",
+    )
     seed: Annotated[Whole, Ge(0), Le(2**63 - 1)] = quantity(
         "Seed of everything random; recorded with the results", "1", 0
     )

@@ -9,7 +9,7 @@ import equinox as eqx
 import numpy as np
 
 from jaxsat.checks import as_float
-from jaxsat.engine import Program, RunningCost, ScanEngine, Unsettled
+from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
 from jaxsat.engine.native import CannotLower, NativeEngine
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
@@ -67,7 +67,8 @@ def build_plan(
     space, start = _search(scenario, table.parameters)
     widths = {k: v for k, v in table.smoothing.model_dump().items() if v is not None}
     smooth = _with_control(scenario, widths)
-    bounded, unbounded = _cost(table.cost), _plain_cost(table.cost)
+    bounded = _cost(table.cost, scenario.simulation.attitude_cost)
+    unbounded = _plain(bounded)
 
     def trials(chosen: Scenario, cost: RunningCost, number: int) -> Trials:
         study = build_study(
@@ -205,17 +206,15 @@ def _search(scenario: Scenario, table: ParametersTable) -> tuple[SearchSpace, np
     return SearchSpace(tuple(parameters)), np.concatenate(values)
 
 
-def _cost(table: CostTable) -> RunningCost:
+def _cost(table: CostTable, attitude: AttitudeCost) -> RunningCost:
     weights = table.model_dump()
-    return RunningCost(**weights, unsettled=Unsettled())
+    return RunningCost(**weights, unsettled=Unsettled(), attitude=attitude)
 
 
-def _plain_cost(table: CostTable) -> RunningCost:
+def _plain(cost: RunningCost) -> RunningCost:
     """Without bound and surrogate; of the same structure, so that nothing compiles anew."""
     return eqx.tree_at(
-        lambda cost: (cost.settling, cost.limit),
-        _cost(table),
-        (as_float(0.0), as_float(np.inf)),
+        lambda cost: (cost.settling, cost.limit), cost, (as_float(0.0), as_float(np.inf))
     )
 
 

@@ -100,8 +100,8 @@ class ParametersTable(Table):
 class CostTable(Table):
     """`[tuning.cost]`: what a second costs, and how much at most."""
 
-    w: NonNegative = quantity("Weight of |w|²", "1", 1.0)
-    z: NonNegative = quantity("Weight of z²", "1", 1.0)
+    w: NonNegative = quantity("Weight of the tilt; see simulation.attitude_cost", "1", 1.0)
+    z: NonNegative = quantity("Weight of the turn", "1", 1.0)
     relative_rate: NonNegative = quantity("Weight of |ω_r|²", "s²", 100.0)
     torque: NonNegative = quantity("Weight of the squared torques", "1/(N m)²", 1e-3)
     settling: NonNegative = quantity(

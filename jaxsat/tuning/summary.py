@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from jaxsat.montecarlo import Interval
+from jaxsat.montecarlo import Interval, ends_text
 from jaxsat.tuning.baselines import Found, missing_packages
 from jaxsat.tuning.receipt import Comparison, Receipt
 from jaxsat.tuning.verdict import Judgement, Verdict
@@ -70,9 +70,10 @@ def _verdict(verdict: Verdict) -> str:
 
 def _conclusion(verdict: Verdict) -> str:
     better = verdict.better
+    unsure = ", which does not exclude zero" if better.low <= 0 <= better.high else ""
     return (
-        f"Mean cost before less after, case by case: {_number(better)}. The objective on held-out "
-        f"cases is {abs(verdict.overfitting):.1%} "
+        f"Mean cost before less after, case by case: {_number(better)}{unsure}. The objective "
+        f"on held-out cases is {abs(verdict.overfitting):.1%} "
         f"{'above' if verdict.overfitting > 0 else 'below'} that on the training seed's."
     )
 
@@ -152,7 +153,7 @@ def _percent(value: Interval) -> str:
 
 
 def _number(value: Interval) -> str:
-    return f"{value.value:.4g} ({value.low:.4g} to {value.high:.4g})"
+    return f"{value.value:.4g} ({ends_text(value)})"
 
 
 def _at(percentiles: dict[float, Interval], percent: float) -> str:

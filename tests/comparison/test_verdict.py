@@ -62,10 +62,32 @@ def test_a_fraction_that_is_beaten_is_not_taken_however_quick():
 
 
 def test_medians_that_cannot_be_told_apart_are_said_to_be():
-    near = verdict([row("rate", times(200, 200, 80.0)), row("switching", times(200, 200, 81.0))])
+    mixed = np.random.default_rng(0).permutation(times(200, 200, 81.0))
+    near = verdict([row("rate", times(200, 200, 80.0)), row("switching", mixed)])
     assert "cannot tell apart" in near.reason
-    far = verdict([row("rate", times(200, 200, 80.0)), row("switching", times(200, 200, 160.0))])
-    assert "cannot tell apart" not in far.reason
+    far = verdict([row("rate", times(200, 200, 80.0)), row("switching", 2 * mixed)])
+    assert "rate being quicker in 1" in far.reason
+
+
+def test_a_small_difference_of_the_same_cases_is_no_chance():
+    """One second in every case shows where cases are paired, whatever their spread."""
+    slow = times(200, 200, 80.0) + 1.0
+    found = verdict([row("rate", times(200, 200, 80.0)), row("switching", slow)])
+    assert "rate being quicker in 200 of 200 cases" in found.reason
+
+
+def test_laws_are_as_sure_if_chance_allows_their_difference_case_by_case():
+    """Seven cases that one law alone settles tell, though the intervals of the fractions overlap;
+    seven against five do not."""
+    sure = row("oscillatory", times(195, 200, 90.0))
+    beaten = row("three-slew", times(188, 200, 60.0))
+    assert beaten.settled.high > sure.settled.low
+    assert verdict([sure, beaten]).law == "oscillatory"
+    others = times(188, 200, 60.0)
+    others[-5:] = 60.0
+    assert verdict([sure, row("three-slew", others)]).law == "three-slew"
+    with pytest.raises(ValueError, match="same cases"):
+        verdict([sure, row("rate", times(10, 20, 5.0))])
 
 
 def test_none_settles():

@@ -32,7 +32,7 @@ def observe(observer, ripple, omega3):
 
 def test_observer_poles():
     """The error of the sampled observer dies out as exp(-λ t), three times over."""
-    observer = RippleObserver()
+    observer = RippleObserver(0.1)
 
     def error(vector):
         return jnp.stack(observe(observer, Ripple(*vector), jnp.zeros(())))
@@ -43,7 +43,7 @@ def test_observer_poles():
 
 def test_observer_gains_become_the_continuous_ones():
     lam, square, period = 0.05, 0.1**2, 1e-4
-    gains = np.array(RippleObserver().gains(jnp.array(period))) / period
+    gains = np.array(RippleObserver(0.1).gains(jnp.array(period))) / period
     np.testing.assert_allclose(
         gains, [3 * lam, 3 * lam**2 - square, lam**3 - 3 * lam * square], rtol=1e-4
     )
@@ -51,7 +51,7 @@ def test_observer_gains_become_the_continuous_ones():
 
 def test_observer_finds_the_ripple():
     """After 300 s the ripples are the zero-mean integrals of d3 / J3 = A sin(Ωt + φ)."""
-    observer, size, frequency, phase = RippleObserver(), 3.2e-6, 0.1, 0.4
+    observer, size, frequency, phase = RippleObserver(0.1), 3.2e-6, 0.1, 0.4
     times = PERIOD * np.arange(3001)
     drift = 1e-5
     rate = drift - size / frequency * (np.cos(frequency * times + phase) - np.cos(phase))
@@ -73,7 +73,7 @@ def test_filter_finds_the_ripple_sooner_and_through_noise():
     size, noise, frequency = 3.2e-5, 2e-5, 0.1
     times = PERIOD * np.arange(401)
     clean = 2e-5 + size * np.cos(frequency * times + 0.4)
-    filtering, watching = RippleFilter(noise=noise), RippleObserver()
+    filtering, watching = RippleFilter(0.1, noise=noise), RippleObserver(0.1)
 
     def run(estimator, measured):
         def one(memory, omega3):
@@ -99,7 +99,7 @@ def test_filter_finds_the_ripple_sooner_and_through_noise():
 
 def test_filter_is_the_batch_estimate():
     """Without drift: weighted least squares for mean, ripple and quadrature at the end."""
-    filtering = RippleFilter(drift=1e-15)
+    filtering = RippleFilter(0.1, drift=1e-15)
     omega3 = np.random.default_rng(1).normal(size=30) * 3e-5
     memory = filtering.init(jnp.array(omega3[0]))
     for value in omega3[1:]:
@@ -117,7 +117,7 @@ def test_filter_is_the_batch_estimate():
 
 def test_observer_waits_while_the_rates_are_large():
     """Then ω̂3 is the measured rate and the oscillation goes on by itself, exactly."""
-    observer = RippleObserver()
+    observer = RippleObserver(0.1)
     ripple = Ripple(jnp.array(0.1), jnp.array(2e-6), jnp.array(1e-7))
     fast = jnp.array([0.03, 0.0, 0.2])
     moved = observer.advance(ripple, AT_REST, jnp.zeros(()), jnp.array(PERIOD))
@@ -190,7 +190,7 @@ def test_estimator_without_parts_believes_the_model():
 
 
 def test_forgetting():
-    estimator = ThirdAxisEstimator(body())
+    estimator = ThirdAxisEstimator(body(), RippleObserver(0.1))
     _, memory = _run_once(estimator)
     ripple = memory.ripple._replace(acceleration=jnp.array(1.0), jerk=jnp.array(2.0))
     memory = memory._replace(ripple=ripple)
@@ -207,7 +207,7 @@ def _run_once(estimator):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: RippleObserver(pole=0.0), "`pole` must be positive"),
+        (lambda: RippleObserver(0.1, pole=0.0), "`pole` must be positive"),
         (lambda: RecursiveLeastSquares(noise=-1.0), "`noise` must be positive"),
         (lambda: RecursiveLeastSquares(samples=0), "`samples` must be at least 1"),
     ],

@@ -13,6 +13,7 @@ from jaxsat.control import (
     MorinSamson,
     Oscillator,
     OscillatoryLaw,
+    RippleObserver,
     ThirdAxis,
     ThirdAxisEstimator,
     TwoChannel,
@@ -180,7 +181,7 @@ def test_gradient_with_respect_to_gains():
 
     def outcome(gains):
         law = oscillator(**dict(zip(fields, gains, strict=True)))
-        estimator = ThirdAxisEstimator(law.model)
+        estimator = ThirdAxisEstimator(law.model, RippleObserver(0.1))
         controller = OscillatoryLaw(law, estimator, jnp.array(50.0), 0.1)
         final = simulate(SampledLoop(law.model, controller, actuators()), start, times).signals
         return jnp.stack([final.z[-1], final.omega[-1, 2], final.w[-1, 0]])
@@ -210,7 +211,9 @@ def test_new_gains_compile_nothing():
     @eqx.filter_jit
     def first_step(law, state):
         traced.append(None)
-        controller = OscillatoryLaw(law, ThirdAxisEstimator(law.model), jnp.inf, 0.1)
+        controller = OscillatoryLaw(
+            law, ThirdAxisEstimator(law.model, RippleObserver(0.1)), jnp.inf, 0.1
+        )
         return controller.step(jnp.zeros(()), state, controller.init(state))[0]
 
     state = PlantState(WZ([0.1, 0.1], 0.1), [0.0, 0.0, 0.01])

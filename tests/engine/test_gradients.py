@@ -9,6 +9,7 @@ import pytest
 from core.cases import PAPER_THREE_AXIS, three_axis_start
 from core.test_switching import CASE, start, switching_loop
 from engine.test_engines import KICKS, Kicked, smooth_law
+from jaxsat.attitude import WZ
 from jaxsat.engine import (
     ReferenceEngine,
     RunningCost,
@@ -97,11 +98,56 @@ def test_a_failed_run_is_charged_for_the_time_it_lacks(engine):
 
 def test_the_cost_saturates_and_never_exceeds_its_limit():
     signals = (jnp.array([0.3, 0.4]), jnp.array(0.2), jnp.zeros(3), jnp.ones(3))
-    plain = RunningCost()(*signals)
+    plain = RunningCost(attitude="wz")(*signals)
     np.testing.assert_allclose(plain, 0.25 + 0.04 + 3e-3)
-    np.testing.assert_allclose(RunningCost(limit=2.0)(*signals), plain / (1 + plain / 2.0))
+    bounded = RunningCost(limit=2.0, attitude="wz")
+    np.testing.assert_allclose(bounded(*signals), plain / (1 + plain / 2.0))
     far = (1e5 * signals[0], *signals[1:])
-    assert 1.999 < RunningCost(limit=2.0)(*far) < 2.0
+    assert 1.999 < bounded(*far) < 2.0
+
+
+def attitude_cost(w, z, attitude="rotation"):
+    still = jnp.zeros(3)
+    return RunningCost(w=0.7, z=1.3, attitude=attitude)(
+        jnp.asarray(w), jnp.asarray(z), still, still
+    )
+
+
+def test_the_attitude_costs_what_its_quaternion_says():
+    """w (q1² + q2²) + 4 z q3², the same for z and z + 2π, and never more than w or 4 z."""
+    rng = np.random.default_rng(0)
+    w, z = rng.normal(size=(200, 2)) * 3, rng.uniform(-9, 9, 200)
+    q = jax.vmap(lambda w, z: WZ(w, z).as_quaternion().q)(jnp.asarray(w), jnp.asarray(z))
+    expected = 0.7 * (q[:, 1] ** 2 + q[:, 2] ** 2) + 1.3 * 4 * q[:, 3] ** 2
+    found = jax.vmap(attitude_cost)(jnp.asarray(w), jnp.asarray(z))
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14)
+    assert np.all(found <= 4 * 1.3)
+    np.testing.assert_allclose(jax.vmap(attitude_cost)(jnp.asarray(w), z + 2 * jnp.pi), found)
+    assert attitude_cost([3e8, -4e8], 1.0) == pytest.approx(0.7)
+
+
+def test_near_the_target_both_costs_of_the_attitude_are_equal_to_second_order():
+    for attitude in ("rotation", "wz"):
+        slope = jax.grad(lambda x: attitude_cost(x[:2], x[2], attitude))  # noqa: B023
+        assert not np.any(slope(jnp.zeros(3)))
+        curvature = jax.jacfwd(slope)(jnp.zeros(3))
+        np.testing.assert_allclose(curvature, np.diag([1.4, 1.4, 2.6]), atol=1e-12)
+    for size in (1e-2, 1e-3):
+        one = attitude_cost([size, -size], size)
+        other = attitude_cost([size, -size], size, "wz")
+        assert abs(float(one - other)) < 10 * size**4
+
+
+def test_the_cost_of_the_attitude_has_the_derivative_that_differences_have():
+    for x in ([0.3, -0.2, 1.0], [30.0, 20.0, 2.5], [0.0, 0.0, 3.1], [2.0, 0.0, -40.0]):
+        x, step = jnp.array(x), 1e-6
+        found = jax.grad(lambda x: attitude_cost(x[:2], x[2]))(x)
+        shifts = step * np.eye(3)
+        expected = [
+            (attitude_cost((x + s)[:2], (x + s)[2]) - attitude_cost((x - s)[:2], (x - s)[2])) / 2e-6
+            for s in shifts
+        ]
+        np.testing.assert_allclose(found, expected, atol=1e-8)
 
 
 def test_the_smooth_settling_time_is_near_the_true_one():
@@ -114,7 +160,7 @@ def test_the_smooth_settling_time_is_near_the_true_one():
     np.testing.assert_allclose(np.trapezoid(rate, times), true, rtol=0.02)
 
 
-@pytest.mark.parametrize("wrong", [{"limit": 0.0}, {"settling": -1.0}])
+@pytest.mark.parametrize("wrong", [{"limit": 0.0}, {"settling": -1.0}, {"attitude": "w"}])
 def test_bounds_of_the_cost_are_checked(wrong):
-    with pytest.raises(ValueError, match=next(iter(wrong))):
+    with pytest.raises((ValueError, TypeError), match=next(iter(wrong))):
         RunningCost(**wrong)

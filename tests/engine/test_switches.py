@@ -19,7 +19,7 @@ from oracle.rate_law import simulate_rate_law
 from oracle.three_axis_law import simulate_three_axis
 
 STARTS = np.array([[1.0, 0.0], [0.3, 1.0], [-2.0, 0.5], [0.7, -0.4]])
-POSITION = RunningCost(w=0.0, z=1.0, relative_rate=0.0, torque=0.0)
+POSITION = RunningCost(w=0.0, z=1.0, relative_rate=0.0, torque=0.0, attitude="wz")
 
 
 def engine(tolerance, lanes=4, solver=None, **options):

@@ -112,7 +112,7 @@ def test_machine_code_is_given_no_arrays_but_those_it_was_made_for(example):
         ({"numbers": jax.tree.map(lambda x: x[None], trees["numbers"])}, ValueError, "numbers"),
     ]
     for change, error, words in wrong:
-        for call in (lambda t: kernel.run(t, 1, 1), lambda t: kernel.replay(t, 1)):
+        for call in (lambda t: kernel.run(t, 1, 1), lambda t: kernel.replay(t, [0, 1])):
             with pytest.raises(error, match=words):
                 call(trees | change)
     with pytest.raises(ValueError, match="`intervals` must be at least 1, but got"):

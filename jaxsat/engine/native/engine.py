@@ -110,19 +110,22 @@ class NativeEngine(AbstractEngine):
         return self.evaluate(program, cases, gains)
 
     def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree, every: int = 1
+        self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
         """Outputs and signals of one block."""
         kernel = self.kernel(program, cases, gains)
-        trees = self._trees(cases, program, gains)
-        outputs, signals = kernel.replay(trees, program.intervals)
-        instants = program.instants(every)
-        return outputs, jax.tree.map(lambda x: x[:, instants], signals)
+        return kernel.replay(self._trees(cases, program, gains), instants.tolist())
+
+    def observed(
+        self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
+    ) -> tuple[Outputs, Signals]:
+        """All cases as one block, in one thread."""
+        return self.replay_block(program, cases, gains, instants)
 
     def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
         """One case (no leading axis) again, with its history and the same bits as before."""
         cases = jax.tree.map(lambda x: np.asarray(x)[None], case)
-        found = self.replay_block(program, cases, gains)
+        found = self.replay_block(program, cases, gains, program.instants())
         outputs, signals = jax.tree.map(lambda x: x[0], found)
         times = np.arange(program.intervals + 1) * float(program.interval)
         return Replay(outputs, times, signals)

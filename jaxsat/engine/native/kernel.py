@@ -1,9 +1,10 @@
 """The machine code of a trajectory's stages, and how it is called."""
 
 import ctypes
+import itertools
 import operator
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -48,7 +49,6 @@ class Kernel:
             module.functions["advance"] = advance_lanes(lanes, stages.going)
             module.functions["run"] = run_lanes(lanes, stages.going)
         self.text = module.text(target.host().attributes())
-        names = ["run", "begin", "advance", "finish"]
         self._arena = module.arena
         names = ["run", "begin", "advance", "finish"]
         self._keep, self._addresses = _linked(self.text, names)
@@ -100,12 +100,13 @@ class Kernel:
             vectors = min(max(PIECE, count // (2 * self.lanes * workers)), REFILLED)
         return vectors * self.lanes
 
-    def replay(self, trees: Trees, intervals: int) -> tuple[PyTree, PyTree]:
-        """Outputs and signals (cases, times) of all cases, stopped at every interval.
+    def replay(self, trees: Trees, instants: Sequence[int]) -> tuple[PyTree, PyTree]:
+        """Outputs and signals (cases, times) of all cases, stopped at some of the intervals.
 
-        The stages are those of `run`, so the bits are, too, and so are the errors.
+        `instants` are their numbers, ascending from 0 to that of the end. The stages are those of
+        `run`, so the bits are, too, and so are the errors.
         """
-        inputs, count = self._taken(trees, intervals)
+        inputs, count = self._taken(trees, instants[-1])
         outputs, leaves = _room(self.stages.outputs, count)
         seen, now = _room(self.stages.signals, count)
         begin, advance, finish = (
@@ -120,16 +121,16 @@ class Kernel:
             blocks = [self._block(first, count) for first in range(0, count, self.lanes)]
             for state, cases, wanted in blocks:
                 begin(pointers, state.address, cases.ctypes.data, wanted.ctypes.data, 0, 0)
-            for number in range(intervals + 1):
+            for number, following in itertools.zip_longest(instants, instants[1:]):
                 if stopped.is_set():
                     break
                 for state, cases, wanted in blocks:
                     where = (pointers, state.address, cases.ctypes.data, wanted.ctypes.data)
                     observe(*where, number, 0)
-                    if number < intervals:
-                        advance(*where, number, 1)
+                    if following is not None:
+                        advance(*where, number, following - number)
                     else:
-                        finish(*where, 0, intervals)
+                        finish(*where, 0, number)
                 history.append(jax.tree.map(np.copy, seen))
             return history
 
