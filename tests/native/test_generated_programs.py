@@ -1,8 +1,8 @@
 """Generated programs: machine code and interpreter against `jax.jit(jax.vmap(...))`, bit for bit.
 
 Many programs are compiled as one, XLA's without its dearest passes: compiling is nearly all the
-time there is. `python tests/native/test_generated_programs.py FIRST COUNT` runs any others and
-prints which differ.
+time there is. Any others are run, and those told which differ, by
+`PYTHONPATH=tests python tests/native/test_generated_programs.py FIRST COUNT`.
 """
 
 import sys
