@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from jax import lax
 
-from jaxsat.engine.native import CannotLower, Mapped
+from engine.test_engines import EXAMPLES, KICKS, program
+from jaxsat.engine.native import CannotLower, Mapped, native_obstacle
+from jaxsat.engine.native.ir import NativeBug
+from jaxsat.engine.native.lowering import RULES
 
 CASES = 37
 """No multiple of any vector's length."""
@@ -254,3 +257,27 @@ def test_what_cannot_be_lowered_is_named_with_its_place():
 
     with pytest.raises(CannotLower, match=r"eigh.*test_rules\.py"):
         Mapped(function, np.ones(3))
+
+
+@pytest.fixture
+def broken_rules(monkeypatch):
+    def broken(b, eqn, *arrays):
+        raise IndexError("beyond the end")
+
+    for name in ("sin", "mul"):
+        monkeypatch.setitem(RULES, name, broken)
+
+
+@pytest.mark.usefixtures("broken_rules")
+def test_a_rule_that_breaks_down_is_told_as_a_bug():
+    with pytest.raises(NativeBug, match=r"`sin`.*test_rules\.py.*beyond the end.*bug in jaxsat"):
+        Mapped(lambda x, _: jnp.where(x > 0, jax.jit(lambda y: jnp.sin(y))(x), x), 0.5)
+
+
+@pytest.mark.usefixtures("broken_rules")
+def test_a_rule_that_breaks_down_is_no_obstacle_to_fall_back_for():
+    """Engine `auto` asks for the obstacle, and takes another engine where there is one."""
+    one = EXAMPLES["corners"]()
+    method = (one.scan.solver, 1237, None)  # steps that no other test has made a kernel for
+    with pytest.raises(NativeBug):
+        native_obstacle(method, program(one), KICKS)

@@ -16,6 +16,16 @@ import numpy as np
 _numbers = count()
 
 
+class NativeBug(Exception):
+    """The compiled engine itself broke down, which no program must bring about."""
+
+    def __init__(self, where: str, what: object):
+        super().__init__(
+            f"The native engine broke down in {where}: {what!r}. This is a bug in jaxsat: please "
+            f"report it with this message. The engine `scan` runs the same program."
+        )
+
+
 class Value:
     """One scalar in every lane (or, uniform, one for all), known only when the program runs."""
 

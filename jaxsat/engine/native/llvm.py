@@ -15,6 +15,7 @@ from jaxsat.engine.native.ir import (
     Function,
     Load,
     Loop,
+    NativeBug,
     Operation,
     Scalar,
     Store,
@@ -138,7 +139,7 @@ class Body(AbstractLines):
     def _arithmetic(self, out, name, dtype, args, kind, lanes) -> None:
         word = OPERATIONS[name].word(dtype)
         if word is None:
-            raise RuntimeError(f"The compiled engine has no {name} of {dtype} numbers.")
+            raise NativeBug("printing", f"no {name} of {dtype} numbers")
         if word.startswith("llvm."):
             full = f"@{word}.{suffix(dtype, lanes)}"
             self.module.declarations.add(f"declare {kind} {full}({', '.join([kind] * len(args))})")

@@ -17,7 +17,7 @@ from jax._src import source_info_util
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from jaxsat.engine.native.builder import Builder, is_uniform
-from jaxsat.engine.native.ir import Function, Scalar, Value, swept
+from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value, swept
 
 if TYPE_CHECKING:
     Elements = Any  # type checkers know no arrays of values
@@ -142,8 +142,10 @@ def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elemen
             raise
         what = error.what if f"`{name}`" in error.what else f"{error.what}, in `{name}`"
         raise CannotLower(what if not _is_call(eqn) else error.what, _where(eqn)) from None
-    except Exception as error:  # whatever it is, another engine can run the program
-        raise CannotLower(f"The rule of `{name}` broke down: {error}", _where(eqn)) from error
+    except NativeBug:
+        raise
+    except Exception as error:
+        raise NativeBug(f"the rule of `{name}` ({_where(eqn)})", error) from error
     return [outputs] if isinstance(outputs, np.ndarray) else outputs
 
 

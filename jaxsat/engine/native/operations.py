@@ -45,13 +45,21 @@ def converted(x, dtype: np.dtype):
     return x.astype(dtype)
 
 
-def _whole_division(x, y):
-    quotient = np.abs(x) // np.abs(y)
-    return np.where((x < 0) != (y < 0), -quotient, quotient).astype(x.dtype)
-
-
 def _divide(x, y):
-    return x / y if np.asarray(x).dtype.kind == "f" else _whole_division(np.asarray(x), y)
+    x = np.asarray(x)
+    if x.dtype.kind == "f":
+        return x / y
+    return (x - np.fmod(x, y)) // y  # towards zero, without the absolute value, which may not be
+
+
+def _maximum(x, y):
+    zeros = (x == 0) & (y == 0)  # NumPy promises no sign of theirs
+    return np.where(zeros, np.add(x, y), np.maximum(x, y))
+
+
+def _minimum(x, y):
+    zeros = (x == 0) & (y == 0)
+    return np.where(zeros, np.negative(np.subtract(np.negative(x), y)), np.minimum(x, y))
 
 
 def _shift_left(x, y):
@@ -82,6 +90,9 @@ OPERATIONS: dict[str, Arithmetic] = {
     # whole divisors are neither zero nor minus one
     "div": Arithmetic(_divide, "fdiv contract", "sdiv", "udiv"),
     "rem": Arithmetic(np.fmod, "frem", "srem", "urem"),
+    # NaN where either is; -0.0 is less than 0.0
+    "max": Arithmetic(_maximum, "llvm.maximum", "llvm.smax", "llvm.umax"),
+    "min": Arithmetic(_minimum, "llvm.minimum", "llvm.smin", "llvm.umin"),
     "and": Arithmetic(np.bitwise_and, None, "and", "and"),
     "or": Arithmetic(np.bitwise_or, None, "or", "or"),
     "xor": Arithmetic(np.bitwise_xor, None, "xor", "xor"),

@@ -7,6 +7,8 @@ from functools import cache
 from importlib.util import find_spec
 from itertools import count
 
+from jaxsat.engine.native.ir import NativeBug
+
 LLVMLITE = find_spec("llvmlite") is not None
 """Whether machine code can be made here at all."""
 
@@ -86,7 +88,10 @@ def optimised(text: str, cpu: Host | None = None):
     import llvmlite.binding as llvm
 
     machine = _machine(cpu or host())
-    module = llvm.parse_assembly(text)
+    try:
+        module = llvm.parse_assembly(text)
+    except RuntimeError as error:
+        raise NativeBug("the code that it printed", error) from error
     module.triple = machine.triple
     module.data_layout = str(machine.target_data)
     options = llvm.create_pipeline_tuning_options(speed_level=2)

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Num
+from jaxtyping import Array, Shaped
 
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.lowering import Elements, lowers, written
@@ -44,7 +44,7 @@ def _clz(x: Array) -> Array:
     return jnp.full_like(x, width) - lax.population_count(x)
 
 
-def _tile(x: Num[Array, "..."], reps: tuple[int, ...]) -> Array:
+def _tile(x: Shaped[Array, "..."], reps: tuple[int, ...]) -> Array:
     for axis, times in enumerate(reps):
         x = lax.concatenate([x] * times, axis)
     return x

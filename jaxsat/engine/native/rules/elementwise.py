@@ -32,9 +32,8 @@ def _same(b: Builder, eqn, *arrays: Elements) -> Elements:
     return each(lambda *scalars: b.operation(name, *scalars), *arrays)
 
 
-@lowers(
-    "copy", "copy_p", "stop_gradient", "optimization_barrier", "pvary", "name", "xla_metadata_value"
-)
+@lowers("copy", "copy_p", "stop_gradient", "optimization_barrier", "pvary", "name", "reshard",
+        "xla_metadata_value", "sharding_constraint", "mesh_cast")  # fmt: skip
 def _identical(b: Builder, eqn, *arrays: Elements):
     del b, eqn
     return list(arrays)
@@ -176,16 +175,10 @@ def _extremum(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
 
 
 def extremum(b: Builder, name: str, x: Scalar, y: Scalar) -> Scalar:
-    """The larger ("max") or smaller one; NaN where either is NaN."""
+    """The larger ("max") or smaller one; NaN where either is NaN, and -0.0 below 0.0."""
     if x.dtype == BOOL:
         return b.operation("or" if name == "max" else "and", x, y)
-    if not isinstance(x, Value):
-        x, y = y, x
-    order = "le" if name == "max" else "ge"
-    found = b.select(b.operation(order, x, y), y, x)  # x where x is NaN
-    if x.dtype.kind != "f" or (not isinstance(y, Value) and y == y):
-        return found
-    return b.select(b.operation("ne", y, y), y, found)
+    return b.operation(name, x, y)
 
 
 @lowers("clamp")

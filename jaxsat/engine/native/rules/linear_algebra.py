@@ -10,6 +10,7 @@ from jaxsat.engine.native.ir import Scalar
 from jaxsat.engine.native.lowering import Elements, lower, lowers
 from jaxsat.engine.native.operations import BOOL
 from jaxsat.engine.native.rules.elementwise import absolute
+from jaxsat.engine.native.rules.reductions import from_zero
 
 
 @lowers("dot_general")
@@ -32,13 +33,17 @@ def _dot_general(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
 
 
 def inner_product(b: Builder, x: Iterable[Scalar], y: Iterable[Scalar], dtype: np.dtype) -> Scalar:
-    """The sum of products, in order; of bools: whether any pair holds."""
+    """The sum of products, in order and from 0.0; of bools: whether any pair holds."""
     times, plus = ("and", "or") if dtype == BOOL else ("mul", "add")
     terms = [
         b.operation(times, b.convert(p, dtype), b.convert(q, dtype))
         for p, q in zip(x, y, strict=True)
     ]
-    return reduce(lambda p, q: b.operation(plus, p, q), terms) if terms else dtype.type(0)
+    if not terms:
+        return dtype.type(0)
+    if len(terms) > 1:
+        terms[0] = from_zero(b, terms[0])
+    return reduce(lambda p, q: b.operation(plus, p, q), terms)
 
 
 @lowers("custom_linear_solve")

@@ -14,8 +14,11 @@ from jaxsat.engine.native.lowering import Elements, each, filled, function_of, l
 PARTS = ("sin", "cos")
 """Results of the function `sincos`: who needs both calls it once."""
 
+INTERNAL = ("sincos", "near_sincos", "near_sin", "near_cos")
+"""Functions that are no primitives."""
 
-@lowers(*(name for name in FUNCTIONS if name not in PARTS))
+
+@lowers(*(name for name in FUNCTIONS if name not in (*PARTS, *INTERNAL)))
 def _written(b: Builder, eqn, *arrays: Elements) -> Elements:
     return each(lambda *scalars: _called(b, eqn.primitive.name, scalars)[0], *arrays)
 

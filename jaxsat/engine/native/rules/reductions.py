@@ -1,6 +1,6 @@
 """Sums, extrema, searches and sorts of arrays small enough to be written out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import reduce
 from itertools import accumulate
 
@@ -21,6 +21,18 @@ def joining(b: Builder, name: str) -> Callable[[Scalar, Scalar], Scalar]:
         return lambda x, y: extremum(b, name, x, y)
     operation = {"sum": "add", "prod": "mul"}.get(name, name)
     return lambda x, y: b.operation(operation, x, y)
+
+
+def _begun(b: Builder, name: str, row: Sequence[Scalar]) -> Sequence[Scalar]:
+    """The elements of a row as they are joined: a sum begins at 0.0, so no sum is -0.0."""
+    if name != "sum" or not len(row):
+        return row
+    return [from_zero(b, row[0]), *row[1:]]
+
+
+def from_zero(b: Builder, x: Scalar) -> Scalar:
+    """0 + x."""
+    return b.operation("add", x, x.dtype.type(0))
 
 
 def empty_value(name: str, dtype: np.dtype) -> Scalar:
@@ -45,7 +57,7 @@ def _reduce(b: Builder, eqn, x: Elements) -> Elements:
     rows = x.transpose([*kept, *axes]).reshape(int(np.prod(aval.shape)), -1)
     out = np.empty(len(rows), object)
     for i, row in enumerate(rows):
-        out[i] = reduce(joining(b, name), row)
+        out[i] = reduce(joining(b, name), _begun(b, name, list(row)))
     return out.reshape(aval.shape)
 
 
@@ -57,7 +69,7 @@ def _accumulate(b: Builder, eqn, x: Elements) -> Elements:
     out = np.empty(rows.shape, object)
     for index in np.ndindex(rows.shape[:-1]):
         row = list(rows[index])[:: -1 if reverse else 1]
-        found = list(accumulate(row, joining(b, name)))
+        found = list(accumulate(_begun(b, name, row), joining(b, name)))
         out[index] = found[:: -1 if reverse else 1]
     return np.moveaxis(out, -1, axis)
 

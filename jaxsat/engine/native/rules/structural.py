@@ -13,14 +13,8 @@ def _reshape(b: Builder, eqn, x: Elements) -> Elements:
     return x.reshape(eqn.params["new_sizes"])
 
 
-@lowers("squeeze")
+@lowers("squeeze", "expand_dims")
 def _squeeze(b: Builder, eqn, x: Elements) -> Elements:
-    del b
-    return x.reshape(eqn.outvars[0].aval.shape)
-
-
-@lowers("expand_dims")
-def _expand_dims(b: Builder, eqn, x: Elements) -> Elements:
     del b
     return x.reshape(eqn.outvars[0].aval.shape)
 
@@ -113,13 +107,7 @@ def _platform_index(b: Builder, eqn) -> Elements:
     return as_elements(np.int32(chosen))
 
 
-@lowers("sharding_constraint", "mesh_cast", "reshard")
-def _sharded(b: Builder, eqn, x: Elements) -> Elements:
-    del b, eqn
-    return x
-
-
-@lowers("empty")
+@lowers("empty", "empty2")
 def _empty(b: Builder, eqn) -> Elements:
     del b
     return as_elements(np.zeros(eqn.outvars[0].aval.shape, eqn.outvars[0].aval.dtype))

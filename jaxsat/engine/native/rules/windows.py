@@ -16,7 +16,7 @@ from jaxsat.engine.native.lowering import (
     lowers,
 )
 from jaxsat.engine.native.rules.linear_algebra import inner_product
-from jaxsat.engine.native.rules.reductions import empty_value, joining
+from jaxsat.engine.native.rules.reductions import empty_value, from_zero, joining
 
 
 def _by_program(b: Builder, eqn) -> Callable[[Sequence[Scalar], Sequence[Scalar]], list[Scalar]]:
@@ -59,7 +59,8 @@ def _named_window(b: Builder, eqn, x: Elements) -> Elements:
     out = np.empty(shape, object)
     for index in np.ndindex(*shape):
         scalars = [scalar for (scalar,) in windows(index)]
-        out[index] = reduce(join, scalars) if scalars else start
+        first = [start] if name == "sum" else []
+        out[index] = reduce(join, [*first, *scalars]) if scalars else start
     return out
 
 
@@ -110,7 +111,8 @@ def _convolution(b: Builder, eqn, x: Elements, weights: Elements) -> Elements:
             if at is not None:
                 pairs[0].extend(x[(batch, slice(first, first + inputs), *at)])
                 pairs[1].extend(weights[(feature, slice(None), *index)])
-        out[(batch, feature, *place)] = inner_product(b, *pairs, aval.dtype)
+        found = inner_product(b, *pairs, aval.dtype)
+        out[(batch, feature, *place)] = from_zero(b, found)
     return out.transpose(np.argsort(numbers.out_spec))
 
 
