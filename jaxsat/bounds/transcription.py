@@ -16,6 +16,9 @@ from jaxsat.bounds.manoeuvre import Manoeuvre
 STATES = 7
 """Quaternion and ω."""
 
+SHORTEST = 1e-2
+"""Seconds that any manoeuvre takes at least."""
+
 
 class Objective(enum.Enum):
     """What is to be least: the duration (s), or ∫ Σ|T_i| dt (N m s)."""
@@ -57,6 +60,10 @@ class Transcription:
                 raise ValueError(
                     f"Argument `{name}` must be positive, but got {getattr(self, name)}."
                 )
+        if not SHORTEST < self.longest < np.inf:
+            raise ValueError(
+                f"Argument `longest` must be above {SHORTEST} s and finite, but got {self.longest}."
+            )
 
     def solver(self) -> Any:
         """The CasADi function that solves it from a guess; one for all guesses.
@@ -153,7 +160,7 @@ class Transcription:
         free = np.full(STATES * n, np.inf)
         thrust = np.full(man.torque_axes.shape[1] * n, man.limit)
         sizes = np.full(3 * n, np.inf)
-        lower = [start, -free, -thrust, np.zeros(3 * n), [1e-2]]
+        lower = [start, -free, -thrust, np.zeros(3 * n), [SHORTEST]]
         upper = [start, free, thrust, sizes, [self.longest]]
         return np.concatenate(lower), np.concatenate(upper)
 

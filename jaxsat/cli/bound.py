@@ -4,6 +4,7 @@ import json
 import math
 import shlex
 import sys
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,6 +15,7 @@ from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
+    FailedRun,
     UserMistake,
     console,
     output_problem,
@@ -36,6 +38,7 @@ def bound(
     seed: int = 0,
     overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
     out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
     quiet: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Find how fast, or with how little effort, the scenario's start can be brought to rest.
@@ -60,20 +63,24 @@ def bound(
         KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
     out
         JSON file for the thrusts, the states and what was found; none if left out.
+    overwrite
+        Replace that file if there is one.
     quiet
         Print nothing unless something is wrong.
     """
-    chosen = load_or_explain(scenario, overrides)
+    if out is not None:
+        _require_place(out, overwrite)
+    chosen = load_or_explain(scenario, overrides, "motion")
     use_double_precision()
     from jaxsat.bounds import Objective, manoeuvre_of
-    from jaxsat.scenario import build
+    from jaxsat.scenario.build import build_uncontrolled
 
     try:
-        run = build(chosen)
-        manoeuvre = manoeuvre_of(run.loop, run.start)
+        manoeuvre = manoeuvre_of(*build_uncontrolled(chosen))
     except ValueError as error:
         raise UserMistake(str(error)) from None
     limit = chosen.simulation.duration_s if longest is None else longest
+    _require_time(limit, "--longest" if longest is not None else "simulation.duration_s")
     unit = UNITS[objective]
     found = searched(manoeuvre, Objective(objective), starts, limit, seed, f"least {objective}")
     if found is None:
@@ -117,6 +124,33 @@ def searched(
             )
     except (ValueError, ModuleNotFoundError) as error:
         raise UserMistake(str(error)) from None
+    except RuntimeError as error:  # CasADi's own
+        reason = (str(error).splitlines() or [type(error).__name__])[-1]
+        raise FailedRun(f"{what}: CasADi cannot solve this: {reason[:200]}") from None
+
+
+def _require_time(longest: float, name: str) -> None:
+    from jaxsat.bounds.transcription import SHORTEST
+    from jaxsat.ranges import SECONDS
+
+    if not SHORTEST < longest <= SECONDS.high:
+        raise UserMistake(
+            f"{name}: must be above {SHORTEST:g} and at most {SECONDS.high:g} s, got {longest:g}"
+        )
+
+
+def _require_place(target: Path, overwrite: bool) -> None:
+    """A file may be written there, as far as one can tell before the work is done."""
+    try:
+        if target.is_dir():
+            raise UserMistake(f"--out: must be a file, got the folder {target}")
+        if target.exists() and not overwrite:
+            raise UserMistake(f"{target} already exists; give --overwrite to replace it")
+        if not target.absolute().parent.is_dir():
+            raise UserMistake(f"--out: must be in a folder that exists, got {target}")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UserMistake(f"--out: must be a file that can be written, got: {reason}") from None
 
 
 def _write(target: Path, found: "Bound") -> None:
@@ -135,9 +169,12 @@ def _write(target: Path, found: "Bound") -> None:
         "states_quaternion_omega": solution.states.tolist(),
         **provenance(),
     }
-    text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json.dumps(record, indent=1, allow_nan=False) + "\n"
     try:
-        target.write_text(text, encoding="utf-8")
+        with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".jaxsat-") as folder:
+            partial = Path(folder) / "bound.json"
+            partial.write_text(text, encoding="utf-8")
+            partial.replace(target)
     except OSError as error:
         message = f"{target} cannot be written: {error.strerror or error}."
         raise output_problem(system_failure(message, error)) from None

@@ -56,7 +56,7 @@ def controllability(
     """
     if not 0 < tolerance < 1:
         raise UserMistake(f"--tolerance: must lie between 0 and 1, got {tolerance}")
-    chosen = load_or_explain(scenario, overrides)
+    chosen = load_or_explain(scenario, overrides, "motion")
     use_double_precision()
     analysis, cases = interruptibly(lambda: _analyse(chosen, tolerance))
     from jaxsat.report.controllability_page import controllability_lines
@@ -113,9 +113,9 @@ def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]"
         recurrence,
     )
     from jaxsat.report.controllability_figures import energy_chart, recurrence_chart
-    from jaxsat.scenario import build
+    from jaxsat.scenario.build_plant import build_plant
 
-    plant = build(scenario).loop.plant
+    plant = build_plant(scenario)
     inertia, omega = plant.spacecraft.inertia, jnp.asarray(scenario.initial.omega_rad_s)
     table = scenario.disturbance
     amplitude, frequency = (

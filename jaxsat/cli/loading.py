@@ -9,17 +9,20 @@ from jaxsat.cli.terminal import UserMistake, report
 
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
+    from jaxsat.scenario.trial import Purpose
 
 
-def load_or_explain(name_or_path: str, overrides: Sequence[str] = ()) -> "Scenario":
-    """The scenario; raises `UserMistake` with every problem of it."""
+def load_or_explain(
+    name_or_path: str, overrides: Sequence[str] = (), purpose: "Purpose" = "run"
+) -> "Scenario":
+    """The scenario, which can be built for the purpose; raises `UserMistake` with every problem."""
     use_double_precision()
     from jaxsat.scenario import ScenarioError, ScenarioWarning, load
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ScenarioWarning)
         try:
-            scenario = load(name_or_path, overrides)
+            scenario = load(name_or_path, overrides, purpose=purpose)
         except ScenarioError as error:
             raise UserMistake(str(error), located=True) from None
     for warning in caught:

@@ -99,7 +99,7 @@ def montecarlo(
     quiet
         Print nothing unless something is wrong.
     """
-    chosen = load_or_explain(scenario, overrides)
+    chosen = load_or_explain(scenario, overrides, "study")
     rule = None if until_ci is None else _stop_rule(until_ci)
     use_double_precision()
     try:

@@ -19,7 +19,7 @@ def list_scenarios() -> int:
     names = library()
     width = max(map(len, names))
     for name in names:
-        console().print(f"{name:<{width}}  {load_or_explain(name).title}")
+        console().print(f"{name:<{width}}  {load_or_explain(name, purpose='text').title}")
     return SUCCESS
 
 
@@ -33,13 +33,16 @@ def show(name: str, /) -> int:
         One of the names that `jaxsat scenarios list` gives.
     """
     from jaxsat.scenario import library
+    from jaxsat.scenario.errors import LONGEST_PLACE, shortened
+    from jaxsat.scenario.toml_text import visible
     from jaxsat.scenario.wording import suggestion
 
     names = library()
     if name not in names:
         hint = suggestion(name, names)
+        shown = shortened(visible(name), LONGEST_PLACE)
         raise UserMistake(
-            f"{name}: must be a scenario of jaxsat ({', '.join(names)}), got another name{hint}"
+            f"{shown}: must be a scenario of jaxsat ({', '.join(names)}), got another name{hint}"
         )
     print(names[name].read_text(encoding="utf-8"), end="")
     return SUCCESS
@@ -61,6 +64,9 @@ def check(
 ) -> int:
     """Check scenario files and tell every mistake in them.
 
+    What is all right can be run: it has been built, with the dispersions of a study and the gains
+    to tune where the file has them.
+
     Parameters
     ----------
     files
@@ -70,13 +76,15 @@ def check(
     """
     if not files:
         raise UserMistake("scenarios check: must be given at least one file, got none")
+    from jaxsat.scenario.toml_text import visible
+
     status = SUCCESS
     for file in files:
         try:
-            scenario = load_or_explain(file, overrides)
+            scenario = load_or_explain(file, overrides, "study")
         except UserMistake as mistake:
             report_mistake(mistake)
             status = USER_MISTAKE
         else:
-            console().print(f"{file}: all right ({scenario.title})")
+            console().print(f"{visible(file)}: all right ({scenario.title})")
     return status

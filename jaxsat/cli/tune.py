@@ -70,7 +70,7 @@ def tune(
     quiet
         Print nothing unless something is wrong.
     """
-    chosen = load_or_explain(scenario, overrides)
+    chosen = load_or_explain(scenario, overrides, "study")
     use_double_precision()
     target = Path(f"jaxsat-{Path(scenario).stem}-tuned") if out is None else out
 

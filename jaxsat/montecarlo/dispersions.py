@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree, UInt32
+from jaxtyping import Array, Bool, Float, PyTree, UInt32
 
 from jaxsat import noise
 from jaxsat.checks import as_array
@@ -21,7 +21,8 @@ from jaxsat.montecarlo.changes import (
     with_controller,
 )
 from jaxsat.montecarlo.designs import open_uniform
-from jaxsat.montecarlo.distributions import AbstractDistribution, RandomAttitude
+from jaxsat.montecarlo.distributions import AbstractDistribution
+from jaxsat.montecarlo.misfits import limits_of, misfits
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.vehicle import Sensors, Spacecraft
@@ -66,21 +67,15 @@ class Dispersions(eqx.Module):
         """The dispersed names in the order in which they are applied."""
         return tuple(name for name in QUANTITIES if name in self.distributions)
 
-    def check(self, loop: AbstractLoop) -> None:
-        """Raise `ValueError` for a quantity that the loop does not have or of another size."""
-        for name in self.names:
-            quantity, distribution = QUANTITIES[name], self.distributions[name]
-            obstacle = quantity.obstacle(loop)
-            if obstacle is not None:
-                raise ValueError(f"`{name}` must not be dispersed here: {obstacle}.")
-            if (name == "attitude") != isinstance(distribution, RandomAttitude):
-                raise ValueError(
-                    "RandomAttitude must be the distribution of `attitude` and of nothing else, "
-                    f"but `{name}` has {type(distribution).__name__}."
-                )
-            size, given = quantity.size(loop), distribution.components()
-            if given not in (None, size):
-                raise ValueError(f"`{name}` must have {size} components, but got {given}.")
+    @property
+    def ordered(self) -> dict[str, AbstractDistribution]:
+        """The distributions in the order in which they are applied."""
+        return {name: self.distributions[name] for name in self.names}
+
+    def check(self, loop: AbstractLoop, start: PlantState | None = None) -> None:
+        """Raise `ValueError` for the first of `misfits`."""
+        for misfit in misfits(self.ordered, self.frequency_known, loop, start):
+            raise ValueError(f"`{misfit.name}` {misfit.message}.")
 
     def dimensions(self, loop: AbstractLoop) -> dict[str, int]:
         """How many unit coordinates each name takes."""
@@ -103,7 +98,8 @@ class Dispersed(AbstractCopies):
     `key` is that of the study's seed. Called with a case it gives that case's copy; numbers in
     `gains`, by dotted name inside the controller, displace those of the nominal one. Where the
     inertia drawn is not that of a possible body, inertia and products are drawn again from keys of
-    their own; a case that finds none in `ATTEMPTS` draws counts as impossible.
+    their own; a case that finds none in `ATTEMPTS` draws counts as impossible, and so does one for
+    which the tail of a distribution gives what its quantity cannot be.
     """
 
     loop: AbstractLoop
@@ -112,7 +108,7 @@ class Dispersed(AbstractCopies):
     key: UInt32[Array, "2"]
 
     def __init__(self, loop: AbstractLoop, start: PlantState, dispersions: Dispersions, seed: int):
-        dispersions.check(loop)
+        dispersions.check(loop, start)
         self.loop = _with_sensor_key(loop, as_array(np.zeros(2, np.uint32)))
         self.start = start
         self.dispersions = dispersions
@@ -144,7 +140,7 @@ class Dispersed(AbstractCopies):
             name: self.dispersions.distributions[name].quantile(coordinates[name])
             for name in dimensions
         }
-        possible = jnp.array(True)
+        possible = self._within_limits(drawn)
         for group, inertia_of in ((BODY, _body_inertia), (BELIEF, _believed_inertia)):
             names = [name for name in group if name in drawn]
             if names:
@@ -152,6 +148,19 @@ class Dispersed(AbstractCopies):
                 drawn |= redrawn
                 possible = possible & fine
         return drawn, possible
+
+    def _within_limits(self, drawn) -> Bool[Array, ""]:
+        """Whether no tail of a distribution reached beyond its quantity's limits.
+
+        Inertias are left out: they are drawn again until they are possible.
+        """
+        good = jnp.array(True)
+        for name, values in drawn.items():
+            tails = not self.dispersions.distributions[name].is_bounded()
+            if tails and name not in (*BODY, *BELIEF):
+                low, high = limits_of(name, self.dispersions.frequency_known, self.loop)
+                good = good & jnp.all((values >= low) & (values <= high))
+        return good
 
     def _possible(self, names, coordinates, own_key, inertia_of):
         """The first of several draws of `names` that makes a possible body.

@@ -10,6 +10,12 @@ from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, concrete, require_finite, require_positive
 
+FARTHEST = 1e9
+"""Standard deviations from the mean to a bound; farther out the bound has no digits left."""
+
+LIGHTEST, HEAVIEST = 1e-30, 1e30
+"""Sums of weights that leave every share a number."""
+
 
 class AbstractDistribution(eqx.Module):
     """A distribution of independent components.
@@ -20,6 +26,14 @@ class AbstractDistribution(eqx.Module):
     @abc.abstractmethod
     def quantile(self, u: Float[Array, " dimension"]) -> Float[Array, " size"]:
         """The values at coordinates `u` in the open unit cube."""
+
+    @abc.abstractmethod
+    def ends(self) -> dict[str, Float[Array, "*n"]]:
+        """The parameters, by name, that say where what is drawn lies: see `is_bounded`."""
+
+    def is_bounded(self) -> bool:
+        """Whether nothing is drawn below or above all of `ends`."""
+        return True
 
     @abc.abstractmethod
     def components(self) -> int | None:
@@ -45,6 +59,10 @@ class Uniform(AbstractDistribution):
         """low + (high - low) u."""
         return self.low + (self.high - self.low) * u
 
+    def ends(self) -> dict[str, Float[Array, "*n"]]:
+        """The bounds."""
+        return {"low": self.low, "high": self.high}
+
     def components(self) -> int | None:
         """Those of the bounds."""
         return _components(self.low, self.high)
@@ -65,6 +83,14 @@ class Normal(AbstractDistribution):
         """The Gaussian quantile."""
         return self.mean + self.sigma * ndtri(u)
 
+    def ends(self) -> dict[str, Float[Array, "*n"]]:
+        """The mean."""
+        return {"mean": self.mean}
+
+    def is_bounded(self) -> bool:
+        """No: it has tails."""
+        return False
+
     def components(self) -> int | None:
         """Those of mean and deviation."""
         return _components(self.mean, self.sigma)
@@ -79,9 +105,24 @@ class TruncatedNormal(AbstractDistribution):
     high: Float[Array, "*n"] = eqx.field(converter=as_float)
 
     def __check_init__(self):
-        require_finite("mean", self.mean)
+        for name in ("mean", "sigma", "low", "high"):
+            require_finite(name, getattr(self, name))
         require_positive("sigma", self.sigma)
         _require_order("low", self.low, "high", self.high)
+        self._require_width()
+
+    def _require_width(self) -> None:
+        numbers = (concrete(x) for x in (self.mean, self.sigma, self.low, self.high))
+        known = [number for number in numbers if number is not None]
+        if len(known) < 4:
+            return
+        _components(*known)  # or they cannot be compared
+        mean, sigma, low, high = np.broadcast_arrays(*known)
+        if np.any(np.maximum(abs(low - mean), abs(high - mean)) > FARTHEST * sigma):
+            raise ValueError(
+                f"Argument `sigma` must be at least {1 / FARTHEST:g} of the distance from the mean "
+                f"to either bound, but got {sigma.tolist()}."
+            )
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
         """The quantile in the lower half of the Gaussian, where its tail keeps its digits."""
@@ -93,6 +134,10 @@ class TruncatedNormal(AbstractDistribution):
         below, above = ndtr(lower), ndtr(upper)
         x = jnp.clip(ndtri(below + u * (above - below)), lower, upper)
         return self.mean + self.sigma * jnp.where(mirrored, -x, x)
+
+    def ends(self) -> dict[str, Float[Array, "*n"]]:
+        """The bounds."""
+        return {"low": self.low, "high": self.high}
 
     def components(self) -> int | None:
         """Those of the parameters."""
@@ -108,14 +153,26 @@ class Discrete(AbstractDistribution):
     def __check_init__(self):
         require_finite("values", self.values)
         require_positive("weights", self.weights, zero_allowed=True)
+        if np.shape(self.weights) != np.shape(self.values):
+            raise ValueError(
+                f"Argument `weights` must have {np.size(self.values)} entries like `values`, "
+                f"but got {np.size(self.weights)}."
+            )
         known = concrete(self.weights)
-        if known is not None and not known.sum() > 0:
-            raise ValueError(f"Argument `weights` must not all be zero, but got {known.tolist()}.")
+        if known is not None and not LIGHTEST < known.sum() < HEAVIEST:
+            raise ValueError(
+                f"Argument `weights` must have a sum from {LIGHTEST:g} to {HEAVIEST:g}, "
+                f"but got {float(known.sum()):g}."
+            )
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
         """The value whose share of the unit interval u is in."""
         bounds = jnp.cumsum(self.weights / jnp.sum(self.weights))[:-1]
         return self.values[jnp.sum(u[:, None] >= bounds[None, :], axis=1)]
+
+    def ends(self) -> dict[str, Float[Array, "*n"]]:
+        """All values."""
+        return {"values": self.values}
 
     def components(self) -> int | None:
         """Any number."""
@@ -141,6 +198,10 @@ class RandomAttitude(AbstractDistribution):
             ]
         )
 
+    def ends(self) -> dict[str, Float[Array, "*n"]]:
+        """None: a rotation has no bounds."""
+        return {}
+
     def components(self) -> int | None:
         """Four."""
         return 4
@@ -151,7 +212,7 @@ class RandomAttitude(AbstractDistribution):
         return 3
 
 
-def _components(*parameters: Float[Array, "..."]) -> int | None:
+def _components(*parameters: Float[Array | np.ndarray, "..."]) -> int | None:
     shapes = {np.shape(parameter) for parameter in parameters} - {()}
     if len(shapes) > 1 or any(len(shape) > 1 for shape in shapes):
         raise ValueError(
@@ -162,6 +223,7 @@ def _components(*parameters: Float[Array, "..."]) -> int | None:
 
 
 def _require_order(low_name, low, high_name, high) -> None:
+    _components(low, high)
     below, above = concrete(low), concrete(high)
     if below is not None and above is not None and not np.all(below <= above):
         raise ValueError(

@@ -14,23 +14,31 @@ from jaxtyping import Array, Float
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_array, as_float
 from jaxsat.control import (
+    AbstractController,
     AbstractSampledController,
+    Coast,
     RateLaw,
     ThreeAxisLaw,
 )
-from jaxsat.dynamics import PlantState
+from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.noise import key_of_seed
 from jaxsat.scenario.build_control import build_controller
+from jaxsat.scenario.build_errors import BuildError, at_key, made_of_numbers
 from jaxsat.scenario.build_plant import build_plant
 from jaxsat.scenario.control_tables import (
+    CoastTable,
     OscillatoryTable,
+    RateTable,
     SwitchingTable,
+    ThreeAxisTable,
     ThreeSlewTable,
 )
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
+from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.layout import working_thrusters
 from jaxsat.scenario.schema import Scenario, flattened
+from jaxsat.scenario.tables import MOST_STEPS, SolverTable
 from jaxsat.simulation import (
     AbstractLoop,
     ContinuousLoop,
@@ -81,15 +89,46 @@ class Run:
 def build(scenario: Scenario) -> Run:
     """The closed loop of a scenario, its start, the times to save and the way to integrate.
 
-    Arrays take the default precision: switch 64-bit on first (`jax_enable_x64`).
+    Arrays take the default precision: switch 64-bit on first (`jax_enable_x64`). Raises
+    `BuildError`, which names the key, where the numbers of the scenario make no such loop.
     """
     loop = build_loop(scenario)
-    return Run(loop, build_start(scenario), build_times(scenario), build_method(scenario, loop))
+    with at_key("initial"):
+        start = made_of_numbers(build_start(scenario))
+    return Run(loop, start, build_times(scenario), build_method(scenario, loop))
+
+
+def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
+    """Plant and thrusters without the control law, whatever that is, and the start.
+
+    Raises `BuildError` as `build` does.
+    """
+    coasting = scenario.model_copy(update={"control": CoastTable(law="coast")})
+    with at_key("spacecraft"):
+        loop = ContinuousLoop(build_plant(coasting), Coast(), build_actuators(coasting))
+    simulation = scenario.simulation.model_copy(update={"attitude": "quaternion"})
+    with at_key("initial"):
+        start = build_start(scenario.model_copy(update={"simulation": simulation}))
+    return made_of_numbers(loop), made_of_numbers(start)
 
 
 def build_loop(scenario: Scenario) -> AbstractLoop:
-    """Plant, controller and thrusters in the coordinates that the scenario asks for."""
-    plant, controller = build_plant(scenario), build_controller(scenario)
+    """Plant, controller and thrusters in the coordinates that the scenario asks for.
+
+    Raises `BuildError` as `build` does.
+    """
+    with at_key("spacecraft"):
+        plant = made_of_numbers(build_plant(scenario))
+    with at_key("control"):
+        controller = made_of_numbers(build_controller(scenario))
+        return _closed(scenario, plant, controller)
+
+
+def _closed(
+    scenario: Scenario,
+    plant: RigidBody,
+    controller: AbstractController | AbstractSampledController,
+) -> AbstractLoop:
     if isinstance(controller, AbstractSampledController):
         substeps = scenario.simulation.solver.substeps or DEFAULT_SUBSTEPS
         sensors, delay = build_sampling(scenario)
@@ -149,8 +188,16 @@ def build_times(scenario: Scenario) -> Float[Array, " times"]:
 
 
 def build_method(scenario: Scenario, loop: AbstractLoop) -> Method:
-    """Solver and steps: those of `[simulation.solver]`, or what suits the loop."""
-    table = scenario.simulation.solver
+    """Solver and steps: those of `[simulation.solver]`, or what suits the loop.
+
+    Raises `BuildError` for more steps than a run may have.
+    """
+    method = _method(scenario.simulation.solver, loop)
+    _require_few_steps(scenario, loop, method)
+    return method
+
+
+def _method(table: SolverTable, loop: AbstractLoop) -> Method:
     solver = SOLVERS[table.name]() if table.name else None
     if table.steps == "fixed" or table.step_s is not None:
         return fixed(cast(float, table.step_s), solver)
@@ -165,3 +212,25 @@ def build_method(scenario: Scenario, loop: AbstractLoop) -> Method:
         suitable = default_method(loop)
         return dataclasses.replace(suitable, solver=solver or suitable.solver)
     return adaptive(solver=solver, **{"min_step": SMALLEST_STEP, **given})
+
+
+def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -> None:
+    table, control = scenario.simulation, scenario.control
+    if isinstance(loop, SampledLoop):
+        assert not isinstance(control, CoastTable | RateTable | ThreeAxisTable)
+        step = control.period_s / loop.substeps
+        key = "control.period_s" if table.solver.substeps is None else "simulation.solver.substeps"
+    elif method.first_step is None:
+        return  # adaptive steps, which have a number of their own
+    else:
+        step = float(method.first_step)
+        key = "simulation.duration_s" if table.solver.step_s is None else "simulation.solver.step_s"
+    count = table.duration_s / step
+    if count > MOST_STEPS:
+        message = (
+            f"must leave at most {MOST_STEPS} steps in a run, got {count:.3g} of {step:.3g} s in "
+            f"{table.duration_s:g} s"
+        )
+        involved = ("simulation.duration_s", "simulation.solver.step_s", "control.period_s")
+        involved = tuple(tuple(other.split(".")) for other in involved)
+        raise BuildError(Issue(tuple(key.split(".")), message, involved))

@@ -23,6 +23,7 @@ from jaxsat.environment import (
     AbstractDisturbance,
     NoDisturbance,
 )
+from jaxsat.scenario.build_errors import BuildError
 from jaxsat.scenario.build_plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.scenario.control_tables import (
     CoastTable,
@@ -33,6 +34,7 @@ from jaxsat.scenario.control_tables import (
     ThreeAxisTable,
     ThreeSlewTable,
 )
+from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tuning_tables import TUNABLE
 from jaxsat.vehicle import Spacecraft
@@ -103,17 +105,42 @@ def _settling_law(
         disturbance.frequency_rad_s[2] if frequency is None else frequency,
     )
     settling = oscillatory_settling if isinstance(table, OscillatoryTable) else three_slew_settling
-    controller = settling(
-        model,
-        cast(float, scenario.spacecraft.torque_limit_N_m),
-        observe=table.observe_ripple,
-        estimate=table.estimate_axes,
-        period=table.period_s,
-        ripple=ripple,
-    )
+    try:
+        controller = settling(
+            model,
+            cast(float, scenario.spacecraft.torque_limit_N_m),
+            observe=table.observe_ripple,
+            estimate=table.estimate_axes,
+            period=table.period_s,
+            ripple=ripple,
+        )
+    except ValueError as error:
+        raise BuildError(_unsteerable(table, model, error)) from error
     places = TUNABLE.get(table.law, {})
     given = {place: getattr(table, key) for key, place in places.items()}
     return with_numbers(controller, {k: as_float(v) for k, v in given.items() if v is not None})
+
+
+def _unsteerable(
+    table: OscillatoryTable | ThreeSlewTable, model: RigidBody, error: ValueError
+) -> Issue:
+    """What stands against the regulator that both settling laws end with."""
+    first, second, _ = np.asarray(model.spacecraft.moments)
+    rate = float(model.orbit.rate)
+    if rate > 0:
+        own = table.model.inertia_kg_m2 is not None
+        key = "control.model.inertia_kg_m2" if own else "spacecraft.inertia_kg_m2"
+    elif table.model.orbit_rate_rad_s is not None:
+        key = "control.model.orbit_rate_rad_s"
+    else:
+        key = "orbit.rate_rad_s"
+    message = (
+        f'must be such that the law "{table.law}" can hold the attitude, which it does by J1 apart '
+        f"from J2 and an orbit rate above 0, got J1 = {first:.6g} and J2 = {second:.6g} kg m², "
+        f"{rate:.6g} rad/s ({str(error).rstrip('.')})"
+    )
+    involved = (("control", "law"), ("orbit", "altitude_km"), ("control",))
+    return Issue(tuple(key.split(".")), message, involved)
 
 
 def _switching_law(scenario: Scenario, table: SwitchingTable, model: RigidBody) -> SwitchingLaw:

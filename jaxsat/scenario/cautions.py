@@ -4,15 +4,34 @@ import numpy as np
 
 from jaxsat.control import TUNED_LIMITS, equivalent_limit
 from jaxsat.scenario.control_tables import SETTLING_LAWS
-from jaxsat.scenario.coordinates import inertia_matrix
+from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
 
 
-def cautions(scenario: Scenario) -> list[Issue]:
-    """Everything about a valid scenario that a person should be told."""
-    return [*_inertia_cautions(scenario), *_law_cautions(scenario), *_limit_cautions(scenario)]
+def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
+    """Everything about a valid scenario that a person should be told, if told of its law too."""
+    if not law:
+        return _inertia_cautions(scenario)
+    return [
+        *_inertia_cautions(scenario),
+        *_start_cautions(scenario),
+        *_law_cautions(scenario),
+        *_limit_cautions(scenario),
+    ]
+
+
+def _start_cautions(scenario: Scenario) -> list[Issue]:
+    """Laws that do not work in (w, z) may begin where there are none."""
+    quaternion = scenario.initial.quaternion
+    if quaternion is None or not is_upside_down(quaternion):
+        return []
+    message = (
+        "should not be upside down, where w is without bound and z unknown: what is told of them "
+        f"there is NaN, got {shown(quaternion)}"
+    )
+    return [Issue(("initial", "quaternion"), message)]
 
 
 def _inertia_cautions(scenario: Scenario) -> list[Issue]:

@@ -9,6 +9,7 @@ from jaxsat.scenario.coordinates import (
     ERROR_COORDINATE_KEYS,
     error_coordinate_obstacle,
     is_printed_three_axis,
+    is_upside_down,
     uses_error_coordinates,
 )
 from jaxsat.scenario.errors import Issue
@@ -18,9 +19,12 @@ from jaxsat.scenario.wording import shown
 from jaxsat.simulation.solve import STATE_LIMIT
 from jaxsat.vehicle import allocation
 
-MAX_SAMPLES = 10_000_000
+MAX_SAMPLES = 2_000_000
+"""Of one run; their signals take a third of a gigabyte."""
+
 ROUNDING = 1e-9
-"""How far a time may be from a whole multiple, relative to itself."""
+"""How far a time may be from a whole multiple, relative to itself, and never more than a ten
+millionth of what it is a multiple of."""
 
 
 @rule("spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")
@@ -29,7 +33,7 @@ def _failed_thrusters_exist(axes, failed):
         location = ("spacecraft", "failed_thrusters", position)
         if number > len(axes):
             yield Issue(location, f"must name thrusters from 1 to {len(axes)}, got {number}")
-        elif number in failed[:position]:
+        elif failed.index(number) < position:
             yield Issue(location, f"must name each thruster once, got {number} again")
 
 
@@ -95,8 +99,7 @@ def _state_below_its_limit(w, omega, z):
 def _not_upside_down(quaternion, attitude, law):
     if quaternion is None:
         return
-    cosine = quaternion[0] ** 2 + quaternion[3] ** 2  # of half the tilt, squared
-    if cosine < 1 / STATE_LIMIT**2 and (attitude == "wz" or law in ("three-axis", "switching")):
+    if is_upside_down(quaternion) and (attitude == "wz" or law in ("three-axis", "switching")):
         by = "simulation.attitude" if attitude == "wz" else "control.law"
         yield at(
             "initial.quaternion",
@@ -153,7 +156,7 @@ def _whole_number_of_samples(duration, save_every):
     if duration / save_every > MAX_SAMPLES:
         yield at(
             "simulation.save_every_s",
-            f"must leave at most {MAX_SAMPLES:.0e} saved samples, got {shown(save_every)} s in "
+            f"must leave at most {MAX_SAMPLES} saved samples, got {shown(save_every)} s in "
             f"{shown(duration)} s",
         )
     elif not is_multiple(duration, save_every):
@@ -168,7 +171,7 @@ def _samples_fall_on_periods(period, save_every, duration):
     if duration / period > MAX_SAMPLES:
         yield at(
             "control.period_s",
-            f"must leave at most {MAX_SAMPLES:.0e} periods, got {shown(period)} s in "
+            f"must leave at most {MAX_SAMPLES} periods, got {shown(period)} s in "
             f"{shown(duration)} s",
         )
     elif not is_multiple(save_every, period):
@@ -176,12 +179,17 @@ def _samples_fall_on_periods(period, save_every, duration):
             "simulation.save_every_s",
             f"must be a multiple of control.period_s = {shown(period)}, got {shown(save_every)}",
         )
+    elif is_multiple(duration, save_every) and not is_multiple(duration, period):
+        yield at(
+            "simulation.duration_s",
+            f"must be a multiple of control.period_s = {shown(period)}, got {shown(duration)}",
+        )
 
 
 def is_multiple(whole: float, part: float) -> bool:
     """Whether `whole` is `part` a whole number of times, up to rounding."""
     count = round(whole / part)
-    return count >= 1 and abs(count * part - whole) <= ROUNDING * whole
+    return count >= 1 and abs(count * part - whole) <= min(ROUNDING * whole, 1e-7 * part)
 
 
 @rule_over("simulation.coordinates", *ERROR_COORDINATE_KEYS)

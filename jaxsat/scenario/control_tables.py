@@ -2,12 +2,14 @@
 
 from typing import Annotated, Literal
 
-from annotated_types import Le
+from annotated_types import Le, Len
 from pydantic import Field
 
+from jaxsat.ranges import KNOWN_FREQUENCY, ORBIT_RATE
 from jaxsat.scenario.quantities import (
     Inertia,
     NonNegative,
+    Number,
     Positive,
     PositiveOrPair,
     PositivePair,
@@ -16,8 +18,11 @@ from jaxsat.scenario.quantities import (
     Table,
     choice,
     quantity,
+    within,
 )
-from jaxsat.scenario.tables import Relation
+from jaxsat.scenario.tables import Relation, Seconds
+
+KnownFrequencies = Annotated[tuple[Annotated[Number, within(KNOWN_FREQUENCY)], ...], Len(2, 2)]
 
 
 class ModelTable(Table):
@@ -28,7 +33,7 @@ class ModelTable(Table):
         "kg m²",
         None,
     )
-    orbit_rate_rad_s: NonNegative | None = quantity(
+    orbit_rate_rad_s: Annotated[Number, within(ORBIT_RATE)] | None = quantity(
         "Orbital rate that the controller believes", "rad/s", None
     )
     orbit_relation: Relation | None = choice("Form of (11) that the controller uses", None)
@@ -85,7 +90,7 @@ class ThreeAxisTable(Table):
     a: Positive = A
     k4: PositiveOrPair = K4
     internal_model: Switch = INTERNAL_MODEL
-    internal_model_frequency_rad_s: PositivePair | None = INTERNAL_MODEL_FREQUENCY
+    internal_model_frequency_rad_s: KnownFrequencies | None = INTERNAL_MODEL_FREQUENCY
     attitude_weight_N_m: NonNegative = ATTITUDE_WEIGHT
     saturation_width: Annotated[NonNegative, Le(1)] = SATURATION_WIDTH
     tilt_width: NonNegative = TILT_WIDTH
@@ -109,7 +114,7 @@ class SwitchingTable(Table):
     lower_threshold_rad_s: Positive = quantity(
         "The three-axis law takes over again when |ω3| falls below this", "rad/s"
     )
-    period_s: Positive = quantity("Time between two runs of the controller", "s")
+    period_s: Seconds = quantity("Time between two runs of the controller", "s")
     rate_slope_limit_rad_s2: PositivePair | None = quantity(
         "Bounds of the rate law's reference derivative; left out, torque limit / J_i",
         "rad/s²",
@@ -122,7 +127,7 @@ class SwitchingTable(Table):
     )
     omega3_width_rad_s: NonNegative = OMEGA3_WIDTH
     internal_model: Switch = INTERNAL_MODEL
-    internal_model_frequency_rad_s: PositivePair | None = INTERNAL_MODEL_FREQUENCY
+    internal_model_frequency_rad_s: KnownFrequencies | None = INTERNAL_MODEL_FREQUENCY
     attitude_weight_N_m: NonNegative = ATTITUDE_WEIGHT
     saturation_width: Annotated[NonNegative, Le(1)] = SATURATION_WIDTH
     tilt_width: NonNegative = TILT_WIDTH
@@ -164,7 +169,7 @@ class OscillatoryTable(Table):
     ripple_frequency_rad_s: Positive | None = RIPPLE_FREQUENCY
     ripple_amplitude_N_m: NonNegative | None = RIPPLE_AMPLITUDE
     estimate_axes: Switch = ESTIMATE
-    period_s: Positive = PERIOD
+    period_s: Seconds = PERIOD
     model: ModelTable = MODEL
 
 
@@ -179,7 +184,7 @@ class ThreeSlewTable(Table):
     ripple_frequency_rad_s: Positive | None = RIPPLE_FREQUENCY
     ripple_amplitude_N_m: NonNegative | None = RIPPLE_AMPLITUDE
     estimate_axes: Switch = ESTIMATE
-    period_s: Positive = PERIOD
+    period_s: Seconds = PERIOD
     model: ModelTable = MODEL
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxsat.scenario.layout import command_map
+from jaxsat.simulation.solve import STATE_LIMIT
 
 Values = Mapping[str, Any]
 """Scenario values by dotted key."""
@@ -54,6 +55,11 @@ def uses_error_coordinates(values: Values) -> bool:
     if asked != "auto":
         return asked == "error"
     return is_printed_three_axis(values) and error_coordinate_obstacle(values) is None
+
+
+def is_upside_down(quaternion: tuple[float, ...]) -> bool:
+    """Whether (w, z) of an attitude are beyond what a run goes on with."""
+    return quaternion[0] ** 2 + quaternion[3] ** 2 < 1 / STATE_LIMIT**2  # cos² of half the tilt
 
 
 def inertia_matrix(inertia: tuple) -> np.ndarray:

@@ -2,10 +2,11 @@
 
 from typing import Annotated, Any, Literal
 
-from annotated_types import Len
+from annotated_types import Ge, Le, Len
 from pydantic import Discriminator, Tag, model_validator
 
-from jaxsat.scenario.quantities import NonNegative, Number, Switch, Table, choice, quantity
+from jaxsat.ranges import ATTITUDE_NOISE, RATE_NOISE, SECONDS
+from jaxsat.scenario.quantities import Number, Switch, Table, choice, quantity, within
 
 NumberOrList = Annotated[
     Annotated[Number, Tag("one")] | Annotated[tuple[Number, ...], Len(1, 1000), Tag("each")],
@@ -110,12 +111,12 @@ class DispersionTable(Table):
 class SamplingTable(Table):
     """`[sampling]`: what is between a sampled law and the plant."""
 
-    rate_noise_rad_s: NonNegative = quantity(
+    rate_noise_rad_s: Annotated[Number, within(RATE_NOISE)] = quantity(
         "Standard deviation of white noise on each measured rate, a sample", "rad/s", 0.0
     )
-    attitude_noise_rad: NonNegative = quantity(
+    attitude_noise_rad: Annotated[Number, within(ATTITUDE_NOISE)] = quantity(
         "Standard deviation of the measured attitude about each body axis, a sample", "rad", 0.0
     )
-    delay_s: NonNegative = quantity(
+    delay_s: Annotated[Number, Ge(0), Le(SECONDS.high)] = quantity(
         "Time from a sample to its torque, at most one period of the law", "s", 0.0
     )

@@ -3,8 +3,16 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from jaxsat.scenario.toml_text import visible
+
 Location = tuple[str | int, ...]
 """Where a value is: table and key names, then positions from 0 inside an array."""
+
+MOST_TOLD = 20
+"""Problems that the text of a `ScenarioError` lists."""
+
+LONGEST_PLACE, LONGEST_MESSAGE = 200, 1500
+"""Characters of a source or a key, and of what is said about it."""
 
 
 @dataclass(frozen=True)
@@ -30,24 +38,38 @@ class Problem:
     line: int | None = None
 
     def __str__(self) -> str:
-        """`file:line: key table.key: must …`."""
-        place = self.source if self.line is None else f"{self.source}:{self.line}"
-        key = "" if self.key is None else f"key {self.key}: "
-        return f"{place}: {key}{self.message}"
+        """`file:line: key table.key: must …`, on one line that is safe to print."""
+        source = shortened(visible(self.source), LONGEST_PLACE)
+        place = source if self.line is None else f"{source}:{self.line}"
+        key = "" if self.key is None else f"key {shortened(visible(self.key), LONGEST_PLACE)}: "
+        return f"{place}: {key}{shortened(visible(self.message), LONGEST_MESSAGE)}"
 
 
 class ScenarioError(Exception):
-    """A scenario that cannot be used; `problems` holds everything that is wrong with it."""
+    """A scenario that cannot be used; `problems` holds everything that is wrong with it.
+
+    Its text lists the first of them, one on a line.
+    """
 
     problems: tuple[Problem, ...]
 
     def __init__(self, problems: Iterable[Problem]):
         self.problems = tuple(problems)
-        super().__init__("\n".join(str(problem) for problem in self.problems))
+        lines = [str(problem) for problem in self.problems[:MOST_TOLD]]
+        more = len(self.problems) - len(lines)
+        if more:
+            source = shortened(visible(self.problems[0].source), LONGEST_PLACE)
+            lines.append(f"{source}: and {more} more mistake{'s' if more > 1 else ''}")
+        super().__init__("\n".join(lines))
 
 
 class ScenarioWarning(UserWarning):
     """Something about a scenario that is allowed and yet is likely a mistake."""
+
+
+def shortened(text: str, longest: int) -> str:
+    """Text with its end left out where it is too long."""
+    return text if len(text) <= longest else text[: longest - 1] + "…"
 
 
 def key_of(location: Location) -> str | None:

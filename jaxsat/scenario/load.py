@@ -21,13 +21,12 @@ from jaxsat.scenario.errors import (
     ScenarioWarning,
     key_of,
 )
+from jaxsat.scenario.limits import LARGEST_FILE, MOST_OVERRIDES, Excess, require_modest
 from jaxsat.scenario.lines import line_map, nearest_line
 from jaxsat.scenario.overrides import Override, apply_overrides, parse_override
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.trial import Purpose, what_cannot_be_built
 from jaxsat.scenario.wording import suggestion
-
-LARGEST_FILE = 1_000_000
-"""Bytes. No scenario comes near; a file larger than this is something else."""
 
 
 def library() -> dict[str, Traversable]:
@@ -38,33 +37,48 @@ def library() -> dict[str, Traversable]:
     return dict(sorted(named.items()))
 
 
-def load(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Scenario:
+def load(
+    name_or_path: str | Path, overrides: Iterable[str] = (), *, purpose: Purpose = "run"
+) -> Scenario:
     """The scenario of that name in the library, or of that TOML file.
 
     `overrides` are texts `KEY=VALUE`, as after `--set`: dotted keys and TOML values (or bare
     text), checked like the file. An override displaces what the file says to the contrary: the
     orbit's altitude its rate, another `control.law` the gains of the law before.
-    Raises `ScenarioError` with every problem at once; warns with `ScenarioWarning` of what is
-    allowed but likely a mistake.
+
+    What is loaded can be built for the `purpose`: "run", for which everything is looked at;
+    "study", for which the dispersions must also be such as the loop has, and the gains to tune;
+    "motion", without the control law; "text", for which nothing is built. Raises `ScenarioError`
+    with every problem at once; warns with `ScenarioWarning` of what is allowed but likely a
+    mistake.
     """
     source = _read(name_or_path)
-    parsed = [parse_override(text) for text in overrides]
+    parsed = _overrides(overrides)
     problems = [entry for entry in parsed if isinstance(entry, Problem)]
     applied = [entry for entry in parsed if isinstance(entry, Override)]
     data, blocked = apply_overrides(source.data, applied)
     problems += blocked
     places = _Places(source, applied)
+    scenario, law = None, purpose != "motion"
     try:
-        scenario = Scenario.model_validate(data)
+        scenario = Scenario.model_validate(data, context={"law": law})
+        issues = [] if problems else what_cannot_be_built(scenario, purpose)
     except ValidationError as error:
         issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
-        problems += sorted((places.problem(issue) for issue in issues), key=_order)
-        scenario = None
+    problems += sorted((places.problem(issue) for issue in issues), key=_order)
     if scenario is None or problems:
         raise ScenarioError(_unique(problems))
-    for issue in cautions(scenario):
+    for issue in cautions(scenario, law):
         warnings.warn(str(places.problem(issue)), ScenarioWarning, stacklevel=2)
     return scenario
+
+
+def _overrides(texts: Iterable[str]) -> list[Override | Problem]:
+    texts = list(texts)
+    if len(texts) > MOST_OVERRIDES:
+        message = f"must be given at most {MOST_OVERRIDES} times, got {len(texts)}"
+        raise ScenarioError([Problem("--set", message)])
+    return [parse_override(text) for text in texts]
 
 
 @dataclass(frozen=True)
@@ -122,18 +136,24 @@ def _read(name_or_path: str | Path) -> _Source:
         return _parse(f"{text_name}.toml", known[text_name].read_bytes())
     path = Path(name_or_path)
     try:
+        text_name.encode()
         if not path.exists():
             raise ScenarioError([_unknown_name(text_name, list(known))])
         if not path.is_file():
-            raise ScenarioError([Problem(text_name, "must be a scenario file, got a folder")])
-        if path.stat().st_size > LARGEST_FILE:
-            message = f"must be a scenario file of at most {LARGEST_FILE} bytes, got more"
-            raise ScenarioError([Problem(text_name, message)])
-        content = path.read_bytes()
+            what = "a folder" if path.is_dir() else "something else"
+            raise ScenarioError([Problem(text_name, f"must be a scenario file, got {what}")])
+        with path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+    except UnicodeEncodeError:
+        message = "must be a name of valid characters, got bytes that are none"
+        raise ScenarioError([Problem(text_name, message)]) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         problem = Problem(text_name, f"must be a file that can be read, got: {reason}")
         raise ScenarioError([problem]) from None
+    if len(content) > LARGEST_FILE:
+        message = f"must be a scenario file of at most {LARGEST_FILE} bytes, got more"
+        raise ScenarioError([Problem(text_name, message)])
     return _parse(text_name, content)
 
 
@@ -156,13 +176,13 @@ def _parse(name: str, content: bytes) -> _Source:
         found = f"got byte 0x{content[error.start]:02x}"
         raise ScenarioError([Problem(name, f"must be UTF-8 text, {found}", None, line)]) from None
     try:
+        require_modest(text)
         data = tomllib.loads(text)
         lines = line_map(text)
+    except Excess as error:
+        raise ScenarioError([Problem(name, str(error), None, error.line)]) from None
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError([_syntax_problem(name, text, str(error))]) from None
-    except RecursionError:
-        message = "must be valid TOML, got brackets nested too deeply"
-        raise ScenarioError([Problem(name, message, None, 1)]) from None
     return _Source(name, data, lines)
 
 

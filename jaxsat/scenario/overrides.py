@@ -7,6 +7,8 @@ from typing import Any
 
 from jaxsat.scenario.control_tables import LAWS
 from jaxsat.scenario.errors import Problem
+from jaxsat.scenario.limits import LONGEST_OVERRIDE, Excess, require_modest
+from jaxsat.scenario.wording import shown
 
 ALTERNATIVES: tuple[tuple[frozenset[str], frozenset[str]], ...] = (
     (frozenset({"orbit.rate_rad_s"}), frozenset({"orbit.altitude_km"})),
@@ -40,10 +42,17 @@ class Override:
 def parse_override(text: str) -> Override | Problem:
     """Take `KEY=VALUE` apart; a VALUE that is no TOML value is taken as text."""
     source = f"--set {text}"
+    if len(text) > LONGEST_OVERRIDE:
+        return Problem(source, f"must have at most {LONGEST_OVERRIDE} characters, got {len(text)}")
     key, equals, value = text.partition("=")
+    try:
+        require_modest(key)
+        require_modest(f"value = {value}")
+    except Excess as error:
+        return Problem(source, str(error))
     path = _key_path(key.strip())
     if not equals or path is None:
-        return Problem(source, f'must have the form KEY=VALUE with a dotted key, got "{text}"')
+        return Problem(source, f"must have the form KEY=VALUE with a dotted key, got {shown(text)}")
     return Override(text, path, _toml_or_text(value.strip()))
 
 
@@ -72,7 +81,7 @@ def _key_path(key: str) -> tuple[str, ...] | None:
         return None
     try:
         tables = tomllib.loads(f"{key} = 0")
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except tomllib.TOMLDecodeError:
         return None
     path = []
     while isinstance(tables, dict):
@@ -86,7 +95,7 @@ def _key_path(key: str) -> tuple[str, ...] | None:
 def _toml_or_text(value: str) -> Any:
     try:
         parsed = tomllib.loads(f"value = {value}")
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except tomllib.TOMLDecodeError:
         return value
     return parsed["value"] if len(parsed) == 1 else value
 

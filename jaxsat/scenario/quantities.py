@@ -1,26 +1,55 @@
 """Kinds of values that scenario keys hold, and how a key is declared together with its unit."""
 
-import math
+import re
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Ge, Gt, Len
+from annotated_types import Ge, Gt, Interval, Le, Len
 from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Discriminator, Field, Tag
 from pydantic.types import Strict
 
 from jaxsat.checks import require_inertia
+from jaxsat.ranges import MOMENT, PRODUCT, Range
 
-Text = Annotated[str, Strict()]
+_UNPRINTABLE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]"
+)
+"""Control characters, line ends that few programs know, changes of the direction of writing, and
+code points that no file can hold. Tabs and line feeds have a rule of their own."""
+
+
+def _printable(text: str) -> str:
+    found = _UNPRINTABLE.search(text)
+    if found:
+        raise ValueError("must have no control characters")
+    return text
+
+
+def _one_line(text: str) -> str:
+    if "\n" in text or "\t" in text:
+        raise ValueError("must be one line of text without tabs")
+    return text
+
+
+Text = Annotated[str, Strict(), Len(0, 10_000), AfterValidator(_printable)]
+Line = Annotated[str, Strict(), Len(1, 200), AfterValidator(_printable), AfterValidator(_one_line)]
 Switch = Annotated[bool, Strict()]
 Whole = Annotated[int, Strict()]
 Number = Annotated[float, Strict(), AllowInfNan(False)]
-Positive = Annotated[Number, Gt(0)]
-NonNegative = Annotated[Number, Ge(0)]
+Positive = Annotated[Number, Gt(0), Le(1e12)]
+NonNegative = Annotated[Number, Ge(0), Le(1e12)]
+
+
+def within(values: Range) -> Interval:
+    """What a number of this range is annotated with."""
+    return Interval(ge=values.low, le=values.high)
+
 
 Vector2 = Annotated[tuple[Number, ...], Len(2, 2)]
 Vector3 = Annotated[tuple[Number, ...], Len(3, 3)]
 Vector4 = Annotated[tuple[Number, ...], Len(4, 4)]
-Matrix3 = Annotated[tuple[Vector3, ...], Len(3, 3)]
+Products3 = Annotated[tuple[Annotated[Number, within(PRODUCT)], ...], Len(3, 3)]
+Matrix3 = Annotated[tuple[Products3, ...], Len(3, 3)]
 PositivePair = Annotated[tuple[Positive, ...], Len(2, 2)]
 Switches3 = Annotated[tuple[Switch, ...], Len(3, 3)]
 
@@ -33,14 +62,29 @@ def _inertia_form(value: Any) -> str:
     return "matrix" if _is_list(value) and any(map(_is_list, value)) else "moments"
 
 
+LEAST_SHARE = 1e-9
+"""Of the largest principal moment; below, an inertia is singular up to rounding."""
+
+
 def _sound_inertia(value: tuple) -> tuple:
     array = np.array(value, dtype=float)
-    require_inertia("inertia", np.diag(array) if array.ndim == 1 else array)
+    matrix = np.diag(array) if array.ndim == 1 else array
+    require_inertia("inertia", matrix)
+    moments = np.linalg.eigvalsh(matrix)
+    if not MOMENT.low <= moments[0] <= moments[-1] <= MOMENT.high:
+        raise ValueError(
+            f"must have principal moments from {MOMENT.low:g} to {MOMENT.high:g} kg m²"
+        )
+    if moments[0] < LEAST_SHARE * moments[-1]:
+        raise ValueError(
+            f"must have no principal moment below {LEAST_SHARE:g} of the largest, "
+            f"got {moments[0]:.6g} and {moments[-1]:.6g} kg m²"
+        )
     return value
 
 
 Inertia = Annotated[
-    Annotated[Vector3, Tag("moments")] | Annotated[Matrix3, Tag("matrix")],
+    Annotated[Products3, Tag("moments")] | Annotated[Matrix3, Tag("matrix")],
     Discriminator(_inertia_form),
     AfterValidator(_sound_inertia),
 ]
@@ -52,7 +96,7 @@ PositiveOrPair = Annotated[
 
 def _directions(rows: tuple) -> tuple:
     for number, row in enumerate(rows, 1):
-        if not 0 < sum(entry * entry for entry in row) < math.inf:
+        if not 1e-12 <= sum(entry * entry for entry in row) <= 1e12:
             found = "a zero row" if not any(row) else "one that is none"
             raise ValueError(f"must have a direction in every row, got {found} as row {number}")
     return rows

@@ -19,6 +19,17 @@ class Rule:
 
 RULES: list[Rule] = []
 
+OF_THE_LAW = (
+    "control.",
+    "sampling.",
+    "dispersion",
+    "tuning.",
+    "simulation.attitude",
+    "simulation.coordinates",
+    "simulation.solver.",
+)
+"""What the keys begin with that the motion without a control law does not depend on."""
+
 
 def rule(*keys: str) -> Callable[[Check], Check]:
     """Register a check that takes the values of `keys` in this order."""
@@ -40,11 +51,12 @@ def rule_over(*keys: str) -> Callable[[Check], Check]:
     return register
 
 
-def broken_rules(values: Values) -> list[Issue]:
-    """Issues from every rule whose keys all have valid values."""
+def broken_rules(values: Values, law: bool = True) -> list[Issue]:
+    """Issues from every rule whose keys all have valid values; without those on the law if told."""
     found: list[Issue] = []
     for entry in RULES:
-        if all(key in values for key in entry.keys):
+        wanted = law or not any(key.startswith(OF_THE_LAW) for key in entry.keys)
+        if wanted and all(key in values for key in entry.keys):
             involved = tuple(tuple(key.split(".")) for key in entry.keys)
             for issue in entry.check(values):
                 found.append(Issue(issue.location, issue.message, involved, issue.missing))

@@ -1,16 +1,13 @@
 """The scenario: everything one run needs, validated once, with units in the names of its keys."""
 
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any
+from typing import Any
 
-from annotated_types import Len
 from pydantic import (
     BaseModel,
-    TypeAdapter,
     ValidationError,
     model_validator,
 )
-from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
@@ -18,7 +15,7 @@ from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401
 from jaxsat.scenario.control_tables import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.quantities import Table, Text, choice
+from jaxsat.scenario.quantities import Line, Table, Text, choice
 from jaxsat.scenario.rules import broken_rules
 from jaxsat.scenario.tables import (
     DisturbanceTable,
@@ -28,7 +25,7 @@ from jaxsat.scenario.tables import (
     SpacecraftTable,
 )
 from jaxsat.scenario.tuning_tables import TuningTable
-from jaxsat.scenario.wording import issue_of, table_at
+from jaxsat.scenario.wording import issue_of, table_at, validated
 
 
 class Scenario(Table):
@@ -36,9 +33,10 @@ class Scenario(Table):
 
     Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries
     the `Issue` under `ctx["issue"]`; `jaxsat.scenario.load` turns them into lines of the file.
+    With the validation context `{"law": False}` rules that concern the control law are left out.
     """
 
-    title: Annotated[Text, Len(1)] = choice("One line for a person")
+    title: Line = choice("One line for a person")
     description: Text = choice("What the scenario shows", "")
     spacecraft: SpacecraftTable = choice("The rigid body and its thrusters")
     orbit: OrbitTable = choice("The circular orbit")
@@ -52,7 +50,9 @@ class Scenario(Table):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _all_mistakes_at_once(cls, data: Any, handler: Callable[[Any], Any]) -> "Scenario":
+    def _all_mistakes_at_once(
+        cls, data: Any, handler: Callable[[Any], Any], info: Any
+    ) -> "Scenario":
         if isinstance(data, cls):
             return data
         scenario, issues = None, []
@@ -63,7 +63,7 @@ class Scenario(Table):
             found = [issue_of(cls, data, line) for line in error.errors()]
             issues = [issue for issue in found if issue is not None]
             values = readable_values(cls, data)
-        issues = [*issues, *broken_rules(values)]
+        issues = [*issues, *broken_rules(values, (info.context or {}).get("law", True))]
         if scenario is None or issues:
             lines = [_error_details(issue) for issue in issues]
             raise ValidationError.from_exception_data("Scenario", lines)
@@ -90,7 +90,7 @@ def readable_values(table: type[BaseModel], data: Any, prefix: str = "") -> dict
         if not present and field.is_required():
             continue
         try:
-            value = _validated(field, data[name]) if present else field.get_default()
+            value = validated(field, data[name]) if present else field.get_default()
         except ValidationError:
             inner = table_at(table, data, (name,))
             if inner is not None and isinstance(data[name], Mapping):
@@ -101,12 +101,6 @@ def readable_values(table: type[BaseModel], data: Any, prefix: str = "") -> dict
         else:
             values[prefix + name] = value
     return values
-
-
-def _validated(field: FieldInfo, value: Any) -> Any:
-    """One field's value by itself, with the bounds that its declaration adds to its type."""
-    kind = Annotated[field.annotation, field]  # pyright: ignore
-    return TypeAdapter(kind).validate_python(value)  # pyright: ignore
 
 
 def _error_details(issue: Issue) -> InitErrorDetails:

@@ -1,6 +1,6 @@
 """From a scenario with a `[dispersion]` table to a Monte-Carlo study."""
 
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import diffrax
 import jax
@@ -89,10 +89,7 @@ def build_study(
     require_counts(count=count, width=width, chunk=1 if chunk is None else chunk)
     run = build(scenario)
     seed = scenario.simulation.seed if seed is None else seed
-    copies = Dispersed(run.loop, run.start, build_dispersions(scenario.dispersion), seed)
-    table = scenario.simulation
-    cost = RunningCost(attitude=table.attitude_cost)
-    program = program_of(copies, run.loop, table.duration_s, table.save_every_s, cost=cost)
+    copies, program = study_program(scenario, run, seed)
     design = _design(scenario.dispersion, seed, count)
     example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
     chosen, remark = _engine(scenario, run, (program, example), engine, width)
@@ -108,6 +105,18 @@ def build_study(
         remark=remark,
         history=history,
     )
+
+
+def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, Program]:
+    """The dispersed copies of a run, and the program that runs them.
+
+    Raises `ValueError` where the `[dispersion]` table has something that the loop does not have.
+    """
+    dispersions = build_dispersions(cast(DispersionTable, scenario.dispersion))
+    copies = Dispersed(run.loop, run.start, dispersions, seed)
+    table = scenario.simulation
+    cost = RunningCost(attitude=table.attitude_cost)
+    return copies, program_of(copies, run.loop, table.duration_s, table.save_every_s, cost=cost)
 
 
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:
@@ -133,11 +142,12 @@ def dispersion_key(name: str) -> str:
 def build_dispersions(table: DispersionTable) -> Dispersions:
     """The distributions of a `[dispersion]` table by name."""
     tables = {name: getattr(table, dispersion_key(name)) for name in QUANTITIES}
-    given = {name: _distribution(entry) for name, entry in tables.items() if entry is not None}
+    given = {name: distribution_of(entry) for name, entry in tables.items() if entry is not None}
     return Dispersions(given, table.frequency_known)
 
 
-def _distribution(table: DistributionTable) -> AbstractDistribution:
+def distribution_of(table: DistributionTable) -> AbstractDistribution:
+    """The distribution that a table describes; raises `ValueError` where it is none."""
     kind = table.distribution
     parameters = [as_float(np.asarray(getattr(table, name))) for name in PARAMETERS[kind]]
     return _KINDS[kind](*parameters)

@@ -2,11 +2,18 @@
 
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le, Len
 
+from jaxsat.ranges import (
+    ANGLE,
+    FREQUENCY,
+    ORBIT_RATE,
+    SECONDS,
+    TORQUE,
+    TORQUE_LIMIT,
+)
 from jaxsat.scenario.quantities import (
     Inertia,
-    NonNegative,
     Number,
     Positive,
     Switch,
@@ -18,11 +25,23 @@ from jaxsat.scenario.quantities import (
     Whole,
     choice,
     quantity,
+    within,
 )
+from jaxsat.simulation.methods import FIXED_MAX_STEPS
 
 Relation = Literal["exact", "small-angle"]
 SolverName = Literal["euler", "midpoint", "heun", "ralston", "bosh3", "tsit5", "dopri5", "dopri8"]
 ZERO = (0.0, 0.0, 0.0)
+Torques3 = Annotated[tuple[Annotated[Number, within(TORQUE)], ...], Len(3, 3)]
+Frequencies3 = Annotated[tuple[Annotated[Number, within(FREQUENCY)], ...], Len(3, 3)]
+Angles3 = Annotated[tuple[Annotated[Number, within(ANGLE)], ...], Len(3, 3)]
+Seconds = Annotated[Number, within(SECONDS)]
+
+HIGHEST_ALTITUDE = 1.5e6
+"""km; farther out the Earth does not hold an orbit."""
+
+MOST_STEPS = FIXED_MAX_STEPS
+"""Steps of one run, hours of work."""
 
 
 class SpacecraftTable(Table):
@@ -38,10 +57,10 @@ class SpacecraftTable(Table):
         "each thruster makes a torque of either sign",
         "1",
     )
-    failed_thrusters: tuple[Annotated[Whole, Ge(1)], ...] = quantity(
-        "Numbers, from 1, of the thrusters that have failed", "1", ()
+    failed_thrusters: Annotated[tuple[Annotated[Whole, Ge(1), Le(1000)], ...], Len(0, 1000)] = (
+        quantity("Numbers, from 1, of the thrusters that have failed", "1", ())
     )
-    torque_limit_N_m: Positive | None = quantity(
+    torque_limit_N_m: Annotated[Number, within(TORQUE_LIMIT)] | None = quantity(
         "Largest torque of each thruster; left out, it is unlimited", "N m", None
     )
     third_rate: Literal["free", "held"] = choice(
@@ -53,8 +72,10 @@ class SpacecraftTable(Table):
 class OrbitTable(Table):
     """`[orbit]`: the circular orbit, by rate or by altitude."""
 
-    rate_rad_s: NonNegative | None = quantity("Orbital rate ω0", "rad/s", None)
-    altitude_km: Positive | None = quantity(
+    rate_rad_s: Annotated[Number, within(ORBIT_RATE)] | None = quantity(
+        "Orbital rate ω0", "rad/s", None
+    )
+    altitude_km: Annotated[Number, Gt(0), Le(HIGHEST_ALTITUDE)] | None = quantity(
         "Altitude above the Earth's equator, for the two-body rate", "km", None
     )
     relation: Relation = choice(
@@ -66,10 +87,12 @@ class OrbitTable(Table):
 class DisturbanceTable(Table):
     """`[disturbance]`: torques that no thruster makes."""
 
-    amplitude_N_m: Vector3 = quantity("Amplitudes of the periodic torque (2)", "N m", ZERO)
-    frequency_rad_s: Vector3 = quantity("Frequencies Ω of the periodic torque (2)", "rad/s", ZERO)
-    phase_rad: Vector3 = quantity("Phases of the periodic torque", "rad", ZERO)
-    constant_N_m: Vector3 = quantity("Torque fixed in body axes", "N m", ZERO)
+    amplitude_N_m: Torques3 = quantity("Amplitudes of the periodic torque (2)", "N m", ZERO)
+    frequency_rad_s: Frequencies3 = quantity(
+        "Frequencies Ω of the periodic torque (2)", "rad/s", ZERO
+    )
+    phase_rad: Angles3 = quantity("Phases of the periodic torque", "rad", ZERO)
+    constant_N_m: Torques3 = quantity("Torque fixed in body axes", "N m", ZERO)
     gravity_gradient: Switch = choice("Whether the gravity-gradient torque acts", False)
 
 
@@ -93,17 +116,19 @@ class SolverTable(Table):
     steps: Literal["adaptive", "fixed"] | None = choice(
         "Steps chosen to meet tolerances, or all equal", None
     )
-    rtol: Positive | None = quantity("Relative tolerance of adaptive steps", "1", None)
+    rtol: Annotated[Number, Gt(0), Le(1)] | None = quantity(
+        "Relative tolerance of adaptive steps", "1", None
+    )
     atol: Positive | None = quantity(
         "Absolute tolerance of adaptive steps, in the unit of each state", "1", None
     )
-    min_step_s: Positive | None = quantity(
+    min_step_s: Annotated[Number, Gt(0), Le(SECONDS.high)] | None = quantity(
         "Smallest adaptive step, taken whatever the error there", "s", None
     )
-    max_steps: Annotated[Whole, Ge(1), Le(2**31 - 1)] | None = quantity(
+    max_steps: Annotated[Whole, Ge(1), Le(MOST_STEPS)] | None = quantity(
         "Most steps of a run with adaptive steps", "1", None
     )
-    step_s: Positive | None = quantity("Size of fixed steps", "s", None)
+    step_s: Seconds | None = quantity("Size of fixed steps", "s", None)
     substeps: Annotated[Whole, Ge(1), Le(10000)] | None = quantity(
         "Equal steps in each period of a sampled control law", "1", None
     )
@@ -112,8 +137,8 @@ class SolverTable(Table):
 class SimulationTable(Table):
     """`[simulation]`: how long, what to save, and in which form the loop is integrated."""
 
-    duration_s: Positive = quantity("Simulated time", "s")
-    save_every_s: Annotated[Positive, Le(1)] = quantity(
+    duration_s: Seconds = quantity("Simulated time", "s")
+    save_every_s: Annotated[Number, Ge(SECONDS.low), Le(1)] = quantity(
         "Time between saved samples, at most 1", "s", 1.0
     )
     attitude: Literal["wz", "quaternion"] = choice(

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_LARGEST_WHOLE = 10**100
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\f": "\\f", "\r": "\\r"}
+_ESCAPES_SHOWN = {"\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
 
 def toml_value(value: Any) -> str:
@@ -17,6 +19,8 @@ def toml_value(value: Any) -> str:
         return _text(value)
     if isinstance(value, float) and math.isnan(value):
         return "nan"
+    if isinstance(value, int) and abs(value) >= _LARGEST_WHOLE:
+        return hex(value)  # Python writes no more than 4300 decimal digits
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, list | tuple):
@@ -53,6 +57,13 @@ def _long(value: Any) -> str:
     return toml_value(value)
 
 
+def visible(text: str) -> str:
+    """Text without anything that a terminal would act on: as it is, or with escapes of TOML."""
+    if text.isprintable():
+        return text
+    return "".join(_ESCAPES_SHOWN.get(character) or _visible(character) for character in text)
+
+
 def _text(value: str) -> str:
     return '"' + _escaped(value).replace("\n", "\\n") + '"'
 
@@ -62,5 +73,7 @@ def _escaped(value: str) -> str:
 
 
 def _visible(character: str) -> str:
+    if character == "\n" or character.isprintable():
+        return character
     code = ord(character)
-    return f"\\u{code:04x}" if (code < 0x20 and character != "\n") or code == 0x7F else character
+    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import numpy as np
@@ -14,13 +14,16 @@ from jaxsat.engine.native import CannotLower, NativeEngine
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.changes import controller_of
-from jaxsat.scenario.build import DEFAULT_SUBSTEPS, build_loop
+from jaxsat.scenario.build import DEFAULT_SUBSTEPS, build, build_loop
+from jaxsat.scenario.build_errors import BuildError, at_key
 from jaxsat.scenario.build_plant import orbit_rate
 from jaxsat.scenario.control_tables import SAMPLED_LAWS
 from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.study import EngineName, build_study
 from jaxsat.scenario.tuning_tables import TUNABLE, CostTable, ParametersTable, TuningTable
+from jaxsat.scenario.wording import shown
 from jaxsat.tuning import (
     AbstractAggregate,
     Counter,
@@ -59,14 +62,11 @@ def build_plan(
     table = scenario.tuning
     if table is None:
         raise ValueError("The scenario must have a [tuning] table, but got none.")
-    scenario = _in_one_form(scenario, table)
+    prepared = _prepared(scenario, table)
+    scenario, smooth, widths = prepared.scenario, prepared.smooth, prepared.widths
+    space, start = prepared.space, prepared.start
     seed = scenario.simulation.seed
     unseen = seed + 1 if table.held_out_seed is None else table.held_out_seed
-    if unseen == seed:
-        raise ValueError(f"The held-out seed must not be the seed tuned on, but got {seed} twice.")
-    space, start = _search(scenario, table.parameters)
-    widths = {k: v for k, v in table.smoothing.model_dump().items() if v is not None}
-    smooth = _with_control(scenario, widths)
     bounded = _cost(table.cost, scenario.simulation.attitude_cost)
     unbounded = _plain(bounded)
 
@@ -88,7 +88,7 @@ def build_plan(
     runs = {
         "smooth": trials(smooth, bounded, seed),
         "exact": trials(scenario, bounded, seed),
-        "refined": trials(_refined(smooth), bounded, seed),
+        "refined": trials(prepared.refined, bounded, seed),
         "held_out": trials(scenario, unbounded, unseen),
         "trained_on": trials(scenario, unbounded, seed),
     }
@@ -106,6 +106,35 @@ def build_plan(
         },
         remark=remark,
     )
+
+
+class _Prepared(NamedTuple):
+    """The scenario in one form, rounded for gradients and in finer steps, and the search."""
+
+    scenario: Scenario
+    smooth: Scenario
+    refined: Scenario
+    widths: dict[str, float]
+    space: SearchSpace
+    start: np.ndarray
+
+
+def _prepared(scenario: Scenario, table: TuningTable) -> _Prepared:
+    scenario = _in_one_form(scenario, table)
+    space, start = _search(scenario, table.parameters)
+    widths = {k: v for k, v in table.smoothing.model_dump().items() if v is not None}
+    smooth = _with_control(scenario, widths)
+    return _Prepared(scenario, smooth, _refined(smooth), widths, space, start)
+
+
+def try_tuning(scenario: Scenario) -> None:
+    """Build all that a tuning run runs; raises `BuildError` where that cannot be."""
+    table = cast(TuningTable, scenario.tuning)
+    with at_key("tuning"):
+        prepared = _prepared(scenario, table)
+        for one in (prepared.scenario, prepared.smooth, prepared.refined):
+            build(one)
+        _settings(table, scenario.simulation.seed, scenario.simulation.save_every_s)
 
 
 def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> Scenario:
@@ -197,10 +226,11 @@ def _search(scenario: Scenario, table: ParametersTable) -> tuple[SearchSpace, np
             continue
         value = np.asarray(number_at(controller, place))
         if not np.all((value >= bounds.low) & (value <= bounds.high)):
-            raise ValueError(
-                f"The bounds of {key} must hold its value {value.tolist()}, "
-                f"but got {bounds.low} to {bounds.high}."
+            message = (
+                f"must be bounds around control.{key} = {shown(value.tolist())}, "
+                f"got {bounds.low} to {bounds.high}"
             )
+            raise BuildError(at(f"tuning.parameters.{key}", message))
         parameters.append(Parameter(place, bounds.low, bounds.high, bounds.scale, value.shape, key))
         values.append(value.ravel())
     return SearchSpace(tuple(parameters)), np.concatenate(values)

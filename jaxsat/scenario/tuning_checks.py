@@ -1,13 +1,17 @@
 """Rules of the `[tuning]` table."""
 
 from jaxsat.scenario.checks import is_multiple
+from jaxsat.scenario.control_tables import LAWS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.tuning_tables import SMOOTHABLE, TUNABLE, ParametersTable, SmoothingTable
-from jaxsat.scenario.wording import shown
+from jaxsat.scenario.wording import refusal, shown
 
 USUAL_OPTIMISERS = ("adam", "adamw", "lion", "rmsprop", "sgd")
 """Known to be optimisers that will do, so that optax, which takes its time, is not asked."""
+
+MOST_CASES = 2**29
+"""Of all steps; the numbers from there on are those of the validation cases."""
 
 THRESHOLDS = ("lower_threshold_rad_s", "upper_threshold_rad_s")
 
@@ -47,8 +51,11 @@ def _bounds_hold_the_gain(values):
     for name, (low, high) in _tuned(values).items():
         key = f"tuning.parameters.{name}"
         given = values.get(f"control.{name}")
+        refused = list(_outside_its_range(values["control.law"], name, low, high))
         if low >= high:
             yield at(f"{key}.high", f"must be above low = {shown(low)}, got {shown(high)}")
+        elif refused:
+            yield from refused
         elif low <= 0:
             yield at(f"{key}.low", f"must be greater than 0, got {shown(low)}")
         elif given is not None:
@@ -60,6 +67,15 @@ def _bounds_hold_the_gain(values):
                     f"got {shown(low)} to {shown(high)}",
                     (("control", name),),
                 )
+
+
+def _outside_its_range(law, name, low, high):
+    """Bounds that the key itself would not take."""
+    if name in LAWS[law].model_fields:
+        for end, value in (("low", low), ("high", high)):
+            message = refusal(LAWS[law], name, value)
+            if message is not None:
+                yield at(f"tuning.parameters.{name}.{end}", message)
 
 
 @rule_over("control.law", "tuning.steps")
@@ -138,3 +154,17 @@ def _horizons_fit(horizons, duration, save_every):
                 f"must be multiples of simulation.save_every_s = {shown(save_every)} up to "
                 f"simulation.duration_s = {shown(duration)}, got {shown(horizon)}",
             )
+
+
+@rule("tuning.held_out_seed", "simulation.seed")
+def _verdict_has_cases_of_its_own(held_out, seed):
+    if held_out == seed:
+        yield at("tuning.held_out_seed", f"must not be simulation.seed, got {seed} twice")
+
+
+@rule("tuning.steps", "tuning.cases", "tuning.fresh_cases")
+def _cases_have_numbers(steps, cases, fresh):
+    if fresh and steps * cases > MOST_CASES:
+        yield at(
+            "tuning.steps", f"must be at most {MOST_CASES} divided by cases = {cases}, got {steps}"
+        )

@@ -5,18 +5,18 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le, Len, Lt
 
 from jaxsat.scenario.quantities import (
+    Line,
     NonNegative,
     Number,
     Positive,
     Switch,
     Table,
-    Text,
     Whole,
     choice,
     quantity,
 )
 
-Count = Annotated[Whole, Ge(1), Le(2**28)]
+Count = Annotated[Whole, Ge(1), Le(10**6)]
 Unit = Annotated[Positive, Lt(1)]
 Width = Annotated[Positive, Le(1)]
 
@@ -139,7 +139,7 @@ class TuningTable(Table):
     tail_scale: Positive | None = quantity(
         "s: a cost C counts as s log(1 + C/s); left out, as it is", "1", None
     )
-    optimiser: Text = choice("Optimiser by its name in optax", "adam")
+    optimiser: Line = choice("Optimiser by its name in optax", "adam")
     learning_rate: Positive = quantity("Learning rate, along the search", "1", 0.1)
     schedule: Literal["constant", "cosine", "exponential"] = choice(
         "How the learning rate falls", "cosine"
@@ -169,7 +169,7 @@ class TuningTable(Table):
     horizon_s: Annotated[tuple[Positive, ...], Len(1, 100)] | None = quantity(
         "Horizons, each for an equal share of the steps; left out, the whole duration", "s", None
     )
-    halve_at: tuple[Annotated[Whole, Ge(1)], ...] = quantity(
+    halve_at: Annotated[tuple[Annotated[Whole, Ge(1), Le(10**6)], ...], Len(0, 100)] = quantity(
         "Steps after which the worse half of the starts is given up", "1", ()
     )
     tolerance: Positive = quantity(

@@ -1,28 +1,33 @@
 """What pydantic finds, in the words of a scenario file: "must …, got …, did you mean …?"."""
 
 import difflib
+import functools
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, get_args
+from typing import Annotated, Any, get_args
 
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
 
 from jaxsat.scenario.control_tables import LAWS
-from jaxsat.scenario.errors import Issue, Location, entry_of
+from jaxsat.scenario.errors import Issue, Location, entry_of, shortened
 from jaxsat.scenario.toml_text import toml_value
 
 LONGEST_SHOWN = 60
+LONGEST_VECTOR = 4
+"""Entries of a list whose length is fixed; longer ones may have any number up to theirs."""
 
 
 def shown(value: Any) -> str:
     """A value as it stands in the file, shortened."""
-    text = toml_value(value)
-    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 1] + "…"
+    return shortened(toml_value(value), LONGEST_SHOWN)
 
 
 def suggestion(word: str, choices: Iterable[str]) -> str:
     """`, did you mean …?` for the choice closest to a misspelt word, or nothing."""
     choices = list(choices)
+    if len(word) > LONGEST_SHOWN:
+        return ""
     close = [choice for choice in choices if len(word) > 2 and choice.startswith(word)]
     close = close or difflib.get_close_matches(word.lower(), choices, 1, 0.6)
     return f", did you mean {close[0]}?" if close else ""
@@ -91,14 +96,34 @@ def issue_of(root: type[BaseModel], data: Any, error: Mapping[str, Any]) -> Issu
         choices = re.findall(r"'([^']*)'", bounds["expected"])
         return Issue(location, _choice_message(value, choices))
     if kind == "value_error":
-        return Issue(location, _from_core(str(bounds["error"]), value))
+        return Issue(location, from_core(str(bounds["error"]), value))
     unit = _unit(root, data, location)
     if missing:
         return Issue(location, f"must be given{unit and f' in {unit}'}, got nothing", (), True)
     rule = _rule(kind, bounds, unit)
     if rule is None:
-        rule = error["msg"][0].lower() + error["msg"][1:]
+        rule = f"be valid ({error['msg'][0].lower() + error['msg'][1:]})"
     return Issue(location, f"must {rule}, got {shown(value)}{entry_of(location)}")
+
+
+def refusal(table: type[BaseModel], name: str, value: Any) -> str | None:
+    """What is said of a value under a key of a table; None where the key takes it."""
+    try:
+        validated(table.model_fields[name], value)
+    except ValidationError as error:
+        found = {**error.errors()[0], "loc": (name,)}
+        issue = issue_of(table, {name: value}, found)
+        return issue and issue.message
+    return None
+
+
+def validated(field: FieldInfo, value: Any) -> Any:
+    """One field's value by itself, with the bounds that its declaration adds to its type.
+
+    Raises pydantic's `ValidationError`.
+    """
+    kind = Annotated[field.annotation, field]  # pyright: ignore
+    return TypeAdapter(kind).validate_python(value)  # pyright: ignore
 
 
 def _rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str | None:
@@ -112,6 +137,8 @@ def _rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str | None:
             return f"be greater than {bounds['gt']:g}{unit and ' ' + unit}"
         case "greater_than_equal":
             return f"be at least {bounds['ge']:g}{unit and ' ' + unit}"
+        case "less_than":
+            return f"be less than {bounds['lt']:g}{unit and ' ' + unit}"
         case "less_than_equal":
             return f"be at most {bounds['le']:g}{unit and ' ' + unit}"
         case "too_short" | "too_long":
@@ -124,8 +151,12 @@ def _rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str | None:
             return "be true or false"
         case "string_type":
             return "be text in quotes"
+        case "string_unicode":
+            return "be text of valid characters"
         case "string_too_short":
             return "not be empty"
+        case "string_too_long":
+            return f"have at most {bounds['max_length']} characters"
         case "model_type" | "model_attributes_type" | "dict_type":
             return "be a table"
     return None
@@ -134,7 +165,9 @@ def _rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str | None:
 def _length_rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str:
     wanted = bounds["min_length"] if kind == "too_short" else bounds["max_length"]
     of = f" in {unit}" if unit else ""
-    return f"have {wanted} {'entry' if wanted == 1 else 'entries'}{of}"
+    if kind == "too_long" and wanted > LONGEST_VECTOR:
+        return f"have at most {wanted} entries{of}"
+    return f"have {'at least 1 entry' if wanted == 1 else f'{wanted} entries'}{of}"
 
 
 def _unit(root: type[BaseModel], data: Any, location: Location) -> str:
@@ -156,11 +189,11 @@ def _listed(choices: Iterable[str]) -> str:
     return ", ".join(f'"{choice}"' for choice in choices)
 
 
-def _from_core(text: str, value: Any) -> str:
+def from_core(text: str, value: Any) -> str:
     """A message of jaxsat's own constructors, without the name of their argument."""
     text = re.sub(r"^Argument `\w+` ", "", text).rstrip(".")
     text = text.replace(", but got ", ", got ").replace(", but ", ", got one where ")
-    return text if ", got " in text else f"{text}, got {shown(value)}"
+    return text if value is None or ", got " in text else f"{text}, got {shown(value)}"
 
 
 def _unknown_key(root: type[BaseModel], data: Any, location: Location) -> str:
@@ -181,6 +214,7 @@ def _elsewhere(root: type[BaseModel], name: str, parents: list[str]) -> str:
     return f", did you mean {places[0]}?" if places else ""
 
 
+@functools.cache
 def dotted_keys(root: type[BaseModel]) -> list[tuple[str, ...]]:
     """Every key of a table class and the tables inside it."""
     found: dict[tuple[str, ...], None] = {}

@@ -26,7 +26,7 @@ _EXPLANATIONS = {
     Outcome.STATE_LIMIT: "a state passed its limit or was no number",
     Outcome.MAX_STEPS: "used up its number of steps",
     Outcome.STEP_UNDERFLOW: "needed a step below the smallest that time can resolve",
-    Outcome.IMPOSSIBLE_CASE: "never began: its dispersions found no inertia that a body can have",
+    Outcome.IMPOSSIBLE_CASE: "never began: its dispersions gave what no spacecraft can have",
 }
 
 

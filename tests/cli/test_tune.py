@@ -65,7 +65,7 @@ def test_a_run_leaves_everything_in_its_folder(jaxsat, tmp_path):
         ("tuning.horizon_s=[4, 9]", "up to simulation.duration_s = 8.0, got 9"),
         ("tuning.screened=2", "must be 0 or at least starts = 3"),
         ("dispersion.design=latin-hypercube", 'must be "independent" or "sobol" for tuning'),
-        ("tuning.held_out_seed=5", "held-out seed must not be the seed tuned on"),
+        ("tuning.held_out_seed=5", "held_out_seed: must not be simulation.seed"),
     ],
 )
 def test_mistakes_exit_with_two(jaxsat, change, message):

@@ -115,6 +115,7 @@ def numbers(low, high):
 
 
 positive = numbers(1e-6, 1e6)
+printable = st.characters(exclude_categories=["Cc", "Cf", "Cs", "Cn", "Zl", "Zp"])
 vector3 = st.tuples(*[numbers(-10, 10)] * 3)
 pair = st.tuples(positive, positive)
 switches = st.tuples(*[st.booleans()] * 3)
@@ -187,10 +188,10 @@ def scenarios(draw):
     )
     disturbance = dict.fromkeys(("amplitude_N_m", "phase_rad", "constant_N_m"), vector3)
     return {
-        "title": draw(st.text(st.characters(exclude_categories=["Cs"]), min_size=1)),
-        "description": draw(st.text(st.characters(exclude_categories=["Cs"]))),
+        "title": draw(st.text(printable, min_size=1, max_size=200)),
+        "description": draw(st.text(printable | st.sampled_from("\n\t"))),
         "spacecraft": draw(spacecraft),
-        "orbit": {orbit: draw(positive), "relation": draw(st.sampled_from(["exact"]))},
+        "orbit": {orbit: draw(numbers(1e-6, 1)), "relation": draw(st.sampled_from(["exact"]))},
         "disturbance": {
             **draw(st.fixed_dictionaries({}, optional=disturbance)),
             "frequency_rad_s": [0.7, 0.8, draw(numbers(-1, 1))],

@@ -1,0 +1,103 @@
+"""Which numbers may be drawn for a quantity: those that leave the model in its ranges.
+
+Ranges are those of `jaxsat.ranges`, which the keys of a scenario have as well; a quantity that
+changes a nominal number turns them into limits of the change.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, cast
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat import ranges
+from jaxsat.checks import as_float
+from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
+from jaxsat.montecarlo.changes import controller_of, parts_of
+from jaxsat.ranges import Range
+from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.simulation.solve import STATE_LIMIT
+from jaxsat.vehicle import Spacecraft
+
+
+class Limits(NamedTuple):
+    """Least and largest number of a draw, for all components or for each."""
+
+    low: Float[Array, "*n"]
+    high: Float[Array, "*n"]
+
+
+STATE = Range(-STATE_LIMIT, STATE_LIMIT)
+"""Rates (rad/s) and angles (rad) with which a run goes on."""
+
+
+def between(values: Range) -> Callable[[AbstractLoop], Limits]:
+    """Of numbers that are drawn as they are."""
+    return lambda loop: Limits(as_float(values.low), as_float(values.high))
+
+
+def changing(
+    values: Range, nominal: Callable[[AbstractLoop], Float[Array, " n"]]
+) -> Callable[[AbstractLoop], Limits]:
+    """Of relative changes of what `nominal` finds in a loop."""
+    return lambda loop: limits_of_change(values, nominal(loop))
+
+
+def limits_of_change(values: Range, nominal: Float[Array, " n"]) -> Limits:
+    """Relative changes that keep nominal numbers in their range; zero remains zero whatever it is
+    multiplied with."""
+    safe = jnp.where(nominal == 0, 1.0, nominal)
+    one, other = values.low / safe, values.high / safe
+    free = jnp.where(nominal == 0, jnp.inf, 0.0)
+    return Limits(jnp.minimum(one, other) - 1 - free, jnp.maximum(one, other) - 1 + free)
+
+
+def of_products(loop: AbstractLoop) -> Limits:
+    """Jij² < Ji Jj, else some axis has a negative moment; what else must hold the draw tells."""
+    inertia, moments = loop.plant.spacecraft.inertia, moments_of(loop)
+    first, second = np.array([0, 0, 1]), np.array([1, 2, 2])
+    widest = jnp.sqrt(moments[first] * moments[second])
+    least, there = jnp.min(moments), inertia[first, second]
+    return Limits((-widest - there) / least, (widest - there) / least)
+
+
+def of_constant_torque(loop: AbstractLoop) -> Limits:
+    """Beside the constant torque that there is."""
+    terms = [term.torque for term in parts_of(ConstantTorque, loop.plant.disturbance)]
+    there = sum(terms, as_float(np.zeros(3)))
+    return Limits(ranges.TORQUE.low - there, ranges.TORQUE.high - there)
+
+
+def of_delay(loop: AbstractLoop) -> Limits:
+    """At most the period of the controller."""
+    period = cast(SampledLoop, loop).controller.period
+    return Limits(jnp.zeros_like(period), period)
+
+
+def of_omega(loop: AbstractLoop) -> Limits:
+    """A held third rate begins at zero, and stays there."""
+    third = 0.0 if loop.plant.third_rate_held else STATE_LIMIT
+    largest = as_float([STATE_LIMIT, STATE_LIMIT, third])
+    return Limits(-largest, largest)
+
+
+def moments_of(loop: AbstractLoop) -> Float[Array, "3"]:
+    """J1, J2, J3 of the plant, kg m²."""
+    return loop.plant.spacecraft.moments
+
+
+def periodic_of(loop: AbstractLoop) -> PeriodicTorque:
+    """The plant's one periodic torque."""
+    (torque,) = parts_of(PeriodicTorque, loop.plant.disturbance)
+    return torque
+
+
+def believed_moments(loop: AbstractLoop) -> Float[Array, "3"]:
+    """J1, J2, J3 that the controller believes, kg m²."""
+    return parts_of(Spacecraft, controller_of(loop))[0].moments
+
+
+def believed_orbit_rate(loop: AbstractLoop) -> Float[Array, "1"]:
+    """ω0 that the controller believes, rad/s."""
+    return parts_of(AbstractOrbit, controller_of(loop))[0].rate[None]

@@ -1,0 +1,57 @@
+"""Between which numbers a physical quantity lies: one place for scenario keys and for draws.
+
+Wide enough for every spacecraft, and narrow enough that no product or quotient of two of them
+leaves what a float can hold.
+"""
+
+from typing import NamedTuple
+
+
+class Range(NamedTuple):
+    """From `low` to `high`, both included."""
+
+    low: float
+    high: float
+
+
+MOMENT = Range(1e-9, 1e12)
+"""Principal moments of inertia, kg m²."""
+
+PRODUCT = Range(-1e12, 1e12)
+"""Products of inertia, kg m²."""
+
+TORQUE = Range(-1e9, 1e9)
+"""Disturbance torques, N m."""
+
+TORQUE_LIMIT = Range(1e-9, 1e9)
+"""What a thruster makes at most, N m."""
+
+FREQUENCY = Range(-1e6, 1e6)
+"""Of a periodic torque, rad/s; of either sign as it is printed."""
+
+KNOWN_FREQUENCY = Range(1e-9, 1e6)
+"""Of an internal model, rad/s."""
+
+ANGLE = Range(-1e6, 1e6)
+"""Phases and directions, rad."""
+
+ORBIT_RATE = Range(0.0, 1.0)
+"""ω0, rad/s; a thousand times that of any orbit around the Earth."""
+
+RATE_NOISE = Range(0.0, 1e3)
+"""Standard deviation of a rate sensor, rad/s."""
+
+ATTITUDE_NOISE = Range(0.0, 10.0)
+"""Standard deviation of an attitude sensor, rad."""
+
+SECONDS = Range(1e-6, 1e8)
+"""Durations, periods and steps, s."""
+
+MISALIGNMENT = Range(-1.0, 1.0)
+"""Turn of a torque axis off its place, rad, whose tangent is taken as small."""
+
+CHANGE_OF_TORQUE = Range(-1.0, 1e3)
+"""Relative change of a thruster's torque, which may be nothing and never turns round."""
+
+ROTATION = Range(-6.283185307179586, 6.283185307179586)
+"""Components of a rotation vector, rad."""

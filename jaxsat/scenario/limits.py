@@ -1,0 +1,106 @@
+"""How large a scenario may be: told by one pass over its text, before anything is parsed.
+
+TOML allows keys of any number of parts, numbers of any number of digits and brackets of any
+depth, and a parser takes time and memory for them that grows faster than the file.
+"""
+
+import re
+
+LARGEST_FILE = 1_000_000
+"""Bytes. No scenario comes near; a file larger than this is something else."""
+
+LONGEST_OVERRIDE = 100_000
+"""Characters of one `--set`."""
+
+MOST_OVERRIDES = 1000
+MOST_KEYS = 2000
+"""Keys and table headings of one file."""
+
+MOST_PARTS = 16
+"""Parts of one dotted key; no key of a scenario has more than four."""
+
+MOST_DEPTH = 16
+MOST_ENTRIES = 1000
+"""Entries of one list."""
+
+LONGEST_WORD = 100
+"""Characters of one bare key, or of one number."""
+
+LONGEST_TEXT = 20_000
+"""Characters of one text, quotes and escapes included."""
+
+_TOKEN = re.compile(
+    r'"""(?:[^"\\]|\\.|"(?!""))*+"{3,5}'  # texts of several lines, and of one
+    r"|'''(?:[^']|'(?!''))*+'{3,5}"
+    r'|"(?!"")(?:[^"\\\n]|\\.)*+"'
+    r"|'(?!'')[^'\n]*+'"
+    r"|#[^\n]*+"
+    r"|[^\s\"'#\[\]{}.,=]++"  # bare keys, numbers and truth values
+    r"|[\s\"'\[\]{}.,=]",
+    re.DOTALL,
+)
+
+
+class Excess(ValueError):
+    """More of something than a scenario may have; `line` counts from 1."""
+
+    line: int
+
+    def __init__(self, message: str, line: int):
+        super().__init__(message)
+        self.line = line
+
+
+def require_modest(text: str) -> None:
+    """Raise `Excess` where the text of a TOML document exceeds a limit.
+
+    Linear in time, and no memory to speak of. Text that is no TOML is left to the parser, which
+    looks no further than its first mistake.
+    """
+    line = 1
+    keys = parts = 0
+    in_value = False  # on this line, behind an equals sign
+    entries: list[int] = []  # of each bracket that is open
+    for match in _TOKEN.finditer(text):
+        token = match.group()
+        first = token[0]
+        if token in ('"', "'"):
+            return  # opens a text that does not end
+        if first in "\"'":
+            line += token.count("\n")
+            _require(
+                len(token) <= LONGEST_TEXT, f"texts of at most {LONGEST_TEXT} characters", line
+            )
+        elif token == "\n":
+            line, parts, in_value = line + 1, 0, bool(entries)
+        elif token == ".":
+            parts += 1
+            _require(parts < MOST_PARTS, f"keys of at most {MOST_PARTS} parts", line)
+        elif token in "[{":
+            keys += not in_value and not entries  # a heading
+            entries.append(0)
+            _require(keys <= MOST_KEYS, f"at most {MOST_KEYS} keys", line)
+            _require(len(entries) <= MOST_DEPTH, f"brackets at most {MOST_DEPTH} deep", line)
+        elif token in "]}":
+            del entries[-1:]
+        elif token == ",":
+            parts = 0
+            if entries:
+                entries[-1] += 1
+                _require(
+                    entries[-1] <= MOST_ENTRIES, f"lists of at most {MOST_ENTRIES} entries", line
+                )
+        elif token == "=":
+            keys, parts, in_value = keys + 1, 0, True
+            _require(keys <= MOST_KEYS, f"at most {MOST_KEYS} keys", line)
+        elif first != "#":
+            _require(
+                len(token) <= LONGEST_WORD,
+                f"numbers and bare keys of at most {LONGEST_WORD} characters",
+                line,
+            )
+
+
+def _require(good: bool, allowed: str, line: int) -> None:
+    if not good:
+        raise Excess(f"must have {allowed}, got more", line)
