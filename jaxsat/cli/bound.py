@@ -36,6 +36,7 @@ def bound(
     seed: int = 0,
     overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
     out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
     quiet: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Find how fast, or with how little effort, the scenario's start can be brought to rest.
@@ -60,17 +61,24 @@ def bound(
         KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
     out
         JSON file for the thrusts, the states and what was found; none if left out.
+    overwrite
+        Replace that file.
     quiet
         Print nothing unless something is wrong.
     """
     chosen = load_or_explain(scenario, overrides)
     use_double_precision()
     from jaxsat.bounds import Objective, manoeuvre_of
+    from jaxsat.results import OutputError, refuse_existing
     from jaxsat.scenario import build
 
     try:
+        if out is not None:
+            refuse_existing(out, overwrite=overwrite)
         run = build(chosen)
         manoeuvre = manoeuvre_of(run.loop, run.start)
+    except OutputError as error:
+        raise output_problem(error) from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
     limit = chosen.simulation.duration_s if longest is None else longest
@@ -80,7 +88,7 @@ def bound(
         report(f"none of {starts} starts found a way within {limit:g} s; give more starts")
         return FAILED_RUN
     if out is not None:
-        _write(out, found)
+        _write(out, found, overwrite)
     if not quiet:
         arrival, values = found.arrival, found.values
         print_line = console().print
@@ -119,8 +127,8 @@ def searched(
         raise UserMistake(str(error)) from None
 
 
-def _write(target: Path, found: "Bound") -> None:
-    from jaxsat.results import provenance, system_failure
+def _write(target: Path, found: "Bound", overwrite: bool) -> None:
+    from jaxsat.results import OutputError, provenance, save_file
 
     solution = found.solution
     record = {
@@ -137,7 +145,6 @@ def _write(target: Path, found: "Bound") -> None:
     }
     text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     try:
-        target.write_text(text, encoding="utf-8")
-    except OSError as error:
-        message = f"{target} cannot be written: {error.strerror or error}."
-        raise output_problem(system_failure(message, error)) from None
+        save_file(target, text, overwrite=overwrite)
+    except OutputError as error:
+        raise output_problem(error) from None

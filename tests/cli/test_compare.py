@@ -25,6 +25,7 @@ def test_table_record_and_figure_and_going_on(jaxsat, tmp_path):
     assert [row["law"] for row in record["rows"]] == ["switching", "rate"]
     assert all(row["cases"] == 3 for row in record["rows"])
     assert {path.name for path in (tmp_path / "c").iterdir()} == {
+        ".jaxsat",
         "comparison.json",
         "comparison.png",
         "comparison.svg",
