@@ -74,13 +74,17 @@ class StudyColumn:
         if self._name == STATUS:
             return np.full(record.cases, DONE, self.dtype)
         found = read_chunk(self._path, self._header, chunk, self._name, record)
+        if found is None:  # unless the study has grown since the ledger was read
+            now = Ledger(self._path, self._header).done.get(chunk, record)
+            if now != record and now.cases >= record.cases:
+                found = read_chunk(self._path, self._header, chunk, self._name, now)
         if found is None:
             first = chunk * self._header.chunk
             raise OutputError(
                 f"{self._path}: chunk {chunk} (cases {first} to {first + record.cases - 1}) of "
                 f"{self._name} is damaged; run the same study again, which computes it again."
             )
-        return found
+        return found[: record.cases]
 
 
 def study_columns(path: str | Path, header: Header | None = None) -> dict[str, StudyColumn]:

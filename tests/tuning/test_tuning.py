@@ -147,7 +147,7 @@ def test_a_folder_holds_one_run(plan, tmp_path):
     with pytest.raises(OutputError, match="did not write"):
         TuningFolder(tmp_path / "mine", {})
     (tmp_path / "run" / "checkpoint.npz").write_bytes(b"not a state")
-    with pytest.raises(OutputError, match="no state of a tuning run"):
+    with pytest.raises(OutputError, match="was damaged, or changed, since jaxsat wrote it"):
         TuningFolder(tmp_path / "run", {"steps": 4})
 
 
