@@ -89,6 +89,8 @@ def tune(
             report(plan.remark, "")
         with TuningFolder(target, plan_identity(plan), elsewhere=elsewhere) as folder:
             done = folder.is_whole(SUMMARY) and (folder.is_whole("baselines.json") or not baselines)
+            if folder.lost_state and not quiet:
+                report(f"{target} has lost its state, so the run begins again", "warning: ")
             if not done:
                 state = _descended(plan, chosen, folder, quiet)
                 _concluded(plan, chosen, folder, state, baselines, quiet)

@@ -63,6 +63,11 @@ class ResumableFolder:
         """Let other processes write."""
         self._lock.close()
 
+    @property
+    def is_begun(self) -> bool:
+        """Whether a file was ever written."""
+        return bool(self._marker.names)
+
     def is_whole(self, name: str) -> bool:
         """Whether a file is there, and every other one that was ever written."""
         names = self._marker.names

@@ -64,6 +64,11 @@ class TuningFolder:
         """A result as it was written; raises `OutputError` for one that was damaged or changed."""
         return self._folder.read(name)
 
+    @property
+    def lost_state(self) -> bool:
+        """Whether a state was written that is not there any more, so that the run begins again."""
+        return self._arrays is None and self._folder.is_begun
+
     def state(self, plan: TuningPlan) -> DescentState:
         """Where the run is: the state last kept, or its first one.
 
