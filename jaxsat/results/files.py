@@ -43,16 +43,17 @@ def write_file(
     *,
     replace: bool = True,
     durable: bool = True,
-    token: str | None = None,
+    partial: Path | None = None,
 ) -> None:
-    """Write a file in one step: a new one beside it, which then takes its name.
+    """Write a file in one step: a new one, beside it unless `partial` says where, takes its name.
 
     Without `replace` a file that is there is kept and `FileExistsError` raised. `durable` waits
     until file and folder are on the disk. A symbolic link is replaced, never followed. Raises
     `OSError`, and then leaves what there was.
     """
     data = content.encode() if isinstance(content, str) else content
-    partial = path.with_name(partial_name(token or new_token()))
+    if partial is None:
+        partial = path.with_name(partial_name(new_token()))
     handle = os.open(partial, _NEW, 0o666)
     try:
         with os.fdopen(handle, "wb") as file:

@@ -28,9 +28,11 @@ class Ledger:
     """The chunks that are done, in a journal; one is noted once its files are on the disk.
 
     `done` has their records and `known` every chunk that was ever noted; `damaged` is how many
-    lines could not be read, -1 for a ledger that is not there. Raises `OutputError`.
+    lines could not be read, -1 for a ledger that is not there. `tokens` are those under which
+    files were to be written by processes that did not end well. Raises `OutputError`.
     """
 
+    tokens: list[str]
     done: dict[int, Record]
     known: set[int]
     damaged: int
@@ -39,7 +41,7 @@ class Ledger:
         self._header = header
         self._journal = Journal(store / LEDGER, header.tag)
         self.done, self.known = {}, set()
-        self._unfinished: dict[str, int | None] = {}
+        self.tokens = []
         try:
             found = self._journal.read()
         except OSError as error:
@@ -62,14 +64,9 @@ class Ledger:
         size = self._header.chunk
         return max((chunk * size + record.cases for chunk, record in self.done.items()), default=0)
 
-    @property
-    def unfinished(self) -> Mapping[str, int | None]:
-        """Tokens under which files were to be written, each with its chunk."""
-        return self._unfinished
-
-    def announce(self, token: str, chunk: int | None) -> None:
+    def announce(self, token: str) -> None:
         """Note under which token files will be written; raises `OSError`."""
-        self._append({"writing": token, "chunk": chunk}, durable=False)
+        self._append({"writing": token}, durable=False)
 
     def add(self, chunk: int, record: Record) -> None:
         """Note a chunk whose files are on the disk; raises `OSError`."""
@@ -81,7 +78,7 @@ class Ledger:
 
     def clean(self) -> None:
         """Note that no partial file is left; raises `OSError`."""
-        if self._unfinished:
+        if self.tokens:
             self._append(_CLEAN)
 
     def mend(self) -> None:
@@ -98,9 +95,9 @@ class Ledger:
     def _apply(self, entry: Mapping[str, Any]) -> bool:
         """Take an entry in; false for one that makes no sense."""
         if entry == _CLEAN:
-            self._unfinished = {}
+            self.tokens = []
         elif "writing" in entry:
-            self._unfinished[str(entry["writing"])] = entry.get("chunk")
+            self.tokens.append(str(entry["writing"]))
         elif "chunk" in entry:
             return self._apply_record(entry["chunk"], entry.get("cases"), entry.get("hashes"))
         return True
@@ -116,7 +113,6 @@ class Ledger:
         self.done.pop(chunk, None)
         if cases:
             self.done[chunk] = Record(cases, hashes)
-        self._unfinished = {t: c for t, c in self._unfinished.items() if c != chunk}
         return True
 
 

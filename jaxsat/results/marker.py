@@ -77,11 +77,10 @@ class Marker:
 
     def write(self, name: str, data: bytes, *, durable: bool = True) -> None:
         """Write a file of the folder, or replace it, once the marker knows it; raises `OSError`."""
-        token = new_token()
         path = self.folder / name
-        partial = path.with_name(partial_name(token)).relative_to(self.folder).as_posix()
-        self._note(name, data, durable, partial=partial)
-        write_file(path, data, durable=durable, token=token)
+        partial = path.with_name(partial_name(new_token()))
+        self._note(name, data, durable, partial=partial.relative_to(self.folder).as_posix())
+        write_file(path, data, durable=durable, partial=partial)
 
     def adopt(self, name: str) -> None:
         """Know a file that is in the folder as written for it; raises `OSError`."""

@@ -8,7 +8,6 @@ what is damaged counts as not done.
 
 import contextlib
 import json
-import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -73,6 +72,7 @@ class StudyStore:
         self.path = Path(path)
         self.repairs = []
         self._room: int | None = None
+        self._token: str | None = None
         self._pool = ThreadPoolExecutor(WRITERS, thread_name_prefix="jaxsat-store")
         plain = json.loads(json.dumps(identity))
         wanted = Header(plain, [run_record(machine(), remark)], dict(columns), chunk)
@@ -152,9 +152,8 @@ class StudyStore:
             if chunk in self._ledger.done:  # fewer cases of it, and its files will be others
                 self._ledger.withdraw(chunk)
             self._grow(int(numbers[-1]) + 1)
-            token = self._token(chunk)
             places = [chunk_file(name, column, chunk) for name, column in columns.items()]
-            self._write_all(dict(zip(places, files.values(), strict=True)), token)
+            self._write_all(dict(zip(places, files.values(), strict=True)))
             self._ledger.add(chunk, Record(len(numbers), hashes))
             self._write_status(chunk, len(numbers))
 
@@ -261,15 +260,10 @@ class StudyStore:
 
     def _remove_partials(self) -> None:
         """Remove what a killed process was about to write, file by file."""
-        for token, chunk in self._ledger.unfinished.items():
-            folders = [self.path, *(self.path / name for name in _arrays(self._header))]
-            if chunk is not None:
-                arrays = _arrays(self._header).items()
-                files = [self.path / chunk_file(name, column, chunk) for name, column in arrays]
-                folders += [file.parent for file in files]
-            for folder in folders:
-                with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-                    (folder / partial_name(token)).unlink()
+        for token in self._ledger.tokens:
+            for name in _arrays(self._header):
+                with contextlib.suppress(FileNotFoundError):
+                    (self.path / name / partial_name(token)).unlink()
         self._ledger.clean()
 
     def _grow(self, cases: int) -> None:
@@ -293,31 +287,31 @@ class StudyStore:
             if not _differs_in_rows_alone(from_json(found), wanted):
                 self.repairs.append(f"{place} was damaged and is written again")
         if stale:
-            self._write_all(stale, self._token(None))
+            self._write_all(stale)
         self._room = rows
-
-    def _token(self, chunk: int | None) -> str:
-        token = new_token()
-        self._ledger.announce(token, chunk)
-        return token
 
     def _status(self, cases: int) -> bytes:
         return encoded(STATUS_COLUMN, np.full(cases, DONE), self.chunk)
 
     def _write_status(self, chunk: int, cases: int) -> None:
         place = chunk_file(STATUS, STATUS_COLUMN, chunk)
-        self._write_all({place: self._status(cases)}, self._token(chunk))
+        self._write_all({place: self._status(cases)})
 
-    def _write_all(self, files: Mapping[str, bytes], token: str) -> None:
-        """Write files, no two of one folder, and wait until all are on the disk."""
+    def _write_all(self, files: Mapping[str, bytes]) -> None:
+        """Write files, no two of one array, and wait until all are on the disk."""
+        if self._token is None:
+            self._token = new_token()
+            self._ledger.announce(self._token)
+        partial = partial_name(self._token)
 
         def write(item: tuple[str, bytes]) -> None:
-            self._make_folder(os.path.dirname(item[0]))
-            write_file(self.path / item[0], item[1], token=token)
+            path = Path(item[0])
+            self._make_folder(path.parent)
+            write_file(self.path / path, item[1], partial=self.path / path.parts[0] / partial)
 
         list(self._pool.map(write, files.items()))
 
-    def _make_folder(self, name: str) -> None:
+    def _make_folder(self, name: str | Path) -> None:
         """Make a folder of the store; a link in its place might lead anywhere."""
         path = self.path
         for part in Path(name).parts:

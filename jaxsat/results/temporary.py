@@ -62,11 +62,14 @@ def remove_stale(parent: Path, prefix: str) -> None:
             old = time.time() - folder.lstat().st_mtime > LOCKED_BY
             if old and folder.is_dir() and not folder.is_symlink():
                 lock = lock_folder(folder)
-                marker = Marker.of(folder)
-                named = marker is not None and marker.about.get("folder") == folder.name
-                if marker is not None and named and not marker.complete:
-                    marker.remove_folder()
-                lock.close()
+                try:
+                    marker = Marker.of(folder)
+                    if marker is None or marker.complete:
+                        continue
+                    if marker.about.get("folder") == folder.name:
+                        marker.remove_folder()
+                finally:
+                    lock.close()
 
 
 def make_folder(

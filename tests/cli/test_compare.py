@@ -77,6 +77,16 @@ def test_a_folder_of_something_else_is_left_alone(jaxsat, tmp_path):
     assert "did not write" in err
 
 
+def test_a_folder_that_only_looks_like_a_comparison_is_left_alone(jaxsat, tmp_path):
+    mine = tmp_path / "mine"
+    (mine / "studies").mkdir(parents=True)
+    (mine / "comparison.png").write_text("my picture")
+    status, _, err = jaxsat(*QUICK, "--out", "mine")
+    assert status == 2
+    assert "did not write (comparison.png, studies)" in err
+    assert (mine / "comparison.png").read_text() == "my picture"
+
+
 @pytest.mark.slow
 def test_bounds_stand_beside_the_table(jaxsat, tmp_path):
     """No thrust turns the body for nothing: the least effort is above the momentum taken out, and

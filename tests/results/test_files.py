@@ -45,7 +45,7 @@ def test_a_name_that_is_taken_is_not_used_for_the_partial_file(tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
     trap.symlink_to(tmp_path / "thesis.tex")
     with pytest.raises(FileExistsError):
-        write_file(tmp_path / "f", "new", token="token")
+        write_file(tmp_path / "f", "new", partial=trap)
     assert trap.is_symlink()
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
