@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jaxsat.results.chunks import STATUS
+import numpy as np
+
+from jaxsat.results.chunks import STATUS, chunk_file, chunk_hash, decoded
 from jaxsat.results.errors import OutputError, reason, system_failure
+from jaxsat.results.files import read_file
 from jaxsat.results.header import Header
 from jaxsat.results.journal import Journal
 
@@ -138,3 +141,26 @@ def read_ledger(store: Path, header: Header) -> Ledger:
             "study again, which mends it."
         )
     return ledger
+
+
+def read_chunk_file(
+    store: Path, header: Header, chunk: int, name: str, record: Record
+) -> bytes | None:
+    """The file of a chunk's column if it is what the ledger says; raises `OutputError`."""
+    path = store / chunk_file(name, header.columns[name], chunk)
+    try:
+        data = read_file(path)
+    except OSError as error:
+        raise system_failure(f"{path} cannot be read: {reason(error)}.", error) from error
+    known = data is not None and chunk_hash(name, chunk, data) == record.hashes[name]
+    return data if known else None
+
+
+def read_chunk(
+    store: Path, header: Header, chunk: int, name: str, record: Record
+) -> np.ndarray | None:
+    """A column of the done cases of a chunk; None if its file is not what the ledger says."""
+    data = read_chunk_file(store, header, chunk, name, record)
+    if data is None:
+        return None
+    return decoded(header.columns[name], data, header.chunk)[: record.cases]

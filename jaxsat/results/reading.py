@@ -8,8 +8,7 @@ import numpy as np
 from jaxsat.results.chunks import DONE, STATUS, STATUS_COLUMN
 from jaxsat.results.errors import OutputError
 from jaxsat.results.header import Header, read_header
-from jaxsat.results.ledger import Ledger, Record, read_ledger
-from jaxsat.results.store import read_chunk
+from jaxsat.results.ledger import Ledger, Record, read_chunk, read_ledger
 
 
 class StudyColumn:

@@ -26,14 +26,21 @@ from jaxsat.results.chunks import (
     chunk_file,
     chunk_hash,
     chunk_numbers,
-    decoded,
+    differs_in_rows_alone,
     encoded,
 )
 from jaxsat.results.differences import differences
 from jaxsat.results.errors import OutputError, reason, system_failure
 from jaxsat.results.files import from_json, new_token, partial_name, read_file, write_file
 from jaxsat.results.header import Header, read_header, run_record
-from jaxsat.results.ledger import LEDGER, Ledger, Record, status_chunks
+from jaxsat.results.ledger import (
+    LEDGER,
+    Ledger,
+    Record,
+    read_chunk,
+    read_chunk_file,
+    status_chunks,
+)
 from jaxsat.results.locking import lock_folder
 from jaxsat.results.provenance import machine
 from jaxsat.results.temporary import is_free, make_folder
@@ -284,8 +291,9 @@ class StudyStore:
             if found == as_json(wanted):
                 continue
             stale[place] = as_json(wanted)
-            if not _differs_in_rows_alone(from_json(found), wanted):
+            if not differs_in_rows_alone(from_json(found), wanted):
                 self.repairs.append(f"{place} was damaged and is written again")
+        self._room = None  # what it is while some say one thing and some another
         if stale:
             self._write_all(stale)
         self._room = rows
@@ -322,40 +330,9 @@ class StudyStore:
                 raise OutputError(f"{path} is no folder of jaxsat's; move it away.")
 
 
-def read_chunk_file(
-    store: Path, header: Header, chunk: int, name: str, record: Record
-) -> bytes | None:
-    """The file of a chunk's column if it is what the ledger says; raises `OutputError`."""
-    path = store / chunk_file(name, header.columns[name], chunk)
-    try:
-        data = read_file(path)
-    except OSError as error:
-        raise system_failure(f"{path} cannot be read: {reason(error)}.", error) from error
-    known = data is not None and chunk_hash(name, chunk, data) == record.hashes[name]
-    return data if known else None
-
-
-def read_chunk(
-    store: Path, header: Header, chunk: int, name: str, record: Record
-) -> np.ndarray | None:
-    """A column of the done cases of a chunk; None if its file is not what the ledger says."""
-    data = read_chunk_file(store, header, chunk, name, record)
-    if data is None:
-        return None
-    return decoded(header.columns[name], data, header.chunk)[: record.cases]
-
-
 def _arrays(header: Header) -> dict[str, Column]:
     return {**header.columns, STATUS: STATUS_COLUMN}
 
 
 def _plain(columns: Mapping[str, Column]) -> dict[str, Any]:
     return {"columns": {name: [list(c.shape), *c[1:]] for name, c in sorted(columns.items())}}
-
-
-def _differs_in_rows_alone(found: Any, wanted: Mapping[str, Any]) -> bool:
-    """Whether array metadata is that of the same array with room for more or fewer cases."""
-    shape = found.get("shape") if isinstance(found, dict) else None
-    if not isinstance(shape, list) or not shape or not isinstance(shape[0], int):
-        return False
-    return found == {**wanted, "shape": [shape[0], *wanted["shape"][1:]]}
