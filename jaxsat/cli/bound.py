@@ -4,7 +4,6 @@ import json
 import math
 import shlex
 import sys
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -69,7 +68,7 @@ def bound(
         Print nothing unless something is wrong.
     """
     if out is not None:
-        _require_place(out, overwrite)
+        _refuse_existing(out, overwrite)
     chosen = load_or_explain(scenario, overrides, "motion")
     use_double_precision()
     from jaxsat.bounds import Objective, manoeuvre_of
@@ -87,7 +86,7 @@ def bound(
         report(f"none of {starts} starts found a way within {limit:g} s; give more starts")
         return FAILED_RUN
     if out is not None:
-        _write(out, found)
+        _write(out, found, overwrite)
     if not quiet:
         arrival, values = found.arrival, found.values
         print_line = console().print
@@ -139,22 +138,17 @@ def _require_time(longest: float, name: str) -> None:
         )
 
 
-def _require_place(target: Path, overwrite: bool) -> None:
-    """A file may be written there, as far as one can tell before the work is done."""
+def _refuse_existing(target: Path, overwrite: bool) -> None:
+    from jaxsat.results import OutputError, refuse_existing
+
     try:
-        if target.is_dir():
-            raise UserMistake(f"--out: must be a file, got the folder {target}")
-        if target.exists() and not overwrite:
-            raise UserMistake(f"{target} already exists; give --overwrite to replace it")
-        if not target.absolute().parent.is_dir():
-            raise UserMistake(f"--out: must be in a folder that exists, got {target}")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise UserMistake(f"--out: must be a file that can be written, got: {reason}") from None
+        refuse_existing(target, overwrite=overwrite)
+    except OutputError as error:
+        raise output_problem(error) from None
 
 
-def _write(target: Path, found: "Bound") -> None:
-    from jaxsat.results import provenance, system_failure
+def _write(target: Path, found: "Bound", overwrite: bool) -> None:
+    from jaxsat.results import OutputError, provenance, save_file
 
     solution = found.solution
     record = {
@@ -171,10 +165,6 @@ def _write(target: Path, found: "Bound") -> None:
     }
     text = json.dumps(record, indent=1, allow_nan=False) + "\n"
     try:
-        with tempfile.TemporaryDirectory(dir=target.absolute().parent, prefix=".jaxsat-") as folder:
-            partial = Path(folder) / "bound.json"
-            partial.write_text(text, encoding="utf-8")
-            partial.replace(target)
-    except OSError as error:
-        message = f"{target} cannot be written: {error.strerror or error}."
-        raise output_problem(system_failure(message, error)) from None
+        save_file(target, text, overwrite=overwrite)
+    except OutputError as error:
+        raise output_problem(error) from None

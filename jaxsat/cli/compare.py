@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import shlex
 import sys
 from collections.abc import Iterable, Sequence
@@ -15,6 +14,7 @@ from jaxsat.cli.bound import searched
 from jaxsat.cli.comparison_text import comparison_lines, least_text
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.study_executors import chosen_executor
+from jaxsat.cli.study_files import tell_repair
 from jaxsat.cli.study_text import progress_text
 from jaxsat.cli.terminal import (
     SUCCESS,
@@ -29,6 +29,7 @@ from jaxsat.cli.terminal import (
 if TYPE_CHECKING:
     from jaxsat.comparison import Row, Setting, Start, Verdict
     from jaxsat.montecarlo import AbstractExecutor, Study, StudyProgress
+    from jaxsat.results import ResumableFolder
 
 Level = Literal["nominal", "mc", "hard", "all"]
 Law = Literal["three-slew", "oscillatory", "switching", "three-axis", "rate", "all"]
@@ -89,6 +90,7 @@ def compare(
     limits = _limits(torque_limit)
     use_double_precision()
     from jaxsat.comparison import LAWS, LEVELS, Setting
+    from jaxsat.results import OutputError, ResumableFolder
 
     settings = [
         Setting(one_level, limit, one_law)
@@ -96,18 +98,21 @@ def compare(
         for one_level in _chosen(level, LEVELS)
         for one_law in _chosen(law, LAWS)
     ]
-    _refuse_strangers(out)
     _tell_of_untuned(limits)
     executor = chosen_executor(workers, None, None, None)
     run = _Runner(count, seed, out, engine, executor, elsewhere, quiet)
     try:
-        rows = [run.row(setting) for setting in settings]
-        least = [_least(limit, bounds, seed, out) for limit in limits if bounds]
+        with ResumableFolder(out, "comparison", {}) as folder:
+            rows = [run.row(setting) for setting in settings]
+            least = [_least(limit, bounds, seed, folder) for limit in limits if bounds]
+            verdicts = _verdicts(rows)
+            _write(folder, rows, verdicts, least, seed)
+    except OutputError as error:
+        hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
+        raise output_problem(error, hint) from None
     except (KeyboardInterrupt, Terminated) as stop:
         kept = f"what is done is in {out}; the same command goes on from there"
         raise type(stop)(kept) from None
-    verdicts = _verdicts(rows)
-    _write(out, rows, verdicts, least, seed)
     if not quiet:
         for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):
             console().print(line)
@@ -144,7 +149,7 @@ class _Runner:
         import numpy as np
 
         from jaxsat.comparison import study_of
-        from jaxsat.results import open_study
+        from jaxsat.results import study_columns
 
         wide = {} if start.value == "random" else {"width": 1, "chunk": 1}
         try:
@@ -157,13 +162,12 @@ class _Runner:
         level, limit, law = setting
         target = self._out / STUDIES / f"{level}-{limit:g}-{law}-{start.value}.zarr"
         self._run(study, target, f"{law}, {limit:g} N m, {level}, {start.value} start")
-        dataset = open_study(target)
+        columns = study_columns(target)
         names = ("settling_time", "effort", "peak_rate", "code")
-        return {name: np.asarray(dataset[name])[:count] for name in names}
+        return {name: np.asarray(columns[name][:count]) for name in names}
 
     def _run(self, study: "Study", target: Path, what: str) -> None:
         from jaxsat.montecarlo import ClusterError, run_study
-        from jaxsat.results import OutputError
 
         status = console(error=True).status(f"{what}: compiling")
 
@@ -178,12 +182,10 @@ class _Runner:
                         target,
                         executor=self._executor,
                         report=None if self._quiet else told,
+                        tell=tell_repair,
                         elsewhere=self._elsewhere,
                     )
                 )
-        except OutputError as error:
-            hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
-            raise output_problem(error, hint) from None
         except ClusterError as error:
             raise FailedRun(str(error)) from None
 
@@ -220,18 +222,6 @@ def _tell_of_untuned(limits: Sequence[float]) -> None:
             report(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}", "warning: ")
 
 
-def _refuse_strangers(out: Path) -> None:
-    if not os.path.lexists(out):
-        return
-    if not out.is_dir():
-        raise UserMistake(f"{out} is a file; give another folder with --out.")
-    found = {entry.name for entry in out.iterdir()}
-    if found and not found & {STUDIES, BOUNDS, RESULT}:
-        raise UserMistake(
-            f"{out} holds what jaxsat compare did not write; give another folder with --out."
-        )
-
-
 def _verdicts(rows: Sequence["Row"]) -> list["Verdict"]:
     from jaxsat.comparison import verdict
 
@@ -241,32 +231,43 @@ def _verdicts(rows: Sequence["Row"]) -> list["Verdict"]:
     return [verdict(group) for group in groups.values()]
 
 
-def _least(limit: float, starts: int, seed: int, out: Path) -> dict[str, Any]:
+def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> dict[str, Any]:
     """Least time and effort from the paper's start; kept in the output folder once found."""
-    kept = out / BOUNDS / f"{limit:g}.json"
-    wanted = {"torque_limit": limit, "starts": starts, "seed": seed}
-    if kept.exists():
-        found = json.loads(kept.read_text(encoding="utf-8"))
-        if wanted.items() <= found.items():
-            return found
     from jaxsat.bounds import Objective, manoeuvre_of
     from jaxsat.comparison import Setting, horizon, scenario_of
     from jaxsat.scenario import build
 
+    name = f"{BOUNDS}/{limit:g}.json"
+    wanted = {"torque_limit": limit, "starts": starts, "seed": seed}
+    kept = _kept_bounds(folder.read(name), wanted)
+    if kept is not None:
+        return kept
     run = build(scenario_of(Setting("nominal", limit, "rate")))
     manoeuvre = manoeuvre_of(run.loop, run.start)
-    found = dict(wanted)
+    found: dict[str, Any] = dict(wanted)
     for objective in Objective:
         what = f"least {objective.value}, {limit:g} N m"
         best = searched(manoeuvre, objective, starts, horizon(limit) / 5, seed, what)
         found[objective.value] = None if best is None else best.solution.value
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    kept.write_text(json.dumps(found), encoding="utf-8")
+    folder.write(name, json.dumps(found))
     return found
 
 
+def _kept_bounds(content: bytes | None, wanted: dict[str, Any]) -> dict[str, Any] | None:
+    """What was found before, if it is what is wanted now."""
+    from jaxsat.bounds import Objective
+    from jaxsat.results.files import from_json
+
+    found = from_json(content)
+    if not isinstance(found, dict) or set(found) != {*wanted, *(one.value for one in Objective)}:
+        return None
+    values = [found[one.value] for one in Objective]
+    good = all(x is None or (isinstance(x, float) and 0 < x < math.inf) for x in values)
+    return found if good and wanted.items() <= found.items() else None
+
+
 def _write(
-    out: Path,
+    folder: "ResumableFolder",
     rows: Sequence["Row"],
     verdicts: Sequence["Verdict"],
     least: Sequence[dict[str, Any]],
@@ -291,10 +292,6 @@ def _write(
     horizons = {key: horizon(key[1]) for key in panels}
     title = "Three axes with two torques, third rate free"
     text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    try:
-        save_figures({"comparison": settling_comparison(panels, horizons, title)}, out)
-        partial = out / f".{RESULT}.partial"
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(out / RESULT)
-    except OSError as error:
-        raise FailedRun(f"{out} cannot be written: {error.strerror or error}.") from None
+    figures = {"comparison": settling_comparison(panels, horizons, title)}
+    save_figures(figures, folder.write)
+    folder.write(RESULT, text)

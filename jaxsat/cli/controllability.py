@@ -176,24 +176,24 @@ def _write_folder(
     from jaxsat.controllability import failure_csv, failure_markdown
     from jaxsat.report.controllability_page import controllability_page
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import OutputError, OutputFolder, save_dataset
+    from jaxsat.results import OutputError, OutputFolder, dataset_bytes
     from jaxsat.results.controllability import failure_dataset
     from jaxsat.scenario import dump
 
-    def write(folder: Path) -> None:
+    def write(folder: OutputFolder) -> None:
         text = dump(scenario)
         title = f"Controllability: {scenario.title}"
         page = controllability_page(title, lines, failure_markdown(cases), drift[0])
-        (folder / "scenario.toml").write_text(text, encoding="utf-8")
-        (folder / "controllability.md").write_text(page, encoding="utf-8")
-        (folder / "failures.csv").write_text(failure_csv(cases), encoding="utf-8")
+        folder.write("scenario.toml", text)
+        folder.write("controllability.md", page)
+        folder.write("failures.csv", failure_csv(cases))
         dataset = failure_dataset(cases, analysis, title=title, scenario=text)
-        save_dataset(dataset, folder / "failures.nc")
-        save_figures({**_figures(analysis, cases), **drift[1]}, folder)
+        folder.write("failures.nc", dataset_bytes(dataset))
+        save_figures({**_figures(analysis, cases), **drift[1]}, folder.write)
 
     try:
-        with OutputFolder(out, overwrite=overwrite) as folder:
-            interruptibly(lambda: write(folder.path))
+        with OutputFolder(out, kind="controllability", overwrite=overwrite) as folder:
+            interruptibly(lambda: write(folder))
     except OutputError as error:
         raise output_problem(error) from None
 

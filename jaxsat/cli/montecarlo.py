@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.study_executors import chosen_executor
-from jaxsat.cli.study_files import write_figures, write_one_case
+from jaxsat.cli.study_files import tell_repair, write_figures, write_one_case
 from jaxsat.cli.study_text import progress_text, summary_lines
 from jaxsat.cli.terminal import (
     SUCCESS,
@@ -186,6 +186,7 @@ def _run(
                     executor=executor,
                     until=rule,
                     report=None if quiet else report,
+                    tell=tell_repair,
                     elsewhere=elsewhere,
                 )
             )

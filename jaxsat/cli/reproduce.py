@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from jaxsat.reproduction import Claim
+    from jaxsat.results import OutputFolder
 
 COLOURS = {"HOLDS": "green", "ONLY_IF": "yellow", "FAILS": "red"}
 
@@ -38,11 +39,11 @@ def reproduce(
     from jaxsat.results import OutputError, OutputFolder
 
     try:
-        with OutputFolder(out, overwrite=overwrite) as folder:
+        with OutputFolder(out, kind="reproduction", overwrite=overwrite) as folder:
             use_double_precision()
             in_background("jaxsat.report.figures")
             datasets = _simulate_all(quiet)
-            claims = interruptibly(lambda: _write(folder.path, datasets))
+            claims = interruptibly(lambda: _write(folder, datasets))
     except OutputError as error:
         raise output_problem(error) from None
     if not quiet:
@@ -78,20 +79,20 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
     return datasets
 
 
-def _write(folder: Path, datasets: "dict[str, xr.Dataset]") -> "list[Claim]":
+def _write(folder: "OutputFolder", datasets: "dict[str, xr.Dataset]") -> "list[Claim]":
     from jaxsat.report.saving import save_figures
     from jaxsat.reproduction import judge, markdown_table, paper_figures
-    from jaxsat.results import save_dataset
+    from jaxsat.results import dataset_bytes
 
     claims = judge(datasets)
     heading = (
         "# Claims of Wang, Jia, Jin, Xu, Acta Astronautica 83 (2013) 44-53, section 5\n\n"
         "Found by `jaxsat reproduce`; every number comes from the runs in this folder.\n\n"
     )
-    (folder / "verdicts.md").write_text(heading + markdown_table(claims), encoding="utf-8")
+    folder.write("verdicts.md", heading + markdown_table(claims))
     for name, dataset in datasets.items():
-        save_dataset(dataset, folder / f"{name}.nc")
-    save_figures(paper_figures(datasets), folder)
+        folder.write(f"{name}.nc", dataset_bytes(dataset))
+    save_figures(paper_figures(datasets), folder.write)
     return claims
 
 

@@ -17,6 +17,7 @@ from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, console, output_problem, re
 if TYPE_CHECKING:
     import xarray as xr
 
+    from jaxsat.results import OutputFolder
     from jaxsat.scenario import Scenario
 
 
@@ -51,12 +52,12 @@ def simulate(
     from jaxsat.results import OutputError, OutputFolder
 
     try:
-        with OutputFolder(target, overwrite=overwrite) as folder:
+        with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
             with console(error=True).status(f"simulating {scenario}"):
                 in_background("jaxsat.report.figures")
                 dataset, seconds = interruptibly(lambda: _run(chosen))
-                interruptibly(lambda: _write(folder.path, chosen, dataset))
-            files = sorted(entry.name for entry in folder.path.iterdir())
+                interruptibly(lambda: _write(folder, chosen, dataset))
+            files = folder.names
     except OutputError as error:
         raise output_problem(error) from None
     if not quiet:
@@ -85,16 +86,16 @@ def _run(scenario: "Scenario") -> tuple["xr.Dataset", float]:
     return dataset, time.perf_counter() - begin
 
 
-def _write(folder: Path, scenario: "Scenario", dataset: "xr.Dataset") -> None:
+def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") -> None:
     from jaxsat.report.figures import trajectory_figures
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import save_dataset
+    from jaxsat.results import dataset_bytes
 
-    (folder / "scenario.toml").write_text(dataset.attrs["scenario"], encoding="utf-8")
+    folder.write("scenario.toml", dataset.attrs["scenario"])
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
-    (folder / "run.json").write_text(record + "\n", encoding="utf-8")
-    save_dataset(dataset, folder / "trajectory.nc")
-    save_figures(trajectory_figures(dataset), folder)
+    folder.write("run.json", record + "\n")
+    folder.write("trajectory.nc", dataset_bytes(dataset))
+    save_figures(trajectory_figures(dataset), folder.write)
 
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:

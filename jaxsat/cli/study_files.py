@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import interruptibly
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem
+from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem, report
 
 if TYPE_CHECKING:
     import numpy as np
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from jaxsat.montecarlo import Sensitivity, Study, Summary
     from jaxsat.report.study_figures import DrawnNumber
+    from jaxsat.results import OutputFolder
     from jaxsat.scenario import Scenario
     from jaxsat.simulation import Signals
 
@@ -29,7 +30,7 @@ def write_figures(
 
     from jaxsat.report.saving import save_figures
     from jaxsat.report.study_figures import fan_figures, study_figures
-    from jaxsat.results import OutputError, OutputFolder, open_study
+    from jaxsat.results import OutputError, open_study
 
     def write() -> None:
         dataset = open_study(store)
@@ -42,13 +43,28 @@ def write_figures(
         signals = _histories(study, np.arange(min(count, FAN_CASES)), every)
         times = study.program.instants(every) * float(study.program.interval)
         figures |= fan_figures(times, signals, title)
-        with OutputFolder(folder, overwrite=True) as made:
-            save_figures(figures, made.path)
+        with figures_folder(folder) as made:
+            save_figures(figures, made.write)
 
     try:
         interruptibly(write)
     except OutputError as error:
         raise output_problem(error) from None
+
+
+def figures_folder(folder: Path) -> "OutputFolder":
+    """The folder for a study's figures, which replaces none but unchanged figures of another one.
+
+    Raises `OutputError`.
+    """
+    from jaxsat.results import OutputFolder
+
+    return OutputFolder(folder, kind="figures", overwrite=True, option="--figures")
+
+
+def tell_repair(text: str) -> None:
+    """Say what was found damaged in a store."""
+    report(text, "warning: ")
 
 
 def _histories(study: "Study", numbers: "np.ndarray", every: int) -> "Signals":
@@ -96,14 +112,14 @@ def write_one_case(
     """One case again, as a folder like that of `jaxsat simulate`."""
     from jaxsat.report.figures import trajectory_figures
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import OutputError, OutputFolder, save_dataset
+    from jaxsat.results import OutputError, OutputFolder, dataset_bytes
 
     try:
-        with OutputFolder(target, overwrite=False) as folder:
+        with OutputFolder(target, kind="run") as folder:
             dataset, drawn = interruptibly(lambda: replayed(scenario, study, number))
-            (folder.path / "scenario.toml").write_text(dataset.attrs["scenario"], encoding="utf-8")
-            save_dataset(dataset, folder.path / "trajectory.nc")
-            save_figures(trajectory_figures(dataset), folder.path)
+            folder.write("scenario.toml", dataset.attrs["scenario"])
+            folder.write("trajectory.nc", dataset_bytes(dataset))
+            save_figures(trajectory_figures(dataset), folder.write)
     except OutputError as error:
         raise output_problem(error) from None
     except ValueError as error:

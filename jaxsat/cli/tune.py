@@ -88,12 +88,14 @@ def tune(
         if plan.remark is not None and not quiet:
             report(plan.remark, "")
         with TuningFolder(target, plan_identity(plan), elsewhere=elsewhere) as folder:
-            done = folder.has(SUMMARY) and (folder.has("baselines.json") or not baselines)
+            done = folder.is_whole(SUMMARY) and (folder.is_whole("baselines.json") or not baselines)
+            if folder.lost_state and not quiet:
+                report(f"{target} has lost its state, so the run begins again", "warning: ")
             if not done:
                 state = _descended(plan, chosen, folder, quiet)
                 _concluded(plan, chosen, folder, state, baselines, quiet)
             if not quiet:
-                console().print((folder.path / SUMMARY).read_text(encoding="utf-8"), end="")
+                console().print((folder.read(SUMMARY) or b"").decode(), end="")
                 console().print(f"\n{'already ' if done else ''}written to {target}")
     except OutputError as error:
         hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
@@ -197,8 +199,6 @@ def _write_figures(
     found: Sequence,
 ) -> None:
     """The history, and the figures made of it and of the verdict."""
-    import tempfile
-
     from jaxsat.report.saving import save_figures
     from jaxsat.report.tuning_figures import (
         baselines_figure,
@@ -206,7 +206,7 @@ def _write_figures(
         gains_figure,
         loss_figure,
     )
-    from jaxsat.results import save_dataset
+    from jaxsat.results import dataset_bytes
     from jaxsat.scenario import dump
     from jaxsat.tuning.history import history_dataset
 
@@ -221,9 +221,5 @@ def _write_figures(
     if found:
         traces = {entry.method: entry.trace for entry in found}
         figures["baselines"] = baselines_figure(traces, f"{title}: other ways")
-    with tempfile.TemporaryDirectory() as name:
-        made = Path(name)
-        save_dataset(history, made / "history.nc")
-        save_figures(figures, made)
-        for file in sorted(made.iterdir()):
-            folder.write(file.name, file.read_bytes())
+    folder.write("history.nc", dataset_bytes(history))
+    save_figures(figures, folder.write)

@@ -2,6 +2,7 @@
 
 import hashlib
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -188,14 +189,16 @@ def run_study(
     executor: AbstractExecutor | None = None,
     until: StopRule | None = None,
     report: Callable[[StudyProgress], None] | None = None,
+    tell: Callable[[str], None] = warnings.warn,
     elsewhere: bool = False,
 ) -> int:
     """Compute what a store at `path` lacks of a study; gives the number of cases that count.
 
     With a stop rule these are the chunks from the first on up to where the rule is met, which does
     not depend on the order in which they are computed. `elsewhere` lets a store be continued with
-    other versions or on another processor. Raises `OutputError` where the store cannot be used,
-    and `ValueError` for a stop rule over a Latin hypercube, whose size is fixed.
+    other versions or on another processor. `tell` is called with what was found damaged in the
+    store, and is computed again. Raises `OutputError` where the store cannot be used, and
+    `ValueError` for a stop rule over a Latin hypercube, whose size is fixed.
     """
     if until is not None and study.has_fixed_size:
         raise ValueError("A stop rule must have independent or Sobol draws, not a Latin hypercube.")
@@ -210,6 +213,8 @@ def run_study(
         elsewhere=elsewhere,
         remark=study.remark,
     ) as store:
+        for repair in store.repairs:
+            tell(f"{path}: {repair}")
         ledger = _Ledger(store, study.count, until)
         begin, before = time.perf_counter(), ledger.done
         here = None if elsewhere else machine()
@@ -251,20 +256,18 @@ class _Ledger:
         self._store, self._until = store, until
         self._limit = count
         self._chunks = -(-count // store.chunk)
-        pending = set(store.pending().tolist())
-        self._pending = [chunk for chunk in range(self._chunks) if chunk in pending]
         self._settled: dict[int, tuple[int, int]] = {}
         self.done = self.settled = self.counted = 0
         self._counted_settled = self._next = 0
         self._met = False
-        for chunk in range(self._chunks):
-            if chunk not in pending:
+        for chunk in store.done():
+            if chunk < self._chunks:
                 self.add(chunk, store.values(chunk, ["settling_time"])["settling_time"])
 
     def wanted(self) -> Iterator[int]:
         """The chunks to compute, until the rule is met."""
-        for chunk in self._pending:
-            if self._met:
+        for chunk in self._store.pending():
+            if self._met or chunk >= self._chunks:
                 return
             yield chunk
 

@@ -1,29 +1,39 @@
 """Results as labelled arrays with units, and the folders that hold them.
 
-What needs xarray or zarr, which take their time, is imported when first used.
+What needs xarray, which takes its time, is imported when first used.
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
 from jaxsat.results.errors import OutputError, system_failure
+from jaxsat.results.files import refuse_existing, save_file
 from jaxsat.results.folder import OutputFolder
 from jaxsat.results.provenance import machine, provenance
+from jaxsat.results.resumable import ResumableFolder
 
 if TYPE_CHECKING:
-    from jaxsat.results.dataset import open_trajectory, save_dataset, trajectory_dataset
+    from jaxsat.results.chunks import Column
+    from jaxsat.results.dataset import (
+        dataset_bytes,
+        open_trajectory,
+        save_dataset,
+        trajectory_dataset,
+    )
     from jaxsat.results.opening import open_study
+    from jaxsat.results.reading import study_columns
     from jaxsat.results.settling import is_within, time_at_rest, time_to_settle
-    from jaxsat.results.store import Column, StudyStore, study_columns
+    from jaxsat.results.store import StudyStore
 
 _LATER = {
-    "Column": "store",
+    "Column": "chunks",
     "StudyStore": "store",
+    "dataset_bytes": "dataset",
     "is_within": "settling",
     "open_study": "opening",
     "open_trajectory": "dataset",
     "save_dataset": "dataset",
-    "study_columns": "store",
+    "study_columns": "reading",
     "time_at_rest": "settling",
     "time_to_settle": "settling",
     "trajectory_dataset": "dataset",
@@ -33,13 +43,17 @@ __all__ = [
     "Column",
     "OutputError",
     "OutputFolder",
+    "ResumableFolder",
     "StudyStore",
+    "dataset_bytes",
     "is_within",
     "machine",
     "open_study",
     "open_trajectory",
     "provenance",
+    "refuse_existing",
     "save_dataset",
+    "save_file",
     "study_columns",
     "system_failure",
     "time_at_rest",

@@ -1,12 +1,18 @@
 """Trajectories as xarray datasets, in memory and as netCDF files."""
 
+import io
+import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import h5py
 import numpy as np
 import xarray as xr
 
+from jaxsat.results.errors import OutputError, one_line, reason, system_failure
+from jaxsat.results.files import read_or_explain, save_file
+from jaxsat.results.marker import Marker
 from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Trajectory
 
@@ -83,18 +89,54 @@ def trajectory_dataset(
     )
 
 
-def save_dataset(dataset: xr.Dataset, path: Path) -> None:
-    """Write a dataset as netCDF 4, compressed."""
-    encoding = {name: {"zlib": True, "complevel": 4} for name in dataset.data_vars}
-    dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
+def dataset_bytes(dataset: xr.Dataset) -> bytes:
+    """A dataset as a netCDF 4 file, compressed, its numbers with checksums.
+
+    It is made in memory: HDF5 does not survive a disk that fills up while it writes.
+    """
+    numbers = [name for name in dataset.variables if dataset[name].dtype.kind in "biuf"]
+    encoding: dict[Any, dict[str, Any]] = {
+        name: {"fletcher32": True} for name in numbers if dataset[name].ndim
+    }
+    for name in dataset.data_vars:
+        encoding.setdefault(name, {}).update(zlib=True, complevel=4)
+    buffer = io.BytesIO()
+    dataset.to_netcdf(buffer, engine="h5netcdf", encoding=encoding)
+    return buffer.getvalue()
+
+
+def save_dataset(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> None:
+    """Write a dataset as netCDF 4, compressed; raises `OutputError`, also for a file that exists.
+
+    `overwrite` replaces a file.
+    """
+    save_file(path, dataset_bytes(dataset), overwrite=overwrite)
 
 
 def open_trajectory(path: str | Path) -> xr.Dataset:
-    """The dataset of a run, read whole: `path` is a netCDF file or the folder that holds it."""
+    """The dataset of a run, read whole: `path` is a netCDF file or the folder that holds it.
+
+    Raises `OutputError` where there is none, or it is not as jaxsat wrote it to its folder.
+    """
     path = Path(path)
     file = path / "trajectory.nc" if path.is_dir() else path
-    with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as dataset:
-        return dataset.load()
+    data = read_or_explain(Path(os.path.realpath(file)))
+    if data is None:
+        raise OutputError(f"{file} is no file that can be read.")
+    try:
+        marker = Marker.of(file.parent)
+    except OSError as error:
+        message = f"{file.parent} cannot be read: {reason(error)}."
+        raise system_failure(message, error) from error
+    if marker is not None and file.name in marker.names and not marker.knows(file.name, data):
+        raise OutputError(f"{file} was damaged, or changed, since jaxsat wrote it.")
+    try:
+        with h5py.File(io.BytesIO(data)):
+            pass  # what is no HDF5 at all h5netcdf does not close without complaint
+        with xr.open_dataset(io.BytesIO(data), engine="h5netcdf", decode_times=False) as dataset:
+            return dataset.load()
+    except Exception as error:  # h5py and xarray raise whatever the damage leads to
+        raise OutputError(f"{file} cannot be read as netCDF 4: {one_line(error)}.") from error
 
 
 def _attributes(

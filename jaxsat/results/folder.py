@@ -2,38 +2,46 @@
 
 import contextlib
 import ctypes
-import json
 import os
-import shutil
+import stat
 import sys
-import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
-from jaxsat.results.errors import OutputError, system_failure
-from jaxsat.results.locking import FolderLock, lock_folder, remove_stale
-
-MARKER = ".jaxsat.json"
-"""File by which jaxsat knows a folder as its own; it lists everything that jaxsat wrote there."""
+from jaxsat.results.errors import OutputError, reason, system_failure
+from jaxsat.results.files import sync_file, sync_folder
+from jaxsat.results.marker import MARKER, Marker, few, unknown_in, walked
+from jaxsat.results.temporary import TemporaryFolder, temporary_folder
 
 
 class OutputFolder:
     """A context manager that gives a temporary folder and renames it to its target at the end.
 
-    Inside the `with` block write into `folder.path`. When the block ends the folder takes its
-    name in one step; when it ends by an exception nothing is left. An existing target is refused
-    unless `overwrite` is set, and replaced only if jaxsat wrote everything that is in it.
-    Raises `OutputError`, on construction for what can be known by then.
+    Inside the `with` block call `write`, or write into `folder.path`. When the block ends the
+    folder takes its name in one step; when it ends by an exception nothing is left. An existing
+    target is refused unless `overwrite` is set, and replaced only if it holds the same `kind` of
+    result and every file in it is as jaxsat wrote it. `option` is what names the target on the
+    command line. Raises `OutputError`, on construction for what can be known by then.
     """
 
     target: Path
     overwrite: bool
     path: Path
-    _lock: FolderLock
+    _made: TemporaryFolder
 
-    def __init__(self, target: str | Path, *, overwrite: bool = False):
+    def __init__(
+        self,
+        target: str | Path,
+        *,
+        kind: str = "result",
+        overwrite: bool = False,
+        option: str = "--out",
+    ):
         self.target = Path(os.path.realpath(target))
         self.overwrite = overwrite
+        self._kind, self._option = kind, option
+        self._else = f"give another folder with {option}"
         self._new_parents: list[Path] = []
         _explain(target, self._refuse_what_is_there)
 
@@ -56,28 +64,45 @@ class OutputFolder:
         try:
             if kind is None:
                 _explain(self.target, self._finish)
+            else:
+                self._made.remove()
         finally:
-            shutil.rmtree(self.path, ignore_errors=True)
-            self._lock.close()
+            self._made.lock.close()
             self._remove_new_parents()
         if isinstance(error, OSError):
             raise system_failure(_reason(self.target, error), error) from error
+
+    def write(self, name: str, content: str | bytes) -> None:
+        """Write a file into the folder; raises `OSError`, which the end of the block explains."""
+        data = content.encode() if isinstance(content, str) else content
+        self._made.marker.write(name, data, durable=False)  # all of it is, at the end
+
+    @property
+    def names(self) -> list[str]:
+        """The files that `write` has written."""
+        return self._made.marker.names
 
     def _refuse_what_is_there(self) -> None:
         if not os.path.lexists(self.target):
             return
         if not self.target.is_dir():
-            raise OutputError(f"{self.target} is a file; give another folder with --out.")
+            raise OutputError(f"{self.target} is a file; {self._else}.")
         if not self.overwrite:
             raise OutputError(
-                f"{self.target} already exists; give --overwrite to replace it, or another "
-                "folder with --out."
+                f"{self.target} already exists; give --overwrite to replace it, or another folder "
+                f"with {self._option}."
             )
-        strangers = _strangers(self.target)
+        strangers = unknown_in(self.target)
         if strangers:
             raise OutputError(
-                f"{self.target} holds what jaxsat did not write ({_few(strangers)}), so it is "
-                "not replaced; give another folder with --out."
+                f"{self.target} holds what jaxsat did not write, or what was changed since "
+                f"({few(strangers)}), so it is not replaced; {self._else}."
+            )
+        marker = Marker.of(self.target)
+        if marker is not None and marker.kind != self._kind:
+            raise OutputError(
+                f"{self.target} holds another kind of result ({marker.kind}, not {self._kind}), "
+                f"so it is not replaced; {self._else}."
             )
 
     def _make_temporary(self) -> None:
@@ -86,14 +111,10 @@ class OutputFolder:
             self._new_parents.append(parent)
             parent = parent.parent
         if not parent.is_dir():
-            raise OutputError(f"{parent} is a file; give another folder with --out.")
+            raise OutputError(f"{parent} is a file; {self._else}.")
         self.target.parent.mkdir(parents=True, exist_ok=True)
-        prefix = f".{self.target.name}.partial-"
-        remove_stale(self.target.parent, prefix)
-        self.path = Path(tempfile.mkdtemp(prefix=prefix, dir=self.target.parent))
-        self._lock = lock_folder(self.path)
-        usual = 0o777 & ~_umask()
-        self.path.chmod(usual)  # mkdtemp keeps others out, which a result need not
+        self._made = temporary_folder(self.target, self._kind)
+        self.path = self._made.path
 
     def _remove_new_parents(self) -> None:
         """Remove the parents that were made for a result which did not come."""
@@ -102,29 +123,45 @@ class OutputFolder:
                 parent.rmdir()
 
     def _finish(self) -> None:
-        written = sorted(entry.name for entry in self.path.iterdir())
-        marker = {"written_by": "jaxsat", "entries": written}
-        (self.path / MARKER).write_text(json.dumps(marker, indent=1) + "\n", encoding="utf-8")
-        self._refuse_what_is_there()
-        if self.target.exists():
-            _swap(self.path, self.target)  # what was there is removed with the temporary folder
-        else:
-            self.path.rename(self.target)
+        try:
+            self._make_durable()
+            self._refuse_what_is_there()
+            replaced = self.target.exists()
+            if replaced:
+                _swap(self.path, self.target)
+            else:
+                self.path.rename(self.target)
+        except BaseException:
+            self._made.remove()
+            raise
+        sync_folder(self.target.parent)
+        if replaced:
+            self._remove_replaced()
 
+    def _make_durable(self) -> None:
+        for name, mode in walked(self.path):
+            if stat.S_ISREG(mode):
+                if name != MARKER:
+                    self._made.marker.adopt(name)
+                sync_file(self.path / name)
+            elif stat.S_ISDIR(mode):
+                sync_folder(self.path / name)
+        self._made.marker.finish()
+        sync_folder(self.path)
 
-def _strangers(folder: Path) -> list[str]:
-    """What a folder holds that its marker does not list; everything where there is no marker."""
-    found = {entry.name for entry in folder.iterdir()}
-    try:
-        marker = json.loads((folder / MARKER).read_text(encoding="utf-8"))
-        known = {MARKER, *marker["entries"]} if marker["written_by"] == "jaxsat" else set()
-    except (OSError, ValueError, KeyError, TypeError):
-        known = set()
-    return sorted(found - known)
-
-
-def _few(names: list[str]) -> str:
-    return ", ".join(names[:3]) + (", …" if len(names) > 3 else "")
+    def _remove_replaced(self) -> None:
+        """Remove what was in the target, unless something has come to it at the last moment."""
+        marker = Marker.of(self.path)
+        if marker is None:
+            with contextlib.suppress(OSError):  # it was empty
+                self.path.rmdir()
+                return
+        strangers = sorted(os.listdir(self.path)) if marker is None else marker.remove_folder()
+        if strangers:
+            raise OutputError(
+                f"{self.target} is written, but what came to the folder that it replaced "
+                f"({few(strangers)}) was kept in {self.path}."
+            )
 
 
 def _swap(one: Path, other: Path) -> None:
@@ -154,13 +191,7 @@ def _exchange(one: Path, other: Path) -> bool:
     return status == 0
 
 
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
-def _explain(target: str | Path, action) -> None:
+def _explain(target: str | Path, action: Callable[[], object]) -> None:
     try:
         action()
     except OSError as error:
@@ -168,4 +199,4 @@ def _explain(target: str | Path, action) -> None:
 
 
 def _reason(target: str | Path, error: OSError) -> str:
-    return f"{target} cannot be written: {error.strerror or error}."
+    return f"{target} cannot be written: {reason(error)}."

@@ -1,17 +1,10 @@
 """One writer a folder: a lock that ends with the process that holds it, however it ends."""
 
-import contextlib
-import glob
 import os
-import shutil
 import sys
-import time
 from pathlib import Path
 
-from jaxsat.results.errors import OutputError
-
-LOCKED_BY = 10.0
-"""Seconds. A folder of this age that nobody holds a lock on has nobody who writes to it."""
+from jaxsat.results.errors import OutputError, reason, system_failure
 
 
 class FolderLock:
@@ -32,7 +25,7 @@ def lock_folder(path: Path) -> FolderLock:
     try:
         handle = _open(path)
     except OSError as error:
-        raise OutputError(f"{path} cannot be opened: {error.strerror or error}.") from error
+        raise system_failure(f"{path} cannot be opened: {reason(error)}.", error) from error
     try:
         _lock(handle)
     except OSError as error:
@@ -40,21 +33,6 @@ def lock_folder(path: Path) -> FolderLock:
         message = f"{path} is being written to by another process."
         raise OutputError(message, failure=True) from error
     return FolderLock(handle)
-
-
-def remove_stale(parent: Path, prefix: str) -> None:
-    """Remove the folders of that prefix whose writers, which hold locks on them, have died.
-
-    A folder too young to be locked yet is left alone, and so is all where there are no locks.
-    """
-    if sys.platform == "win32":
-        return
-    for folder in parent.glob(f"{glob.escape(prefix)}*"):
-        with contextlib.suppress(OutputError, OSError):
-            if time.time() - folder.stat().st_mtime > LOCKED_BY and folder.is_dir():
-                lock = lock_folder(folder)
-                shutil.rmtree(folder, ignore_errors=True)
-                lock.close()
 
 
 if sys.platform == "win32":

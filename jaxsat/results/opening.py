@@ -2,20 +2,56 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
+from xarray.backends import BackendArray
+from xarray.core import indexing
 
+from jaxsat.results.chunks import CASE, Column
+from jaxsat.results.header import read_header
 from jaxsat.results.histories import with_history_time
+from jaxsat.results.reading import StudyColumn, study_columns
+
+
+class _Lazy(BackendArray):
+    """A column as xarray wants it."""
+
+    def __init__(self, column: StudyColumn):
+        self.shape, self.dtype = column.shape, column.dtype
+        self._column = column
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        """The values at these places."""
+        basic = indexing.IndexingSupport.BASIC
+        return indexing.explicit_indexing_adapter(key, self.shape, basic, self._column.__getitem__)
 
 
 def open_study(path: str | Path) -> xr.Dataset:
     """The results of a study as a dataset over `case`, read when used; `status` is 1 where done.
 
-    Histories, where there are any, are over `history_time` (s) as well. The attributes `identity`
-    and `runs` are JSON.
+    The cases reach to the last one that is done. Histories, where there are any, are over
+    `history_time` (s) as well. The attributes `identity` and `runs` are JSON.
+    Raises `OutputError` for what is no store, or one that is damaged, also when values are read.
     """
-    dataset = xr.open_zarr(path, consolidated=False, chunks=None, decode_times=False)
-    dataset = with_history_time(dataset, dataset.attrs["identity"])
-    for name in ("identity", "runs"):
-        dataset.attrs[name] = json.dumps(dataset.attrs[name])
-    return dataset
+    header = read_header(Path(path))
+    variables = {
+        name: xr.Variable(
+            (CASE, *(f"{name}_{axis}" for axis in range(column.ndim - 1))),
+            _cached(column),
+            _labels(column.column),
+        )
+        for name, column in study_columns(path, header).items()
+    }
+    told = {"identity": json.dumps(header.identity), "runs": json.dumps(header.runs)}
+    dataset = xr.Dataset(variables, attrs={"Conventions": "CF-1.11", **told})
+    return with_history_time(dataset, header.identity)
+
+
+def _cached(column: StudyColumn) -> indexing.MemoryCachedArray:
+    lazy: Any = indexing.LazilyIndexedArray(_Lazy(column))
+    return indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))
+
+
+def _labels(column: Column) -> dict[str, str]:
+    return {"units": column.units, "long_name": column.long_name}

@@ -1,47 +1,52 @@
-"""The results of a study on disk: a Zarr store made in full at the start and filled chunk by chunk.
+"""The results of a study on disk: a Zarr store that grows chunk by chunk.
 
-Every case has a status, written after the case's results; the status is the ledger from which a
-broken-off study goes on. Files are replaced whole, so killing a run loses at most the chunks that
-it was working on.
+A chunk's files are written first, then its line in the ledger, from which a broken-off study goes
+on, and at last its status. Files are replaced whole, so killing a run loses at most the chunks that
+it was working on. Every file of a chunk is checked against the ledger when the store is continued;
+what is damaged counts as not done.
 """
 
 import contextlib
-import errno
 import json
-import os
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any
 
 import numpy as np
-import zarr
 
-from jaxsat.results.errors import OutputError, system_failure
-from jaxsat.results.locking import lock_folder, remove_stale
-from jaxsat.results.provenance import machine, provenance
+from jaxsat.results.chunks import (
+    DONE,
+    METADATA,
+    STATUS,
+    STATUS_COLUMN,
+    Column,
+    array_metadata,
+    as_json,
+    chunk_file,
+    chunk_hash,
+    chunk_numbers,
+    differs_in_rows_alone,
+    encoded,
+)
+from jaxsat.results.differences import differences
+from jaxsat.results.errors import OutputError, reason, system_failure
+from jaxsat.results.files import from_json, new_token, partial_name, read_file, write_file
+from jaxsat.results.header import Header, read_header, run_record
+from jaxsat.results.ledger import (
+    LEDGER,
+    Ledger,
+    Record,
+    read_chunk,
+    read_chunk_file,
+    status_chunks,
+)
+from jaxsat.results.locking import lock_folder
+from jaxsat.results.provenance import machine
+from jaxsat.results.temporary import is_free, make_folder
 
-FORMAT = 1
-DONE = 1
-"""The status of a case that is; 0 before."""
-
-CASE = "case"
-
-SHOWN = 6
-"""Differences between two studies that are told."""
-
-PROGRAM = ("program",)
-"""What of an identity is told last: numbers without names, most of which a scenario names."""
-
-
-class Column(NamedTuple):
-    """How one result of a case is stored: shape and type of one case's value, and its label."""
-
-    shape: tuple[int, ...]
-    dtype: str
-    units: str
-    long_name: str
+WRITERS = 8
+"""Files that are written at once: most of the time goes into waiting for the disk."""
 
 
 class StudyStore:
@@ -51,8 +56,12 @@ class StudyStore:
     A folder that is not there is made; one that holds the same study is continued, if need be
     with more cases. Raises `OutputError` for a folder that holds another study or anything else,
     that another process writes to, or (unless `elsewhere`) that was begun with other versions or
-    on another processor, where the bits may differ. A `remark` is kept with the versions.
+    on another processor, where the bits may differ. A `remark` is kept with the versions. `repairs`
+    tells what was found damaged, a line each; the chunks concerned are not done.
     """
+
+    count: int
+    repairs: list[str]
 
     def __init__(
         self,
@@ -65,18 +74,26 @@ class StudyStore:
         elsewhere: bool = False,
         remark: str | None = None,
     ):
+        if count < 1 or chunk < 1:
+            raise ValueError(f"Cases and chunk must be at least 1, but got {count} and {chunk}.")
         self.path = Path(path)
-        self._remark = remark
-        self._identity = json.loads(json.dumps(identity))
-        self._columns = dict(columns)
-        self._arrays: dict[str, zarr.Array] = {}
-        if not os.path.lexists(self.path) or self._is_empty():
-            self._make(count, chunk)
+        self.repairs = []
+        self._room: int | None = None
+        self._token: str | None = None
+        self._pool = ThreadPoolExecutor(WRITERS, thread_name_prefix="jaxsat-store")
+        plain = json.loads(json.dumps(identity))
+        wanted = Header(plain, [run_record(machine(), remark)], dict(columns), chunk)
+        self._make(wanted)
         self._lock = lock_folder(self.path)
         try:
-            self._continue(count, elsewhere)
+            self._header = self._continued(wanted, elsewhere)
+            self._ledger = Ledger(self.path, self._header)
+            with self._writing():
+                self._repair()
+            self.count = max(count, self._ledger.end)
         except BaseException:
             self._lock.close()
+            self._pool.shutdown()
             raise
 
     def __enter__(self) -> "StudyStore":
@@ -88,18 +105,17 @@ class StudyStore:
         self.close()
 
     def close(self) -> None:
-        """Let other processes write."""
+        """Leave room for no more cases than there are, and let other processes write."""
+        with contextlib.suppress(OSError, OutputError):  # else the next process does it
+            self._make_room(self._ledger.end)
+            self._ledger.clean()
+        self._pool.shutdown()
         self._lock.close()
-
-    @property
-    def count(self) -> int:
-        """How many cases there is room for."""
-        return self._array("status").shape[0]
 
     @property
     def chunk(self) -> int:
         """Cases in a chunk; the last may have fewer."""
-        return self._array("status").chunks[0]
+        return self._header.chunk
 
     @property
     def chunks(self) -> int:
@@ -110,25 +126,58 @@ class StudyStore:
         """The cases of a chunk."""
         return chunk_numbers(chunk, self.chunk, self.count)
 
-    def pending(self) -> np.ndarray:
-        """The chunks that are not done."""
-        done = np.asarray(self._array("status")[:]) == DONE
-        return np.unique(np.flatnonzero(~done) // self.chunk)
+    def is_done(self, chunk: int) -> bool:
+        """Whether all cases of a chunk are done."""
+        record = self._ledger.done.get(chunk)
+        return record is not None and record.cases >= len(self.numbers(chunk))
+
+    def done(self) -> list[int]:
+        """The chunks that are done, in order."""
+        return sorted(filter(self.is_done, self._ledger.done))
+
+    def pending(self) -> Iterator[int]:
+        """The chunks that are not done, in order."""
+        return (chunk for chunk in range(self.chunks) if not self.is_done(chunk))
 
     def write(self, chunk: int, values: Mapping[str, np.ndarray]) -> None:
         """Keep the results of a chunk, column by column, then mark it done."""
-        numbers = self.numbers(chunk)
-        place = slice(int(numbers[0]), int(numbers[-1]) + 1)
-        if set(values) != set(self._columns):
-            missing = sorted(set(values) ^ set(self._columns))
+        numbers, columns = self.numbers(chunk), self._header.columns
+        if set(values) != set(columns):
+            missing = sorted(set(values) ^ set(columns))
             raise ValueError(f"Argument `values` must have the store's columns; see {missing}.")
+        files = {}
+        for name, column in columns.items():
+            given = np.asarray(values[name], column.dtype)
+            if given.shape != (len(numbers), *column.shape):
+                raise ValueError(
+                    f"Column {name} must have shape {(len(numbers), *column.shape)}, "
+                    f"but got {given.shape}."
+                )
+            files[name] = encoded(column, given, self.chunk)
+        hashes = {name: chunk_hash(name, chunk, data) for name, data in files.items()}
         with self._writing():
-            for name, column in self._columns.items():
-                self._array(name)[place] = np.asarray(values[name], column.dtype)
-            for name in self._columns:
-                self._keep(name, chunk)  # on the disk before the ledger says so
-            self._array("status")[place] = np.full(len(numbers), DONE, np.uint8)
-            self._keep("status", chunk)
+            if chunk in self._ledger.done:  # fewer cases of it, and its files will be others
+                self._ledger.withdraw(chunk)
+            self._grow(int(numbers[-1]) + 1)
+            places = [chunk_file(name, column, chunk) for name, column in columns.items()]
+            self._write_all(dict(zip(places, files.values(), strict=True)))
+            self._ledger.add(chunk, Record(len(numbers), hashes))
+            self._write_status(chunk, len(numbers))
+
+    def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
+        """Some columns of a chunk, as stored."""
+        record = self._ledger.done[chunk]
+        found = {}
+        for name in names:
+            data = read_chunk(self.path, self._header, chunk, name, record)
+            if data is None:
+                raise OutputError(
+                    f"{self.path} is damaged while it is used (chunk {chunk}, {name}); run the "
+                    "same study again.",
+                    failure=True,
+                )
+            found[name] = data[: len(self.numbers(chunk))]
+        return found
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
@@ -137,163 +186,153 @@ class StudyStore:
             yield
         except OSError as error:
             raise OutputError(
-                f"{self.path} cannot be written: {error.strerror or error}. What is in it is good; "
+                f"{self.path} cannot be written: {reason(error)}. What is in it is good; "
                 "make room and run the same study again to go on.",
                 failure=True,
             ) from error
 
-    def _keep(self, name: str, chunk: int) -> None:
-        """Have the system write a chunk's file to the disk, if it has one: all NaN is no file."""
-        array = self._array(name)
-        key = array.metadata.encode_chunk_key((chunk, *(0 for _ in array.shape[1:])))
-        with contextlib.suppress(FileNotFoundError), (self.path / name / key).open("rb") as file:
-            os.fsync(file.fileno())
-
-    def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
-        """Some columns of a chunk, as stored."""
-        numbers = self.numbers(chunk)
-        place = slice(int(numbers[0]), int(numbers[-1]) + 1)
-        return {name: np.asarray(self._array(name)[place]) for name in names}
-
-    def _array(self, name: str) -> zarr.Array:
-        if name not in self._arrays:
-            self._arrays[name] = cast(zarr.Array, self._group[name])
-        return self._arrays[name]
-
-    def _is_empty(self) -> bool:
-        return self.path.is_dir() and not any(self.path.iterdir())
-
-    def _make(self, count: int, chunk: int) -> None:
+    def _make(self, header: Header) -> None:
         """Beside the target, then in its place at once: there is never half a store."""
-        if count < 1 or chunk < 1:
-            raise ValueError(f"Cases and chunk must be at least 1, but got {count} and {chunk}.")
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            prefix = f".{self.path.name}.partial-"
-            remove_stale(self.path.parent, prefix)
-            made = Path(tempfile.mkdtemp(prefix=prefix, dir=self.path.parent))
-            lock = lock_folder(made)
-            try:
-                _make_arrays(made, self._columns, count, chunk, self._identity, self._remark)
-                made.chmod(0o755)
-                self._put_in_place(made)
-            finally:
-                shutil.rmtree(made, ignore_errors=True)
-                lock.close()
+            if not is_free(self.path):
+                return
+            files = {METADATA: header.content(), LEDGER: Ledger.empty(header)}
+            for name, column in _arrays(header).items():
+                files[f"{name}/{METADATA}"] = as_json(array_metadata(name, column, 0, header.chunk))
+            make_folder(self.path, "study", files)
         except OSError as error:
-            message = f"{self.path} cannot be made: {error.strerror or error}."
+            message = f"{self.path} cannot be made: {reason(error)}."
             raise system_failure(message, error) from error
 
-    def _put_in_place(self, made: Path) -> None:
-        """Give a new store its name, unless another process was faster: its store is continued."""
-        try:
-            made.rename(self.path)
-        except OSError as error:
-            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
-                raise
-
-    def _open(self) -> None:
-        try:
-            self._group = zarr.open_group(self.path, mode="r+")
-        except (FileNotFoundError, NotADirectoryError, ValueError, KeyError) as error:
-            raise OutputError(f"{self.path} is no store of jaxsat; give another folder.") from error
-        except OSError as error:
-            message = f"{self.path} cannot be read: {error.strerror or error}."
-            raise system_failure(message, error) from error
-        if self._group.attrs.get("jaxsat_format") != FORMAT:
-            raise OutputError(f"{self.path} is no store of jaxsat; give another folder.")
-
-    def _continue(self, count: int, elsewhere: bool) -> None:
+    def _continued(self, wanted: Header, elsewhere: bool) -> Header:
+        """The header that the store goes on with."""
         if not self.path.is_dir():
             raise OutputError(f"{self.path} is a file; give another folder.")
-        self._open()
-        other = differences(self._group.attrs["identity"], self._identity)
+        header = read_header(self.path)
+        other = differences(header.identity, wanted.identity)
+        other += differences(_plain(header.columns), _plain(wanted.columns))
         if other:
             raise OutputError(
                 f"{self.path} holds another study ({'; '.join(other)}); give another folder."
             )
-        runs = list(cast(list, self._group.attrs["runs"]))
-        other = differences(runs[-1]["machine"], machine())
-        if other and not elsewhere:
+        other = differences(header.runs[-1]["machine"], machine())
+        if not other:
+            return header
+        if not elsewhere:
             raise OutputError(
                 f"{self.path} was written under other conditions ({'; '.join(other)}), so its "
                 "results may differ in their last bits from those to come; allow that explicitly "
                 "or give another folder."
             )
+        header = header._replace(runs=[*header.runs, *wanted.runs])
         with self._writing():
-            if other:
-                self._group.attrs["runs"] = [*runs, _record(self._remark)]
-            if count > self.count:
-                for array in [*self._columns, "status"]:
-                    whole = self._array(array)
-                    whole.resize((count, *whole.shape[1:]))
+            write_file(self.path / METADATA, header.content())
+        return header
+
+    def _repair(self) -> None:
+        """Find what is damaged, and make the rest what it should be."""
+        for name in _arrays(self._header):
+            self._make_folder(name)
+        self._remove_partials()
+        if self._ledger.damaged:
+            lost = self._ledger.damaged
+            what = "was missing" if lost < 0 else f"had {lost} lines that cannot be read"
+            self.repairs.append(f"the ledger {what}; what they told of is computed again")
+            self._ledger.mend()
+        for chunk, record in sorted(self._ledger.done.items()):
+            bad = [
+                name
+                for name in self._header.columns
+                if read_chunk_file(self.path, self._header, chunk, name, record) is None
+            ]
+            if bad:
+                self._withdraw_damaged(chunk, f"was damaged ({', '.join(bad)})")
+        self._check_status()
+        self._make_room(self._ledger.end)
+
+    def _withdraw_damaged(self, chunk: int, what: str) -> None:
+        self.repairs.append(f"chunk {chunk} {what} and is computed again")
+        self._ledger.withdraw(chunk)
+
+    def _check_status(self) -> None:
+        """Have the status say what the ledger does; it may know of chunks that the ledger lost."""
+        for chunk in sorted(self._ledger.known | status_chunks(self.path)):
+            if chunk not in self._ledger.known:
+                self._withdraw_damaged(chunk, "was lost from the ledger")
+            record = self._ledger.done.get(chunk)
+            cases = 0 if record is None else record.cases
+            data = read_file(self.path / chunk_file(STATUS, STATUS_COLUMN, chunk))
+            if data != self._status(cases) and (cases or data is not None):
+                self._write_status(chunk, cases)
+
+    def _remove_partials(self) -> None:
+        """Remove what a killed process was about to write, file by file."""
+        for token in self._ledger.tokens:
+            for name in _arrays(self._header):
+                with contextlib.suppress(FileNotFoundError):
+                    (self.path / name / partial_name(token)).unlink()
+        self._ledger.clean()
+
+    def _grow(self, cases: int) -> None:
+        """Make room for so many cases; for more at once, so that it need not be done often."""
+        room = self._room or 0
+        if cases > room:
+            self._make_room(min(self.count, max(cases, 2 * room)))
+
+    def _make_room(self, rows: int) -> None:
+        """Have every array's metadata say what it should; other programs go by it."""
+        if rows == self._room:
+            return
+        stale = {}
+        for name, column in _arrays(self._header).items():
+            place = f"{name}/{METADATA}"
+            wanted = array_metadata(name, column, rows, self.chunk)
+            found = read_file(self.path / place)
+            if found == as_json(wanted):
+                continue
+            stale[place] = as_json(wanted)
+            if not differs_in_rows_alone(from_json(found), wanted):
+                self.repairs.append(f"{place} was damaged and is written again")
+        self._room = None  # what it is while some say one thing and some another
+        if stale:
+            self._write_all(stale)
+        self._room = rows
+
+    def _status(self, cases: int) -> bytes:
+        return encoded(STATUS_COLUMN, np.full(cases, DONE), self.chunk)
+
+    def _write_status(self, chunk: int, cases: int) -> None:
+        place = chunk_file(STATUS, STATUS_COLUMN, chunk)
+        self._write_all({place: self._status(cases)})
+
+    def _write_all(self, files: Mapping[str, bytes]) -> None:
+        """Write files, no two of one array, and wait until all are on the disk."""
+        if self._token is None:
+            self._token = new_token()
+            self._ledger.announce(self._token)
+        partial = partial_name(self._token)
+
+        def write(item: tuple[str, bytes]) -> None:
+            path = Path(item[0])
+            self._make_folder(path.parent)
+            write_file(self.path / path, item[1], partial=self.path / path.parts[0] / partial)
+
+        list(self._pool.map(write, files.items()))
+
+    def _make_folder(self, name: str | Path) -> None:
+        """Make a folder of the store; a link in its place might lead anywhere."""
+        path = self.path
+        for part in Path(name).parts:
+            path /= part
+            with contextlib.suppress(FileExistsError):
+                path.mkdir()
+            if path.is_symlink() or not path.is_dir():
+                raise OutputError(f"{path} is no folder of jaxsat's; move it away.")
 
 
-def chunk_numbers(chunk: int, size: int, count: int) -> np.ndarray:
-    """The cases of one of the chunks of `size` cases, `count` in all."""
-    return np.arange(chunk * size, min((chunk + 1) * size, count))
+def _arrays(header: Header) -> dict[str, Column]:
+    return {**header.columns, STATUS: STATUS_COLUMN}
 
 
-def study_columns(path: str | Path) -> dict[str, zarr.Array]:
-    """The results of a study by name, read when used, without their labels."""
-    return dict(sorted(cast(zarr.Group, zarr.open_group(path, mode="r")).arrays()))
-
-
-def differences(old: Any, new: Any) -> list[str]:
-    """Where two nests of plain data differ, one clause for each place; of many the first few."""
-    found = sorted(_differences(old, new), key=lambda place: (place[0][:1] == PROGRAM, place[0]))
-    clauses = [f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in found]
-    more = len(clauses) - SHOWN
-    return [*clauses[:SHOWN], f"and {more} more"] if more > 0 else clauses
-
-
-def _differences(old: Any, new: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Path, old and new value of every place where they differ."""
-    if isinstance(old, Mapping) and isinstance(new, Mapping):
-        for key in sorted(set(old) | set(new)):
-            yield from _differences(old.get(key), new.get(key), *path, key)
-    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        for number, (x, y) in enumerate(zip(old, new, strict=True), 1):
-            yield from _differences(x, y, *path, str(number))
-    elif old != new:
-        yield path, old, new
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value, ensure_ascii=False)
-    return text if len(text) <= 60 else text[:57] + "…"
-
-
-def _record(remark: str | None) -> dict[str, Any]:
-    told = {} if remark is None else {"remark": remark}
-    return {"machine": machine(), **provenance(), **told}
-
-
-def _make_arrays(
-    path: Path, columns: Mapping[str, Column], count: int, chunk: int, identity, remark: str | None
-):
-    group = zarr.create_group(path, zarr_format=3)
-    group.attrs.update(
-        {
-            "Conventions": "CF-1.11",
-            "jaxsat_format": FORMAT,
-            "identity": identity,
-            "runs": [_record(remark)],
-        }
-    )
-    _make_array(group, "status", Column((), "uint8", "1", "1 where the case is done"), count, chunk)
-    for name, column in columns.items():
-        _make_array(group, name, column, count, chunk)
-
-
-def _make_array(group: zarr.Group, name: str, column: Column, count: int, chunk: int) -> None:
-    floating = np.issubdtype(np.dtype(column.dtype), np.floating)
-    group.create_array(
-        name,
-        shape=(count, *column.shape),
-        chunks=(chunk, *column.shape),
-        dtype=column.dtype,
-        fill_value=np.nan if floating else 0,
-        dimension_names=(CASE, *(f"{name}_{axis}" for axis in range(len(column.shape)))),
-        attributes={"units": column.units, "long_name": column.long_name},
-    )
+def _plain(columns: Mapping[str, Column]) -> dict[str, Any]:
+    return {"columns": {name: [list(c.shape), *c[1:]] for name, c in sorted(columns.items())}}

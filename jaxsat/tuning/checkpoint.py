@@ -2,7 +2,7 @@
 
 import io
 import json
-import os
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,15 +11,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.results import OutputError, machine
-from jaxsat.results.locking import lock_folder
-from jaxsat.results.store import differences
+from jaxsat.results import OutputError, ResumableFolder, machine
+from jaxsat.results.differences import differences
 from jaxsat.tuning.descent import DescentState, StepRecord, ValidationRecord, begin
 from jaxsat.tuning.optimisers import Descent
 from jaxsat.tuning.plan import TuningPlan
 
 CHECKPOINT = "checkpoint.npz"
-FORMAT = 1
+FORMAT = 2
+
+_DECODING = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
 
 
 class TuningFolder:
@@ -27,97 +28,97 @@ class TuningFolder:
 
     `identity` is all that the run depends on, as plain data. A folder that is not there is made;
     one that holds the same run is gone on with. Raises `OutputError` for one that holds another run
-    or anything else, that another process writes to, or (unless `elsewhere`) that was begun with
-    other versions or on another processor, where the bits may differ.
+    or anything else, that another process writes to, in which a file was damaged or changed, or
+    (unless `elsewhere`) that was begun with other versions or on another processor, where the bits
+    may differ.
     """
 
     def __init__(self, path: str | Path, identity: Mapping[str, Any], *, elsewhere: bool = False):
-        self.path = Path(path)
-        self._identity = json.loads(json.dumps(identity))
+        identity = json.loads(json.dumps(identity))
+        self._folder = ResumableFolder(path, "tuning", {"identity": identity})
+        self.path = self._folder.path
         try:
-            self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"{self.path} cannot be made: {error.strerror or error}.") from error
-        self._lock = lock_folder(self.path)
-        try:
+            other = differences(self._folder.about["identity"], identity)
+            if other:
+                raise OutputError(
+                    f"{self.path} holds another run ({'; '.join(other)}); give another folder."
+                )
             self._arrays = self._read(elsewhere)
         except BaseException:
-            self._lock.close()
+            self._folder.close()
             raise
 
     def __enter__(self) -> "TuningFolder":
         """The folder itself."""
         return self
 
-    def __exit__(self, *exception: object) -> None:
+    def __exit__(self, *exception: Any) -> None:
         """Let other processes write."""
-        self._lock.close()
+        self._folder.__exit__(*exception)
 
-    def has(self, name: str) -> bool:
-        """Whether a result has been written."""
-        return (self.path / name).exists()
+    def is_whole(self, name: str) -> bool:
+        """Whether a result is there, and every other one that was ever written."""
+        return self._folder.is_whole(name)
+
+    def read(self, name: str) -> bytes | None:
+        """A result as it was written; raises `OutputError` for one that was damaged or changed."""
+        return self._folder.read(name)
+
+    @property
+    def lost_state(self) -> bool:
+        """Whether a state was written that is not there any more, so that the run begins again."""
+        return self._arrays is None and self._folder.is_begun
 
     def state(self, plan: TuningPlan) -> DescentState:
-        """Where the run is: the state last kept, or its first one."""
-        return begin(plan) if self._arrays is None else _from_arrays(plan, self._arrays)
+        """Where the run is: the state last kept, or its first one.
+
+        Raises `OutputError` for a state that is none of this plan's.
+        """
+        if self._arrays is None:
+            return begin(plan)
+        try:
+            state = _from_arrays(plan, self._arrays)
+            _check(plan, state)
+        except _DECODING as error:
+            raise self._no_state() from error
+        return state
 
     def keep(self, state: DescentState) -> None:
         """Keep a state to go on from."""
-        arrays = _to_arrays(state)
-        about = {"format": FORMAT, "identity": self._identity, "machine": machine()}
+        about = {"format": FORMAT, "machine": machine()}
         buffer = io.BytesIO()
-        np.savez(buffer, **(arrays | {"about": np.array(json.dumps(about))}))  # pyright: ignore
+        arrays = _to_arrays(state) | {"about": np.array(json.dumps(about))}
+        np.savez(buffer, **arrays)  # pyright: ignore
         self.write(CHECKPOINT, buffer.getvalue())
 
     def write(self, name: str, content: str | bytes) -> None:
-        """Write a file, or replace it, in one step."""
-        data = content.encode() if isinstance(content, str) else content
-        partial = self.path / f".{name}.partial"
-        try:
-            with partial.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            partial.replace(self.path / name)
-        except OSError as error:
-            partial.unlink(missing_ok=True)
-            raise OutputError(
-                f"{self.path / name} cannot be written: {error.strerror or error}. What was kept "
-                "before is good; the same command goes on from there."
-            ) from error
+        """Write a file, or replace it, in one step; raises `OutputError`."""
+        self._folder.write(name, content)
 
     def _read(self, elsewhere: bool) -> dict[str, np.ndarray] | None:
-        file = self.path / CHECKPOINT
-        if not file.exists():
-            others = [e.name for e in self.path.iterdir() if not e.name.endswith(".partial")]
-            if others:
-                raise OutputError(
-                    f"{self.path} holds what jaxsat did not write ({', '.join(others[:3])}); "
-                    "give another folder."
-                )
+        content = self._folder.read(CHECKPOINT)
+        if content is None:
             return None
         try:
-            with np.load(file) as stored:
+            with np.load(io.BytesIO(content), allow_pickle=False) as stored:
                 arrays = dict(stored)
             about = json.loads(str(arrays.pop("about")))
-        except (OSError, ValueError, KeyError) as error:
-            raise OutputError(
-                f"{file} is no state of a tuning run; give another folder."
-            ) from error
-        if about["format"] != FORMAT:
-            raise OutputError(f"{file} is of another version; give another folder.")
-        other = differences(about["identity"], self._identity)
-        if other:
-            raise OutputError(
-                f"{self.path} holds another run ({'; '.join(other)}); give another folder."
-            )
-        other = differences(about["machine"], machine())
+            if about["format"] != FORMAT:
+                raise ValueError("another version's")
+            other = differences(about["machine"], machine())
+        except _DECODING as error:
+            raise self._no_state() from error
         if other and not elsewhere:
             raise OutputError(
                 f"{self.path} was written under other conditions ({'; '.join(other)}), so the run "
                 "would not be the one that was begun; allow that explicitly or give another folder."
             )
         return arrays
+
+    def _no_state(self) -> OutputError:
+        return OutputError(
+            f"{self.path / CHECKPOINT} is no state of this tuning run; give another folder."
+        )
 
 
 def plan_identity(plan: TuningPlan) -> dict[str, Any]:
@@ -154,6 +155,8 @@ def _from_arrays(plan: TuningPlan, arrays: Mapping[str, np.ndarray]) -> DescentS
     template = jax.vmap(made.init)(jnp.asarray(arrays["points"]))
     structure = jax.tree.structure(template)
     leaves = [jnp.asarray(arrays[f"optimiser_{i}"]) for i in range(structure.num_leaves)]
+    if _kinds(leaves) != _kinds(jax.tree.leaves(template)):
+        raise ValueError("The optimiser's state must have the shapes that it begins with.")
     return DescentState(
         arrays["points"],
         arrays["alive"],
@@ -165,6 +168,34 @@ def _from_arrays(plan: TuningPlan, arrays: Mapping[str, np.ndarray]) -> DescentS
         _records(arrays, "step_", StepRecord),
         _records(arrays, "validation_", ValidationRecord),
     )
+
+
+def _check(plan: TuningPlan, state: DescentState) -> None:
+    """Raise `ValueError` for a state that the plan cannot have come to."""
+    starts, size = state.points.shape
+    good = (
+        starts == plan.settings.starts
+        and size == plan.space.size
+        and state.alive.shape == (starts,)
+        and state.alive.dtype == bool
+        and state.alive.any()
+        and state.best_point.shape == (size,)
+        and np.isfinite(state.points).all()
+        and np.isfinite(state.best_point).all()
+        and not np.isnan(state.best_loss)
+        and 0 <= state.step <= plan.settings.steps
+        and 0 <= state.trajectories < np.inf
+        and len(state.steps) == state.step
+        and len(state.validations) > 0
+        and all(record.points.shape == (starts, size) for record in state.steps)
+        and all(record.loss.shape == (starts,) for record in state.validations)
+    )
+    if not good:
+        raise ValueError("The state must be one of the plan's.")
+
+
+def _kinds(arrays: list[Any]) -> list[tuple]:
+    return [(array.shape, array.dtype) for array in arrays]
 
 
 def _records(arrays: Mapping[str, np.ndarray], prefix: str, kind) -> list:

@@ -25,6 +25,7 @@ def test_table_record_and_figure_and_going_on(jaxsat, tmp_path):
     assert [row["law"] for row in record["rows"]] == ["switching", "rate"]
     assert all(row["cases"] == 3 for row in record["rows"])
     assert {path.name for path in (tmp_path / "c").iterdir()} == {
+        ".jaxsat",
         "comparison.json",
         "comparison.png",
         "comparison.svg",
@@ -74,6 +75,16 @@ def test_a_folder_of_something_else_is_left_alone(jaxsat, tmp_path):
     status, _, err = jaxsat(*QUICK, "--out", "mine")
     assert status == 2
     assert "did not write" in err
+
+
+def test_a_folder_that_only_looks_like_a_comparison_is_left_alone(jaxsat, tmp_path):
+    mine = tmp_path / "mine"
+    (mine / "studies").mkdir(parents=True)
+    (mine / "comparison.png").write_text("my picture")
+    status, _, err = jaxsat(*QUICK, "--out", "mine")
+    assert status == 2
+    assert "did not write (comparison.png, studies)" in err
+    assert (mine / "comparison.png").read_text() == "my picture"
 
 
 @pytest.mark.slow

@@ -37,7 +37,7 @@ def test_a_run_leaves_everything_in_its_folder(jaxsat, tmp_path):
     names = {path.name for path in folder.iterdir()}
     figures = {f"{name}.{kind}" for name in FIGURES for kind in ("png", "svg")}
     files = {"tuned.toml", "history.nc", "receipt.json", "verdict.json", "summary.md"}
-    assert names == files | figures | {"checkpoint.npz"}
+    assert names == files | figures | {"checkpoint.npz", ".jaxsat"}
     gains = json.loads((folder / "verdict.json").read_text())["gains"]
     tuned = load(folder / "tuned.toml").control
     assert tuned.k1 == pytest.approx(gains["k1"]["after"])

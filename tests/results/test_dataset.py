@@ -1,12 +1,26 @@
 """The dataset of a run: labels, units, and a round trip through netCDF."""
 
+import random
+import sys
+from pathlib import Path
+
 import jax
 import numpy as np
 import pytest
+import xarray as xr
 
-from jaxsat.results import open_trajectory, save_dataset, trajectory_dataset
-from jaxsat.results.dataset import VARIABLES
+from jaxsat.results import (
+    OutputError,
+    OutputFolder,
+    open_trajectory,
+    save_dataset,
+    trajectory_dataset,
+)
+from jaxsat.results.dataset import VARIABLES, dataset_bytes
 from jaxsat.scenario import build, dump, load
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+from corruption import KINDS
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +72,48 @@ def test_netcdf_round_trip(run, dataset, tmp_path):
     for place in (tmp_path, tmp_path / "trajectory.nc"):
         again = open_trajectory(place)
         assert again.identical(dataset)
+    with pytest.raises(OutputError, match="already exists"):
+        save_dataset(dataset, tmp_path / "trajectory.nc")
     path = tmp_path / "scenario.toml"
     path.write_text(again.attrs["scenario"], encoding="utf-8")
     assert load(path) == scenario
+
+
+def small():
+    numbers = np.random.default_rng(0).random((200, 3))
+    return xr.Dataset({"x": (("time", "axis"), numbers)}, {"time": np.arange(200.0)})
+
+
+def test_a_damaged_trajectory_is_never_taken_for_a_good_one(tmp_path):
+    """In jaxsat's own folder nothing passes; of a file alone the numbers are checked."""
+    with OutputFolder(tmp_path / "run") as folder:
+        folder.write("trajectory.nc", dataset_bytes(small()))
+    good = (tmp_path / "run" / "trajectory.nc").read_bytes()
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    told = 0
+    for seed in range(60):
+        (tmp_path / "run" / "trajectory.nc").write_bytes(good)
+        (alone / "trajectory.nc").write_bytes(good)
+        kinds = ("flip", "truncate", "extend", "zero", "empty")
+        for place in (tmp_path / "run", alone):
+            rng = random.Random(seed)
+            KINDS[rng.choice(kinds)](place, "trajectory.nc", rng)
+        damaged = (tmp_path / "run" / "trajectory.nc").read_bytes() != good
+        if damaged:
+            with pytest.raises(OutputError, match="was damaged, or changed"):
+                open_trajectory(tmp_path / "run")
+        try:
+            found = open_trajectory(alone)
+            for name in set(found.variables) & set(small().variables):
+                np.testing.assert_array_equal(found[name], small()[name])
+        except OutputError as error:
+            assert len(str(error).splitlines()) == 1  # noqa: PT017 -- some are read
+            told += 1
+    assert told > 20
+    for place in (tmp_path / "nowhere", tmp_path):
+        with pytest.raises(OutputError, match="is no file that can be read"):
+            open_trajectory(place)
 
 
 def test_failed_run_is_nan_from_its_end_on():

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import shutil
 import subprocess
 import sys
 
@@ -18,8 +19,9 @@ from jaxsat.results import (
     study_columns,
 )
 from jaxsat.results import store as store_module
-from jaxsat.results.locking import lock_folder, remove_stale
-from jaxsat.results.store import differences
+from jaxsat.results.differences import differences
+from jaxsat.results.locking import lock_folder
+from jaxsat.results.temporary import remove_stale, temporary_folder
 
 COLUMNS = {
     "cost": Column((), "float64", "1", "the cost"),
@@ -44,10 +46,10 @@ def made(path, count=10, chunk=4, identity=IDENTITY, **options):
 def test_a_store_is_filled_chunk_by_chunk(tmp_path):
     with made(tmp_path / "s") as store:
         assert (store.count, store.chunk, store.chunks) == (10, 4, 3)
-        np.testing.assert_array_equal(store.pending(), [0, 1, 2])
+        assert list(store.pending()) == [0, 1, 2]
         for chunk in (2, 0):
             store.write(chunk, values(store.numbers(chunk)))
-        np.testing.assert_array_equal(store.pending(), [1])
+        assert list(store.pending()) == [1]
     dataset = open_study(tmp_path / "s")
     np.testing.assert_array_equal(dataset["status"], [1, 1, 1, 1, 0, 0, 0, 0, 1, 1])
     np.testing.assert_array_equal(dataset["cost"][8:], [0.8, 0.9])
@@ -68,7 +70,8 @@ def test_a_store_is_continued_and_grows(tmp_path):
         store.write(2, values(store.numbers(2)))
     with made(tmp_path / "s", count=13, chunk=100) as store:
         assert (store.count, store.chunk) == (13, 4)
-        np.testing.assert_array_equal(store.pending(), [1, 2, 3])
+        assert store.done() == [0]
+        assert list(store.pending()) == [1, 2, 3]
         np.testing.assert_array_equal(store.values(0, ["cost"])["cost"], np.arange(4) * 0.1)
 
 
@@ -131,23 +134,22 @@ def test_other_conditions_are_told_and_must_be_allowed(tmp_path, monkeypatch):
 
 
 def test_a_full_disk_is_told_and_leaves_a_store_that_goes_on(tmp_path, monkeypatch):
-    import zarr
-
     with made(tmp_path / "s") as store:
         store.write(0, values(store.numbers(0)))
-        plain = zarr.Array.__setitem__
+        plain = store_module.write_file
 
-        def full(self, *arguments):
-            if self.name == "/omega":
+        def full(path, *arguments, **options):
+            if path.parent.parent.parent.name == "omega":
                 raise OSError(errno.ENOSPC, "No space left on device")
-            plain(self, *arguments)
+            plain(path, *arguments, **options)
 
-        monkeypatch.setattr(zarr.Array, "__setitem__", full)
+        monkeypatch.setattr(store_module, "write_file", full)
         with pytest.raises(OutputError, match=r"No space left on device.*go on"):
             store.write(1, values(store.numbers(1)))
         monkeypatch.undo()
     with made(tmp_path / "s") as store:
-        np.testing.assert_array_equal(store.pending(), [1, 2])
+        assert store.repairs == []
+        assert list(store.pending()) == [1, 2]
 
 
 def test_a_store_cannot_lack_a_column(tmp_path):
@@ -155,22 +157,34 @@ def test_a_store_cannot_lack_a_column(tmp_path):
         store.write(0, {"cost": np.zeros(4), "code": np.zeros(4)})
 
 
+def abandoned(path):
+    """A folder as a killed process leaves it, with a file that it had written."""
+    made = temporary_folder(path, "run")
+    made.marker.write("file", b"something")
+    made.lock.close()
+    return made.path
+
+
 def test_what_a_killed_process_left_is_removed(tmp_path):
-    """Only what nobody holds a lock on, and only once it is old enough to have been locked."""
-    names = (".s.partial-a", ".s.partial-b", ".s.partial-c", ".t.partial-a")
-    stale, young, held, other = (tmp_path / name for name in names)
-    for folder in (stale, young, held, other):
-        folder.mkdir()
-        (folder / "file").write_text("something")
-    for folder in (stale, held, other):
+    """Only what nobody holds a lock on, only once it is old enough to have been locked, and only
+    what jaxsat alone wrote."""
+    stale, young, held, edited, more = (abandoned(tmp_path / "s") for _ in range(5))
+    other = abandoned(tmp_path / "t")
+    copy = tmp_path / ".s.partial-copy"
+    shutil.copytree(stale, copy)
+    users = tmp_path / ".s.partial-mine"
+    users.mkdir()
+    (users / "thesis.tex").write_text("years of work")
+    (edited / "file").write_text("changed")
+    (more / "notes").write_text("of the user")
+    for folder in (stale, held, edited, more, other, copy, users):
         os.utime(folder, (0, 0))
     lock = lock_folder(held)
     made(tmp_path / "s").close()
     lock.close()
     assert not stale.exists()
-    assert young.exists()
-    assert held.exists()
-    assert other.exists()
+    for folder in (young, held, edited, more, other, copy, users):
+        assert folder.exists(), folder
     with OutputFolder(tmp_path / "t") as folder:
         os.utime(folder.path, (0, 0))
         remove_stale(tmp_path, ".t.partial-")
@@ -181,16 +195,14 @@ def test_what_a_killed_process_left_is_removed(tmp_path):
 def test_a_store_made_by_another_process_meanwhile_is_continued(tmp_path, monkeypatch):
     plain = StudyStore._make
 
-    def late(self, count, chunk):
-        plain(self, count, chunk)
+    def late(self, header):
+        monkeypatch.setattr(StudyStore, "_make", plain)
         with made(tmp_path / "s") as first:
             first.write(0, values(first.numbers(0)))
-        plain(self, count, chunk)
+        plain(self, header)
 
-    monkeypatch.setattr(
-        StudyStore, "_is_empty", lambda self: not (self.path / "zarr.json").exists()
-    )
+    monkeypatch.setattr(store_module, "is_free", lambda path: True)
     monkeypatch.setattr(StudyStore, "_make", late)
     with made(tmp_path / "s") as store:
-        np.testing.assert_array_equal(store.pending(), [1, 2])
+        assert list(store.pending()) == [1, 2]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["s"]

@@ -1,6 +1,11 @@
 """Tuning from a scenario: derivatives, descent, checkpoints, receipt, verdict, baselines."""
 
 import dataclasses
+import io
+import os
+import shutil
+import sys
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -17,6 +22,9 @@ from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
 from jaxsat.tuning.history import history_dataset
 from jaxsat.tuning.summary import summary_page
 from tuning.scenarios import RATE
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+from corruption import corrupt
 
 
 @pytest.fixture(scope="module")
@@ -147,8 +155,79 @@ def test_a_folder_holds_one_run(plan, tmp_path):
     with pytest.raises(OutputError, match="did not write"):
         TuningFolder(tmp_path / "mine", {})
     (tmp_path / "run" / "checkpoint.npz").write_bytes(b"not a state")
-    with pytest.raises(OutputError, match="no state of a tuning run"):
+    with pytest.raises(OutputError, match="was damaged, or changed, since jaxsat wrote it"):
         TuningFolder(tmp_path / "run", {"steps": 4})
+
+
+def outcome(folder, plan, final):
+    """What becomes of a run whose folder was damaged."""
+    try:
+        with TuningFolder(folder, {"steps": 4}) as opened:
+            if opened.lost_state or not opened.is_whole("summary.md"):
+                return "begun again"
+            state = opened.state(plan)
+            assert opened.read("summary.md") == b"a summary"
+    except OutputError:
+        return "told"
+    assert state.step == final.step
+    same_bits([state.points, state.best_point], [final.points, final.best_point])
+    same_bits([state.optimiser, state.steps], [final.optimiser, final.steps])
+    return "right"
+
+
+@pytest.mark.parametrize("seeds", [range(60), pytest.param(range(2000), marks=pytest.mark.slow)])
+def test_no_damage_of_a_run_is_silent_or_a_traceback(plan, final, tmp_path, seeds, monkeypatch):
+    monkeypatch.setattr(os, "fsync", lambda handle: None)  # what is tested needs no disk
+    with TuningFolder(tmp_path / "run", {"steps": 4}) as folder:
+        folder.keep(final)
+        folder.write("tuned.toml", "tuned")
+        folder.write("summary.md", "a summary")
+    found = set()
+    for seed in seeds:
+        shutil.copytree(tmp_path / "run", tmp_path / "damaged")
+        corrupt(tmp_path / "damaged", seed)
+        found.add(outcome(tmp_path / "damaged", plan, final))
+        shutil.rmtree(tmp_path / "damaged")
+    assert found == {"right", "told", "begun again"}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"points": np.full((3, 2), np.nan)},
+        {"points": np.zeros((3, 1))},
+        {"points": np.zeros(3)},
+        {"alive": np.zeros(3, bool)},
+        {"alive": np.ones(3)},
+        {"step": np.array(10**6)},
+        {"step": np.array(-1)},
+        {"step": np.array("first")},
+        {"best_loss": np.array(np.nan)},
+        {"best_point": np.array([np.inf, 0.0])},
+        {"optimiser_0": np.zeros((7, 7))},
+        {"step_loss": np.zeros((2, 3))},
+        {"validation_loss": np.zeros((1, 1))},
+        {"points": None},
+        {"optimiser_1": None},
+        {"about": None},
+        {"about": np.array("{")},
+        {"about": np.array("[]")},
+    ],
+)
+def test_a_state_that_the_run_cannot_have_come_to_is_refused(plan, final, tmp_path, change):
+    """Written as jaxsat writes, so that the hash is right."""
+    with TuningFolder(tmp_path / "run", {"steps": 4}) as folder:
+        folder.keep(final)
+        with np.load(tmp_path / "run" / "checkpoint.npz") as stored:
+            arrays = {**stored, **change}
+        buffer = io.BytesIO()
+        np.savez(buffer, **{name: value for name, value in arrays.items() if value is not None})
+        folder.write("checkpoint.npz", buffer.getvalue())
+    with (
+        pytest.raises(OutputError, match="is no state of this tuning run"),
+        TuningFolder(tmp_path / "run", {"steps": 4}) as folder,
+    ):
+        folder.state(plan)
 
 
 def test_the_tuned_scenario_flies_with_the_tuned_gains(scenario, plan, final, tmp_path):

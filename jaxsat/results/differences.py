@@ -1,0 +1,36 @@
+"""Where two nests of plain data differ, for messages."""
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+SHOWN = 6
+"""Differences between two studies that are told."""
+
+PROGRAM = ("program",)
+"""What of an identity is told last: numbers without names, most of which a scenario names."""
+
+
+def differences(old: Any, new: Any) -> list[str]:
+    """Where two nests of plain data differ, one clause for each place; of many the first few."""
+    found = sorted(_differences(old, new), key=lambda place: (place[0][:1] == PROGRAM, place[0]))
+    clauses = [f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in found]
+    more = len(clauses) - SHOWN
+    return [*clauses[:SHOWN], f"and {more} more"] if more > 0 else clauses
+
+
+def _differences(old: Any, new: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Path, old and new value of every place where they differ."""
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        for key in sorted(set(old) | set(new)):
+            yield from _differences(old.get(key), new.get(key), *path, key)
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        for number, (x, y) in enumerate(zip(old, new, strict=True), 1):
+            yield from _differences(x, y, *path, str(number))
+    elif old != new:
+        yield path, old, new
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else text[:57] + "…"

@@ -1,0 +1,199 @@
+"""How jaxsat knows its own: a marker in every folder says what the folder is and what was written.
+
+An entry for a file is made before the file is: its hash, and the name it bears until it is whole.
+So even what a killed process left can be told from what a user put there, and only what is
+unchanged since jaxsat wrote it is ever replaced or removed.
+"""
+
+import contextlib
+import os
+import stat
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxsat.results.files import content_hash, new_token, partial_name, read_file, write_file
+from jaxsat.results.journal import Journal
+
+MARKER = ".jaxsat"
+"""File by which jaxsat knows a folder as its own."""
+
+FORMAT = 1
+
+COMPLETE = {"complete": True}
+
+
+class Marker:
+    """What a folder's marker says, and the hashes of all that was written since.
+
+    `kind` is the type of the result, such as "run"; `about` is plain data kept with it.
+    """
+
+    folder: Path
+    kind: str
+    about: Mapping[str, Any]
+    complete: bool
+
+    def __init__(self, folder: Path, journal: Journal, entries: list[dict[str, Any]], sound: bool):
+        header = entries[0]
+        self.folder = folder
+        self.kind = header["kind"]
+        self.about = header["about"]
+        self.complete = COMPLETE in entries[1:]
+        self._journal = journal
+        self._sound = sound
+        self._hashes: dict[str, set[str]] = {}
+        self._partials: set[str] = set()
+        for entry in entries[1:]:
+            if "file" in entry:
+                self._remember(entry)
+
+    @staticmethod
+    def make(folder: Path, kind: str, about: Mapping[str, Any]) -> "Marker":
+        """The marker of a folder that this process has just made; raises `OSError`."""
+        journal = Journal(folder / MARKER)
+        header = {"written_by": "jaxsat", "format": FORMAT, "kind": kind, "about": dict(about)}
+        journal.write([header])
+        return Marker(folder, journal, [header], sound=True)
+
+    @staticmethod
+    def of(folder: Path) -> "Marker | None":
+        """The marker that a folder has, if it has one that can be read; raises `OSError`."""
+        journal = Journal(folder / MARKER)
+        found = journal.read()
+        if found is None or not found.good:
+            return None
+        header, *entries = found.good
+        if not _is_header(header):
+            return None
+        valid = [entry for entry in entries if entry == COMPLETE or _is_file(entry)]
+        sound = found.damaged == 0 and len(valid) == len(entries)
+        return Marker(folder, journal, [header, *valid], sound)
+
+    @property
+    def names(self) -> list[str]:
+        """The files that were written, by their paths in the folder."""
+        return sorted(self._hashes)
+
+    def write(self, name: str, data: bytes, *, durable: bool = True) -> None:
+        """Write a file of the folder, or replace it, once the marker knows it; raises `OSError`."""
+        path = self.folder / name
+        partial = path.with_name(partial_name(new_token()))
+        self._note(name, data, durable, partial=partial.relative_to(self.folder).as_posix())
+        write_file(path, data, durable=durable, partial=partial)
+
+    def adopt(self, name: str) -> None:
+        """Know a file that is in the folder as written for it; raises `OSError`."""
+        data = read_file(self.folder / name)
+        if data is not None and not self.owns(name, data):
+            self._note(name, data, durable=False)
+
+    def finish(self) -> None:
+        """Say that nothing is to come; raises `OSError`."""
+        self._journal.append(COMPLETE)
+        self.complete = True
+
+    def knows(self, name: str, data: bytes) -> bool:
+        """Whether this is what jaxsat wrote to a file."""
+        return content_hash(data) in self._hashes.get(name, ())
+
+    def owns(self, name: str, data: bytes | None = None) -> bool:
+        """Whether a file is as jaxsat wrote it, or not there."""
+        path = self.folder / name
+        if not os.path.lexists(path):
+            return True
+        data = read_file(path) if data is None else data
+        return data is not None and self.knows(name, data)
+
+    def remove_partials(self) -> None:
+        """Remove the files that a killed process was about to write."""
+        for name in self._partials:
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+                (self.folder / name).unlink()
+
+    def strangers(self) -> list[str]:
+        """What is in the folder and not proven to be as jaxsat wrote it; raises `OSError`."""
+        folders = {parent.as_posix() for name in self._hashes for parent in Path(name).parents}
+        found = [] if self._sound else [MARKER]
+        for name, mode in walked(self.folder):
+            if name == MARKER and stat.S_ISREG(mode):
+                continue
+            if stat.S_ISDIR(mode):
+                known = name in folders
+            elif not stat.S_ISREG(mode):
+                known = False
+            else:
+                known = name in self._partials or (name in self._hashes and self.owns(name))
+            if not known:
+                found.append(name)
+        return sorted(found)
+
+    def remove_folder(self) -> list[str]:
+        """Remove the folder if all of it is jaxsat's; else nothing, and say what is not."""
+        strangers = self.strangers()
+        if strangers:
+            return strangers
+        entries = list(walked(self.folder))
+        for name, mode in reversed(entries):  # what is in a folder comes after it
+            place = self.folder / name
+            if name != MARKER:
+                place.rmdir() if stat.S_ISDIR(mode) else place.unlink()
+        (self.folder / MARKER).unlink()
+        self.folder.rmdir()  # which fails if something has come meanwhile
+        return []
+
+    def _note(self, name: str, data: bytes, durable: bool, **more: str) -> None:
+        entry = {"file": name, "hash": content_hash(data), **more}
+        self._journal.append(entry, durable=durable)
+        self._remember(entry)
+
+    def _remember(self, entry: Mapping[str, Any]) -> None:
+        self._hashes.setdefault(entry["file"], set()).add(entry["hash"])
+        if "partial" in entry:
+            self._partials.add(entry["partial"])
+
+
+def _is_header(entry: Mapping[str, Any]) -> bool:
+    return (
+        entry.get("written_by") == "jaxsat"
+        and entry.get("format") == FORMAT
+        and isinstance(entry.get("kind"), str)
+        and isinstance(entry.get("about"), dict)
+    )
+
+
+def _is_file(entry: Mapping[str, Any]) -> bool:
+    texts = [entry.get("file"), entry.get("hash"), entry.get("partial", "")]
+    if not all(isinstance(text, str) for text in texts):
+        return False
+    inside = [Path(text) for text in (texts[0], texts[2])]  # the folder, whoever wrote the marker
+    return not any(path.is_absolute() or ".." in path.parts for path in inside)
+
+
+def walked(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
+    """Path and mode of everything in a folder, each folder before what is in it; no link followed.
+
+    Raises `OSError`.
+    """
+    with os.scandir(folder / within) as entries:
+        found = sorted(entries, key=lambda entry: entry.name)
+    for entry in found:
+        name = f"{within}{entry.name}"
+        mode = entry.stat(follow_symlinks=False).st_mode
+        yield name, mode
+        if stat.S_ISDIR(mode):
+            yield from walked(folder, f"{name}/")
+
+
+def unknown_in(folder: Path) -> list[str]:
+    """What is in a folder and not proven to be jaxsat's: all of it if there is no marker.
+
+    Raises `OSError`.
+    """
+    marker = Marker.of(folder)
+    return sorted(os.listdir(folder)) if marker is None else marker.strangers()
+
+
+def few(names: list[str]) -> str:
+    """The first of some names, for a message."""
+    return ", ".join(names[:3]) + (", …" if len(names) > 3 else "")
