@@ -6,7 +6,6 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import PyTree
 
 from jaxsat.dynamics import PlantState
@@ -206,17 +205,18 @@ def _held(program, loop, solver, adjoint, begin, hold, both, settled):
         t1=float(loop.substeps),
         dt0=1.0,
         y0=both,
-        saveat=diffrax.SaveAt(ts=np.arange(1.0, loop.substeps + 1)),
+        saveat=diffrax.SaveAt(ts=jnp.arange(1.0, loop.substeps + 1)),
         stepsize_controller=diffrax.ConstantStepSize(),
         max_steps=loop.substeps + 1,
         adjoint=adjoint,
         throw=False,
     )
+    plants, integrals = cast(tuple[PlantState, Integrals], solution.ys)
     for number in range(loop.substeps):
-        plant = jax.tree.map(lambda x, i=number: x[i], solution.ys[0])
+        plant = jax.tree.map(lambda x, i=number: x[i], plants)
         sight = Sight.of(loop.plant, plant)
         settled = judged_at(settled, begin + (number + 1) * step, sight, program.tolerances)
-    return jax.tree.map(lambda x: x[-1], solution.ys), settled
+    return jax.tree.map(lambda x: x[-1], (plants, integrals)), settled
 
 
 def _outputs(program, copy, plant, integrals, signals, settled: Since, code) -> Outputs:

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.results.provenance import provenance_attributes
-from jaxsat.simulation import Trajectory
+from jaxsat.simulation import Assessment, Signals, Trajectory
 
 
 class _Variable(NamedTuple):
@@ -42,7 +42,21 @@ VARIABLES = {
     ),
     "lyapunov": _Variable((), "J", "Lyapunov function of the control law"),
     "mode": _Variable((), "1", "part of a switching law or supervisor that is active"),
+    "constraint_torque": _Variable(
+        (), "N m", "ideal torque about the third axis that holds the third rate"
+    ),
 }
+"""Signals, each over `time`; `constraint_torque` only where the third rate is held."""
+
+TOTALS = {
+    "settled_from": _Variable(
+        (), "s", "when attitude and relative rate came to stay within the tolerances"
+    ),
+    "at_rest_from": _Variable((), "s", "when the inertial rate came to stay within its tolerance"),
+    "effort": _Variable(("body_axis",), "N m s", "integral of the size of the thruster torque"),
+    "constraint_effort": _Variable((), "N m s", "the same of the torque that holds the third rate"),
+}
+"""Of the whole run, judged on the integrator's steps and not at the saved times."""
 
 
 def trajectory_dataset(
@@ -57,16 +71,13 @@ def trajectory_dataset(
 
     `scenario` is the scenario as TOML text. Global attributes hold it with the outcome, the seed
     and what `provenance` tells; `mode_names` go to the attributes of `mode`. Values after the end
-    of a failed run are NaN.
+    of a failed run are NaN. Beside the history stand the `TOTALS` of the whole run.
     """
-    variables = {
-        name: xr.Variable(
-            ("time", *label.dimensions),
-            np.asarray(getattr(trajectory.signals, name)),
-            {"units": label.units, "long_name": label.long_name},
-        )
-        for name, label in VARIABLES.items()
+    found = {
+        **_labelled(trajectory.signals, VARIABLES, ("time",)),
+        **_labelled(trajectory.assessment, TOTALS, ()),
     }
+    variables = {name: variable for name, variable in found.items() if variable is not None}
     if mode_names:
         variables["mode"].attrs |= {
             "flag_values": np.array(list(mode_names), float),
@@ -85,7 +96,8 @@ def trajectory_dataset(
 
 def save_dataset(dataset: xr.Dataset, path: Path) -> None:
     """Write a dataset as netCDF 4, compressed."""
-    encoding = {name: {"zlib": True, "complevel": 4} for name in dataset.data_vars}
+    arrays = [name for name, variable in dataset.data_vars.items() if variable.ndim]
+    encoding = {name: {"zlib": True, "complevel": 4} for name in arrays}
     dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
 
 
@@ -95,6 +107,23 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
     file = path / "trajectory.nc" if path.is_dir() else path
     with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as dataset:
         return dataset.load()
+
+
+def _labelled(
+    source: Signals | Assessment, labels: Mapping[str, _Variable], first: tuple[str, ...]
+) -> dict[str, xr.Variable | None]:
+    """What of the source is labelled; None for what it has not."""
+    values = {name: getattr(source, name) for name in labels}
+    return {
+        name: None
+        if values[name] is None
+        else xr.Variable(
+            (*first, *label.dimensions),
+            np.asarray(values[name]),
+            {"units": label.units, "long_name": label.long_name},
+        )
+        for name, label in labels.items()
+    }
 
 
 def _attributes(

@@ -26,13 +26,14 @@ class Assessment(eqx.Module):
     from which the inertial rate alone, stayed within the tolerances to the end; infinite where that
     began after 0.9 of the horizon or never. `effort` is ∫|T_i| dt of the thrusters by body axis
     and `constraint_effort` that of the ideal torque by which the third rate is held, None where it
-    is free, both in N m s; NaN where the run did not reach its end.
+    is free, both in N m s; NaN where the run did not reach its end. A case that an engine has
+    replayed tells `settled_from` alone, the others are None.
     """
 
     settled_from: Float[Array, ""]
-    at_rest_from: Float[Array, ""]
-    effort: Float[Array, "3"]
-    constraint_effort: Float[Array, ""] | None
+    at_rest_from: Float[Array, ""] | None = None
+    effort: Float[Array, "3"] | None = None
+    constraint_effort: Float[Array, ""] | None = None
 
 
 class Sight(NamedTuple):
@@ -104,11 +105,11 @@ class WatchedSolver(diffrax.AbstractWrappedSolver):
     Nothing of it is differentiated. The record is `solver_state.watched` of the solution.
     """
 
-    solver: diffrax.AbstractSolver
+    solver: diffrax.AbstractSolver  # pyright: ignore[reportIncompatibleVariableOverride]
     look: Looker
 
     @property
-    def term_structure(self):
+    def term_structure(self):  # pyright: ignore[reportIncompatibleVariableOverride]
         """The solver's own, as are all that follow."""
         return self.solver.term_structure
 
@@ -118,7 +119,7 @@ class WatchedSolver(diffrax.AbstractWrappedSolver):
         return self.solver.interpolation_cls
 
     @property
-    def term_compatible_contr_kwargs(self):
+    def term_compatible_contr_kwargs(self):  # pyright: ignore[reportIncompatibleVariableOverride]
         """What diffrax asks of its terms."""
         return self.solver.term_compatible_contr_kwargs
 
@@ -155,7 +156,8 @@ class WatchedSolver(diffrax.AbstractWrappedSolver):
         y1, error, dense, inner, result = self.solver.step(
             terms, t0, t1, y0, args, solver_state.solver, made_jump
         )
-        watched = self._seen(*still((jnp.asarray(t0), jnp.asarray(t1), dense)), solver_state[1])
+        begin, end, stages = still((jnp.asarray(t0), jnp.asarray(t1), dense))
+        watched = self._seen(begin, end, stages, solver_state.watched)
         return y1, error, dense, WatchedState(inner, watched), result
 
     def _seen(self, t0, t1, dense, watched: Watched) -> Watched:
@@ -173,7 +175,8 @@ class WatchedSolver(diffrax.AbstractWrappedSolver):
         flows = jnp.concatenate([watched.flow[None], looks.flow])
         weights = jnp.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12.0  # Simpson's
         integral = watched.integral + (t1 - t0) * weights @ flows
-        return Watched(*map(tuple, zip(*groups, strict=True)), looks.flow[-1], integral)
+        since, entries = (tuple(group[i] for group in groups) for i in range(2))
+        return Watched(since, entries, looks.flow[-1], integral)
 
     def _at(self, t0, t1, dense, part) -> Look:
         t = t0 + part * (t1 - t0)
