@@ -21,7 +21,7 @@ SMALL_RATE = 1e-3
 SMALL_ACCELERATION = 1e-5
 """rad/s². With this much a rate stays small for 100 s; d3 alone makes 3e-6."""
 
-FINAL_PART = 0.1
+FINAL_PART = 0.25
 """Part of ω0 by which a final rate may be off."""
 
 SMALL_ANGLE = 15.0
