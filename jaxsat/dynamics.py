@@ -21,8 +21,9 @@ class RigidBody(eqx.Module):
     """A rigid body in a circular orbit under a torque and a disturbance.
 
     With `third_rate_held` an ideal torque about the third body axis keeps ω3 from changing: the
-    assumption under which the paper simulates its three-axis law. A controller carries a
-    `RigidBody` of its own, what it believes of the plant, so that plant and model can differ.
+    assumption under which the paper simulates its three-axis law, and what two reaction wheels
+    with zero total momentum would make true. A controller carries a `RigidBody` of its own, what it
+    believes of the plant, so that plant and model can differ.
     """
 
     spacecraft: Spacecraft
@@ -49,6 +50,22 @@ class RigidBody(eqx.Module):
             acceleration = acceleration - inverse[:, 2] * (acceleration[2] / inverse[2, 2])
             acceleration = acceleration.at[2].set(0.0)
         return acceleration
+
+    def constraint_torque(
+        self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
+    ) -> Float[Array, ""] | None:
+        """The ideal torque about the third body axis that holds ω3 at time `t` (s), N m.
+
+        With e3 the third axis, -e3ᵀJ⁻¹(T + T_d - ω × Jω) / e3ᵀJ⁻¹e3, for principal axes
+        -(J1 - J2) ω1 ω2 - d3 - T3. None where the third rate is free.
+        """
+        if not self.third_rate_held:
+            return None
+        spacecraft, omega = self.spacecraft, state.omega
+        total = torque + self.disturbance_torque(t, state)
+        total = total - jnp.cross(omega, spacecraft.inertia @ omega)
+        row = spacecraft.inverse_inertia[2]
+        return -(row @ total) / row[2]
 
     def rate(self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]) -> PlantState:
         """Time derivative of the state at time `t` (s) under a thruster torque, N m."""

@@ -1,10 +1,15 @@
-"""Numbers that a trajectory is judged by. All work on histories at fixed times and under vmap."""
+"""When a spacecraft counts as settled, and since when. All work under vmap."""
+
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float
+
+SETTLED_BEFORE = 0.9
+"""The part of the horizon in which a case must have begun to be settled."""
 
 
 class Tolerances(eqx.Module):
@@ -23,6 +28,18 @@ def wrapped(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return angle - 2 * jnp.pi * jnp.floor(angle / (2 * jnp.pi) + 0.5)
 
 
+def excess(
+    w: Float[Array, "*times 2"],
+    z: Float[Array, "*times"],
+    relative_rate: Float[Array, "*times 3"],
+    tolerances: Tolerances,
+) -> Float[Array, "*times 3"]:
+    """|w|, |z| (wrapped) and |ω_r| in parts of their tolerances, less 1: negative inside them."""
+    sizes = (_length(w), jnp.abs(wrapped(z)), _length(relative_rate))
+    limits = (tolerances.w, tolerances.z, tolerances.relative_rate)
+    return jnp.stack([size / limit - 1 for size, limit in zip(sizes, limits, strict=True)], axis=-1)
+
+
 def within(
     w: Float[Array, "times 2"],
     z: Float[Array, " times"],
@@ -30,28 +47,48 @@ def within(
     tolerances: Tolerances,
 ) -> Bool[Array, " times"]:
     """At which times all tolerances are met; never where a run has ended early (NaN)."""
-    return (
-        (jnp.sum(w**2, axis=-1) < tolerances.w**2)
-        & (jnp.abs(wrapped(z)) < tolerances.z)
-        & (jnp.sum(relative_rate**2, axis=-1) < tolerances.relative_rate**2)
-    )
+    return jnp.all(excess(w, z, relative_rate, tolerances) < 0, axis=-1)
 
 
-def settling_time(
-    times: Float[Array, " times"], good: Bool[Array, " times"], before: float = 0.9
-) -> Float[Array, ""]:
-    """First time from which `good` holds to the end, s.
+def _length(vector: Float[Array, "*times n"]) -> Float[Array, "*times"]:
+    """The Euclidean norm over the last axis."""
+    return jnp.sqrt(jnp.sum(vector**2, axis=-1))
 
-    Infinite if it does not hold at the end, or begins after the fraction `before` of the horizon:
-    what has only just become small has not been shown to stay so.
+
+class Since(NamedTuple):
+    """Since when conditions hold, from looks at a run one after the other.
+
+    A condition holds while its excess is negative. `start` (s) is infinite while one does not;
+    `time` (s) and `excess` are those of the last look.
     """
-    holds_to_end = jnp.flip(jnp.cumprod(jnp.flip(good.astype(int)))).astype(bool)
-    first = times[jnp.argmax(holds_to_end)]
-    latest = times[0] + before * (times[-1] - times[0])
-    return jnp.where(holds_to_end[-1] & (first <= latest), first, jnp.inf)
 
+    start: Float[Array, ""]
+    time: Float[Array, ""]
+    excess: Float[Array, " n"]
 
-def effort(times: Float[Array, " times"], torque: Float[Array, "times 3"]) -> Float[Array, ""]:
-    """∫ Σ|T_i| dt by the trapezoidal rule, N m s: the angular impulse the thrusters spend."""
-    total = jnp.sum(jnp.abs(torque), axis=-1)
-    return jnp.sum((total[1:] + total[:-1]) / 2 * jnp.diff(times))
+    @staticmethod
+    def begun(time: Float[Array, ""], conditions: int) -> "Since":
+        """Before the first look, which will be at `time` (s)."""
+        return Since(time + jnp.inf, time, jnp.full(conditions, -1.0, time.dtype))
+
+    def looked(self, time: Float[Array, ""], excess: Float[Array, " n"]) -> "Since":
+        """With one more look at `time` (s); between two looks an excess is a straight line."""
+        was_out = (self.excess >= 0) & (excess < 0)
+        fall = jnp.where(was_out, self.excess - excess, 1.0)
+        part = jnp.max(jnp.where(was_out, self.excess / fall, 0.0))
+        return self.entered(self.time + part * (time - self.time), time, excess)
+
+    def entered(
+        self, entry: Float[Array, ""], time: Float[Array, ""], excess: Float[Array, " n"]
+    ) -> "Since":
+        """With one more look at `time` (s), after an entry, if there was one, at `entry` (s)."""
+        start = jnp.where(jnp.isinf(self.start), entry, self.start)
+        return Since(jnp.where(jnp.all(excess < 0), start, jnp.inf), time, excess)
+
+    def settled(self, end: Float[Array, ""], begin: float | Float[Array, ""] = 0.0):
+        """The start, if it lies in the first `SETTLED_BEFORE` of the horizon, else infinity, s.
+
+        What has only just become small has not been shown to stay so.
+        """
+        latest = begin + SETTLED_BEFORE * (end - begin)
+        return jnp.where(self.start <= latest, self.start, jnp.inf)

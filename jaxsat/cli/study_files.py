@@ -142,13 +142,14 @@ def replayed(
     from jaxsat.montecarlo import QUANTITIES
     from jaxsat.results import trajectory_dataset
     from jaxsat.scenario import dump
-    from jaxsat.simulation import Trajectory
+    from jaxsat.simulation import Assessment, Trajectory
 
     replay = study.replay(number)
     steps = jnp.array(len(replay.times) - 1)
     signals = jax.tree.map(jnp.asarray, replay.signals)
     code = jnp.asarray(replay.outputs.code)
-    trajectory = Trajectory(jnp.asarray(replay.times), signals, None, code, steps)
+    settled = Assessment(jnp.asarray(replay.outputs.settling_time))
+    trajectory = Trajectory(jnp.asarray(replay.times), signals, None, code, steps, settled)
     dataset = trajectory_dataset(
         trajectory, title=scenario.title, scenario=dump(scenario), seed=study.design.seed
     )

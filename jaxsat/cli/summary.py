@@ -45,6 +45,7 @@ def print_summary(
         f"tilt {tilt:.3g} deg {at}",
         "rates": f"omega = {_numbers(final['omega'])} rad/s {at}",
         "torque": f"peak |T| = {_numbers(peak)} N m at the saved times",
+        "effort": effort_text(dataset),
         "written": f"{target}: {', '.join(files)}",
     }
     width = max(map(len, rows))
@@ -61,15 +62,28 @@ def settling_text(dataset: "xr.Dataset", law: str) -> str:
 
     limits = Tolerances()
     if law == "rate":
-        time = time_at_rest(dataset, limits)
+        time = time_at_rest(dataset)
         meaning = f"|omega| < {float(limits.relative_rate):g} rad/s to the end"
     else:
-        time = time_to_settle(dataset, limits)
+        time = time_to_settle(dataset)
         meaning = (
             f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad, "
             f"relative rate < {float(limits.relative_rate):g} rad/s to the end"
         )
-    return f"from {time:g} s ({meaning})" if math.isfinite(time) else f"no ({meaning})"
+    return f"from {time:.2f} s ({meaning})" if math.isfinite(time) else f"no ({meaning})"
+
+
+def effort_text(dataset: "xr.Dataset") -> str:
+    """What the thrusters spent and, told apart, the ideal torque that holds the third rate."""
+    axes = ", ".join(f"{float(part):.4g}" for part in dataset["effort"])
+    text = f"({axes}) N m s by the thrusters"
+    if "constraint_effort" not in dataset:
+        return text
+    peak = float(abs(dataset["constraint_torque"]).max())
+    return (
+        f"{text}; {float(dataset['constraint_effort']):.4g} N m s, up to {peak:.3g} N m at the "
+        "saved times, by the ideal torque that holds the third rate"
+    )
 
 
 def failure_advice(dataset: "xr.Dataset") -> str:

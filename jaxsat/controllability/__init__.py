@@ -1,5 +1,6 @@
 """Controllability of a spacecraft from its inertia and torque axes alone."""
 
+from jaxsat.controllability.authority import turn_time
 from jaxsat.controllability.closed_forms import (
     ClosedForm,
     one_thruster_condition,
@@ -111,6 +112,7 @@ __all__ = [
     "symmetric_product",
     "tangent_matrix",
     "to_tangent",
+    "turn_time",
     "two_thruster_condition",
     "uncontrollable_single_directions",
 ]

@@ -9,17 +9,28 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.controllability.authority import decided_turn_time
 from jaxsat.controllability.decision import Decision, decide
 from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
 
-COLUMNS = ("failed", "working", "rank", "verdict", "margin", "directions", "lost")
+COLUMNS = (
+    "failed",
+    "working",
+    "rank",
+    "verdict",
+    "margin",
+    "turn_time_s",
+    "directions",
+    "lost",
+)
 
 
 @dataclass(frozen=True, eq=False)
 class FailureCase:
     """One subset of failed thrusters.
 
-    `verdict` is "controllable", "borderline" or "uncontrollable"; `directions` the dimension of the
+    `verdict` is "controllable", "borderline" or "uncontrollable"; `turn_time` (s) is that of
+    `jaxsat.controllability.turn_time` for thrusters of 1 N m; `directions` the dimension of the
     torques available without brackets (0 to 3); `lost` says in words what this failure takes away;
     `missing` spans the body torque directions that not even brackets reach.
     """
@@ -30,6 +41,7 @@ class FailureCase:
     controllable: bool
     borderline: bool
     margin: float
+    turn_time: float
     directions: int
     lost: str
     missing: Float[np.ndarray, "3 e"]
@@ -99,6 +111,9 @@ def failure_table(
                     controllable=decision.controllable,
                     borderline=decision.borderline,
                     margin=decision.margin,
+                    turn_time=decided_turn_time(
+                        decision, layout.inertia, layout.torque_axes[:, list(working)]
+                    ),
                     directions=directions,
                     lost=_lost(decision, directions),
                     missing=decision.missing,
@@ -116,6 +131,7 @@ def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | 
             "rank": case.rank,
             "verdict": case.verdict,
             "margin": case.margin,
+            "turn_time_s": case.turn_time,
             "directions": case.directions,
             "lost": case.lost,
         }
@@ -127,7 +143,7 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
     """Plain arrays with the case as first axis, for storage.
 
     `failed` (case, thruster) bool, `rank` int, `controllable` and `borderline` bool, `margin`
-    (dimensionless), `directions` int, `lost` str.
+    (dimensionless), `turn_time` (s), `directions` int, `lost` str.
     """
     return {
         "failed": np.array([[name in case.failed for name in names] for case in cases], bool),
@@ -135,6 +151,7 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
         "controllable": np.array([case.controllable for case in cases]),
         "borderline": np.array([case.borderline for case in cases]),
         "margin": np.array([case.margin for case in cases]),
+        "turn_time": np.array([case.turn_time for case in cases]),
         "directions": np.array([case.directions for case in cases]),
         "lost": np.array([case.lost for case in cases]),
     }
@@ -150,10 +167,11 @@ def failure_csv(cases: Sequence[FailureCase]) -> str:
 
 
 def failure_markdown(cases: Sequence[FailureCase]) -> str:
-    """The table as Markdown, margins to three digits."""
+    """The table as Markdown, margins and turn times to three digits."""
     lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
     for record in failure_records(cases):
-        record["margin"] = f"{record['margin']:.3g}"
+        for column in ("margin", "turn_time_s"):
+            record[column] = f"{record[column]:.3g}"
         cells = [str(record[column]).replace("|", "\\|") for column in COLUMNS]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.controllability.authority import decided_turn_time
 from jaxsat.controllability.closed_forms import (
     ClosedForm,
     one_thruster_condition,
@@ -41,7 +42,9 @@ class Analysis:
     - `borderline`: the smallest singular value that is not exactly zero lies below `tolerance`, so
       rounding or the last digits of the data decide; `rank` then counts values above `rounding`.
     - `margin`: smallest singular value of the normalised generating vectors (0 to about 1), zero
-      if and only if the numbers as given are not controllable.
+      if and only if the numbers as given are not controllable. A matter of directions: it says how
+      far the decision can be trusted, not how quickly the spacecraft turns.
+    - `turn_time`: that, in s for thrusters of 1 N m, infinite if not controllable; see `turn_time`.
     - `verdict`: one sentence.
     - `singular_values`: all three, largest first; exact zeros are zeros.
     - `exact_rank`: the rank of the numbers exactly as given, whatever the margin.
@@ -58,6 +61,7 @@ class Analysis:
     controllable: bool
     borderline: bool
     margin: float
+    turn_time: float
     verdict: str
     singular_values: Float[np.ndarray, "3"]
     tolerance: float
@@ -230,6 +234,7 @@ def analyse(
         controllable=decision.controllable,
         borderline=decision.borderline,
         margin=decision.margin,
+        turn_time=decided_turn_time(decision, layout.inertia, layout.torque_axes),
         verdict=_verdict(decision, len(everyone)),
         singular_values=decision.singular_values,
         tolerance=decision.tolerance,

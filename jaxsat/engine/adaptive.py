@@ -3,7 +3,9 @@
 During a step the loop is held in one of its pieces (`loop.piece`). Where a switching function has
 changed its sign at the end of one of a step's equal parts, the instant is located on the step's
 dense output, the step ends there, and the next one is taken in the other piece. Nothing else ends
-a step: the instants that are looked at, and the end of the run, lie on the dense output.
+a step: the instants that are looked at, and the end of the run, lie on the dense output. When a
+trajectory settles is judged on the dense output of a step that is left behind, whatever instants
+are looked at.
 
 The program of one trajectory is `begin`, then `iterate` while `unfinished`, then `finish`, on a
 `Progress` of fixed size; any engine that runs these runs the method.
@@ -26,12 +28,12 @@ from jaxsat.engine.progress import (
     Integrals,
     Outputs,
     Progress,
-    Sight,
     begun,
     looked_at,
     outputs_of,
 )
 from jaxsat.engine.runge_kutta import stage_rates, tableau_of, weighted
+from jaxsat.engine.settling import judged_along
 from jaxsat.engine.switching import Landing, until_switch
 from jaxsat.engine.walk import (
     Course,
@@ -43,6 +45,7 @@ from jaxsat.engine.walk import (
     part_of,
 )
 from jaxsat.simulation import Outcome, Signals
+from jaxsat.simulation.assessment import Sight
 
 SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 5.0
 
@@ -137,12 +140,13 @@ def finish(
     flat = course.dense(stretch, part_of(stretch, end))
     state = course.state(end, flat)
     plant = course.loop.plant_state(state)
-    sight = Sight.of(course.loop.plant, plant)
-    progress = looked_at(progress, end, sight, program.tolerances)
+    progress = looked_at(progress, Sight.of(course.loop.plant, plant))
+    settled = judged_along(course, stretch, part_of(stretch, end), progress.settled)
     success = progress.code == int(Outcome.SUCCESS)
     cost = course.restore(jnp.where(success, flat, progress.state.state))[1]
     progress = progress._replace(
         integrals=Integrals(cost, course.effort_until(stretch, part_of(stretch, end))),
+        settled=settled,
         ended_at=jnp.where(success, end, progress.ended_at),
     )
     return outputs_of(progress, plant, end, copy.drawn, program.cost)
@@ -190,7 +194,11 @@ def _attempt(solver, tolerance, course: Course, needed, progress: Progress) -> P
         stretch,
     )
     integrals = progress.integrals._replace(effort=course.effort_until(stretch, part))
-    moved = progress._replace(state=further, integrals=integrals, ended_at=further.t)
+    left_behind = part_of(walk.stretch, walk.t)
+    settled = judged_along(course, walk.stretch, left_behind, progress.settled)
+    moved = progress._replace(
+        state=further, integrals=integrals, settled=settled, ended_at=further.t
+    )
     following = _judged(tolerance, course, progress, moved, needed, accepted)
     # no longer step after one that met a switch: a law that slides would lose its way
     factor = jnp.minimum(
@@ -226,7 +234,7 @@ def _look_back(course: Course, bound, progress: Progress) -> Progress:
         t = walk.number * program.interval
         state = course.state(t, course.dense(walk.stretch, part_of(walk.stretch, t)))
         sight = Sight.of(course.loop.plant, course.loop.plant_state(state))
-        seen = looked_at(progress, t, sight, program.tolerances)
+        seen = looked_at(progress, sight)
         return seen._replace(state=walk._replace(number=walk.number + 1))
 
     return jax.lax.while_loop(pending, look, progress)

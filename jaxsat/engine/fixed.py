@@ -6,10 +6,12 @@ import jax.numpy as jnp
 
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.program import Program
-from jaxsat.engine.progress import Progress, looked_at
+from jaxsat.engine.progress import Progress, judged_at, looked_at
 from jaxsat.engine.rates import augmented_rate, held_rate
 from jaxsat.engine.runge_kutta import explicit_step
+from jaxsat.metrics import Since
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
+from jaxsat.simulation.assessment import Sight
 from jaxsat.simulation.loops import SampledState
 from jaxsat.simulation.solve import all_within
 from jaxsat.vehicle import Sensors
@@ -59,33 +61,48 @@ def advance_with_drawn_noise(
 
 def _sampled_interval(tableau, program, loop, number, t, progress):
     torque, memory, signals = loop.sample(number, t, progress.state)
-    seen = looked_at(progress, t, signals, program.tolerances)
-    both = (progress.state.plant, progress.integrals)
+    both, settled = (progress.state.plant, progress.integrals), progress.settled
+
+    def judge(settled, time, both):
+        return judged_at(settled, time, Sight.of(loop.plant, both[0]), program.tolerances)
+
     for hold in loop.holds(progress.state, torque):
         rate = held_rate(program, loop, hold.torque)
-        both = _steps(tableau, rate, t + hold.begin, hold.length, loop.substeps, both)
+        where = (tableau, rate, t + hold.begin, hold.length, loop.substeps)
+        both, settled = _steps(*where, both, settled, judge)
     plant, integrals = both
     plant = PlantState(plant.attitude.normalised(), plant.omega)
+    seen = looked_at(progress, signals)._replace(settled=settled)
     return seen, SampledState(plant, memory, torque), integrals
 
 
 def _continuous_interval(tableau, substeps, program, loop, t, progress):
-    seen = looked_at(progress, t, loop.signals(t, progress.state), program.tolerances)
-    rate = augmented_rate(program, loop)
+    def judge(settled, time, both):
+        sight = Sight.of(loop.plant, loop.plant_state(both[0]))
+        return judged_at(settled, time, sight, program.tolerances)
+
+    seen = looked_at(progress, loop.signals(t, progress.state))
+    where = (tableau, augmented_rate(program, loop), t, program.interval, substeps)
     both = (progress.state, progress.integrals)
-    state, integrals = _steps(tableau, rate, t, program.interval, substeps, both)
-    return seen, state, integrals
+    both, settled = _steps(*where, both, progress.settled, judge)
+    return seen._replace(settled=settled), *both
 
 
-def _steps(tableau, rate, t, length, count: int, state):
+def _steps(tableau, rate, t, length, count: int, state, settled: Since, judge):
+    """The state after equal steps, and since when the case is settled, judged where each begins."""
     step = length / count
-    if count == 1:
-        return explicit_step(tableau, rate, t, step, state)
 
-    def one(number, state):
-        return explicit_step(tableau, rate, t + number * step, step, state)
+    def one(number, carry):
+        state, settled = carry
+        begin = t + number * step
+        after = explicit_step(tableau, rate, begin, step, state)
+        return after, judge(settled, begin, state)
 
-    return jax.lax.fori_loop(0, count, one, state)
+    return (
+        one(0, (state, settled))
+        if count == 1
+        else jax.lax.fori_loop(0, count, one, (state, settled))
+    )
 
 
 def _unless_ended(program, before, seen, state, integrals, t) -> Progress:

@@ -7,14 +7,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, as_optional_float, require_positive
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.metrics import Tolerances, within
+from jaxsat.dynamics import PlantState
+from jaxsat.metrics import Since, Tolerances
 from jaxsat.quotients import reciprocal
 from jaxsat.simulation import Outcome, Signals
+from jaxsat.simulation.assessment import Sight, still
 from jaxsat.trigonometry import cos
-
-SETTLED_BEFORE = 0.9
-"""The part of the horizon in which a case must have begun to be settled."""
 
 
 class Unsettled(eqx.Module):
@@ -121,16 +119,16 @@ class Integrals(NamedTuple):
 class Progress(NamedTuple):
     """A trajectory that is under way.
 
-    `peak_square` is the largest |ω|² (rad²/s²) at the instants looked at. `settled_from` is the
-    time (s) since which the tolerances have been met, infinite while they are not; `ended_at` the
-    time up to which the state is good. `step` (s) is the next to be tried and `steps` the number
+    `peak_square` is the largest |ω|² (rad²/s²) at the instants looked at. `settled` tells since
+    when the tolerances have been met, judged at every step; `ended_at` is the time (s) up to which
+    the state is good. `step` (s) is the next to be tried and `steps` the number
     of those tried, where steps are adaptive.
     """
 
     state: PyTree
     integrals: Integrals
     peak_square: Float[Array, ""]
-    settled_from: Float[Array, ""]
+    settled: Since
     ended_at: Float[Array, ""]
     code: Int[Array, ""]
     step: Float[Array, ""]
@@ -165,34 +163,22 @@ def begun(state: PyTree, omega: Float[Array, "3"], possible, step: float | Array
     code = jnp.where(possible, int(Outcome.SUCCESS), int(Outcome.IMPOSSIBLE_CASE))
     integrals = Integrals(zero, zero)
     nothing = jnp.array(0)
-    return Progress(state, integrals, zero, zero + jnp.inf, zero, code, zero + step, nothing)
+    settled = Since.begun(zero, 3)
+    return Progress(state, integrals, zero, settled, zero, code, zero + step, nothing)
 
 
-class Sight(NamedTuple):
-    """What of the signals is judged at an instant; see `Signals`."""
-
-    w: Float[Array, "2"]
-    z: Float[Array, ""]
-    relative_rate: Float[Array, "3"]
-    omega: Float[Array, "3"]
-
-    @staticmethod
-    def of(plant: RigidBody, state: PlantState) -> "Sight":
-        """What is judged of a plant in a state."""
-        wz = state.attitude.as_wz()
-        return Sight(wz.w, wz.z, plant.relative_rate(state), state.omega)
+def looked_at(progress: Progress, signals: Signals | Sight) -> Progress:
+    """The peak rate with one more instant taken into account."""
+    square = jnp.sum(signals.omega**2)
+    return progress._replace(peak_square=jnp.maximum(progress.peak_square, square))
 
 
-def looked_at(
-    progress: Progress, t: Float[Array, ""], signals: Signals | Sight, tolerances: Tolerances
-) -> Progress:
-    """Settling and peak rate with one more instant taken into account."""
-    good = within(signals.w[None], signals.z[None], signals.relative_rate[None], tolerances)[0]
-    since = jnp.where(jnp.isinf(progress.settled_from), t, progress.settled_from)
-    return progress._replace(
-        settled_from=jnp.where(good, since, jnp.inf),
-        peak_square=jnp.maximum(progress.peak_square, jnp.sum(signals.omega**2)),
-    )
+def judged_at(settled: Since, t: Float[Array, ""], sight: Sight, tolerances: Tolerances) -> Since:
+    """Since when the case is settled, with the end of one more of equal steps taken into account.
+
+    Nothing of it is differentiated.
+    """
+    return settled.looked(*still((t, sight.excess(tolerances))))
 
 
 def outputs_of(
@@ -204,7 +190,6 @@ def outputs_of(
 ) -> Outputs:
     """Outputs of a trajectory whose last instant has been looked at."""
     success = progress.code == int(Outcome.SUCCESS)
-    settled = success & (progress.settled_from <= SETTLED_BEFORE * duration)
 
     def kept(value):
         return jnp.where(success, value, jnp.nan)
@@ -214,7 +199,7 @@ def outputs_of(
     wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
     return Outputs(
         code=progress.code,
-        settling_time=jnp.where(settled, progress.settled_from, jnp.inf),
+        settling_time=jnp.where(success, progress.settled.settled(duration), jnp.inf),
         effort=kept(progress.integrals.effort),
         cost=jnp.where(possible, whole, jnp.nan),
         peak_rate=kept(jnp.sqrt(progress.peak_square)),

@@ -12,9 +12,9 @@ from jaxtyping import PyTree
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Copy, Program
-from jaxsat.engine.progress import SETTLED_BEFORE, Integrals, Outputs
+from jaxsat.engine.progress import Integrals, Outputs, judged_at
 from jaxsat.engine.rates import augmented_rate, held_rate, plant_state
-from jaxsat.metrics import settling_time, within
+from jaxsat.metrics import Since
 from jaxsat.simulation import (
     AbstractContinuousLoop,
     Method,
@@ -23,6 +23,7 @@ from jaxsat.simulation import (
     Signals,
     default_method,
 )
+from jaxsat.simulation.assessment import Look, Sight, WatchedSolver, WatchedState, still
 from jaxsat.simulation.loops import SampledState
 from jaxsat.simulation.solve import all_within, outcome_code
 
@@ -115,9 +116,10 @@ def _continuous(program: Program, copy: Copy, method: Method, adjoint):
         raise TypeError(f"A loop must be one of jaxsat.simulation, but got {type(loop)}.")
     times = jnp.arange(program.intervals + 1) * program.interval
     zero = jnp.zeros((), times.dtype)
+    solver = WatchedSolver(method.solver, _looker(*still((program, loop))))
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, both, args: augmented_rate(program, loop)(t, both)),
-        method.solver,
+        solver,
         t0=times[0],
         t1=times[-1],
         dt0=method.first_step,
@@ -126,7 +128,8 @@ def _continuous(program: Program, copy: Copy, method: Method, adjoint):
             subs=[
                 diffrax.SubSaveAt(ts=times, fn=lambda t, both, args: loop.signals(t, both[0])),
                 diffrax.SubSaveAt(t1=True),
-            ]
+            ],
+            solver_state=True,
         ),
         stepsize_controller=method.step_size,
         max_steps=method.max_steps,
@@ -139,39 +142,54 @@ def _continuous(program: Program, copy: Copy, method: Method, adjoint):
     state, integrals = jax.tree.map(lambda x: x[0], final)
     code = outcome_code(solution.result)
     plant = plant_state(loop, state)
-    return _outputs(program, copy, plant, integrals, signals, code), signals
+    settled = solver.since(cast(WatchedState, solution.solver_state).watched, 0)
+    return _outputs(program, copy, plant, integrals, signals, settled, code), signals
+
+
+def _looker(program: Program, loop):
+    def look(t, both) -> Look:
+        del t
+        sight = Sight.of(loop.plant, loop.plant_state(both[0]))
+        return Look((sight.excess(program.tolerances),), jnp.zeros(0, sight.z.dtype))
+
+    return look
 
 
 def _sampled(program: Program, copy: Copy, solver, adjoint):
     loop = cast(SampledLoop, copy.loop)
 
     def period(carry, number):
-        state, integrals, code = carry
+        state, integrals, settled, code = carry
         t = number * program.interval
         torque, memory, signals = loop.sample(number, t, state)
         both = (state.plant, integrals)
         for hold in loop.holds(state, torque):
-            both = _held(program, loop, solver, adjoint, t + hold.begin, hold, both)
+            begin = t + hold.begin
+            both, settled = _held(program, loop, solver, adjoint, begin, hold, both, settled)
         plant = PlantState(both[0].attitude.normalised(), both[0].omega)
         fine = all_within((plant, memory), program.state_limit)
-        after = (SampledState(plant, memory, torque), both[1])
+        after = (SampledState(plant, memory, torque), both[1], settled)
         new_code = jnp.where(fine, code, int(Outcome.STATE_LIMIT))
         ended = new_code != int(Outcome.SUCCESS)
-        kept = jax.tree.map(lambda x, y: jnp.where(ended, y, x), after, (state, integrals))
+        kept = jax.tree.map(lambda x, y: jnp.where(ended, y, x), after, carry[:3])
         blank = code != int(Outcome.SUCCESS)
         signals = jax.tree.map(lambda x: jnp.where(blank, jnp.nan, x), signals)
         return (*kept, new_code), signals
 
     start = loop.start(copy.start)
     zero = jnp.zeros((), start.plant.omega.dtype)
-    first = (start, Integrals(zero, zero), jnp.array(int(Outcome.SUCCESS)))
+    settled = judged_at(
+        Since.begun(zero, 3), zero, Sight.of(loop.plant, start.plant), program.tolerances
+    )
+    first = (start, Integrals(zero, zero), settled, jnp.array(int(Outcome.SUCCESS)))
     carry, signals = jax.lax.scan(period, first, jnp.arange(program.intervals))
-    (state, integrals, code), (_, last) = carry, period(carry, jnp.array(program.intervals))
+    (state, integrals, settled, code) = carry
+    _, last = period(carry, jnp.array(program.intervals))
     signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
-    return _outputs(program, copy, state.plant, integrals, signals, code), signals
+    return _outputs(program, copy, state.plant, integrals, signals, settled, code), signals
 
 
-def _held(program, loop, solver, adjoint, begin, hold, both):
+def _held(program, loop, solver, adjoint, begin, hold, both, settled):
     """Equal steps, counted out by a time of their own so that a hold of no length is none."""
     rate = held_rate(program, loop, hold.torque)
     step = hold.length / loop.substeps
@@ -187,20 +205,23 @@ def _held(program, loop, solver, adjoint, begin, hold, both):
         t1=float(loop.substeps),
         dt0=1.0,
         y0=both,
+        saveat=diffrax.SaveAt(ts=jnp.arange(1.0, loop.substeps + 1)),
         stepsize_controller=diffrax.ConstantStepSize(),
         max_steps=loop.substeps + 1,
         adjoint=adjoint,
         throw=False,
     )
-    return jax.tree.map(lambda x: x[0], solution.ys)
+    plants, integrals = cast(tuple[PlantState, Integrals], solution.ys)
+    for number in range(loop.substeps):
+        plant = jax.tree.map(lambda x, i=number: x[i], plants)
+        sight = Sight.of(loop.plant, plant)
+        settled = judged_at(settled, begin + (number + 1) * step, sight, program.tolerances)
+    return jax.tree.map(lambda x: x[-1], (plants, integrals)), settled
 
 
-def _outputs(program, copy, plant, integrals, signals: Signals, code) -> Outputs:
-    times = jnp.arange(program.intervals + 1) * program.interval
+def _outputs(program, copy, plant, integrals, signals, settled: Since, code) -> Outputs:
     code = jnp.where(copy.possible, code, int(Outcome.IMPOSSIBLE_CASE))
     success = code == int(Outcome.SUCCESS)
-    good = within(signals.w, signals.z, signals.relative_rate, program.tolerances)
-    settled = settling_time(times, good, SETTLED_BEFORE)
     rates = jnp.sqrt(jnp.sum(signals.omega**2, axis=1))
     reached = jnp.maximum(jnp.sum(jnp.isfinite(rates)) - 1, 0)  # even the start may be none
 
@@ -211,7 +232,7 @@ def _outputs(program, copy, plant, integrals, signals: Signals, code) -> Outputs
     whole = program.cost.whole(integrals.cost, success, program.duration - ended_at)
     return Outputs(
         code=code,
-        settling_time=jnp.where(success, settled, jnp.inf),
+        settling_time=jnp.where(success, settled.settled(program.duration), jnp.inf),
         effort=kept(integrals.effort),
         cost=jnp.where(copy.possible, whole, jnp.nan),
         peak_rate=kept(jnp.max(rates)),

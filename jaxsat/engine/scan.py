@@ -21,10 +21,18 @@ from jaxsat.engine.dense_output import dense_output
 from jaxsat.engine.fixed import advance_in_equal_steps, advance_with_drawn_noise
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Program
-from jaxsat.engine.progress import Outputs, Progress, begun, looked_at, outputs_of
+from jaxsat.engine.progress import (
+    Outputs,
+    Progress,
+    begun,
+    judged_at,
+    looked_at,
+    outputs_of,
+)
 from jaxsat.engine.rates import plant_state
 from jaxsat.engine.runge_kutta import tableau_of
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop, Signals
+from jaxsat.simulation.assessment import Sight
 
 NOISE_BLOCK = 16
 """Samples whose noise is drawn together. More gain little, and a replay, which stops at every
@@ -145,8 +153,10 @@ def finish_one(engine, program, case, gains, progress, number) -> Outputs:
     if _is_adaptive(engine, copy.loop):
         return adaptive.finish(engine.solver, program, copy, progress, end)
     signals = _signals(copy.loop, program, number, progress.state)
-    seen = looked_at(progress, end, signals, program.tolerances)
     plant = plant_state(copy.loop, progress.state)
+    sight = Sight.of(copy.loop.plant, plant)
+    settled = judged_at(progress.settled, end, sight, program.tolerances)
+    seen = looked_at(progress, signals)._replace(settled=settled)
     return outputs_of(seen, plant, end, copy.drawn, program.cost)
 
 

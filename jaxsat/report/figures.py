@@ -67,10 +67,17 @@ def torque_figure(
 ) -> Figure:
     """Thruster torque, whole and enlarged over `zoom` (s; by default the last fifth).
 
-    With `linear_to` (N m) the upper axis is logarithmic beyond that torque, for runs whose first
-    instant dwarfs the rest.
+    Where the third rate is held the ideal torque that holds it has a panel of its own. With
+    `linear_to` (N m) the upper axis is logarithmic beyond that torque, for runs whose first instant
+    dwarfs the rest.
     """
-    figure, (whole, enlarged) = panels(2, _title(dataset, "thruster torque", title))
+    held = "constraint_torque" in dataset
+    heading = _title(dataset, "thruster torque", title)
+    figure, (whole, *above, enlarged) = panels(3 if held else 2, heading, 1.9 if held else 2.1)
+    for axes in above:
+        axes.plot(dataset["time"], dataset["constraint_torque"], **LINES[2], label="about axis 3")
+        axes.set_ylabel("held by (N m)")
+        _legend(axes, 1)
     zoom = _last_fifth(dataset) if zoom is None else zoom
     torque = dataset["torque"]
     third_axis_works = bool((np.abs(torque[:, 2]) > 0).any())
@@ -82,7 +89,7 @@ def torque_figure(
         whole.set_yscale("symlog", linthresh=linear_to)
     whole.set_ylabel("torque (N m)")
     enlarged.set_ylabel("enlarged (N m)")
-    _finish(dataset, [whole], enlarged, zoom)
+    _finish(dataset, [whole, *above], enlarged, zoom)
     return figure
 
 

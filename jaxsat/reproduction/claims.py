@@ -18,6 +18,12 @@ from jaxsat.results import is_within, time_to_settle
 SMALL_RATE = 1e-3
 """rad/s. A rate below this counts as zero, as in the definition of settled."""
 
+SMALL_ACCELERATION = 1e-5
+"""rad/s². With this much a rate stays small for 100 s; d3 alone makes 3e-6."""
+
+FINAL_PART = 0.25
+"""Part of ω0 by which a final rate may be off."""
+
 SMALL_ANGLE = 15.0
 """Degrees up to which an attitude may be said to change little: cos 15° is within 4 % of 1."""
 
@@ -82,7 +88,7 @@ def _rates_reach_zero(datasets: Datasets) -> Claim:
         "(39), Fig. 3b",
         "The rates are close to zero at 500 s",
         f"largest |ω_i| over the last 50 s: {worst['rate']:.2e} rad/s; "
-        f"without d3 {worst['rate-without-d3']:.1e}",
+        f"without d3 {worst['rate-without-d3']:.1e} (close to zero: below {SMALL_RATE:g})",
         *_decide(
             worst["rate"] < SMALL_RATE,
             worst["rate-without-d3"] < SMALL_RATE,
@@ -116,17 +122,27 @@ def _burr(datasets: Datasets) -> Claim:
 
 def _final_rate(datasets: Datasets) -> Claim:
     dataset = datasets["three-axis"]
-    final = np.array([0.0, -_scenario(dataset)["orbit"]["rate_rad_s"], 0.0])
-    error = np.abs(dataset["omega"].values - final).max(axis=1)
-    at_500 = float(error[np.searchsorted(dataset["time"], 500.0)])
-    end = float(dataset["time"][-1])
-    late = float(error[dataset["time"].values > end - 100].max())
+    orbit_rate = _scenario(dataset)["orbit"]["rate_rad_s"]
+    final = np.array([0.0, -orbit_rate, 0.0])
+    error = np.abs(dataset["omega"].values - final).max(axis=1) / orbit_rate
+    time = dataset["time"].values
+    at_500 = int(np.searchsorted(time, 500.0))
+    off = np.flatnonzero(error >= FINAL_PART)
+    inside = len(off) == 0 or off[-1] + 1 < len(time)
+    since = float(time[off[-1] + 1 if len(off) else 0]) if inside else np.inf
+    late = float(error[time > time[-1] - 100].max())
     return Claim(
         "(42), Fig. 5b",
         "The final rate is (0, -ω0, 0)",
-        f"largest component off by {at_500:.1e} rad/s at 500 s and by {late:.1e} from "
-        f"{end - 100:.0f} s to {end:.0f} s",
-        Verdict.HOLDS if late < SMALL_RATE else Verdict.FAILS,
+        f"at 500 s, where the figure ends, ω2 = {float(dataset['omega'][at_500, 1]):.1e} rad/s, "
+        f"off by {100 * error[at_500]:.0f} % of ω0; "
+        + (
+            f"all components within {100 * FINAL_PART:g} % of ω0 from {since:g} s on"
+            if inside
+            else f"not within {100 * FINAL_PART:g} % of ω0 in {time[-1]:g} s"
+        )
+        + f"; over the last 100 s of {time[-1]:g} s off by up to {100 * late:.1f} %",
+        *_decide(since <= 500.0, inside, f"one waits until {since:g} s, third rate held"),
     )
 
 
@@ -136,15 +152,28 @@ def _attitude_settles(datasets: Datasets) -> Claim:
     at_500 = held.isel(time=int(np.searchsorted(held["time"], 500.0)))
     return Claim(
         "(42), Figs. 5-7",
-        "The law settles attitude and rate",
-        f"third rate held at zero: {_when(times[0])}, |w| = "
-        f"{float(np.linalg.norm(at_500['w'])):.1e} and z = {float(at_500['z']):.1e} rad at 500 s; "
-        f"third rate free: {_when(times[1])}",
+        "The law stabilises attitude and rate rapidly",
+        f"third rate held at zero: {_when(times[0])}; at 500 s |w| = "
+        f"{float(np.linalg.norm(at_500['w'])):.1e}, z = {float(at_500['z']):.1e} rad, |ω_r| = "
+        f"{float(np.linalg.norm(at_500['relative_rate'])):.1e} rad/s. {_holding(held)}. "
+        f"Third rate free: {_when(times[1])}",
         *_decide(
             bool(np.isfinite(times).all()),
             bool(np.isfinite(times[0])),
-            "something else holds the third rate at zero",
+            "an ideal torque about the axis without a thruster holds the third rate at zero",
         ),
+    )
+
+
+def _holding(dataset: xr.Dataset) -> str:
+    """What the ideal torque about the third axis does, beside the thrusters."""
+    if "constraint_torque" not in dataset:
+        return "Nothing holds the third rate"
+    peak = float(np.abs(dataset["constraint_torque"]).max())
+    return (
+        f"What holds it is an ideal torque about the third axis of up to {peak:.1f} N m, "
+        f"{float(dataset['constraint_effort']):.0f} N m s in all, beside "
+        f"{float(dataset['effort'].sum()):.0f} N m s of the two thrusters"
     )
 
 
@@ -203,37 +232,83 @@ def _attitude_changes_little(datasets: Datasets) -> Claim:
 
 
 def _third_rate_converges(datasets: Datasets) -> Claim:
-    found = []
-    for name in ("free", "free-without-d3"):
-        dataset = datasets[name]
-        rate = float(np.abs(_last(dataset, 50.0)["omega"][:, 2]).mean())
-        found.append((rate, float(dataset["z"][-1])))
-    (rate, z), (rate_quiet, z_quiet) = found
+    changes = {
+        name: np.abs(_third_rate_change(datasets[name]))
+        for name in ("three-axis", "free", "free-without-d3")
+    }
+    late = {
+        name: float(change[_is_late(datasets[name], 50.0)].mean())
+        for name, change in changes.items()
+    }
     return Claim(
         "note in section 5",
-        "A free third rate stays small and converges to zero by itself",
-        f"mean |ω3| over the last 50 s {rate:.3f} rad/s and z wound up to {z:.1f} rad; "
-        f"without d3 {rate_quiet:.3f} rad/s and {z_quiet:.1f} rad",
-        *_decide(rate < SMALL_RATE, rate_quiet < SMALL_RATE, "no disturbance acts on axis 3"),
+        "dω3/dt by (37) is small and converges to zero",
+        f"mean |dω3/dt| over the last 50 s: {late['free']:.1e} rad/s² with the third rate free, "
+        f"{late['free-without-d3']:.1e} without d3 (largest "
+        f"{changes['free'].max():.3f}; z wound up to {float(datasets['free']['z'][-1]):.1f} rad). "
+        f"Along the run with the third rate held (37) would make {late['three-axis']:.1e}, but up "
+        f"to {changes['three-axis'].max():.3f} on the way",
+        *_decide(
+            late["free"] < SMALL_ACCELERATION,
+            late["three-axis"] < SMALL_ACCELERATION,
+            "the third rate is held: (37) is then not obeyed",
+        ),
     )
+
+
+def _third_rate_change(dataset: xr.Dataset) -> np.ndarray:
+    """dω3/dt (rad/s²) by (37) from the rates and d3 of a run, whether or not it obeys (37)."""
+    j1, j2, j3 = _scenario(dataset)["spacecraft"]["inertia_kg_m2"]
+    rates, d3 = dataset["omega"].values, dataset["disturbance"].values[:, 2]
+    return ((j1 - j2) * rates[:, 0] * rates[:, 1] + d3) / j3
 
 
 def _switching_settles(datasets: Datasets) -> Claim:
-    dataset = datasets["switching"]
-    half = _last(dataset, float(dataset["time"][-1]) / 2)
+    plain, rounded = datasets["switching"], datasets["switching-rounded"]
+    times = [time_to_settle(dataset) for dataset in (plain, rounded)]
+    half = _last(plain, float(plain["time"][-1]) / 2)
     rate = np.linalg.norm(half["relative_rate"], axis=1)
-    inside = is_within(half)
-    settled = np.isfinite(time_to_settle(dataset))
+    width = _scenario(rounded)["control"].get("tilt_width", 0.0)
     return Claim(
         "note in section 5",
         "Switching between (38) and (42) repeatedly reaches the stable range",
-        f"{_when(time_to_settle(dataset))}; over the second half |w| up to "
-        f"{float(np.linalg.norm(half['w'], axis=1).max()):.3f}, |z| up to "
+        f"{_settings(plain)}: {_when(times[0])}; {_transitions(plain)}; over the second half |w| "
+        f"up to {float(np.linalg.norm(half['w'], axis=1).max()):.3f}, |z| up to "
         f"{float(np.abs(wrapped(jnp.asarray(half['z'].values))).max()):.4f} rad, |ω_r| between "
-        f"{rate.min():.1e} and {rate.max():.1e} rad/s (median {np.median(rate):.1e}), "
-        f"within all tolerances {100 * inside.mean():.0f} % of the time",
-        Verdict.HOLDS if settled else Verdict.FAILS,
+        f"{rate.min():.1e} and {rate.max():.1e} rad/s (median {np.median(rate):.1e}), within all "
+        f"tolerances at {100 * is_within(half).mean():.0f} % of the samples. With |w|² + δ² under "
+        f"the fraction of (41), δ = {width:g}, and gains tuned with it: {_when(times[1])} of "
+        f"{float(rounded['time'][-1]):g} s",
+        *_decide(
+            bool(np.isfinite(times[0])),
+            bool(np.isfinite(times[1])),
+            "(41) is rounded with δ, which the paper does not do; not from every start, and not "
+            "for ever",
+        ),
     )
+
+
+def _settings(dataset: xr.Dataset) -> str:
+    """What a run of the switching law was made with."""
+    scenario = _scenario(dataset)
+    control, limit = scenario["control"], scenario["spacecraft"]["torque_limit_N_m"]
+    model = "with" if control.get("internal_model", True) else "without"
+    return (
+        f"Third rate free, tuned gains, thrusters of {limit:g} N m, torque held for "
+        f"{control['period_s']:g} s, dω_d/dt by a clipped difference, {model} internal model"
+    )
+
+
+def _transitions(dataset: xr.Dataset) -> str:
+    """When the laws took over from each other, and which is at work at the end."""
+    mode, time = dataset["mode"].values, dataset["time"].values
+    at = time[np.flatnonzero(np.diff(mode)) + 1]
+    last = "(38)" if mode[-1] else "(42)"
+    if not len(at):
+        return f"no transition, {last} throughout"
+    few = ", ".join(f"{t:.1f}" for t in at[:4]) + (", …" if len(at) > 4 else "")
+    many = "1 transition" if len(at) == 1 else f"{len(at)} transitions"
+    return f"{many} (at {few} s), from {at[-1]:.1f} s on {last} alone"
 
 
 _CLAIMS: tuple[Callable[[Datasets], Claim], ...] = (
@@ -254,6 +329,10 @@ def _scenario(dataset: xr.Dataset) -> dict[str, Any]:
     return tomllib.loads(dataset.attrs["scenario"])
 
 
+def _is_late(dataset: xr.Dataset, span: float) -> np.ndarray:
+    return dataset["time"].values >= float(dataset["time"][-1]) - span
+
+
 def _last(dataset: xr.Dataset, span: float) -> xr.Dataset:
     return dataset.sel(time=slice(float(dataset["time"][-1]) - span, None))
 
@@ -263,4 +342,4 @@ def _worst_rate(dataset: xr.Dataset, span: float) -> float:
 
 
 def _when(time: float) -> str:
-    return f"settled at {time:.0f} s" if np.isfinite(time) else "not settled"
+    return f"settled from {time:.2f} s" if np.isfinite(time) else "not settled"

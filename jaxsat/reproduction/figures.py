@@ -42,7 +42,7 @@ def paper_figures(datasets: Mapping[str, xr.Dataset]) -> dict[str, Figure]:
         "fig7-torque": torque_figure(
             three_axis,
             zoom=(0.0, 100.0),
-            title="Fig. 7: torque of the three-axis law (42), third rate held",
+            title="Fig. 7: torque of the three-axis law (42), and the ideal one that holds ω3",
         ),
         "lyapunov": lyapunov_figure(
             datasets["three-axis"], title="Lyapunov function of the proof of (42)"
@@ -58,6 +58,11 @@ def paper_figures(datasets: Mapping[str, xr.Dataset]) -> dict[str, Figure]:
         ),
         "switching-rates": rates_figure(
             datasets["switching"],
-            title="Switching between (38) and (42), third rate free, 5 N m: a limit cycle",
+            title="Two transitions, then (42) alone, third rate free, 5 N m: a limit cycle",
+        ),
+        "switching-rounded": comparison_figure(
+            [datasets["switching"], datasets["switching-rounded"]],
+            ["(41) as printed", "|w|² + δ² in (41)"],
+            title="Switching between (38) and (42), third rate free, 5 N m, tuned",
         ),
     }

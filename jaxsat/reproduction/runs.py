@@ -49,6 +49,13 @@ RUNS: Mapping[str, Run] = MappingProxyType(
         ),
         "free": Run("free-third-rate", (), "three-axis law, third rate free"),
         "free-without-d3": Run("free-third-rate", (_NO_D3,), "the same, no disturbance on axis 3"),
-        "switching": Run("switching", (), "switching between the two laws, third rate free"),
+        "switching": Run(
+            "switching",
+            ("simulation.save_every_s=0.1",),  # every sample, to see each transition
+            "switching between the two laws, third rate free",
+        ),
+        "switching-rounded": Run(
+            "switching-rounded", (), "the same with δ² under the fraction of (41), tuned with it"
+        ),
     }
 )

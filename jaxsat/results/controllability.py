@@ -19,14 +19,18 @@ def failure_dataset(
         "rank": "rank of the Lie algebra at rest, 6 at most",
         "controllable": "rank 6",
         "borderline": "the margin is too small to be sure",
-        "margin": "smallest singular value of the normalised generating vectors",
+        "margin": "smallest singular value of the normalised generating vectors (directions)",
+        "turn_time": "time to turn 1 rad about the axis hardest to reach, 1 N m a thruster",
         "directions": "torque directions available without the drift",
         "lost": "what the failure takes away",
     }
+    units = {"margin": "1", "turn_time": "s"}
     variables = {}
     for name, values in arrays.items():
         dimensions = ("case", "thruster")[: values.ndim]
-        attributes = {"long_name": meaning[name]} | ({"units": "1"} if name == "margin" else {})
+        attributes = {"long_name": meaning[name]}
+        if name in units:
+            attributes["units"] = units[name]
         variables[name] = (dimensions, values, attributes)
     attributes = {
         "title": title,
@@ -34,6 +38,7 @@ def failure_dataset(
         "verdict": analysis.verdict,
         "rank": analysis.rank,
         "margin": analysis.margin,
+        "turn_time_s": analysis.turn_time,
         **provenance_attributes(),
     }
     return xr.Dataset(variables, {"thruster": list(names)}, attributes)

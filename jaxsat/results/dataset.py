@@ -14,7 +14,7 @@ from jaxsat.results.errors import OutputError, one_line, reason, system_failure
 from jaxsat.results.files import read_or_explain, save_file
 from jaxsat.results.marker import Marker
 from jaxsat.results.provenance import provenance_attributes
-from jaxsat.simulation import Trajectory
+from jaxsat.simulation import Assessment, Signals, Trajectory
 
 
 class _Variable(NamedTuple):
@@ -48,7 +48,21 @@ VARIABLES = {
     ),
     "lyapunov": _Variable((), "J", "Lyapunov function of the control law"),
     "mode": _Variable((), "1", "part of a switching law or supervisor that is active"),
+    "constraint_torque": _Variable(
+        (), "N m", "ideal torque about the third axis that holds the third rate"
+    ),
 }
+"""Signals, each over `time`; `constraint_torque` only where the third rate is held."""
+
+TOTALS = {
+    "settled_from": _Variable(
+        (), "s", "when attitude and relative rate came to stay within the tolerances"
+    ),
+    "at_rest_from": _Variable((), "s", "when the inertial rate came to stay within its tolerance"),
+    "effort": _Variable(("body_axis",), "N m s", "integral of the size of the thruster torque"),
+    "constraint_effort": _Variable((), "N m s", "the same of the torque that holds the third rate"),
+}
+"""Of the whole run, judged on the integrator's steps and not at the saved times."""
 
 
 def trajectory_dataset(
@@ -63,16 +77,13 @@ def trajectory_dataset(
 
     `scenario` is the scenario as TOML text. Global attributes hold it with the outcome, the seed
     and what `provenance` tells; `mode_names` go to the attributes of `mode`. Values after the end
-    of a failed run are NaN.
+    of a failed run are NaN. Beside the history stand the `TOTALS` of the whole run.
     """
-    variables = {
-        name: xr.Variable(
-            ("time", *label.dimensions),
-            np.asarray(getattr(trajectory.signals, name)),
-            {"units": label.units, "long_name": label.long_name},
-        )
-        for name, label in VARIABLES.items()
+    found = {
+        **_labelled(trajectory.signals, VARIABLES, ("time",)),
+        **_labelled(trajectory.assessment, TOTALS, ()),
     }
+    variables = {name: variable for name, variable in found.items() if variable is not None}
     if mode_names:
         variables["mode"].attrs |= {
             "flag_values": np.array(list(mode_names), float),
@@ -94,12 +105,13 @@ def dataset_bytes(dataset: xr.Dataset) -> bytes:
 
     It is made in memory: HDF5 does not survive a disk that fills up while it writes.
     """
-    numbers = [name for name in dataset.variables if dataset[name].dtype.kind in "biuf"]
-    encoding: dict[Any, dict[str, Any]] = {
-        name: {"fletcher32": True} for name in numbers if dataset[name].ndim
-    }
-    for name in dataset.data_vars:
-        encoding.setdefault(name, {}).update(zlib=True, complevel=4)
+    encoding: dict[Any, dict[str, Any]] = {}
+    for name, variable in dataset.variables.items():
+        if variable.ndim:  # HDF5 has filters for arrays alone
+            checked = variable.dtype.kind in "biuf"
+            compressed = name in dataset.data_vars
+            encoding[name] = {"fletcher32": True} if checked else {}
+            encoding[name] |= {"zlib": True, "complevel": 4} if compressed else {}
     buffer = io.BytesIO()
     dataset.to_netcdf(buffer, engine="h5netcdf", encoding=encoding)
     return buffer.getvalue()
@@ -137,6 +149,23 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
             return dataset.load()
     except Exception as error:  # h5py and xarray raise whatever the damage leads to
         raise OutputError(f"{file} cannot be read as netCDF 4: {one_line(error)}.") from error
+
+
+def _labelled(
+    source: Signals | Assessment, labels: Mapping[str, _Variable], first: tuple[str, ...]
+) -> dict[str, xr.Variable | None]:
+    """What of the source is labelled; None for what it has not."""
+    values = {name: getattr(source, name) for name in labels}
+    return {
+        name: None
+        if values[name] is None
+        else xr.Variable(
+            (*first, *label.dimensions),
+            np.asarray(values[name]),
+            {"units": label.units, "long_name": label.long_name},
+        )
+        for name, label in labels.items()
+    }
 
 
 def _attributes(

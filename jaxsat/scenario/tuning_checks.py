@@ -108,6 +108,17 @@ def _widths_are_those_of_the_law(values):
             )
 
 
+@rule_over("control.law", "tuning.steps")
+def _widths_are_not_tuned_as_well(values):
+    for name in SmoothingTable.model_fields:
+        width = values.get(f"tuning.smoothing.{name}")
+        if width is not None and name in _tuned(values):
+            yield at(
+                f"tuning.smoothing.{name}",
+                f"must be left out where tuning.parameters.{name} is given, got {shown(width)}",
+            )
+
+
 @rule("tuning.steps", "dispersion")
 def _something_is_dispersed(steps, dispersion):
     del steps

@@ -28,6 +28,7 @@ TUNABLE: dict[str, dict[str, str]] = {
         "a": "a",
         "k4": "k4",
         "attitude_weight_N_m": "attitude_weight",
+        "tilt_width": "tilt_width",
     },
     "switching": {
         "k1": "rate_law.k1",
@@ -37,6 +38,7 @@ TUNABLE: dict[str, dict[str, str]] = {
         "a": "three_axis_law.a",
         "k4": "three_axis_law.k4",
         "attitude_weight_N_m": "three_axis_law.attitude_weight",
+        "tilt_width": "three_axis_law.tilt_width",
         "upper_threshold_rad_s": "upper_threshold",
         "lower_threshold_rad_s": "lower_threshold",
     },
@@ -87,6 +89,7 @@ class ParametersTable(Table):
     a: Bounds = _tuned("a")
     k4: Bounds = _tuned("k4")
     attitude_weight_N_m: Bounds = _tuned("attitude_weight_N_m")
+    tilt_width: Bounds = _tuned("tilt_width")
     upper_threshold_rad_s: Bounds = _tuned("upper_threshold_rad_s")
     lower_threshold_rad_s: Bounds = _tuned("lower_threshold_rad_s")
     frequency_rad_s: Bounds = _tuned("frequency_rad_s")

@@ -1,5 +1,6 @@
 """Closed loops and how they are integrated."""
 
+from jaxsat.simulation.assessment import Assessment
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
 from jaxsat.simulation.loops import (
     AbstractContinuousLoop,
@@ -15,6 +16,7 @@ from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
 __all__ = [
     "AbstractContinuousLoop",
     "AbstractLoop",
+    "Assessment",
     "ContinuousLoop",
     "ErrorCoordinateLoop",
     "Method",

@@ -299,4 +299,5 @@ def _plant_signals(plant, t, state, torque, rate_error, lyapunov, mode) -> Signa
         rate_error=rate_error,
         lyapunov=lyapunov,
         mode=mode,
+        constraint_torque=plant.constraint_torque(t, state, torque),
     )

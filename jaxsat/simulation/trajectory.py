@@ -5,6 +5,8 @@ import enum
 import equinox as eqx
 from jaxtyping import Array, Float, Int, PyTree
 
+from jaxsat.simulation.assessment import Assessment
+
 
 class Outcome(enum.IntEnum):
     """How a run ended; anything but `SUCCESS` leaves NaN from the end of the run on."""
@@ -33,9 +35,10 @@ _EXPLANATIONS = {
 class Signals(eqx.Module):
     """Everything a person may want to see at one instant; body axes, SI units, angles in rad.
 
-    `torque` is what the thrusters make, `rate_error` is η of the active law, `mode` tells
-    which part of a sampled controller is at work, by its own numbers (zero for continuous ones).
-    With a leading axis it is a history.
+    `torque` is what the thrusters make, `constraint_torque` the ideal torque about the third axis
+    that holds the third rate, None where that is free, `rate_error` is η of the active law, `mode`
+    tells which part of a sampled controller is at work, by its own numbers (zero for continuous
+    ones). With a leading axis it is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -48,12 +51,14 @@ class Signals(eqx.Module):
     rate_error: Float[Array, "*times 2"]
     lyapunov: Float[Array, "*times"]
     mode: Float[Array, "*times"]
+    constraint_torque: Float[Array, "*times"] | None = None
 
 
 class Trajectory(eqx.Module):
     """The history of one run at the times asked for.
 
     `final` is the loop's own state at the last of these times, from which a run can go on.
+    `assessment` is of the whole run and does not depend on the times between its ends.
     """
 
     times: Float[Array, " times"]
@@ -61,6 +66,7 @@ class Trajectory(eqx.Module):
     final: PyTree
     code: Int[Array, ""]
     steps: Int[Array, ""]
+    assessment: Assessment
 
     @property
     def outcome(self) -> Outcome:

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.metrics import Tolerances, effort, settling_time, within, wrapped
+from jaxsat.metrics import Since, Tolerances, within, wrapped
 
 TIMES = jnp.linspace(0.0, 10.0, 11)
 
@@ -13,17 +13,27 @@ TIMES = jnp.linspace(0.0, 10.0, 11)
     ("bad", "expected"),
     [
         ([], 0.0),
-        ([0, 1, 2], 3.0),
-        ([4], 5.0),
-        ([8], 9.0),
+        ([0, 1, 2], 2.75),  # from 3 outside to 1 inside: three quarters of the way
+        ([4], 4.75),
+        ([8], 8.75),
         ([9], np.inf),  # only just inside: begins after 0.9 of the horizon
         ([10], np.inf),
         (list(range(11)), np.inf),
     ],
 )
-def test_settling_time(bad, expected):
-    good = jnp.ones(11, bool).at[jnp.array(bad, int)].set(False)
-    assert settling_time(TIMES, good) == expected
+def test_since(bad, expected):
+    since = Since.begun(TIMES[0], 2)
+    for number, time in enumerate(TIMES):
+        outside = 3.0 if number in bad else -1.0
+        since = since.looked(time, jnp.array([outside, -0.5]))
+    assert since.settled(TIMES[-1]) == expected
+
+
+def test_since_waits_for_the_last_condition_and_takes_no_nan():
+    since = Since.begun(jnp.array(0.0), 2).looked(jnp.array(0.0), jnp.array([1.0, 1.0]))
+    inside = since.looked(jnp.array(1.0), jnp.array([-1.0, -3.0]))
+    assert inside.start == 0.5
+    assert inside.looked(jnp.array(2.0), jnp.array([-1.0, jnp.nan])).start == jnp.inf
 
 
 def test_within_asks_for_everything_and_takes_no_nan():
@@ -41,9 +51,3 @@ def test_wrapped():
     angles = jnp.array([0.0, 3.0, -3.0, 3.2, 2 * jnp.pi, -7.0])
     expected = np.angle(np.exp(1j * np.array(angles)))
     np.testing.assert_allclose(wrapped(angles), expected, atol=1e-15)
-
-
-def test_effort_is_the_integral_of_the_torques():
-    torque = jnp.stack([jnp.sin(TIMES), -TIMES, 0 * TIMES], axis=1)
-    exact = np.trapezoid(np.abs(np.sin(np.array(TIMES))), TIMES) + 50.0
-    np.testing.assert_allclose(effort(TIMES, torque), exact, rtol=1e-14)

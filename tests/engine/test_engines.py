@@ -28,7 +28,7 @@ from jaxsat.engine import (
     Tolerance,
     program_of,
 )
-from jaxsat.metrics import Tolerances, settling_time, within
+from jaxsat.metrics import Tolerances
 from jaxsat.noise import key_of_seed
 from jaxsat.simulation import (
     AbstractLoop,
@@ -161,7 +161,8 @@ def test_engines_agree(example, found):
         corners = name == "effort" and example.agreement > 1e-6  # |u| has some, a hold has none
         tolerance = np.abs(values).max() * (1e-4 if corners else example.agreement)
         np.testing.assert_allclose(getattr(found, name), values, atol=tolerance, err_msg=name)
-    np.testing.assert_array_equal(found.settling_time, expected.settling_time)
+    late = 2e-3 if isinstance(example.copies.loop, SampledLoop) else 2e-4
+    np.testing.assert_allclose(found.settling_time, expected.settling_time, atol=late)
     np.testing.assert_array_equal(found.ended_at, expected.ended_at)
     np.testing.assert_array_equal(found.drawn["kick"], KICKS)
 
@@ -225,13 +226,14 @@ def test_a_replay_has_the_same_bits_and_the_history_of_simulate(example, found):
     same_bits(replay.outputs, jax.tree.map(lambda x: x[3], found))
     copy = example.copies(KICKS[3], None)
     method = example.reference.method
-    run = simulate(copy.loop, copy.start, replay.times, method=method).signals
+    whole = simulate(copy.loop, copy.start, replay.times, method=method, tolerances=WIDE)
+    run = whole.signals
     for name in ("w", "z", "omega", "torque", "relative_rate"):
         values = getattr(run, name)
         tolerance = 100 * example.agreement * np.abs(values).max()
         np.testing.assert_allclose(getattr(replay.signals, name), values, atol=tolerance)
-    good = within(run.w, run.z, run.relative_rate, WIDE)
-    assert replay.outputs.settling_time == settling_time(jnp.array(replay.times), good)
+    settled = whole.assessment.settled_from
+    np.testing.assert_allclose(replay.outputs.settling_time, settled, atol=2e-4)
     rates = np.linalg.norm(run.omega, axis=1)
     np.testing.assert_allclose(replay.outputs.peak_rate, rates.max(), rtol=1e-5)
     np.testing.assert_array_equal(replay.signals.omega[-1], found.omega[3])

@@ -35,10 +35,10 @@ def test_verdicts_are_those_of_an_independent_study(datasets):
         ("(39), Fig. 3b", Verdict.ONLY_IF),
         ("(39), Fig. 4", Verdict.ONLY_IF),
         ("(42), Figs. 5-7", Verdict.ONLY_IF),
-        ("(42), Fig. 5b", Verdict.HOLDS),
+        ("(42), Fig. 5b", Verdict.ONLY_IF),
         ("(43), proof of (42)", Verdict.HOLDS),
         ("(42), section 5", Verdict.ONLY_IF),
-        ("note in section 5", Verdict.FAILS),
+        ("note in section 5", Verdict.ONLY_IF),
     }
     table = markdown_table(judge(datasets))
     assert table.count("\n") == 2 + len(judge(datasets))
@@ -85,9 +85,20 @@ def test_figures_are_drawn_with_units(datasets):
 
 
 @pytest.mark.slow
-def test_settling_time_of_a_dataset(datasets):
-    """The held run settles; its z, turned by 2π, is the same attitude; the free run never."""
-    held = datasets["three-axis"]
-    turned = held.assign(z=held["z"] + 2 * np.pi)
-    assert 400 < time_to_settle(held) == time_to_settle(turned) < 600
+def test_reproduce_and_simulate_say_the_same(datasets):
+    """From 570.24 s the held run stays settled, whatever is saved; the free run never does."""
+    changes = ["simulation.duration_s=1000", "simulation.save_every_s=1.0"]
+    coarse = build(load("paper-three-axis", changes)).simulate()
+    settled = time_to_settle(datasets["three-axis"])
+    assert settled == time_to_settle(trajectory_dataset(coarse))
+    assert settled == pytest.approx(570.2424, abs=1e-3)
     assert time_to_settle(datasets["free"]) == jnp.inf
+
+
+@pytest.mark.slow
+def test_what_the_verdicts_say_of_the_switching_run(datasets):
+    """Two transitions and one law ever after; the row names what the run was made with."""
+    (row,) = (claim for claim in judge(datasets) if "Switching" in claim.statement)
+    assert "2 transitions (at 1.3, 22.1 s), from 22.1 s on (42) alone" in row.found
+    for setting in ("5 N m", "0.1 s", "clipped", "without internal model", "tuned"):
+        assert setting in row.found

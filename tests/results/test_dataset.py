@@ -14,9 +14,10 @@ from jaxsat.results import (
     OutputFolder,
     open_trajectory,
     save_dataset,
+    time_to_settle,
     trajectory_dataset,
 )
-from jaxsat.results.dataset import VARIABLES, dataset_bytes
+from jaxsat.results.dataset import TOTALS, VARIABLES, dataset_bytes
 from jaxsat.scenario import build, dump, load
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -37,9 +38,13 @@ def dataset(run):
 
 def test_holds_every_signal(run, dataset):
     _, trajectory = run
-    for name in VARIABLES:
+    for name in set(VARIABLES) - {"constraint_torque"}:
         np.testing.assert_array_equal(dataset[name], getattr(trajectory.signals, name))
     assert set(VARIABLES) == set(vars(trajectory.signals))
+    assert set(TOTALS) == set(vars(trajectory.assessment))
+    assert "constraint_torque" not in dataset  # nothing holds the third rate
+    assert "constraint_effort" not in dataset
+    np.testing.assert_array_equal(dataset["effort"], trajectory.assessment.effort)
     assert dataset["quaternion"].dims == ("time", "quaternion_component")
     assert list(dataset["omega"]["body_axis"].values) == ["x", "y", "z"]
     assert dataset["rate_error"].dims == ("time", "driven_axis")
@@ -47,12 +52,27 @@ def test_holds_every_signal(run, dataset):
 
 
 def test_units_in_attributes(dataset):
-    units = {name: dataset[name].attrs["units"] for name in ("time", *VARIABLES)}
+    units = {name: dataset[name].attrs["units"] for name in ("time", *dataset.data_vars)}
+    assert (units["settled_from"], units["effort"]) == ("s", "N m s")
     assert units["time"] == "s"
     assert units["omega"] == units["relative_rate"] == units["rate_error"] == "rad s-1"
     assert units["torque"] == units["disturbance"] == "N m"
     assert (units["w"], units["z"], units["quaternion"]) == ("1", "rad", "1")
-    assert all(dataset[name].attrs["long_name"] for name in VARIABLES)
+    assert all(dataset[name].attrs["long_name"] for name in dataset.data_vars)
+
+
+def test_held_third_rate_is_told_apart(tmp_path):
+    held = build(load("paper-three-axis", ["simulation.duration_s=5"])).simulate()
+    found = trajectory_dataset(held)
+    assert found["constraint_torque"].attrs["units"] == "N m"
+    assert found["constraint_effort"].attrs["units"] == "N m s"
+    save_dataset(found, tmp_path / "trajectory.nc")
+    assert open_trajectory(tmp_path).identical(found)
+
+
+def test_a_dataset_that_does_not_tell_is_refused(dataset):
+    with pytest.raises(ValueError, match="simulate again"):
+        time_to_settle(dataset.drop_vars("settled_from"))
 
 
 def test_says_what_made_it(dataset):

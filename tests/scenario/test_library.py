@@ -9,7 +9,7 @@ from jaxsat.scenario import ScenarioError, ScenarioWarning, build, dump, library
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, SampledLoop
 
 PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]
-TUNED = ["oscillatory-dispersed", "rate-limited", "switching-dispersed"]
+TUNED = ["oscillatory-dispersed", "rate-limited", "switching-dispersed", "switching-rounded"]
 SETTLING = ["two-torque-free", "two-torque-free-1", "two-torque-free-20"]
 ACCEPTANCE = ["acceptance-hard", "acceptance-mc", "acceptance-nominal"]
 NAMES = PAPER + SETTLING + ACCEPTANCE + TUNED
@@ -100,13 +100,17 @@ def test_free_third_rate_winds_up():
     assert 10 < z[-1] < 14
 
 
-def test_switching_ends_in_a_limit_cycle():
-    trajectory = build(load("switching", ["simulation.duration_s=1000"])).simulate()
-    size = np.linalg.norm(np.asarray(trajectory.signals.omega)[500:], axis=1)
+def test_switching_makes_two_transitions_and_ends_in_a_limit_cycle():
+    changes = ["simulation.duration_s=1000", "simulation.save_every_s=0.1"]
+    trajectory = build(load("switching", changes)).simulate()
+    size = np.linalg.norm(np.asarray(trajectory.signals.omega)[5000:], axis=1)
     assert 0.005 < size.mean() < 0.05
     assert size.max() < 0.1
     active = np.asarray(trajectory.signals.mode)
-    assert set(np.unique(active)) == {0.0, 1.0}
+    changed = np.asarray(trajectory.times)[np.flatnonzero(np.diff(active)) + 1]
+    np.testing.assert_allclose(changed, [1.3, 22.1], atol=1e-9)
+    assert active[-1] == 0
+    assert not np.isfinite(trajectory.assessment.settled_from)
     assert np.abs(np.asarray(trajectory.signals.torque)).max() <= 5
 
 

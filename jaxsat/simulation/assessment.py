@@ -1,0 +1,226 @@
+"""What a whole run was, judged on its integrator's own steps, whatever instants are saved."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.metrics import Since, Tolerances, excess
+
+LOOKS = 4
+"""Equal parts of a step at whose ends a run is looked at."""
+
+HALVINGS = 40
+"""Bisections of such a part: what is left of a step of 1 s is less than its rounding."""
+
+
+class Assessment(eqx.Module):
+    """When a run settled, and what that took.
+
+    `settled_from` (s) is the instant from which attitude and relative rate, `at_rest_from` that
+    from which the inertial rate alone, stayed within the tolerances to the end; infinite where that
+    began after 0.9 of the horizon or never. `effort` is ∫|T_i| dt of the thrusters by body axis
+    and `constraint_effort` that of the ideal torque by which the third rate is held, None where it
+    is free, both in N m s; NaN where the run did not reach its end. A case that an engine has
+    replayed tells `settled_from` alone, the others are None.
+    """
+
+    settled_from: Float[Array, ""]
+    at_rest_from: Float[Array, ""] | None = None
+    effort: Float[Array, "3"] | None = None
+    constraint_effort: Float[Array, ""] | None = None
+
+
+class Sight(NamedTuple):
+    """What of the signals is judged at an instant; see `Signals`."""
+
+    w: Float[Array, "2"]
+    z: Float[Array, ""]
+    relative_rate: Float[Array, "3"]
+    omega: Float[Array, "3"]
+
+    @staticmethod
+    def of(plant: RigidBody, state: PlantState) -> "Sight":
+        """What is judged of a plant in a state."""
+        wz = state.attitude.as_wz()
+        return Sight(wz.w, wz.z, plant.relative_rate(state), state.omega)
+
+    def excess(self, tolerances: Tolerances) -> Float[Array, "3"]:
+        """How far outside the tolerances, see `jaxsat.metrics.excess`."""
+        return excess(self.w, self.z, self.relative_rate, tolerances)
+
+    def rest_excess(self, tolerances: Tolerances) -> Float[Array, "1"]:
+        """The same of the inertial rate alone."""
+        return jnp.sqrt(jnp.sum(self.omega**2))[None] / tolerances.relative_rate - 1
+
+
+class Look(NamedTuple):
+    """A look at a run: how far outside each group of conditions it is, and rates to integrate."""
+
+    excess: tuple[Float[Array, " _"], ...]
+    flow: Float[Array, " m"]
+
+
+Looker = Callable[[Float[Array, ""], PyTree], Look]
+"""Looks at a time (s) and the state that is integrated."""
+
+
+class Entry(NamedTuple):
+    """The step in which all of a group's conditions were met again, and between which parts.
+
+    `low` is infinite before the first one.
+    """
+
+    begin: Float[Array, ""]
+    end: Float[Array, ""]
+    dense: PyTree
+    low: Float[Array, ""]
+    high: Float[Array, ""]
+
+
+class Watched(NamedTuple):
+    """What has been seen up to the end of the last step."""
+
+    since: tuple[Since, ...]
+    entries: tuple[Entry, ...]
+    flow: Float[Array, " m"]
+    integral: Float[Array, " m"]
+
+
+class WatchedState(NamedTuple):
+    """The state of a solver and what has been seen of the run."""
+
+    solver: Any
+    watched: Watched
+
+
+class WatchedSolver(diffrax.AbstractWrappedSolver):
+    """A solver that looks at every accepted step on its dense output; the steps are its own.
+
+    Nothing of it is differentiated. The record is `solver_state.watched` of the solution.
+    """
+
+    solver: diffrax.AbstractSolver  # pyright: ignore[reportIncompatibleVariableOverride]
+    look: Looker
+
+    @property
+    def term_structure(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The solver's own, as are all that follow."""
+        return self.solver.term_structure
+
+    @property
+    def interpolation_cls(self):  # pyright: ignore
+        """Its dense output."""
+        return self.solver.interpolation_cls
+
+    @property
+    def term_compatible_contr_kwargs(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+        """What diffrax asks of its terms."""
+        return self.solver.term_compatible_contr_kwargs
+
+    def order(self, terms):
+        """Its order."""
+        return self.solver.order(terms)
+
+    def strong_order(self, terms):
+        """Its strong order."""
+        return self.solver.strong_order(terms)
+
+    def error_order(self, terms):
+        """The order of its error."""
+        return self.solver.error_order(terms)
+
+    def func(self, terms, t0, y0, args):
+        """The rate."""
+        return self.solver.func(terms, t0, y0, args)
+
+    def init(self, terms, t0, t1, y0, args) -> WatchedState:
+        """The first look."""
+        inner = self.solver.init(terms, t0, t1, y0, args)
+        shapes = eqx.filter_eval_shape(self.solver.step, terms, t0, t1, y0, args, inner, False)[2]
+        dense = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+        t0 = jnp.asarray(t0)
+        seen = self.look(*still((t0, y0)))
+        never = Entry(t0, t0, dense, t0 + jnp.inf, t0 + jnp.inf)
+        since = tuple(Since.begun(t0, len(x)).looked(t0, x) for x in seen.excess)
+        watched = Watched(since, (never,) * len(since), seen.flow, jnp.zeros_like(seen.flow))
+        return WatchedState(inner, watched)
+
+    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+        """The solver's step, looked at."""
+        y1, error, dense, inner, result = self.solver.step(
+            terms, t0, t1, y0, args, solver_state.solver, made_jump
+        )
+        begin, end, stages = still((jnp.asarray(t0), jnp.asarray(t1), dense))
+        watched = self._seen(begin, end, stages, solver_state.watched)
+        return y1, error, dense, WatchedState(inner, watched), result
+
+    def _seen(self, t0, t1, dense, watched: Watched) -> Watched:
+        at = jnp.arange(1, LOOKS + 1) / LOOKS
+        looks = jax.vmap(lambda part: self._at(t0, t1, dense, part))(at)
+        groups = []
+        for since, entry, values in zip(watched.since, watched.entries, looks.excess, strict=True):
+            for number, part in enumerate(at):
+                now, time = values[number], t0 + part * (t1 - t0)
+                enters = jnp.any(since.excess >= 0) & jnp.all(now < 0)
+                here = Entry(t0, t1, dense, part - 1 / LOOKS, part)
+                entry = jax.tree.map(lambda x, y, e=enters: jnp.where(e, x, y), here, entry)
+                since = since.looked(time, now)
+            groups.append((since, entry))
+        flows = jnp.concatenate([watched.flow[None], looks.flow])
+        weights = jnp.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12.0  # Simpson's
+        integral = watched.integral + (t1 - t0) * weights @ flows
+        since, entries = (tuple(group[i] for group in groups) for i in range(2))
+        return Watched(since, entries, looks.flow[-1], integral)
+
+    def _at(self, t0, t1, dense, part) -> Look:
+        t = t0 + part * (t1 - t0)
+        return self.look(t, self.interpolation_cls(t0=t0, t1=t1, **dense).evaluate(t))
+
+    def since(self, watched: Watched, group: int) -> Since:
+        """Since when a group's conditions hold, the instant located on the dense output."""
+        since, entry = watched.since[group], watched.entries[group]
+        never = jnp.isinf(entry.low)
+        begin, end, dense = entry.begin, jnp.where(never, entry.end + 1, entry.end), entry.dense
+
+        def halve(_, bracket):
+            low, high = bracket
+            middle = (low + high) / 2
+            inside = jnp.all(self._at(begin, end, dense, middle).excess[group] < 0)
+            return jnp.where(inside, low, middle), jnp.where(inside, middle, high)
+
+        bracket = (jnp.where(never, 0.0, entry.low), jnp.where(never, 1.0, entry.high))
+        high = jax.lax.fori_loop(0, HALVINGS, halve, bracket)[1]
+        located = begin + high * (end - begin)
+        return since._replace(start=jnp.where(never | jnp.isinf(since.start), since.start, located))
+
+
+def effort_flow(
+    plant: RigidBody, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
+) -> Float[Array, " m"]:
+    """|T_i| of the thrusters (N m) and, where the third rate is held, |T| of what holds it."""
+    held = plant.constraint_torque(t, state, torque)
+    return jnp.abs(torque if held is None else jnp.append(torque, held))
+
+
+def assessment(
+    plant: RigidBody,
+    since: tuple[Since, Since],
+    integral: Float[Array, " m"],
+    times: Float[Array, " times"],
+    success: Bool[Array, ""],
+) -> Assessment:
+    """What a run from `times[0]` to `times[-1]` (s) was, from what was seen of it."""
+    settled, rest = (jnp.where(success, x.settled(times[-1], times[0]), jnp.inf) for x in since)
+    integral = jnp.where(success, integral, jnp.nan)
+    return Assessment(settled, rest, integral[:3], integral[3] if plant.third_rate_held else None)
+
+
+def still(tree: PyTree) -> PyTree:
+    """The tree with nothing to be differentiated."""
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)

@@ -1,0 +1,132 @@
+"""Settling and effort of a run, judged on the integrator's steps: nothing that is saved matters."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from core.cases import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
+from core.test_switching import CASE, start, switching_loop
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.engine import AbstractCopies, Copy, ReferenceEngine, ScanEngine, Tolerance, program_of
+from jaxsat.environment import ExactOrbit, PeriodicTorque
+from jaxsat.metrics import Tolerances, excess
+from jaxsat.simulation import simulate
+from jaxsat.vehicle import Spacecraft
+
+LOOSE = Tolerances(1.1, 1.27, 0.3)
+"""So loose that the paper's start is within them from 5 s on."""
+
+
+def continuous(times):
+    loop, begin = three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)
+    return simulate(loop, begin, times, tolerances=LOOSE)
+
+
+def sampled(times):
+    return simulate(switching_loop(CASE), start(), times, tolerances=LOOSE)
+
+
+@pytest.mark.parametrize("run", [continuous, sampled])
+def test_the_saved_times_do_not_matter(run):
+    """The same instant and effort from two saved times, from many, and from unequal ones."""
+    found = [run(jnp.array(times)) for times in ([0.0, 20.0], np.linspace(0, 20, 201))]
+    found.append(run(jnp.array([0.0, 0.1, 7.3, 20.0])))
+    assert 0 < found[0].assessment.settled_from < 18
+    for other in found[1:]:
+        pair = map(jax.tree.leaves, (found[0].assessment, other.assessment))
+        for one, same in zip(*pair, strict=True):
+            np.testing.assert_allclose(one, same, rtol=1e-12)
+
+
+def test_the_instant_is_that_of_the_tolerances():
+    """Between the last saved time outside and the next, where a straight line is at zero."""
+    times = jnp.linspace(0, 20, 2001)
+    whole = continuous(times)
+    signals = whole.signals
+    worst = np.asarray(excess(signals.w, signals.z, signals.relative_rate, LOOSE).max(axis=1))
+    last = int(np.flatnonzero(worst >= 0)[-1])
+    expected = times[last] + 0.01 * worst[last] / (worst[last] - worst[last + 1])
+    np.testing.assert_allclose(whole.assessment.settled_from, expected, atol=1e-4)
+
+
+class Alone(AbstractCopies):
+    def __call__(self, case, gains):
+        del gains
+        loop, begin = three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)
+        kicked = PlantState(begin.attitude, begin.omega + case)
+        return Copy(loop, kicked, {}, jnp.array(True))
+
+
+def test_engines_do_not_look_at_their_interval():
+    """A case settles at the same instant whether it is looked at every 0.5 s or every 4 s."""
+    loop = three_axis_loop(PAPER_THREE_AXIS)
+    engine = ScanEngine(diffrax.Tsit5(), lanes=1, tolerance=Tolerance(1e-10, 1e-10))
+    settled = [
+        engine.evaluate(
+            program_of(Alone(), loop, 20.0, interval, tolerances=LOOSE), np.zeros((1, 3))
+        ).settling_time[0]
+        for interval in (0.5, 4.0)
+    ]
+    assert settled[0] == settled[1]
+    expected = continuous(jnp.array([0.0, 20.0])).assessment.settled_from
+    np.testing.assert_allclose(settled[0], expected, atol=1e-6)
+
+
+def test_effort_is_the_change_of_momentum():
+    """Without disturbance or third rate ∫|u_i| dt is J_i times the variation of ω_i."""
+    loop, begin = three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)
+    times = jnp.linspace(0, 20, 20001)
+    whole = simulate(loop, begin, times)
+    spins = np.asarray(whole.signals.omega[:, :2])
+    moments = np.asarray(loop.plant.spacecraft.moments[:2])
+    pushed = np.asarray(whole.signals.disturbance[:, :2])
+    impulse = 0.001 * (pushed[1:] + pushed[:-1]) / 2
+    expected = np.abs(moments * np.diff(spins, axis=0) - impulse).sum(axis=0)
+    np.testing.assert_allclose(whole.assessment.effort[:2], expected, rtol=2e-3)
+    torque = np.abs(whole.signals.constraint_torque)
+    held = np.trapezoid(torque, times)
+    np.testing.assert_allclose(whole.assessment.constraint_effort, held, rtol=2e-3)
+
+
+@pytest.mark.parametrize("general", [False, True])
+def test_the_constraint_torque_is_what_euler_lacks(general):
+    """e3 · (J dω/dt + ω × Jω - T - T_d) for the rate that the plant itself gives."""
+    inertia = np.diag([449.5, 264.6, 312.5])
+    if general:
+        inertia = inertia + np.array([[0, 9, -20], [9, 0, 30], [-20, 30, 0.0]])
+    disturbance = PeriodicTorque([0.01, 0.02, 0.3], [0.7, 0.8, 0.1], [0.1, 0.2, 0.3])
+    plant = RigidBody(Spacecraft(inertia), ExactOrbit(0.0011), disturbance, True)
+    begin = three_axis_start(PAPER_THREE_AXIS)
+    omega, torque, t = np.array([0.1, -0.11, 0.2]), jnp.array([4.0, -2.0, 0.7]), jnp.array(3.0)
+    state = PlantState(begin.attitude, omega)
+    rate = np.asarray(plant.rate(t, state, torque).omega)
+    driven = np.asarray(torque + plant.disturbance_torque(t, state))
+    missing = inertia @ rate + np.cross(omega, inertia @ omega) - driven
+    np.testing.assert_allclose(missing[:2], 0, atol=1e-12)
+    np.testing.assert_allclose(plant.constraint_torque(t, state, torque), missing[2], rtol=1e-12)
+    assert rate[2] == 0
+    free = RigidBody(Spacecraft(inertia), ExactOrbit(0.0011), disturbance)
+    assert free.constraint_torque(t, state, torque) is None
+
+
+def test_gradients_go_past_the_assessment():
+    """Reverse mode through a run whose settling is judged."""
+
+    def last(factor):
+        loop, begin = three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)
+        begin = PlantState(begin.attitude, begin.omega * factor)
+        return simulate(loop, begin, jnp.array([0.0, 2.0])).signals.z[-1]
+
+    slope = jax.grad(last)(jnp.array(1.0))
+    difference = (last(jnp.array(1 + 1e-4)) - last(jnp.array(1 - 1e-4))) / 2e-4
+    np.testing.assert_allclose(slope, difference, rtol=1e-5)
+
+
+def test_the_reference_engine_agrees():
+    loop = three_axis_loop(PAPER_THREE_AXIS)
+    program = program_of(Alone(), loop, 20.0, 4.0, tolerances=LOOSE)
+    found = ReferenceEngine(width=1).evaluate(program, np.zeros((1, 3))).settling_time[0]
+    expected = continuous(jnp.array([0.0, 20.0])).assessment.settled_from
+    np.testing.assert_allclose(found, expected, atol=1e-6)
