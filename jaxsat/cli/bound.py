@@ -2,8 +2,6 @@
 
 import json
 import math
-import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -11,14 +9,16 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.progress import tell
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
     UserMistake,
-    console,
     output_problem,
     report,
+    say,
 )
+from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
     from jaxsat.bounds import Bound
@@ -83,16 +83,15 @@ def bound(
         _write(out, found)
     if not quiet:
         arrival, values = found.arrival, found.values
-        print_line = console().print
-        print_line(f"least {objective:<10} {found.solution.value:.4g} {unit}")
-        print_line(f"duration         {found.solution.duration:.4g} s")
-        print_line(f"effort           {arrival.effort:.4g} N m s")
-        print_line(
+        say(f"least {objective:<10} {found.solution.value:.4g} {unit}")
+        say(f"duration         {found.solution.duration:.4g} s")
+        say(f"effort           {arrival.effort:.4g} N m s")
+        say(
             f"flown again      ends {arrival.angle:.1e} rad and {arrival.rate:.1e} rad/s from rest "
             "in the orbit frame"
         )
         listed = ", ".join(f"{value:.4g}" for value in values)
-        print_line(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
+        say(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
     return SUCCESS
 
 
@@ -102,19 +101,18 @@ def searched(
     """The best of several starts, told of while it runs."""
     from jaxsat.bounds import best_of_starts
 
-    status = console(error=True).status(f"{what}: start 1 of {starts}")
+    tell(f"{what}: start 1 of {starts}")
 
     def told(done: int, best: float) -> None:
         known = f", {best:.4g} so far" if math.isfinite(best) else ""
-        status.update(f"{what}: {done} of {starts} starts{known}")
+        tell(f"{what}: {done} of {starts} starts{known}")
 
     try:
-        with status:
-            return interruptibly(
-                lambda: best_of_starts(
-                    manoeuvre, objective, starts, longest=longest, seed=seed, report=told
-                )
+        return interruptibly(
+            lambda: best_of_starts(
+                manoeuvre, objective, starts, longest=longest, seed=seed, report=told
             )
+        )
     except (ValueError, ModuleNotFoundError) as error:
         raise UserMistake(str(error)) from None
 
@@ -124,7 +122,7 @@ def _write(target: Path, found: "Bound") -> None:
 
     solution = found.solution
     record = {
-        "command": shlex.join(["jaxsat", *sys.argv[1:]]),
+        "command": command_line(),
         "objective": found.objective.value,
         "value": solution.value,
         "duration_s": solution.duration,

@@ -3,8 +3,6 @@
 import json
 import math
 import os
-import shlex
-import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,6 +12,7 @@ from cyclopts import Parameter
 from jaxsat.cli.bound import searched
 from jaxsat.cli.comparison_text import comparison_lines, least_text
 from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.progress import tell
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_text import progress_text
 from jaxsat.cli.terminal import (
@@ -21,10 +20,11 @@ from jaxsat.cli.terminal import (
     FailedRun,
     Terminated,
     UserMistake,
-    console,
     output_problem,
     report,
+    say,
 )
+from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
     from jaxsat.comparison import Row, Setting, Start, Verdict
@@ -110,8 +110,8 @@ def compare(
     _write(out, rows, verdicts, least, seed)
     if not quiet:
         for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):
-            console().print(line)
-        console().print(f"written to {out}")
+            say(line)
+        say(f"written to {out}")
     return SUCCESS
 
 
@@ -152,7 +152,7 @@ class _Runner:
         except ValueError as error:
             raise UserMistake(str(error)) from None
         if study.remark not in (None, self._told) and not self._quiet:
-            console(error=True).print(study.remark)
+            report(study.remark, "")
         self._told = study.remark
         level, limit, law = setting
         target = self._out / STUDIES / f"{level}-{limit:g}-{law}-{start.value}.zarr"
@@ -165,22 +165,21 @@ class _Runner:
         from jaxsat.montecarlo import ClusterError, run_study
         from jaxsat.results import OutputError
 
-        status = console(error=True).status(f"{what}: compiling")
+        tell(f"{what}: compiling")
 
         def told(progress: "StudyProgress") -> None:
-            status.update(f"{what}: {progress_text(progress)}")
+            tell(f"{what}: {progress_text(progress)}")
 
         try:
-            with status:
-                interruptibly(
-                    lambda: run_study(
-                        study,
-                        target,
-                        executor=self._executor,
-                        report=None if self._quiet else told,
-                        elsewhere=self._elsewhere,
-                    )
+            interruptibly(
+                lambda: run_study(
+                    study,
+                    target,
+                    executor=self._executor,
+                    report=told,
+                    elsewhere=self._elsewhere,
                 )
+            )
         except OutputError as error:
             hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
             raise output_problem(error, hint) from None
@@ -278,7 +277,7 @@ def _write(
     from jaxsat.results import provenance
 
     record = {
-        "command": shlex.join(["jaxsat", *sys.argv[1:]]),
+        "command": command_line(),
         "seed": seed,
         "rows": [row.plain() for row in rows],
         "verdicts": [one._asdict() for one in verdicts],

@@ -8,7 +8,8 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem
+from jaxsat.cli.progress import tell
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, say, show_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,18 +59,21 @@ def controllability(
         raise UserMistake(f"--tolerance: must lie between 0 and 1, got {tolerance}")
     chosen = load_or_explain(scenario, overrides)
     use_double_precision()
+    tell("deciding controllability")
     analysis, cases = interruptibly(lambda: _analyse(chosen, tolerance))
     from jaxsat.report.controllability_page import controllability_lines
 
     torque = chosen.spacecraft.torque_limit_N_m or 1.0
     lines = controllability_lines(analysis, torque=torque)
+    tell("following the drift")
     found = interruptibly(lambda: _follow_drift(chosen)) if drift else ([], {})
     if out is not None:
+        tell("drawing maps")
         _write_folder(out, overwrite, chosen, analysis, cases, lines, found)
     if not quiet:
         _print(lines, cases, found[0])
         if out is not None:
-            console().print(f"written to {out}")
+            say(f"written to {out}")
     return SUCCESS
 
 
@@ -243,7 +247,7 @@ def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -
     from jaxsat.controllability import failure_records
 
     for line in [*lines, *drift]:
-        console().print(line.replace("**", ""))
+        say(line.replace("**", ""))
     table = Table(pad_edge=False)
     for heading in ("failed", "rank", "verdict", "margin", "lost"):
         table.add_column(heading, justify="right" if heading in ("rank", "margin") else "left")
@@ -253,4 +257,4 @@ def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -
         table.add_row(
             str(record["failed"]), str(record["rank"]), verdict, margin, str(record["lost"])
         )
-    console().print(table)
+    show_table(table)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import use_double_precision
+from jaxsat.cli.progress import tell
 from jaxsat.cli.terminal import UserMistake, report
 
 if TYPE_CHECKING:
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 
 def load_or_explain(name_or_path: str, overrides: Sequence[str] = ()) -> "Scenario":
     """The scenario; raises `UserMistake` with every problem of it."""
+    tell(f"reading {name_or_path}")
     use_double_precision()
     from jaxsat.scenario import ScenarioError, ScenarioWarning, load
 

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.progress import tell
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_files import write_figures, write_one_case
 from jaxsat.cli.study_text import progress_text, summary_lines
@@ -17,12 +18,13 @@ from jaxsat.cli.terminal import (
     FailedRun,
     Terminated,
     UserMistake,
-    console,
     output_problem,
+    report,
+    say,
 )
 
 if TYPE_CHECKING:
-    from jaxsat.montecarlo import AbstractExecutor, StopRule, Study, StudyProgress, Summary
+    from jaxsat.montecarlo import AbstractExecutor, StopRule, Study, Summary
 
 
 def montecarlo(
@@ -106,7 +108,7 @@ def montecarlo(
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if study.remark is not None and not quiet:
-        console(error=True).print(study.remark)
+        report(study.remark, "")
     if rule is not None and study.has_fixed_size:
         raise UserMistake("--until-ci: must go with another design than latin-hypercube")
     stem = Path(scenario).stem
@@ -115,9 +117,11 @@ def montecarlo(
     target = out or Path(f"jaxsat-{stem}.zarr")
     executor = chosen_executor(workers, processes, scheduler, devices)
     try:
-        counted = _run(study, target, executor, rule, elsewhere, quiet)
+        counted = _run(study, target, executor, rule, elsewhere)
+        tell("summarising")
         summary = interruptibly(lambda: _summary(target, counted))
         if figures is not None:
+            tell("drawing figures")
             write_figures(figures, chosen.title, study, target, summary)
     except (KeyboardInterrupt, Terminated) as stop:
         with contextlib.suppress(KeyboardInterrupt, Terminated):  # a second one does not wait
@@ -125,8 +129,8 @@ def montecarlo(
         raise type(stop)(_what_is_left(target)) from None
     if not quiet:
         for line in summary_lines(summary):
-            console().print(line)
-        console().print(f"written          {target}{f' and {figures}' if figures else ''}")
+            say(line)
+        say(f"written          {target}{f' and {figures}' if figures else ''}")
     return SUCCESS
 
 
@@ -162,28 +166,22 @@ def _run(
     executor: "AbstractExecutor",
     rule: "StopRule | None",
     elsewhere: bool,
-    quiet: bool,
 ) -> int:
     from jaxsat.montecarlo import ClusterError, run_study
     from jaxsat.results import OutputError
 
-    status = console(error=True).status(f"compiling; {study.count} cases to do")
-
-    def report(progress: "StudyProgress") -> None:
-        status.update(progress_text(progress))
-
+    tell(f"compiling; {study.count} cases to do")
     try:
-        with status:
-            return interruptibly(
-                lambda: run_study(
-                    study,
-                    target,
-                    executor=executor,
-                    until=rule,
-                    report=None if quiet else report,
-                    elsewhere=elsewhere,
-                )
+        return interruptibly(
+            lambda: run_study(
+                study,
+                target,
+                executor=executor,
+                until=rule,
+                report=lambda progress: tell(progress_text(progress)),
+                elsewhere=elsewhere,
             )
+        )
     except OutputError as error:
         hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
         raise output_problem(error, hint) from None

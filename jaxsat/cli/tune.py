@@ -9,13 +9,15 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.progress import tell
 from jaxsat.cli.terminal import (
     SUCCESS,
     Terminated,
     UserMistake,
-    console,
     output_problem,
     report,
+    say,
+    say_text,
 )
 from jaxsat.processors import processors
 
@@ -79,22 +81,21 @@ def tune(
     from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
 
     try:
-        with console(error=True).status("compiling"):
-            plan = interruptibly(
-                lambda: build_plan(
-                    chosen, engine=engine, width=width, workers=workers or processors()
-                )
-            )
+        tell("compiling")
+        plan = interruptibly(
+            lambda: build_plan(chosen, engine=engine, width=width, workers=workers or processors())
+        )
         if plan.remark is not None and not quiet:
             report(plan.remark, "")
         with TuningFolder(target, plan_identity(plan), elsewhere=elsewhere) as folder:
             done = folder.has(SUMMARY) and (folder.has("baselines.json") or not baselines)
             if not done:
-                state = _descended(plan, chosen, folder, quiet)
+                state = _descended(plan, chosen, folder)
                 _concluded(plan, chosen, folder, state, baselines, quiet)
             if not quiet:
-                console().print((folder.path / SUMMARY).read_text(encoding="utf-8"), end="")
-                console().print(f"\n{'already ' if done else ''}written to {target}")
+                say_text((folder.path / SUMMARY).read_text(encoding="utf-8"))
+                say("")
+                say(f"{'already ' if done else ''}written to {target}")
     except OutputError as error:
         hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
         raise output_problem(error, hint) from None
@@ -103,15 +104,13 @@ def tune(
     return SUCCESS
 
 
-def _descended(
-    plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder", quiet: bool
-) -> "DescentState":
+def _descended(plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder") -> "DescentState":
     """The last state; every state on the way is kept, with the best gains so far."""
     from jaxsat.scenario import dump
     from jaxsat.scenario.tuning import tuned_scenario
     from jaxsat.tuning import descend
 
-    status = console(error=True).status("compiling; trying the starts")
+    tell("compiling; trying the starts")
     kept = {"step": 0}
 
     def keep(state: "DescentState") -> None:
@@ -123,14 +122,13 @@ def _descended(
     def work() -> "DescentState":
         state = folder.state(plan)
         keep(state)
-        return descend(plan, state, keep=keep, report=None if quiet else tell)
+        return descend(plan, state, keep=keep, report=told)
 
-    def tell(progress: "Report") -> None:
-        status.update(progress_text(progress))
+    def told(progress: "Report") -> None:
+        tell(progress_text(progress))
 
     try:
-        with status:
-            return interruptibly(work)
+        return interruptibly(work)
     except (KeyboardInterrupt, Terminated) as stop:
         best = f"the best gains so far are in {folder.path / TUNED}" if kept["step"] else "no step"
         text = f"{best}, after {kept['step']} steps; the same command goes on from there"
@@ -165,20 +163,19 @@ def _concluded(
         _write_json(folder, "receipt.json", receipt.as_data())
         if receipt.problems and not quiet:
             report("the gradient is not trustworthy: " + "; ".join(receipt.problems), "warning: ")
-        status.update("judging on held-out cases")
+        tell("judging on held-out cases")
         verdict = make_verdict(plan, state.best_point)
         _write_json(folder, "verdict.json", verdict.as_data())
         found = ()
         if baselines:
-            found = run_baselines(plan, state, lambda name: status.update(f"baseline: {name}"))
+            found = run_baselines(plan, state, lambda name: tell(f"baseline: {name}"))
             _write_json(folder, "baselines.json", as_data(found))
         _write_figures(plan, scenario, folder, state, verdict, found)
         folder.write(SUMMARY, summary_page(scenario.title, receipt, verdict, found))
 
-    status = console(error=True).status("checking the gradients")
+    tell("checking the gradients")
     try:
-        with status:
-            interruptibly(work)
+        interruptibly(work)
     except (KeyboardInterrupt, Terminated) as stop:
         text = f"the tuned gains are in {folder.path / TUNED}; the same command goes on from there"
         raise type(stop)(text) from None
