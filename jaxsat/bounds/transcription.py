@@ -13,6 +13,9 @@ from jaxtyping import Float
 
 from jaxsat.bounds.manoeuvre import Manoeuvre
 
+SHORTEST = 0.01
+"""Seconds; no manoeuvre is taken to last less."""
+
 STATES = 7
 """Quaternion and ω."""
 
@@ -52,11 +55,16 @@ class Transcription:
     iterations: int = 1000
 
     def __post_init__(self):
-        for name in ("intervals", "substeps", "iterations", "longest"):
+        for name in ("intervals", "substeps", "iterations"):
             if not getattr(self, name) > 0:
                 raise ValueError(
                     f"Argument `{name}` must be positive, but got {getattr(self, name)}."
                 )
+        if not SHORTEST <= self.longest < np.inf:
+            raise ValueError(
+                f"Argument `longest` must be finite and at least {SHORTEST} s, "
+                f"but got {self.longest}."
+            )
 
     def solver(self) -> Any:
         """The CasADi function that solves it from a guess; one for all guesses.
@@ -153,7 +161,7 @@ class Transcription:
         free = np.full(STATES * n, np.inf)
         thrust = np.full(man.torque_axes.shape[1] * n, man.limit)
         sizes = np.full(3 * n, np.inf)
-        lower = [start, -free, -thrust, np.zeros(3 * n), [1e-2]]
+        lower = [start, -free, -thrust, np.zeros(3 * n), [SHORTEST]]
         upper = [start, free, thrust, sizes, [self.longest]]
         return np.concatenate(lower), np.concatenate(upper)
 
@@ -170,7 +178,7 @@ class Transcription:
         states[:, 4:] *= [1, 1, 0.3]
         thrust = man.limit * random.uniform(-0.5, 0.5, (n, man.torque_axes.shape[1]))
         spread = (1.0, 3.0) if self.objective is Objective.TIME else (2.0, 8.0)
-        duration = min(self.longest, man.slew_time() * random.uniform(*spread))
+        duration = max(SHORTEST, min(self.longest, man.slew_time() * random.uniform(*spread)))
         states[:, 4:] = (
             start[4:]
             + share * (target - start)[4:]

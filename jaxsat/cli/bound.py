@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import Flag, OptionalPlace, Overrides, Seed, Starts, number
 from jaxsat.cli.progress import tell
 from jaxsat.cli.terminal import (
     FAILED_RUN,
@@ -23,6 +24,7 @@ from jaxsat.cli.words import command_line
 if TYPE_CHECKING:
     from jaxsat.bounds import Bound
 
+Longest = Annotated[float | None, Parameter(converter=number(0.01, 1e9))]
 UNITS = {"time": "s", "effort": "N m s"}
 
 
@@ -31,12 +33,12 @@ def bound(
     /,
     *,
     objective: Literal["time", "effort"] = "time",
-    starts: int = 12,
-    longest: float | None = None,
-    seed: int = 0,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
-    out: Path | None = None,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    starts: Starts = 12,
+    longest: Longest = None,
+    seed: Seed = 0,
+    overrides: Overrides = (),
+    out: OptionalPlace = None,
+    quiet: Flag = False,
 ) -> int:
     """Find how fast, or with how little effort, the scenario's start can be brought to rest.
 

@@ -8,6 +8,8 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import Flag, OptionalPlace, Overrides, number
+from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import tell
 from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, say, show_table
 
@@ -28,12 +30,12 @@ def controllability(
     scenario: str,
     /,
     *,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
-    out: Path | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
-    drift: Annotated[bool, Parameter(negative="")] = False,
-    tolerance: float = 1e-6,
+    overrides: Overrides = (),
+    out: OptionalPlace = None,
+    overwrite: Flag = False,
+    quiet: Flag = False,
+    drift: Flag = False,
+    tolerance: Annotated[float, Parameter(converter=number(0.0, 1.0, open_ends=True))] = 1e-6,
 ) -> int:
     """Say whether the spacecraft of a scenario can be steered, now and after every failure.
 
@@ -55,9 +57,11 @@ def controllability(
     tolerance
         Margins below this are called borderline; take the relative error of your inertia.
     """
-    if not 0 < tolerance < 1:
-        raise UserMistake(f"--tolerance: must lie between 0 and 1, got {tolerance}")
     chosen = load_or_explain(scenario, overrides)
+    if out is not None:
+        from jaxsat.results import OutputFolder
+
+        try_folder(lambda: OutputFolder(out, overwrite=overwrite))
     use_double_precision()
     tell("deciding controllability")
     analysis, cases = interruptibly(lambda: _analyse(chosen, tolerance))

@@ -3,12 +3,23 @@
 import contextlib
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import (
+    Case,
+    Cases,
+    Flag,
+    OptionalPlace,
+    OptionalSeed,
+    OptionalTogether,
+    Overrides,
+    Text,
+    Together,
+    Workers,
+)
+from jaxsat.cli.places import refuse_nested, try_folder
 from jaxsat.cli.progress import tell
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_files import write_figures, write_one_case
@@ -22,6 +33,7 @@ from jaxsat.cli.terminal import (
     report,
     say,
 )
+from jaxsat.cli.work import approve
 
 if TYPE_CHECKING:
     from jaxsat.montecarlo import AbstractExecutor, StopRule, Study, Summary
@@ -31,22 +43,23 @@ def montecarlo(
     scenario: str,
     /,
     *,
-    count: Annotated[int, Parameter(name=["--count", "-n"])] = 1000,
-    seed: int | None = None,
-    out: Path | None = None,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+    count: Cases = 1000,
+    seed: OptionalSeed = None,
+    out: OptionalPlace = None,
+    overrides: Overrides = (),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
-    workers: int | None = None,
-    width: int = 64,
-    chunk: int | None = None,
-    until_ci: str | None = None,
-    case: int | None = None,
-    processes: int | None = None,
-    scheduler: str | None = None,
-    devices: int | None = None,
-    figures: Path | None = None,
-    elsewhere: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    workers: Workers = None,
+    width: Together = 64,
+    chunk: OptionalTogether = None,
+    until_ci: Text = None,
+    case: Case = None,
+    processes: Workers = None,
+    scheduler: Text = None,
+    devices: Workers = None,
+    figures: OptionalPlace = None,
+    yes: Flag = False,
+    elsewhere: Flag = False,
+    quiet: Flag = False,
 ) -> int:
     """Simulate many dispersed copies of a scenario, as its [dispersion] table says.
 
@@ -93,29 +106,44 @@ def montecarlo(
     figures
         Folder for figures: settling times, where it settles, convergence, fans of attitude and
         rates.
+    yes
+        Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
         Go on with a store that was begun with other versions or on another processor.
     quiet
         Print nothing unless something is wrong.
     """
+    stem = Path(scenario).stem
+    if case is not None and figures is not None:
+        raise UserMistake("--case: must be given without --figures, which show a whole study")
+    target = out or Path(f"jaxsat-{stem}.zarr")
+    if figures is not None:
+        refuse_nested(("--figures", figures), ("--out", target))
     chosen = load_or_explain(scenario, overrides)
+    if figures is not None:
+        from jaxsat.results import OutputFolder
+
+        try_folder(lambda: OutputFolder(figures, overwrite=True))
     rule = None if until_ci is None else _stop_rule(until_ci)
     use_double_precision()
     try:
+        from jaxsat.montecarlo import study_work
         from jaxsat.scenario.study import build_study
 
-        study = build_study(chosen, count, seed=seed, engine=engine, width=width, chunk=chunk)
+        tell("compiling")
+        study = interruptibly(
+            lambda: build_study(chosen, count, seed=seed, engine=engine, width=width, chunk=chunk)
+        )
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if study.remark is not None and not quiet:
         report(study.remark, "")
     if rule is not None and study.has_fixed_size:
         raise UserMistake("--until-ci: must go with another design than latin-hypercube")
-    stem = Path(scenario).stem
     if case is not None:
         return write_one_case(chosen, study, case, out or Path(f"jaxsat-{stem}-{case}"), quiet)
-    target = out or Path(f"jaxsat-{stem}.zarr")
     executor = chosen_executor(workers, processes, scheduler, devices)
+    approve([study_work(study, rule)], target, yes=yes, quiet=quiet)
     try:
         counted = _run(study, target, executor, rule, elsewhere)
         tell("summarising")
@@ -170,7 +198,6 @@ def _run(
     from jaxsat.montecarlo import ClusterError, run_study
     from jaxsat.results import OutputError
 
-    tell(f"compiling; {study.count} cases to do")
     try:
         return interruptibly(
             lambda: run_study(

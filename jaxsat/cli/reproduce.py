@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import Flag, Place
 from jaxsat.cli.progress import tell
 from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, report, say, show_table
 
@@ -21,9 +20,9 @@ COLOURS = {"HOLDS": "green", "ONLY_IF": "yellow", "FAILS": "red"}
 
 def reproduce(
     *,
-    out: Path = Path("jaxsat-reproduction"),
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    out: Place = Path("jaxsat-reproduction"),
+    overwrite: Flag = False,
+    quiet: Flag = False,
 ) -> int:
     """Simulate the paper's section 5, draw its Figs. 3-7 and judge each of its claims.
 

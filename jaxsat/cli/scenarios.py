@@ -1,11 +1,11 @@
 """`jaxsat scenarios`: what is in the library, what a scenario file may say, whether it is right."""
 
 import json
-from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import Overrides
 from jaxsat.cli.terminal import SUCCESS, USER_MISTAKE, UserMistake, report_mistake, say, say_text
 
 scenarios = App(name="scenarios", help="List, show and check scenarios.", help_format="plaintext")
@@ -57,7 +57,7 @@ def schema() -> int:
 @scenarios.command
 def check(
     *files: str,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+    overrides: Overrides = (),
 ) -> int:
     """Check scenario files and tell every mistake in them.
 

@@ -3,12 +3,11 @@
 import json
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.computing import in_background, interruptibly
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import Flag, OptionalPlace, Overrides
 from jaxsat.cli.progress import tell
 from jaxsat.cli.summary import failure_advice, print_summary
 from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, report
@@ -24,10 +23,10 @@ def simulate(
     scenario: str,
     /,
     *,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
-    out: Path | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    overrides: Overrides = (),
+    out: OptionalPlace = None,
+    overwrite: Flag = False,
+    quiet: Flag = False,
 ) -> int:
     """Simulate a scenario and write its trajectory, figures and settings to a folder.
 

@@ -3,12 +3,11 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import Flag, OptionalPlace, Overrides, Together, Workers
 from jaxsat.cli.progress import tell
 from jaxsat.cli.terminal import (
     SUCCESS,
@@ -19,12 +18,20 @@ from jaxsat.cli.terminal import (
     say,
     say_text,
 )
+from jaxsat.cli.work import approve
 from jaxsat.processors import processors
 
 if TYPE_CHECKING:
+    from jaxsat.montecarlo import Work
     from jaxsat.scenario import Scenario
     from jaxsat.tuning import DescentState, Report, TuningPlan
     from jaxsat.tuning.checkpoint import TuningFolder
+
+CASE = 1000
+"""Bytes of a case in memory, and as much for each gain, about."""
+
+FOLDER = 10**7
+"""Bytes of a folder, most of them figures, about."""
 
 TUNED, SUMMARY = "tuned.toml", "summary.md"
 
@@ -33,14 +40,15 @@ def tune(
     scenario: str,
     /,
     *,
-    out: Path | None = None,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+    out: OptionalPlace = None,
+    overrides: Overrides = (),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
-    workers: int | None = None,
-    width: int = 32,
-    baselines: Annotated[bool, Parameter(negative="")] = False,
-    elsewhere: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    workers: Workers = None,
+    width: Together = 32,
+    baselines: Flag = False,
+    yes: Flag = False,
+    elsewhere: Flag = False,
+    quiet: Flag = False,
 ) -> int:
     """Tune gains of a scenario's control law over its dispersions, as its [tuning] table says.
 
@@ -67,6 +75,8 @@ def tune(
     baselines
         Afterwards spend as many trajectories, or what [tuning] says, on Nelder-Mead, random
         search, CMA-ES and BFGS.
+    yes
+        Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
         Go on with a run that was begun with other versions or on another processor.
     quiet
@@ -87,6 +97,7 @@ def tune(
         )
         if plan.remark is not None and not quiet:
             report(plan.remark, "")
+        approve([_work(plan, baselines)], target, yes=yes, quiet=quiet)
         with TuningFolder(target, plan_identity(plan), elsewhere=elsewhere) as folder:
             done = folder.has(SUMMARY) and (folder.has("baselines.json") or not baselines)
             if not done:
@@ -102,6 +113,23 @@ def tune(
     except ValueError as error:
         raise UserMistake(str(error)) from None
     return SUCCESS
+
+
+def _work(plan: "TuningPlan", baselines: bool) -> "Work":
+    """What the descent and the verdict take, about; a gradient of n gains counts n + 1."""
+    from jaxsat.montecarlo import Work
+
+    told = plan.settings
+    gradients = told.steps * told.starts * told.cases * (len(plan.start) + 1)
+    screened = told.screened * len(told.screening())
+    checks = (told.steps // told.validate_every + 2) * told.starts * told.validation_cases
+    descent = gradients + screened + checks
+    if baselines:
+        descent += 4 * (told.baseline_trajectories or descent)
+    trajectories = descent + 3 * told.held_out_cases
+    together = max(told.cases, told.validation_cases, told.held_out_cases)
+    memory = CASE * together * (len(plan.start) + 1)
+    return Work(trajectories, trajectories * plan.intervals, memory, FOLDER)
 
 
 def _descended(plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder") -> "DescentState":

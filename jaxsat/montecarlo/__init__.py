@@ -30,6 +30,7 @@ from jaxsat.montecarlo.statistics import (
     wilson,
 )
 from jaxsat.montecarlo.summary import Summary, summarise
+from jaxsat.montecarlo.work import Work, most_cases, study_work
 
 __all__ = [
     "QUANTITIES",
@@ -57,12 +58,15 @@ __all__ = [
     "Threads",
     "TruncatedNormal",
     "Uniform",
+    "Work",
     "first_order_index",
+    "most_cases",
     "number_at",
     "percentile",
     "require_counts",
     "run_study",
     "sensitivity",
+    "study_work",
     "summarise",
     "wilson",
     "with_gains",
