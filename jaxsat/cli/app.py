@@ -51,6 +51,7 @@ def run(tokens: Sequence[str] | None = None) -> int:
     try:
         with no_collection(), threads_watched(), warnings.catch_warnings():
             warnings.showwarning = _show_warning
+            warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
             return _command(tokens)
     except UnusedCliTokensError as mistake:
         extra = " ".join(mistake.unused_tokens or ())

@@ -9,6 +9,7 @@ import xarray as xr
 
 from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Trajectory
+from jaxsat.text import clean
 
 
 class _Variable(NamedTuple):
@@ -102,7 +103,7 @@ def _attributes(
 ) -> dict[str, str | int]:
     outcome = trajectory.outcome
     attributes: dict[str, str | int] = {
-        "title": title,
+        "title": clean(title),
         "scenario": scenario,
         "outcome": outcome.name,
         "outcome_code": int(outcome),

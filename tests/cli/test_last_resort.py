@@ -177,3 +177,34 @@ def test_signals_while_starting_and_while_the_first_is_told(numbers, status):
     told = {130: b"jaxsat: interrupted", 143: b"jaxsat: terminated", 129: b"jaxsat: terminated"}
     assert done.stderr in (b"", told[status] + b"; nothing was written\n")
     assert done.stderr or len(numbers) > 1
+
+
+TITLE = "$k__3$ \\frac \x1b[31m\0 <script>\r\n\u202e 中 `|`"
+
+
+def test_a_title_of_every_evil_comes_out_harmless(command_line, tmp_path):
+    """On the terminal, in netCDF attributes, figures and records of a whole run."""
+    import xml.etree.ElementTree as xml
+
+    from jaxsat.results import open_trajectory
+    from jaxsat.text import clean
+
+    _, text, _ = command_line("scenarios", "show", "switching")
+    lines = [f"title = {toml(TITLE)}" if "title" in one else one for one in text.splitlines()]
+    (tmp_path / "evil.toml").write_text("\n".join(lines), encoding="utf-8")
+    short = ("--set", "simulation.duration_s=1")
+    status, out, err = command_line("scenarios", "check", "evil.toml", *short)
+    if status == 2:  # the scenario may refuse it, then there is nothing to come out
+        assert clean(err.replace("\n", "")) == err.replace("\n", "")
+        return
+    status, out, err = command_line("simulate", "evil.toml", *short, "--out", "run")
+    assert (status, err) == (0, "")
+    assert clean(TITLE) in out
+    assert clean(out.replace("\n", "")) == out.replace("\n", "")
+    assert open_trajectory(tmp_path / "run").attrs["title"] == clean(TITLE)
+    for file in (tmp_path / "run").glob("*.svg"):
+        xml.parse(file)
+
+
+def toml(text):
+    return '"' + "".join(f"\\U{ord(one):08x}" for one in text) + '"'
