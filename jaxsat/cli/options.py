@@ -24,7 +24,7 @@ MOST_TOGETHER = 2**20
 
 LARGEST_SEED = 2**64 - 1
 MOST_WORKERS = 4096
-MOST_STARTS = 100_000
+MOST_STARTS = 10_000
 LONGEST_NAME, LONGEST_PATH = 255, 4095
 """Bytes that Linux and macOS take for one name, and for a path."""
 

@@ -63,7 +63,7 @@ class _Display:
                 else:
                     _write(f"jaxsat: {clean(self.text)} ({elapsed:.0f} s)\n")
             drawing += 1
-            due = elapsed + (BETWEEN if self._live else min(LONGEST, max(1.0, elapsed)))
+            due = elapsed + (BETWEEN if self._live else until_next_line(elapsed))
 
     def _draw(self, mark: str, elapsed: float) -> None:
         from rich.cells import set_cell_size
@@ -75,6 +75,11 @@ class _Display:
 
     def _elapsed(self) -> float:
         return time.monotonic() - self._begin
+
+
+def until_next_line(elapsed: float) -> float:
+    """Seconds from one plain line to the next."""
+    return min(LONGEST, max(1.0, elapsed))
 
 
 _display: _Display | None = None
