@@ -1,6 +1,5 @@
 """The commands, and what becomes of all that they raise."""
 
-import contextlib
 import sys
 import warnings
 from collections.abc import Sequence
@@ -11,9 +10,10 @@ import jaxsat
 from jaxsat.cli.bound import bound
 from jaxsat.cli.bugs import tell_of, threads_watched
 from jaxsat.cli.compare import compare
+from jaxsat.cli.computing import import_interruptibly
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.montecarlo import montecarlo
-from jaxsat.cli.progress import telling
+from jaxsat.cli.progress import hush
 from jaxsat.cli.reproduce import reproduce
 from jaxsat.cli.scenarios import scenarios
 from jaxsat.cli.simulate import simulate
@@ -76,9 +76,12 @@ def run(tokens: Sequence[str] | None = None) -> int:
 def _command(tokens: Sequence[str] | None) -> int:
     tokens = sys.argv[1:] if tokens is None else list(tokens)
     command, given, _ = app.parse_args(tokens, exit_on_error=False, print_error=False)
-    quiet = given.arguments.get("quiet", False)
-    with contextlib.nullcontext() if quiet else telling("starting"):
-        result = command(*given.args, **given.kwargs)
+    if given.arguments.get("quiet", False):
+        hush()
+    if command.__module__.startswith("jaxsat."):  # not the help
+        computes = command.__module__ != "jaxsat.cli.scenarios"
+        import_interruptibly("jaxsat.scenario", *(["jaxsat.results"] if computes else []))
+    result = command(*given.args, **given.kwargs)
     return result if isinstance(result, int) else SUCCESS
 
 

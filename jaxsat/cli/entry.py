@@ -5,8 +5,9 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
+from jaxsat.cli.progress import telling
 from jaxsat.cli.terminal import Terminated, finish, make_streams_safe, report
 
 SIGNALS = [
@@ -29,9 +30,11 @@ def main(tokens: Sequence[str] | None = None) -> None:
 def _status(tokens: Sequence[str] | None, received: list[int]) -> int:
     try:
         make_streams_safe()
-        from jaxsat.cli.app import run
+        given = sys.argv[1:] if tokens is None else tokens
+        with nullcontext() if "--quiet" in given else telling("starting"):
+            from jaxsat.cli.app import run
 
-        return finish(run(tokens))
+            return finish(run(tokens))
     except (KeyboardInterrupt, Terminated) as stop:
         word = "terminated" if isinstance(stop, Terminated) else "interrupted"
         report(f"{word}; {stop.args[0] if stop.args else 'nothing was written'}")

@@ -145,7 +145,7 @@ class Finder:
 sys.meta_path.insert(0, Finder())
 class Stream:
     def write(self, text):
-        if numbers:
+        if numbers and "nothing was written" in text:
             os.kill(os.getpid(), numbers.pop(0))
         os.write(2, text.encode())
     def flush(self): pass
@@ -177,6 +177,20 @@ def test_signals_while_starting_and_while_the_first_is_told(numbers, status):
     told = {130: b"jaxsat: interrupted", 143: b"jaxsat: terminated", 129: b"jaxsat: terminated"}
     assert done.stderr in (b"", told[status] + b"; nothing was written\n")
     assert done.stderr or len(numbers) > 1
+
+
+@pytest.mark.parametrize("module", ["numpy.lib", "jax._src.config", "pydantic", "diffrax"])
+def test_signals_while_jax_is_imported(module):
+    """Inside jaxlib an exception of a signal would become a traceback and an ImportError."""
+    code = SIGNALS_AT_IMPORT.format(numbers=[int(signal.SIGTERM)])
+    code = code.replace('"cyclopts"', repr(module)).replace('"show"', '"check"')
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, timeout=60, check=False,
+    )  # fmt: skip
+    lines = [line for line in done.stderr.decode().splitlines() if "(" not in line]
+    assert lines == ["jaxsat: terminated; nothing was written"]
+    assert done.returncode == 143
 
 
 TITLE = "$k__3$ \\frac \x1b[31m\0 <script>\r\n\u202e 中 `|`"
