@@ -15,6 +15,7 @@ TOKENS = ["scenarios", "check", "switching"]
 
 SLOW = """
 import sys, time
+import jaxsat.cli.app as app
 import jaxsat.cli.scenarios as module
 from jaxsat.cli.progress import tell
 def load(name, overrides):
@@ -24,6 +25,7 @@ def load(name, overrides):
     class Scenario: title = "done"
     return Scenario
 module.load_or_explain = load
+app.import_interruptibly = lambda *modules: None
 from jaxsat.cli import main
 main(["scenarios", "check", "x"])
 """
