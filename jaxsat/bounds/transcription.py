@@ -13,11 +13,11 @@ from jaxtyping import Float
 
 from jaxsat.bounds.manoeuvre import Manoeuvre
 
+SHORTEST = 0.01
+"""Seconds; no manoeuvre is taken to last less."""
+
 STATES = 7
 """Quaternion and ω."""
-
-SHORTEST = 1e-2
-"""Seconds that any manoeuvre takes at least."""
 
 
 class Objective(enum.Enum):
@@ -55,14 +55,15 @@ class Transcription:
     iterations: int = 1000
 
     def __post_init__(self):
-        for name in ("intervals", "substeps", "iterations", "longest"):
+        for name in ("intervals", "substeps", "iterations"):
             if not getattr(self, name) > 0:
                 raise ValueError(
                     f"Argument `{name}` must be positive, but got {getattr(self, name)}."
                 )
-        if not SHORTEST < self.longest < np.inf:
+        if not SHORTEST <= self.longest < np.inf:
             raise ValueError(
-                f"Argument `longest` must be above {SHORTEST} s and finite, but got {self.longest}."
+                f"Argument `longest` must be finite and at least {SHORTEST} s, "
+                f"but got {self.longest}."
             )
 
     def solver(self) -> Any:
@@ -177,7 +178,7 @@ class Transcription:
         states[:, 4:] *= [1, 1, 0.3]
         thrust = man.limit * random.uniform(-0.5, 0.5, (n, man.torque_axes.shape[1]))
         spread = (1.0, 3.0) if self.objective is Objective.TIME else (2.0, 8.0)
-        duration = min(self.longest, man.slew_time() * random.uniform(*spread))
+        duration = max(SHORTEST, min(self.longest, man.slew_time() * random.uniform(*spread)))
         states[:, 4:] = (
             start[4:]
             + share * (target - start)[4:]

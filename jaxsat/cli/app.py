@@ -1,32 +1,30 @@
-"""The entry point: commands, exit statuses and interruption."""
+"""The commands, and what becomes of all that they raise."""
 
-import os
-import signal
 import sys
+import warnings
 from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 import jaxsat
 from jaxsat.cli.bound import bound
+from jaxsat.cli.bugs import tell_of, threads_watched
 from jaxsat.cli.compare import compare
+from jaxsat.cli.computing import import_interruptibly
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.montecarlo import montecarlo
+from jaxsat.cli.progress import hush
 from jaxsat.cli.reproduce import reproduce
 from jaxsat.cli.scenarios import scenarios
 from jaxsat.cli.simulate import simulate
 from jaxsat.cli.terminal import (
     FAILED_RUN,
-    INTERRUPTED,
-    TERMINATED,
+    SUCCESS,
     USER_MISTAKE,
     FailedRun,
-    Terminated,
     UserMistake,
-    make_streams_safe,
     report,
     report_mistake,
-    warnings_as_lines,
 )
 from jaxsat.cli.tune import tune
 from jaxsat.collection import no_collection
@@ -48,29 +46,13 @@ app.command(reproduce)
 app.command(scenarios)
 
 
-def main(tokens: Sequence[str] | None = None) -> None:
-    """Run the command line and exit with one of the statuses of `jaxsat.cli.terminal`."""
-    make_streams_safe()
-    signal.signal(signal.SIGTERM, _raise_terminated)
-    with no_collection(), warnings_as_lines():
-        status = _status(tokens)
+def run(tokens: Sequence[str] | None = None) -> int:
+    """Run one command; gives its exit status, whatever it raised, but for signals."""
     try:
-        sys.stdout.flush()
-    except BrokenPipeError:
-        _silence_stdout()
-    if status in (INTERRUPTED, TERMINATED):
-        os._exit(status)  # a computation may still hold a thread
-    sys.exit(status)
-
-
-def _status(tokens: Sequence[str] | None) -> int:
-    try:
-        result = app(
-            tokens,
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
+        with no_collection(), threads_watched(), warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
+            return _command(tokens)
     except UnusedCliTokensError as mistake:
         extra = " ".join(mistake.unused_tokens or ())
         report(f"must be given without {extra} (each KEY=VALUE follows a --set of its own)")
@@ -84,23 +66,25 @@ def _status(tokens: Sequence[str] | None) -> int:
     except FailedRun as failure:
         report(str(failure))
         return FAILED_RUN
-    except KeyboardInterrupt as stop:
-        report(f"interrupted; {stop.args[0] if stop.args else 'nothing was written'}")
-        return INTERRUPTED
-    except Terminated as stop:
-        report(f"terminated; {stop.args[0] if stop.args else 'nothing was written'}")
-        return TERMINATED
-    except BrokenPipeError:
-        _silence_stdout()
-        return 0
-    return result if isinstance(result, int) else 0
+    except (BrokenPipeError, SystemExit):  # of the help, whose reader has seen enough
+        return SUCCESS
+    except Exception as error:
+        tell_of(error)
+        return FAILED_RUN
 
 
-def _raise_terminated(number: int, frame: object) -> None:
-    del number, frame
-    raise Terminated
+def _command(tokens: Sequence[str] | None) -> int:
+    tokens = sys.argv[1:] if tokens is None else list(tokens)
+    command, given, _ = app.parse_args(tokens, exit_on_error=False, print_error=False)
+    if given.arguments.get("quiet", False):
+        hush()
+    if command.__module__.startswith("jaxsat."):  # not the help
+        computes = command.__module__ != "jaxsat.cli.scenarios"
+        import_interruptibly("jaxsat.scenario", *(["jaxsat.results"] if computes else []))
+    result = command(*given.args, **given.kwargs)
+    return result if isinstance(result, int) else SUCCESS
 
 
-def _silence_stdout() -> None:
-    """Whoever read the output has gone: what is left of it goes nowhere, without complaint."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _show_warning(message: Warning | str, *place: object) -> None:
+    del place  # in the source, which says nothing to a user
+    report(str(message), "warning: ")

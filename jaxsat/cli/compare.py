@@ -2,8 +2,6 @@
 
 import json
 import math
-import shlex
-import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -13,6 +11,8 @@ from cyclopts import Parameter
 from jaxsat.cli.bound import searched
 from jaxsat.cli.comparison_text import comparison_lines, least_text
 from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.options import Cases, Flag, Place, Seed, StartsOrNone, Workers, mistake
+from jaxsat.cli.progress import tell
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_files import tell_repair
 from jaxsat.cli.study_text import progress_text
@@ -21,14 +21,16 @@ from jaxsat.cli.terminal import (
     FailedRun,
     Terminated,
     UserMistake,
-    console,
     output_problem,
     report,
+    say,
 )
+from jaxsat.cli.words import command_line
+from jaxsat.cli.work import approve
 
 if TYPE_CHECKING:
     from jaxsat.comparison import Row, Setting, Start, Verdict
-    from jaxsat.montecarlo import AbstractExecutor, Study, StudyProgress
+    from jaxsat.montecarlo import AbstractExecutor, Study, StudyProgress, Work
     from jaxsat.results import ResumableFolder
 
 Level = Literal["nominal", "mc", "hard", "all"]
@@ -39,6 +41,11 @@ STUDIES = "studies"
 
 BOUNDS = "bounds"
 RESULT = "comparison.json"
+CASE = 400
+"""Bytes of a case in memory and on the disk, about."""
+
+LEAST_LIMIT, LARGEST_LIMIT = 0.01, 1000.0
+"""N m; the time that a study covers goes with the root of the limit."""
 
 
 def compare(
@@ -46,14 +53,15 @@ def compare(
     level: Annotated[tuple[Level, ...], Parameter(negative="")] = ("hard",),
     torque_limit: Annotated[tuple[str, ...], Parameter(negative="")] = ("5",),
     law: Annotated[tuple[Law, ...], Parameter(negative="")] = ("all",),
-    count: Annotated[int, Parameter(name=["--count", "-n"])] = 200,
-    seed: int,
-    out: Path = Path("jaxsat-comparison"),
+    count: Cases = 200,
+    seed: Seed,
+    out: Place = Path("jaxsat-comparison"),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
-    workers: int | None = None,
-    bounds: int = 0,
-    elsewhere: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    workers: Workers = None,
+    bounds: StartsOrNone = 0,
+    yes: Flag = False,
+    elsewhere: Flag = False,
+    quiet: Flag = False,
 ) -> int:
     """Compare the laws that steer three axes with two torques, the paper's included.
 
@@ -82,6 +90,8 @@ def compare(
     bounds
         Starts of a search for the least time and the least effort from the paper's start under
         each limit, open loop, as `jaxsat bound` does; 0 leaves it out.
+    yes
+        Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
         Go on with stores that were begun with other versions or on another processor.
     quiet
@@ -99,6 +109,7 @@ def compare(
         for one_law in _chosen(law, LAWS)
     ]
     _tell_of_untuned(limits)
+    approve([_work(one, count) for one in settings], out, yes=yes, quiet=quiet)
     executor = chosen_executor(workers, None, None, None)
     run = _Runner(count, seed, out, engine, executor, elsewhere, quiet)
     try:
@@ -115,8 +126,8 @@ def compare(
         raise type(stop)(kept) from None
     if not quiet:
         for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):
-            console().print(line)
-        console().print(f"written to {out}")
+            say(line)
+        say(f"written to {out}")
     return SUCCESS
 
 
@@ -157,7 +168,7 @@ class _Runner:
         except ValueError as error:
             raise UserMistake(str(error)) from None
         if study.remark not in (None, self._told) and not self._quiet:
-            console(error=True).print(study.remark)
+            report(study.remark, "")
         self._told = study.remark
         level, limit, law = setting
         target = self._out / STUDIES / f"{level}-{limit:g}-{law}-{start.value}.zarr"
@@ -169,25 +180,33 @@ class _Runner:
     def _run(self, study: "Study", target: Path, what: str) -> None:
         from jaxsat.montecarlo import ClusterError, run_study
 
-        status = console(error=True).status(f"{what}: compiling")
+        tell(f"{what}: compiling")
 
         def told(progress: "StudyProgress") -> None:
-            status.update(f"{what}: {progress_text(progress)}")
+            tell(f"{what}: {progress_text(progress)}")
 
         try:
-            with status:
-                interruptibly(
-                    lambda: run_study(
-                        study,
-                        target,
-                        executor=self._executor,
-                        report=None if self._quiet else told,
-                        tell=tell_repair,
-                        elsewhere=self._elsewhere,
-                    )
+            interruptibly(
+                lambda: run_study(
+                    study,
+                    target,
+                    executor=self._executor,
+                    report=told,
+                    tell=tell_repair,
+                    elsewhere=self._elsewhere,
                 )
+            )
         except ClusterError as error:
             raise FailedRun(str(error)) from None
+
+
+def _work(setting: "Setting", count: int) -> "Work":
+    """What the cases of one setting take, about: a law is looked at ten times a second."""
+    from jaxsat.comparison import PERIOD, horizon
+    from jaxsat.montecarlo import Work
+
+    steps = round(horizon(setting.torque_limit) / PERIOD)
+    return Work(count + 1, (count + 1) * steps, count * CASE, count * CASE)
 
 
 def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:
@@ -203,10 +222,9 @@ def _limits(given: Sequence[str]) -> list[float]:
             found = LIMITS if text == "all" else (float(text),)
         except ValueError:
             found = (math.nan,)
-        if not all(0 < one < math.inf for one in found):
-            raise UserMistake(
-                f"--torque-limit: must be a positive number of N m or all, got {text}"
-            )
+        if not all(LEAST_LIMIT <= one <= LARGEST_LIMIT for one in found):
+            must = f"a number of N m from {LEAST_LIMIT:g} to {LARGEST_LIMIT:g}, or all"
+            raise mistake("--torque-limit", must, text)
         limits += found
     return list(dict.fromkeys(limits))
 
@@ -279,7 +297,7 @@ def _write(
     from jaxsat.results import provenance
 
     record = {
-        "command": shlex.join(["jaxsat", *sys.argv[1:]]),
+        "command": command_line(),
         "seed": seed,
         "rows": [row.plain() for row in rows],
         "verdicts": [one._asdict() for one in verdicts],

@@ -22,6 +22,15 @@ def interruptibly(work: Callable[[], Result]) -> Result:
     if not gc.isenabled():  # the command line starts without the search for dead cycles
         gc.freeze()
         gc.enable()
+    return _in_a_thread(work)
+
+
+def import_interruptibly(*modules: str) -> None:
+    """Import in a thread: an exception of a signal inside JAX's own import becomes another one."""
+    _in_a_thread(lambda: [importlib.import_module(module) for module in modules])
+
+
+def _in_a_thread(work: Callable[[], Result]) -> Result:
     outcome: list[Result] = []
     failure: list[BaseException] = []
 

@@ -8,7 +8,10 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem
+from jaxsat.cli.options import Flag, OptionalPlace, Overrides, number
+from jaxsat.cli.places import try_folder
+from jaxsat.cli.progress import tell
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, say, show_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,12 +29,12 @@ def controllability(
     scenario: str,
     /,
     *,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
-    out: Path | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
-    drift: Annotated[bool, Parameter(negative="")] = False,
-    tolerance: float = 1e-6,
+    overrides: Overrides = (),
+    out: OptionalPlace = None,
+    overwrite: Flag = False,
+    quiet: Flag = False,
+    drift: Flag = False,
+    tolerance: Annotated[float, Parameter(converter=number(0.0, 1.0, open_ends=True))] = 1e-6,
 ) -> int:
     """Say whether the spacecraft of a scenario can be steered, now and after every failure.
 
@@ -53,22 +56,27 @@ def controllability(
     tolerance
         Margins below this are called borderline; take the relative error of your inertia.
     """
-    if not 0 < tolerance < 1:
-        raise UserMistake(f"--tolerance: must lie between 0 and 1, got {tolerance}")
     chosen = load_or_explain(scenario, overrides, "motion")
+    if out is not None:
+        from jaxsat.results import OutputFolder
+
+        try_folder(lambda: OutputFolder(out, kind="controllability", overwrite=overwrite))
     use_double_precision()
+    tell("deciding controllability")
     analysis, cases = interruptibly(lambda: _analyse(chosen, tolerance))
     from jaxsat.report.controllability_page import controllability_lines
 
     torque = chosen.spacecraft.torque_limit_N_m or 1.0
     lines = controllability_lines(analysis, torque=torque)
+    tell("following the drift")
     found = interruptibly(lambda: _follow_drift(chosen)) if drift else ([], {})
     if out is not None:
+        tell("drawing maps")
         _write_folder(out, overwrite, chosen, analysis, cases, lines, found)
     if not quiet:
         _print(lines, cases, found[0])
         if out is not None:
-            console().print(f"written to {out}")
+            say(f"written to {out}")
     return SUCCESS
 
 
@@ -230,7 +238,7 @@ def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -
     from jaxsat.controllability import failure_records
 
     for line in [*lines, *drift]:
-        console().print(line.replace("**", ""))
+        say(line.replace("**", ""))
     table = Table(pad_edge=False)
     numbers = ("rank", "margin", "turn at 1 N m (s)")
     for heading in ("failed", "rank", "verdict", "margin", "turn at 1 N m (s)", "lost"):
@@ -240,4 +248,4 @@ def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -
         margin, turn = (f"{float(record[name]):.3g}" for name in ("margin", "turn_time_s"))
         row = (str(record["failed"]), str(record["rank"]), verdict, margin, turn)
         table.add_row(*row, str(record["lost"]))
-    console().print(table)
+    show_table(table)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import use_double_precision
+from jaxsat.cli.progress import tell
 from jaxsat.cli.terminal import UserMistake, report
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ def load_or_explain(
     name_or_path: str, overrides: Sequence[str] = (), purpose: "Purpose" = "run"
 ) -> "Scenario":
     """The scenario, which can be built for the purpose; raises `UserMistake` with every problem."""
+    tell(f"reading {name_or_path}")
     use_double_precision()
     from jaxsat.scenario import ScenarioError, ScenarioWarning, load
 

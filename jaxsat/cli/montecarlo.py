@@ -3,49 +3,64 @@
 import contextlib
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import (
+    Case,
+    Cases,
+    Flag,
+    OptionalPlace,
+    OptionalSeed,
+    OptionalTogether,
+    Overrides,
+    Text,
+    Together,
+    Workers,
+)
+from jaxsat.cli.places import refuse_nested, try_folder
+from jaxsat.cli.progress import tell
 from jaxsat.cli.study_executors import chosen_executor
-from jaxsat.cli.study_files import tell_repair, write_figures, write_one_case
+from jaxsat.cli.study_files import figures_folder, tell_repair, write_figures, write_one_case
 from jaxsat.cli.study_text import progress_text, summary_lines
 from jaxsat.cli.terminal import (
     SUCCESS,
     FailedRun,
     Terminated,
     UserMistake,
-    console,
     output_problem,
+    report,
+    say,
 )
+from jaxsat.cli.work import approve
 
 if TYPE_CHECKING:
-    from jaxsat.montecarlo import AbstractExecutor, StopRule, Study, StudyProgress, Summary
+    from jaxsat.montecarlo import AbstractExecutor, StopRule, Study, Summary
 
 
 def montecarlo(
     scenario: str,
     /,
     *,
-    count: Annotated[int, Parameter(name=["--count", "-n"])] = 1000,
-    seed: int | None = None,
-    out: Path | None = None,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+    count: Cases = 1000,
+    seed: OptionalSeed = None,
+    out: OptionalPlace = None,
+    overrides: Overrides = (),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
-    workers: int | None = None,
-    width: int = 64,
-    chunk: int | None = None,
-    until_ci: str | None = None,
-    case: int | None = None,
-    processes: int | None = None,
-    scheduler: str | None = None,
-    devices: int | None = None,
-    figures: Path | None = None,
-    history: int | None = None,
-    elsewhere: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    workers: Workers = None,
+    width: Together = 64,
+    chunk: OptionalTogether = None,
+    until_ci: Text = None,
+    case: Case = None,
+    processes: Workers = None,
+    scheduler: Text = None,
+    devices: Workers = None,
+    figures: OptionalPlace = None,
+    history: OptionalTogether = None,
+    yes: Flag = False,
+    elsewhere: Flag = False,
+    quiet: Flag = False,
 ) -> int:
     """Simulate many dispersed copies of a scenario, as its [dispersion] table says.
 
@@ -94,35 +109,56 @@ def montecarlo(
         rates.
     history
         Keep attitude, rates and torque of every case at so many instants, evenly over the horizon.
+    yes
+        Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
         Go on with a store that was begun with other versions or on another processor.
     quiet
         Print nothing unless something is wrong.
     """
+    stem = Path(scenario).stem
+    if case is not None and figures is not None:
+        raise UserMistake("--case: must be given without --figures, which show a whole study")
+    target = out or Path(f"jaxsat-{stem}.zarr")
+    if figures is not None:
+        refuse_nested(("--figures", figures), ("--out", target))
     chosen = load_or_explain(scenario, overrides, "study")
+    if figures is not None:
+        try_folder(lambda: figures_folder(figures))
     rule = None if until_ci is None else _stop_rule(until_ci)
     use_double_precision()
     try:
+        from jaxsat.montecarlo import study_work
         from jaxsat.scenario.study import build_study
 
-        study = build_study(
-            chosen, count, seed=seed, engine=engine, width=width, chunk=chunk, history=history
+        tell("compiling")
+        study = interruptibly(
+            lambda: build_study(
+                chosen,
+                count,
+                seed=seed,
+                engine=engine,
+                width=width,
+                chunk=chunk,
+                history=history,
+            )
         )
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if study.remark is not None and not quiet:
-        console(error=True).print(study.remark)
+        report(study.remark, "")
     if rule is not None and study.has_fixed_size:
         raise UserMistake("--until-ci: must go with another design than latin-hypercube")
-    stem = Path(scenario).stem
     if case is not None:
         return write_one_case(chosen, study, case, out or Path(f"jaxsat-{stem}-{case}"), quiet)
-    target = out or Path(f"jaxsat-{stem}.zarr")
     executor = chosen_executor(workers, processes, scheduler, devices)
+    approve([study_work(study, rule)], target, yes=yes, quiet=quiet)
     try:
-        counted = _run(study, target, executor, rule, elsewhere, quiet)
+        counted = _run(study, target, executor, rule, elsewhere)
+        tell("summarising")
         summary = interruptibly(lambda: _summary(target, counted))
         if figures is not None:
+            tell("drawing figures")
             write_figures(figures, chosen.title, study, target, summary)
     except (KeyboardInterrupt, Terminated) as stop:
         with contextlib.suppress(KeyboardInterrupt, Terminated):  # a second one does not wait
@@ -130,8 +166,8 @@ def montecarlo(
         raise type(stop)(_what_is_left(target)) from None
     if not quiet:
         for line in summary_lines(summary):
-            console().print(line)
-        console().print(f"written          {target}{f' and {figures}' if figures else ''}")
+            say(line)
+        say(f"written          {target}{f' and {figures}' if figures else ''}")
     return SUCCESS
 
 
@@ -167,29 +203,22 @@ def _run(
     executor: "AbstractExecutor",
     rule: "StopRule | None",
     elsewhere: bool,
-    quiet: bool,
 ) -> int:
     from jaxsat.montecarlo import ClusterError, run_study
     from jaxsat.results import OutputError
 
-    status = console(error=True).status(f"compiling; {study.count} cases to do")
-
-    def report(progress: "StudyProgress") -> None:
-        status.update(progress_text(progress))
-
     try:
-        with status:
-            return interruptibly(
-                lambda: run_study(
-                    study,
-                    target,
-                    executor=executor,
-                    until=rule,
-                    report=None if quiet else report,
-                    tell=tell_repair,
-                    elsewhere=elsewhere,
-                )
+        return interruptibly(
+            lambda: run_study(
+                study,
+                target,
+                executor=executor,
+                until=rule,
+                report=lambda progress: tell(progress_text(progress)),
+                tell=tell_repair,
+                elsewhere=elsewhere,
             )
+        )
     except OutputError as error:
         hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
         raise output_problem(error, hint) from None

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, console, output_problem, report
+from jaxsat.cli.options import Flag, Place
+from jaxsat.cli.progress import tell
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, report, say, show_table
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,9 +21,9 @@ COLOURS = {"HOLDS": "green", "ONLY_IF": "yellow", "FAILS": "red"}
 
 def reproduce(
     *,
-    out: Path = Path("jaxsat-reproduction"),
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    out: Place = Path("jaxsat-reproduction"),
+    overwrite: Flag = False,
+    quiet: Flag = False,
 ) -> int:
     """Simulate the paper's section 5, draw its Figs. 3-7 and judge each of its claims.
 
@@ -43,12 +43,13 @@ def reproduce(
             use_double_precision()
             in_background("jaxsat.report.figures")
             datasets = _simulate_all(quiet)
+            tell("judging claims, drawing figures")
             claims = interruptibly(lambda: _write(folder, datasets))
     except OutputError as error:
         raise output_problem(error) from None
     if not quiet:
         _print_verdicts(claims)
-        console().print(f"written to {out}: verdicts.md, figures (PNG, SVG), trajectories (netCDF)")
+        say(f"written to {out}: verdicts.md, figures (PNG, SVG), trajectories (netCDF)")
     failed = [name for name, data in datasets.items() if data.attrs["outcome_code"] != 0]
     if failed:
         report(f"these runs ended early, so their claims say little: {', '.join(failed)}")
@@ -65,7 +66,8 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
     datasets = {}
     for number, (name, run) in enumerate(RUNS.items(), start=1):
         if not quiet:
-            console(error=True).print(f"[{number}/{len(RUNS)}] {run.purpose}")
+            report(f"[{number}/{len(RUNS)}] {run.purpose}", "")
+        tell(f"simulating {name}, run {number} of {len(RUNS)}")
         scenario = load_or_explain(run.scenario, run.overrides)
         built = build(scenario)
         trajectory = interruptibly(built.simulate)
@@ -106,4 +108,4 @@ def _print_verdicts(claims: "Sequence[Claim]") -> None:
     for claim in claims:
         verdict = Text(claim.verdict_text, style=COLOURS[claim.verdict.name])
         table.add_row(claim.source, claim.statement, claim.found, verdict)
-    console().print(table)
+    show_table(table)

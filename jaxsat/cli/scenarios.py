@@ -1,12 +1,12 @@
 """`jaxsat scenarios`: what is in the library, what a scenario file may say, whether it is right."""
 
 import json
-from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.terminal import SUCCESS, USER_MISTAKE, UserMistake, console, report_mistake
+from jaxsat.cli.options import Overrides
+from jaxsat.cli.terminal import SUCCESS, USER_MISTAKE, UserMistake, report_mistake, say, say_text
 
 scenarios = App(name="scenarios", help="List, show and check scenarios.", help_format="plaintext")
 
@@ -19,7 +19,7 @@ def list_scenarios() -> int:
     names = library()
     width = max(map(len, names))
     for name in names:
-        console().print(f"{name:<{width}}  {load_or_explain(name, purpose='text').title}")
+        say(f"{name:<{width}}  {load_or_explain(name, purpose='text').title}")
     return SUCCESS
 
 
@@ -44,7 +44,7 @@ def show(name: str, /) -> int:
         raise UserMistake(
             f"{shown}: must be a scenario of jaxsat ({', '.join(names)}), got another name{hint}"
         )
-    print(names[name].read_text(encoding="utf-8"), end="")
+    say_text(names[name].read_text(encoding="utf-8"))
     return SUCCESS
 
 
@@ -53,14 +53,14 @@ def schema() -> int:
     """Print the JSON Schema of scenario files, with the unit of every quantity."""
     from jaxsat.scenario import json_schema
 
-    print(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+    say_text(json.dumps(json_schema(), indent=2, ensure_ascii=False))
     return SUCCESS
 
 
 @scenarios.command
 def check(
     *files: str,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+    overrides: Overrides = (),
 ) -> int:
     """Check scenario files and tell every mistake in them.
 
@@ -86,5 +86,5 @@ def check(
             report_mistake(mistake)
             status = USER_MISTAKE
         else:
-            console().print(f"{visible(file)}: all right ({scenario.title})")
+            say(f"{visible(file)}: all right ({scenario.title})")
     return status

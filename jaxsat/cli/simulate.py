@@ -1,18 +1,17 @@
 """`jaxsat simulate`: run one scenario and write what came out of it."""
 
 import json
-import shlex
-import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.computing import in_background, interruptibly
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import Flag, OptionalPlace, Overrides
+from jaxsat.cli.progress import tell
 from jaxsat.cli.summary import failure_advice, print_summary
-from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, console, output_problem, report
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, report
+from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,10 +24,10 @@ def simulate(
     scenario: str,
     /,
     *,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
-    out: Path | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    overrides: Overrides = (),
+    out: OptionalPlace = None,
+    overwrite: Flag = False,
+    quiet: Flag = False,
 ) -> int:
     """Simulate a scenario and write its trajectory, figures and settings to a folder.
 
@@ -53,10 +52,11 @@ def simulate(
 
     try:
         with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
-            with console(error=True).status(f"simulating {scenario}"):
-                in_background("jaxsat.report.figures")
-                dataset, seconds = interruptibly(lambda: _run(chosen))
-                interruptibly(lambda: _write(folder, chosen, dataset))
+            tell(f"simulating {scenario}")
+            in_background("jaxsat.report.figures")
+            dataset, seconds = interruptibly(lambda: _run(chosen))
+            tell("drawing figures")
+            interruptibly(lambda: _write(folder, chosen, dataset))
             files = folder.names
     except OutputError as error:
         raise output_problem(error) from None
@@ -104,7 +104,7 @@ def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
 
     return {
         "title": scenario.title,
-        "command": shlex.join(["jaxsat", *sys.argv[1:]]),
+        "command": command_line(),
         "outcome": dataset.attrs["outcome"],
         "seed": scenario.simulation.seed,
         **provenance(),

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import interruptibly
-from jaxsat.cli.terminal import SUCCESS, UserMistake, console, output_problem, report
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, report, say
 
 if TYPE_CHECKING:
     import numpy as np
@@ -125,10 +125,10 @@ def write_one_case(
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if not quiet:
-        console().print(f"case {number}: {dataset.attrs['outcome_explanation']}")
+        say(f"case {number}: {dataset.attrs['outcome_explanation']}")
         for line in drawn:
-            console().print(line)
-        console().print(f"written to {target}")
+            say(line)
+        say(f"written to {target}")
     return SUCCESS
 
 

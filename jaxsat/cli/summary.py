@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.terminal import console
+from jaxsat.cli.terminal import say
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,7 +50,7 @@ def print_summary(
     }
     width = max(map(len, rows))
     for label, text in rows.items():
-        console().print(f"{label:<{width}}  {text}")
+        say(f"{label:<{width}}  {text}")
 
 
 def settling_text(dataset: "xr.Dataset", law: str) -> str:

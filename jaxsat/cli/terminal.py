@@ -1,13 +1,13 @@
 """What the commands write to: plain where there is no terminal, never an encoding error."""
 
+import contextlib
 import io
+import os
 import sys
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TextIO
 
-from rich.console import Console
+from jaxsat.cli.progress import between_drawings
+from jaxsat.text import clean
 
 if TYPE_CHECKING:
     from jaxsat.results import OutputError
@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 SUCCESS = 0
 FAILED_RUN = 1
 USER_MISTAKE = 2
-INTERRUPTED = 130
-TERMINATED = 143
-"""What every command exits with; docs/scenarios.md tells users."""
+"""What every command exits with, or 128 and the number of a signal; docs/scenarios.md tells."""
 
 
 class FailedRun(Exception):
@@ -25,7 +23,7 @@ class FailedRun(Exception):
 
 
 class Terminated(BaseException):
-    """SIGTERM, turned into an exception so that temporary files are removed."""
+    """SIGTERM or SIGHUP, turned into an exception so that temporary files are removed."""
 
 
 class UserMistake(Exception):
@@ -48,22 +46,52 @@ def output_problem(error: "OutputError", hint: str = "") -> UserMistake | Failed
 
 
 def make_streams_safe() -> None:
-    """Let characters that a stream cannot encode appear as question marks."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
+    """Let characters that a stream cannot encode appear as question marks.
+
+    A stream that is closed from the start becomes one that leads nowhere, or the next file that
+    is opened would take its place.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        stream = getattr(sys, name)
+        if stream is None:
+            mode = "r" if name == "stdin" else "w"
+            with contextlib.suppress(OSError):
+                os.fstat(number)
+                continue
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper) and name != "stdin":
             stream.reconfigure(errors="replace")
 
 
-def console(*, error: bool = False) -> Console:
-    """A console on standard output or standard error that takes text as it is."""
-    return Console(stderr=error, markup=False, highlight=False, soft_wrap=True)
+def say(line: str) -> None:
+    """Write one line to standard output, whatever is in it; raises `FailedRun` if that fails."""
+    _print(clean(line) + "\n")
+
+
+def say_text(text: str) -> None:
+    """Write lines to standard output."""
+    _print("".join(clean(line) + "\n" for line in text.removesuffix("\n").split("\n")))
+
+
+def show_table(table: Any) -> None:
+    """Write one of Rich's renderables to standard output."""
+    from rich.console import Console
+
+    console = Console(markup=False, highlight=False, soft_wrap=True)
+    with console.capture() as caught:
+        console.print(table)
+    _print(caught.get())
 
 
 def report(message: str, prefix: str = "jaxsat: ") -> None:
-    """Write to standard error, each line marked as jaxsat's."""
-    output = console(error=True)
-    for line in message.splitlines():
-        output.print(prefix + line)
+    """Write to standard error, each line marked as jaxsat's; where nobody listens, to nobody."""
+    text = "".join(prefix + clean(line) + "\n" for line in message.split("\n"))
+    with between_drawings(), contextlib.suppress(AttributeError):
+        try:
+            sys.stderr.write(text)
+            sys.stderr.flush()
+        except (OSError, ValueError):
+            _silence(sys.stderr)
 
 
 def report_mistake(mistake: UserMistake) -> None:
@@ -71,17 +99,35 @@ def report_mistake(mistake: UserMistake) -> None:
     report(str(mistake), "" if mistake.located else "jaxsat: ")
 
 
-@contextmanager
-def warnings_as_lines() -> Iterator[None]:
-    """Inside, jaxsat's own warnings are shown as one line each, without the place in its code."""
-    with warnings.catch_warnings():
-        show = warnings.showwarning
+def finish(status: int) -> int:
+    """The exit status once all output is out: `status`, unless what is left cannot be written."""
+    try:
+        _print("")
+    except FailedRun as failure:
+        if status == SUCCESS:  # what failed before has been told
+            report(str(failure))
+            return FAILED_RUN
+    return status
 
-        def shown(message, category, filename, lineno, file=None, line=None) -> None:
-            if category.__module__.partition(".")[0] == "jaxsat":
-                report(str(message), "warning: ")
-            else:
-                show(message, category, filename, lineno, file, line)
 
-        warnings.showwarning = shown
-        yield
+def _print(text: str) -> None:
+    if sys.stdout is None:
+        return
+    with between_drawings():
+        try:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        except BrokenPipeError:  # whoever read the output has seen enough
+            _silence(sys.stdout)
+        except (OSError, ValueError) as error:
+            _silence(sys.stdout)
+            reason = getattr(error, "strerror", None) or error
+            raise FailedRun(f"standard output cannot be written: {reason}") from None
+
+
+def _silence(stream: TextIO) -> None:
+    """What is left of the output goes nowhere, without complaint."""
+    with contextlib.suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)

@@ -3,26 +3,35 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import Flag, OptionalPlace, Overrides, Together, Workers
+from jaxsat.cli.progress import tell
 from jaxsat.cli.terminal import (
     SUCCESS,
     Terminated,
     UserMistake,
-    console,
     output_problem,
     report,
+    say,
+    say_text,
 )
+from jaxsat.cli.work import approve
 from jaxsat.processors import processors
 
 if TYPE_CHECKING:
+    from jaxsat.montecarlo import Work
     from jaxsat.scenario import Scenario
     from jaxsat.tuning import DescentState, Report, TuningPlan
     from jaxsat.tuning.checkpoint import TuningFolder
+
+CASE = 1000
+"""Bytes of a case in memory, and as much for each gain, about."""
+
+FOLDER = 10**7
+"""Bytes of a folder, most of them figures, about."""
 
 TUNED, SUMMARY = "tuned.toml", "summary.md"
 
@@ -31,14 +40,15 @@ def tune(
     scenario: str,
     /,
     *,
-    out: Path | None = None,
-    overrides: Annotated[tuple[str, ...], Parameter(name="--set", negative="")] = (),
+    out: OptionalPlace = None,
+    overrides: Overrides = (),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
-    workers: int | None = None,
-    width: int = 32,
-    baselines: Annotated[bool, Parameter(negative="")] = False,
-    elsewhere: Annotated[bool, Parameter(negative="")] = False,
-    quiet: Annotated[bool, Parameter(negative="")] = False,
+    workers: Workers = None,
+    width: Together = 32,
+    baselines: Flag = False,
+    yes: Flag = False,
+    elsewhere: Flag = False,
+    quiet: Flag = False,
 ) -> int:
     """Tune gains of a scenario's control law over its dispersions, as its [tuning] table says.
 
@@ -65,6 +75,8 @@ def tune(
     baselines
         Afterwards spend as many trajectories, or what [tuning] says, on Nelder-Mead, random
         search, CMA-ES and BFGS.
+    yes
+        Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
         Go on with a run that was begun with other versions or on another processor.
     quiet
@@ -79,24 +91,24 @@ def tune(
     from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
 
     try:
-        with console(error=True).status("compiling"):
-            plan = interruptibly(
-                lambda: build_plan(
-                    chosen, engine=engine, width=width, workers=workers or processors()
-                )
-            )
+        tell("compiling")
+        plan = interruptibly(
+            lambda: build_plan(chosen, engine=engine, width=width, workers=workers or processors())
+        )
         if plan.remark is not None and not quiet:
             report(plan.remark, "")
+        approve([_work(plan, baselines)], target, yes=yes, quiet=quiet)
         with TuningFolder(target, plan_identity(plan), elsewhere=elsewhere) as folder:
             done = folder.is_whole(SUMMARY) and (folder.is_whole("baselines.json") or not baselines)
             if folder.lost_state and not quiet:
                 report(f"{target} has lost its state, so the run begins again", "warning: ")
             if not done:
-                state = _descended(plan, chosen, folder, quiet)
+                state = _descended(plan, chosen, folder)
                 _concluded(plan, chosen, folder, state, baselines, quiet)
             if not quiet:
-                console().print((folder.read(SUMMARY) or b"").decode(), end="")
-                console().print(f"\n{'already ' if done else ''}written to {target}")
+                say_text((folder.read(SUMMARY) or b"").decode())
+                say("")
+                say(f"{'already ' if done else ''}written to {target}")
     except OutputError as error:
         hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
         raise output_problem(error, hint) from None
@@ -105,15 +117,30 @@ def tune(
     return SUCCESS
 
 
-def _descended(
-    plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder", quiet: bool
-) -> "DescentState":
+def _work(plan: "TuningPlan", baselines: bool) -> "Work":
+    """What the descent and the verdict take, about; a gradient of n gains counts n + 1."""
+    from jaxsat.montecarlo import Work
+
+    told = plan.settings
+    gradients = told.steps * told.starts * told.cases * (len(plan.start) + 1)
+    screened = told.screened * len(told.screening())
+    checks = (told.steps // told.validate_every + 2) * told.starts * told.validation_cases
+    descent = gradients + screened + checks
+    if baselines:
+        descent += 4 * (told.baseline_trajectories or descent)
+    trajectories = descent + 3 * told.held_out_cases
+    together = max(told.cases, told.validation_cases, told.held_out_cases)
+    memory = CASE * together * (len(plan.start) + 1)
+    return Work(trajectories, trajectories * plan.intervals, memory, FOLDER)
+
+
+def _descended(plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder") -> "DescentState":
     """The last state; every state on the way is kept, with the best gains so far."""
     from jaxsat.scenario import dump
     from jaxsat.scenario.tuning import tuned_scenario
     from jaxsat.tuning import descend
 
-    status = console(error=True).status("compiling; trying the starts")
+    tell("compiling; trying the starts")
     kept = {"step": 0}
 
     def keep(state: "DescentState") -> None:
@@ -125,14 +152,13 @@ def _descended(
     def work() -> "DescentState":
         state = folder.state(plan)
         keep(state)
-        return descend(plan, state, keep=keep, report=None if quiet else tell)
+        return descend(plan, state, keep=keep, report=told)
 
-    def tell(progress: "Report") -> None:
-        status.update(progress_text(progress))
+    def told(progress: "Report") -> None:
+        tell(progress_text(progress))
 
     try:
-        with status:
-            return interruptibly(work)
+        return interruptibly(work)
     except (KeyboardInterrupt, Terminated) as stop:
         best = f"the best gains so far are in {folder.path / TUNED}" if kept["step"] else "no step"
         text = f"{best}, after {kept['step']} steps; the same command goes on from there"
@@ -167,20 +193,19 @@ def _concluded(
         _write_json(folder, "receipt.json", receipt.as_data())
         if receipt.problems and not quiet:
             report("the gradient is not trustworthy: " + "; ".join(receipt.problems), "warning: ")
-        status.update("judging on held-out cases")
+        tell("judging on held-out cases")
         verdict = make_verdict(plan, state.best_point)
         _write_json(folder, "verdict.json", verdict.as_data())
         found = ()
         if baselines:
-            found = run_baselines(plan, state, lambda name: status.update(f"baseline: {name}"))
+            found = run_baselines(plan, state, lambda name: tell(f"baseline: {name}"))
             _write_json(folder, "baselines.json", as_data(found))
         _write_figures(plan, scenario, folder, state, verdict, found)
         folder.write(SUMMARY, summary_page(scenario.title, receipt, verdict, found))
 
-    status = console(error=True).status("checking the gradients")
+    tell("checking the gradients")
     try:
-        with status:
-            interruptibly(work)
+        interruptibly(work)
     except (KeyboardInterrupt, Terminated) as stop:
         text = f"the tuned gains are in {folder.path / TUNED}; the same command goes on from there"
         raise type(stop)(text) from None

@@ -31,7 +31,9 @@ _HORIZONS = {1.0: 2000.0, 5.0: 1200.0, 20.0: 1000.0}
 LIMITS = tuple(_HORIZONS)
 """Torque limits in N m."""
 
-_PERIOD = 0.1
+PERIOD = 0.1
+"""Seconds between the samples of the laws that are sampled."""
+
 _NEVER, _ALWAYS = 1e6, 1e-12
 """Thresholds on |ω3| (rad/s) at which the switching law never or always takes the rate law."""
 
@@ -88,7 +90,7 @@ def scenario_of(setting: Setting) -> Scenario:
 
 def _control(law: str) -> dict[str, Any]:
     if law in ("three-slew", "oscillatory"):
-        return {"law": law, "period_s": _PERIOD}
+        return {"law": law, "period_s": PERIOD}
     tuned = load("switching").control.model_dump(exclude_none=True)
     if law == "switching":
         return tuned
@@ -97,7 +99,7 @@ def _control(law: str) -> dict[str, Any]:
     threshold = _NEVER if law == "three-axis" else _ALWAYS
     return printed | {
         "law": "switching",
-        "period_s": _PERIOD,
+        "period_s": PERIOD,
         "upper_threshold_rad_s": threshold,
         "lower_threshold_rad_s": threshold,
         "measured_disturbance": (False, False, False),

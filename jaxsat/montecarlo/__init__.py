@@ -29,6 +29,7 @@ from jaxsat.montecarlo.sensitivities import (
 )
 from jaxsat.montecarlo.statistics import LEVEL, Interval, StopRule, ends_text, percentile, wilson
 from jaxsat.montecarlo.summary import Summary, summarise
+from jaxsat.montecarlo.work import Work, most_cases, study_work
 
 __all__ = [
     "LEVEL",
@@ -58,14 +59,17 @@ __all__ = [
     "Threads",
     "TruncatedNormal",
     "Uniform",
+    "Work",
     "ends_text",
     "first_order_index",
+    "most_cases",
     "number_at",
     "numbers_of",
     "percentile",
     "require_counts",
     "run_study",
     "sensitivity",
+    "study_work",
     "summarise",
     "wilson",
     "with_gains",

@@ -3,6 +3,7 @@
 import numpy as np
 
 from jaxsat.controllability import Analysis, gramian_time_scales
+from jaxsat.text import markdown
 
 ERRORS = ("roll 1°", "pitch 1°", "yaw 1°", "ω1 1 mrad/s", "ω2 1 mrad/s", "ω3 1 mrad/s")
 
@@ -75,7 +76,7 @@ def _linear(analysis: Analysis, torque: float) -> str:
 def controllability_page(title: str, lines: list[str], failures: str, drift: list[str]) -> str:
     """The whole page: findings, table of failures and, if looked at, the drift."""
     text = [
-        f"# {title}",
+        f"# {markdown(title)}",
         "",
         *[f"- {line}" for line in lines],
         "",

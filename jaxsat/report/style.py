@@ -12,6 +12,11 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxsat.text import clean
+
+LONGEST_TITLE, LONGEST_LABEL = 200, 60
+"""Characters; no more fit on a figure."""
+
 LINES: tuple[Mapping[str, Any], ...] = tuple(
     MappingProxyType({"color": color, "linestyle": dash, "linewidth": width})
     for color, dash, width in (
@@ -38,10 +43,21 @@ SETTINGS: Mapping[str, Any] = MappingProxyType(
 )
 
 
+def entitle(figure: Figure, title: str) -> None:
+    """Give a figure a title from outside as it is: one line, without mathematics."""
+    text = clean(title, LONGEST_TITLE)
+    figure.suptitle(text, fontsize=10, fontweight="bold", x=0.01, ha="left", parse_math=False)
+
+
+def unmathed(label: str) -> str:
+    """A label from outside, on which no dollar sign begins mathematics."""
+    return clean(label, LONGEST_LABEL).replace("$", "\\$")
+
+
 def panels(count: int, title: str, height: float = 2.1) -> tuple[Figure, list[Axes]]:
     """A figure with `count` panels above each other that share the time axis, and a title."""
     with rc_context(dict[Any, Any](SETTINGS)):
         figure = Figure(figsize=(7.0, height * count + 0.7), layout="constrained")
         axes = figure.subplots(count, 1, squeeze=False)[:, 0]
-        figure.suptitle(title, fontsize=10, fontweight="bold", x=0.01, ha="left")
+        entitle(figure, title)
     return figure, list(axes)

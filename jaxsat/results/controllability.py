@@ -6,6 +6,7 @@ import xarray as xr
 
 from jaxsat.controllability import Analysis, FailureCase, failure_arrays
 from jaxsat.results.provenance import provenance_attributes
+from jaxsat.text import clean
 
 
 def failure_dataset(
@@ -33,7 +34,7 @@ def failure_dataset(
             attributes["units"] = units[name]
         variables[name] = (dimensions, values, attributes)
     attributes = {
-        "title": title,
+        "title": clean(title),
         "scenario": scenario,
         "verdict": analysis.verdict,
         "rank": analysis.rank,

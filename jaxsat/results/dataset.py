@@ -15,6 +15,7 @@ from jaxsat.results.files import read_or_explain, save_file
 from jaxsat.results.marker import Marker
 from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Assessment, Signals, Trajectory
+from jaxsat.text import clean
 
 
 class _Variable(NamedTuple):
@@ -173,7 +174,7 @@ def _attributes(
 ) -> dict[str, str | int]:
     outcome = trajectory.outcome
     attributes: dict[str, str | int] = {
-        "title": title,
+        "title": clean(title),
         "scenario": scenario,
         "outcome": outcome.name,
         "outcome_code": int(outcome),

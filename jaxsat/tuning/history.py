@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.results.provenance import provenance_attributes
+from jaxsat.text import clean
 from jaxsat.tuning.descent import DescentState
 from jaxsat.tuning.plan import TuningPlan
 
@@ -71,7 +72,7 @@ def history_dataset(plan: TuningPlan, state: DescentState, title: str, scenario:
             "validation": np.array([check.step for check in checks]),
         },
         attrs={
-            "title": title,
+            "title": clean(title),
             "scenario": scenario,
             "parameter_units": list(plan.space.units),
             "parameter_scales": list(plan.space.scales),

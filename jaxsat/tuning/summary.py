@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from jaxsat.montecarlo import Interval, ends_text
+from jaxsat.text import markdown
 from jaxsat.tuning.baselines import Found, missing_packages
 from jaxsat.tuning.receipt import Comparison, Receipt
 from jaxsat.tuning.verdict import Judgement, Verdict
@@ -12,7 +13,7 @@ def summary_page(
     title: str, receipt: Receipt, verdict: Verdict, baselines: Sequence[Found] = ()
 ) -> str:
     """Markdown: distrust first if there is reason for it, then gains, verdict and receipt."""
-    blocks = [f"# Tuning: {title}", *_warnings(receipt, verdict)]
+    blocks = [f"# Tuning: {markdown(title)}", *_warnings(receipt, verdict)]
     blocks += ["## Gains", _gains(verdict)]
     blocks += ["## Verdict: the exact law on cases never tuned on", _verdict(verdict)]
     blocks += [_conclusion(verdict)]

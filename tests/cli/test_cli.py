@@ -195,16 +195,16 @@ def test_help_is_quick_and_imports_nothing_heavy(tokens):
         f"try: main({tokens})\nexcept SystemExit as end: assert end.code == 0, end.code\n"
         "heavy = {'jax', 'numpy', 'xarray', 'matplotlib', 'pydantic', 'diffrax'}\n"
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
+        "import time; print(time.process_time(), file=sys.stderr)\n"
     )
     times = []
-    for _ in range(3):
-        begin = time.perf_counter()
+    for _ in range(2):
         done = subprocess.run(
             [sys.executable, "-c", code], capture_output=True, env=environment(), check=False
         )
-        times.append(time.perf_counter() - begin)
         assert done.returncode == 0, done.stderr
-    assert min(times) < 1
+        times.append(float(done.stderr.split()[-1]))
+    assert min(times) < 1  # of computing, whoever else uses the machine
 
 
 def test_version(jaxsat):
@@ -238,7 +238,7 @@ def test_reader_that_goes_away():
         capture_output=True, env=environment(), timeout=60, check=False,
     )  # fmt: skip
     assert done.stdout == b"{\n"
-    assert done.stderr == b""
+    assert all(line.startswith(b"jaxsat: starting") for line in done.stderr.splitlines())
 
 
 @pytest.mark.parametrize(
@@ -247,6 +247,7 @@ def test_reader_that_goes_away():
 )
 def test_interruption_leaves_nothing(tmp_path, number, status, message):
     tokens = ("simulate", "switching", "--set", "simulation.duration_s=900000", "--out", "deep/out")
+    tokens += ("--quiet",)
     with subprocess.Popen(
         command(*tokens), stderr=subprocess.PIPE, stdout=subprocess.PIPE, env=environment()
     ) as process:

@@ -169,7 +169,7 @@ def test_without_llvmlite_another_engine_is_taken_and_told(tmp_path):
         check=True,
     )
     told = "the compiled engine must have llvmlite, which is not installed"
-    assert done.stderr == f"not the native engine: {told}\n"
+    assert f"not the native engine: {told}" in done.stderr.splitlines()
     assert "4: 0 settled, 4 unsettled" in done.stdout
     attributes = open_study(tmp_path / "s").attrs
     assert json.loads(attributes["identity"])["engine"]["name"] == "scan"
@@ -184,7 +184,7 @@ def test_without_llvmlite_another_engine_is_taken_and_told(tmp_path):
         check=False,
     )
     assert done.returncode == 2
-    assert done.stderr == f"jaxsat: The native engine cannot run this: {told}\n"
+    assert f"jaxsat: The native engine cannot run this: {told}" in done.stderr.splitlines()
 
 
 @pytest.mark.slow

@@ -1,0 +1,89 @@
+"""The last resort: an exception that no command expected becomes one line and a file."""
+
+import os
+import platform
+import sys
+import tempfile
+import threading
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import jaxsat
+from jaxsat.cli.terminal import FailedRun, report
+from jaxsat.cli.words import command_line
+from jaxsat.text import clean
+
+LONGEST = 300
+"""Characters of an exception's message that are told; the file has all of it."""
+
+MEMORY = ("RESOURCE_EXHAUSTED", "can't start new thread", "Cannot allocate memory")
+"""How libraries call a lack of memory or threads where they have no exception for it."""
+
+
+def as_failure(error: BaseException) -> FailedRun | None:
+    """What to tell of an exception that means a lack of memory or a failing disk, else None."""
+    from jaxsat.results.errors import FAILURES
+
+    if isinstance(error, OSError) and error.errno in FAILURES:
+        where = "" if error.filename is None else f"{error.filename}: "
+        return FailedRun(f"{where}{error.strerror}")
+    if isinstance(error, MemoryError) or any(sign in str(error) for sign in MEMORY):
+        return FailedRun("there is not enough memory; ask for less at once")
+    return None
+
+
+def tell_of(error: Exception) -> None:
+    """One line for an exception that no command expected; a file too if jaxsat is at fault."""
+    failure = as_failure(error)
+    if failure is None:
+        tell_of_bug(error)
+    else:
+        report(str(failure))
+
+
+def tell_of_bug(error: BaseException) -> None:
+    """One line on standard error, and the traceback in a file that only its owner can read."""
+    kind, text = type(error).__name__, str(error).strip()
+    first = clean(text.split("\n")[0], LONGEST)
+    what = f"{kind}: {first}" if first else kind
+    try:
+        place = f"its traceback is in {_written(error)}, please report it with that file"
+    except OSError as reason:
+        place = f"its traceback cannot be written ({reason.strerror or reason})"
+    report(f"{what}; this is a bug of jaxsat, {place}")
+
+
+@contextmanager
+def threads_watched() -> Iterator[None]:
+    """Have exceptions that end a thread, or that Python cannot raise, told in the same way."""
+    told: set[str] = set()
+
+    def tell(error: BaseException | None) -> None:
+        if not isinstance(error, Exception) or repr(error) in told:
+            return
+        told.add(repr(error))
+        tell_of(error)
+
+    before = threading.excepthook, sys.unraisablehook
+    threading.excepthook = sys.unraisablehook = lambda raised: tell(raised.exc_value)
+    try:
+        yield
+    finally:
+        threading.excepthook, sys.unraisablehook = before
+
+
+def _written(error: BaseException) -> Path:
+    try:
+        lines = traceback.format_exception(error)
+    except Exception as other:  # such as a __str__ or __repr__ that fails
+        lines = [f"{type(error).__name__}, of which {type(other).__name__} keeps the traceback\n"]
+    versions = [
+        f"jaxsat {jaxsat.__version__}, Python {platform.python_version()}, {platform.platform()}\n",
+        f"{command_line()}\n\n",
+    ]
+    number, name = tempfile.mkstemp(prefix="jaxsat-traceback-", suffix=".txt")  # O_EXCL, 0600
+    with os.fdopen(number, "w", encoding="utf-8", errors="backslashreplace") as file:
+        file.writelines([*versions, *lines])
+    return Path(name)

@@ -1,0 +1,72 @@
+"""The entry point, there before anything slow is imported: signals and exit statuses."""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+
+from jaxsat.cli.progress import telling
+from jaxsat.cli.terminal import Terminated, finish, make_streams_safe, report
+
+SIGNALS = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+]
+
+
+def main(tokens: Sequence[str] | None = None) -> None:
+    """Run the command line and exit with a status that docs/scenarios.md lists."""
+    with _raised() as received:
+        try:
+            status = _status(tokens, received)
+        except (KeyboardInterrupt, Terminated):  # a second one, while the first was told of
+            status = _interrupted(received)
+        if received:
+            os._exit(status)  # a computation may still hold a thread
+    sys.exit(status)
+
+
+def _status(tokens: Sequence[str] | None, received: list[int]) -> int:
+    try:
+        make_streams_safe()
+        given = sys.argv[1:] if tokens is None else tokens
+        with nullcontext() if "--quiet" in given else telling("starting"):
+            from jaxsat.cli.app import run
+
+            return finish(run(tokens))
+    except (KeyboardInterrupt, Terminated) as stop:
+        word = "terminated" if isinstance(stop, Terminated) else "interrupted"
+        report(f"{word}; {stop.args[0] if stop.args else 'nothing was written'}")
+        return _interrupted(received)
+
+
+def _interrupted(received: Sequence[int]) -> int:
+    return 128 + (received[0] if received else signal.SIGINT)
+
+
+@contextmanager
+def _raised() -> Iterator[list[int]]:
+    """Signals become exceptions, and are listed; a third one ends the process at once.
+
+    One that is ignored from the start, as under `nohup`, stays so.
+    """
+    received: list[int] = []
+
+    def handle(number: int, frame: object) -> None:
+        del frame
+        received.append(number)
+        if len(received) > 2:
+            os._exit(_interrupted(received))
+        raise KeyboardInterrupt if number == signal.SIGINT else Terminated
+
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in SIGNALS:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, handle)
+    try:
+        yield received
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

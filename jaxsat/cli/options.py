@@ -1,0 +1,111 @@
+"""The options of the commands: what each may be, checked before anything else is done.
+
+Each has one range, told in one form; docs/scenarios.md lists the ranges.
+"""
+
+import decimal
+import math
+import os
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from jaxsat.cli.terminal import UserMistake
+from jaxsat.text import clean
+
+MOST_CASES = 2**32
+"""Case numbers are 32-bit words of the noise's key."""
+
+MOST_TOGETHER = 2**20
+"""Cases of a chunk or of a width: each takes memory for all of them at once."""
+
+LARGEST_SEED = 2**64 - 1
+MOST_WORKERS = 4096
+MOST_STARTS = 10_000
+LONGEST_NAME, LONGEST_PATH = 255, 4095
+"""Bytes that Linux and macOS take for one name, and for a path."""
+
+SHOWN = 60
+"""Characters of a wrong value that are told."""
+
+_WHOLE = re.compile(r"[+-]?\d{1,40}(\.\d{1,40})?([eE][+-]?\d{1,2})?", re.ASCII)
+
+
+def mistake(option: str, must: str, got: object) -> UserMistake:
+    """The one form of a message about an option."""
+    return UserMistake(f"{option}: must be {must}, got {clean(str(got), SHOWN) or 'nothing'}")
+
+
+def _converter(convert: Callable[[str, str], Any]) -> Callable:
+    def converter(kind: Any, tokens: Sequence[Any]) -> Any:
+        del kind
+        (token,) = tokens
+        return convert(token.keyword or "", token.value)
+
+    return converter
+
+
+def whole(least: int, most: int) -> Callable:
+    """A converter to whole numbers, which may be written like 1e6 but not like 1.5."""
+
+    def convert(option: str, text: str) -> int:
+        if _WHOLE.fullmatch(text):
+            value = decimal.Decimal(text)
+            if least <= value <= most and value == value.to_integral_value():
+                return int(value)
+        raise mistake(option, f"a whole number from {least} to {most}", text)
+
+    return _converter(convert)
+
+
+def number(least: float, most: float, *, open_ends: bool = False) -> Callable:
+    """A converter to numbers in a range, with or without its ends."""
+
+    def convert(option: str, text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if (least < value < most) if open_ends else (least <= value <= most):
+            return value
+        form = "between {:g} and {:g}" if open_ends else "from {:g} to {:g}"
+        raise mistake(option, f"a number {form.format(least, most)}", text)
+
+    return _converter(convert)
+
+
+def place(option: str, text: str) -> Path:
+    """A path that a file system takes."""
+    names = [os.fsencode(name) for name in Path(text).parts]
+    if not text or "\0" in text:
+        raise mistake(option, "a path", text)
+    if any(len(name) > LONGEST_NAME for name in names) or len(os.fsencode(text)) > LONGEST_PATH:
+        must = f"a path of at most {LONGEST_PATH} bytes, each name of at most {LONGEST_NAME}"
+        raise mistake(option, must, text)
+    return Path(text)
+
+
+def something(option: str, text: str) -> str:
+    """A text that is not empty."""
+    if not text.strip():
+        raise mistake(option, "given with a value", text)
+    return text
+
+
+Cases = Annotated[int, Parameter(name=["--count", "-n"], converter=whole(1, MOST_CASES))]
+Case = Annotated[int | None, Parameter(converter=whole(0, MOST_CASES - 1))]
+Seed = Annotated[int, Parameter(converter=whole(0, LARGEST_SEED))]
+OptionalSeed = Annotated[int | None, Parameter(converter=whole(0, LARGEST_SEED))]
+Together = Annotated[int, Parameter(converter=whole(1, MOST_TOGETHER))]
+OptionalTogether = Annotated[int | None, Parameter(converter=whole(1, MOST_TOGETHER))]
+Workers = Annotated[int | None, Parameter(converter=whole(1, MOST_WORKERS))]
+Starts = Annotated[int, Parameter(converter=whole(1, MOST_STARTS))]
+StartsOrNone = Annotated[int, Parameter(converter=whole(0, MOST_STARTS))]
+Place = Annotated[Path, Parameter(converter=_converter(place))]
+OptionalPlace = Annotated[Path | None, Parameter(converter=_converter(place))]
+Text = Annotated[str | None, Parameter(converter=_converter(something))]
+Flag = Annotated[bool, Parameter(negative="")]
+Overrides = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]

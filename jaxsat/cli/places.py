@@ -1,0 +1,36 @@
+"""Places to write to, judged before anything is computed."""
+
+import contextlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from jaxsat.cli.terminal import UserMistake, output_problem
+
+if TYPE_CHECKING:
+    from jaxsat.results import OutputFolder
+
+
+class _Tried(Exception):
+    """Ends a folder that was opened only to see whether that can be."""
+
+
+def try_folder(open_folder: "Callable[[], OutputFolder]") -> None:
+    """Raise `UserMistake` or `FailedRun` now for a folder that could not be written later."""
+    from jaxsat.results import OutputError
+
+    try:
+        with contextlib.suppress(_Tried), open_folder():
+            raise _Tried
+    except OutputError as error:
+        raise output_problem(error) from None
+
+
+def refuse_nested(first: tuple[str, Path], second: tuple[str, Path]) -> None:
+    """Raise `UserMistake` where one of two places is the other or lies inside it."""
+    (one, here), (other, there) = (
+        (name, Path(os.path.realpath(path))) for name, path in (first, second)
+    )
+    if here.is_relative_to(there) or there.is_relative_to(here):
+        raise UserMistake(f"{one} and {other}: must be apart from each other, got {here}, {there}")

@@ -1,0 +1,138 @@
+"""What a command is at, told on standard error from its first second on.
+
+A live line on a terminal; elsewhere a plain line now and then, less and less often.
+"""
+
+import os
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from jaxsat.text import clean
+
+FIRST = 0.3, 0.8
+"""Seconds before anything is shown, on a terminal and elsewhere: quick commands say nothing."""
+
+BETWEEN = 0.1
+"""Seconds between two drawings of the live line."""
+
+LONGEST = 60.0
+"""Seconds between two plain lines at most; up to then each comes after twice the time."""
+
+ERASE = "\r\x1b[2K"
+SPINNER = "|/-\\"
+
+
+class _Display:
+    """The thread that shows the text; one at a time is enough for a process."""
+
+    def __init__(self, text: str):
+        self.text = text
+        self.lock = threading.RLock()
+        self._live = _is_live()
+        self._shown = False
+        self._begin = time.monotonic()
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="jaxsat-progress", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Show nothing more; the live line goes."""
+        self._end.set()
+        self._thread.join()
+        self.erase()
+
+    def erase(self) -> None:
+        """Take the live line away, until it is drawn again."""
+        with self.lock:
+            if self._shown:
+                self._shown = False
+                _write(ERASE)
+
+    def _run(self) -> None:
+        due = FIRST[0] if self._live else FIRST[1]
+        drawing = 0
+        while not self._end.wait(max(0.0, due - self._elapsed())):
+            elapsed = self._elapsed()
+            with self.lock:
+                if self._live:
+                    self._draw(SPINNER[drawing % len(SPINNER)], elapsed)
+                else:
+                    _write(f"jaxsat: {clean(self.text)} ({elapsed:.0f} s)\n")
+            drawing += 1
+            due = elapsed + (BETWEEN if self._live else until_next_line(elapsed))
+
+    def _draw(self, mark: str, elapsed: float) -> None:
+        from rich.cells import set_cell_size
+
+        room = max(0, shutil.get_terminal_size().columns - 1)
+        line = f"{mark} {clean(self.text)} ({elapsed:.0f} s)"
+        _write(ERASE + set_cell_size(line, room).rstrip())
+        self._shown = True
+
+    def _elapsed(self) -> float:
+        return time.monotonic() - self._begin
+
+
+def until_next_line(elapsed: float) -> float:
+    """Seconds from one plain line to the next."""
+    return min(LONGEST, max(1.0, elapsed))
+
+
+_display: _Display | None = None
+
+
+@contextmanager
+def telling(text: str) -> Iterator[None]:
+    """While this lasts, show what the command is at; `text` first."""
+    global _display
+    _display = _Display(text)
+    try:
+        yield
+    finally:
+        hush()
+
+
+def tell(text: str) -> None:
+    """What the command is at now."""
+    if _display is not None:
+        _display.text = text
+
+
+def hush() -> None:
+    """No more of it, such as for a command that is to be quiet."""
+    global _display
+    display, _display = _display, None
+    if display is not None:
+        display.stop()
+
+
+@contextmanager
+def between_drawings() -> Iterator[None]:
+    """Other output goes out inside this, with no live line in its way."""
+    display = _display
+    if display is None:
+        yield
+        return
+    with display.lock:
+        display.erase()
+        yield
+
+
+def _is_live() -> bool:
+    try:
+        return sys.stderr.isatty() and os.environ.get("TERM", "dumb") not in ("dumb", "unknown", "")
+    except (AttributeError, ValueError):  # none, or closed
+        return False
+
+
+def _write(text: str) -> None:
+    """To standard error, and if it has gone, nowhere: progress is never a reason to fail."""
+    try:
+        sys.stderr.write(text)
+        sys.stderr.flush()
+    except (OSError, ValueError, AttributeError):
+        pass

@@ -1,0 +1,11 @@
+"""The command as it was given."""
+
+import shlex
+import sys
+
+from jaxsat.text import clean
+
+
+def command_line() -> str:
+    """The command for a record of what was done, in characters that every file can hold."""
+    return clean(shlex.join(["jaxsat", *sys.argv[1:]]))

@@ -1,0 +1,70 @@
+"""What a study will take, known before any of it is done."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxsat.montecarlo.designs import LatinHypercube
+from jaxsat.montecarlo.ensemble import Study
+from jaxsat.montecarlo.statistics import StopRule
+from jaxsat.simulation import SampledLoop
+
+SUMMARISED = 120
+"""Bytes a case takes while a summary is made: columns held at once, and their order."""
+
+COMPUTED = 4
+"""How many times a chunk's results are in memory while it is computed and written."""
+
+LANE = 4000
+"""Bytes that a case takes in the compiled loop, about."""
+
+
+class Work(NamedTuple):
+    """Trajectories, the steps of all of them, bytes of memory and of disk; all about.
+
+    Adaptive steps count as one an interval, so that there are at least so many.
+    """
+
+    trajectories: int
+    steps: int
+    memory: int
+    disk: int
+
+
+def study_work(study: Study, until: StopRule | None = None, workers: int = 1) -> Work:
+    """What the whole study takes at most; with a stop rule, up to where it must be met."""
+    cases = study.count
+    if until is not None:
+        chunks = math.ceil(most_cases(until, cases) / study.chunk) + workers
+        cases = min(cases, chunks * study.chunk)
+    case = 1 + sum(
+        math.prod(column.shape) * np.dtype(column.dtype).itemsize
+        for column in study.columns().values()
+    )
+    together = min(study.chunk, study.count)
+    memory = cases * SUMMARISED + workers * together * case * COMPUTED
+    memory += workers * study.engine.width * LANE
+    if isinstance(study.design, LatinHypercube):
+        memory += 8 * cases * sum(study.copies.dimensions().values())
+    return Work(cases, cases * study.program.intervals * _substeps(study), memory, cases * case)
+
+
+def _substeps(study: Study) -> int:
+    """Steps in an interval where they are fixed."""
+    if isinstance(study.copies.loop, SampledLoop):
+        return study.copies.loop.substeps
+    adaptive = getattr(study.engine, "tolerance", None) is not None
+    return 1 if adaptive else getattr(study.engine, "substeps", 1)
+
+
+def most_cases(rule: StopRule, count: int) -> int:
+    """The cases after which the rule is met whatever they show, at most `count`."""
+    least, most = 1, count
+    while least < most:
+        middle = (least + most) // 2
+        if rule.met(middle // 2, middle):  # half of them settled is the widest interval
+            most = middle
+        else:
+            least = middle + 1
+    return most

@@ -1,0 +1,34 @@
+"""Text from outside, made harmless where it is shown: terminals, figures, pages, attributes."""
+
+import unicodedata
+
+JOINERS = "\u200c\u200d"
+"""Format characters that scripts and emoji need; all others only hide or reorder what is read."""
+
+_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+_MARKDOWN = {ord(mark): f"\\{mark}" for mark in "\\`*_[]#|~$!"}
+_MARKUP = {ord("&"): "&amp;", ord("<"): "&lt;", ord(">"): "&gt;"}
+
+
+def clean(text: str, longest: int | None = None) -> str:
+    """One line that shows what it holds: control and format characters become their escapes.
+
+    So do line breaks, and the bytes of a file name that cannot be decoded. What is longer than
+    `longest` characters is cut and ends with an ellipsis.
+    """
+    if not text.isprintable():
+        text = "".join(map(_shown, text))
+    return text if longest is None or len(text) <= longest else text[: longest - 1] + "…"
+
+
+def markdown(text: str) -> str:
+    """The same for a page: what Markdown, HTML or mathematics would take for a mark is escaped."""
+    return clean(text).translate(_MARKDOWN | _MARKUP)
+
+
+def _shown(character: str) -> str:
+    if unicodedata.category(character) not in _HIDDEN or character in JOINERS:
+        return character
+    if "\udc80" <= character <= "\udcff":  # a byte that is no UTF-8, as Python carries it along
+        return f"\\x{ord(character) - 0xDC00:02x}"
+    return character.encode("unicode_escape").decode("ascii")

@@ -1,0 +1,115 @@
+"""What a command tells while it works: soon, everywhere, and nothing with --quiet."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from jaxsat.cli import progress
+
+ROOT = Path(__file__).parents[2]
+TOKENS = ["scenarios", "check", "switching"]
+
+SLOW = """
+import sys, time
+import jaxsat.cli.app as app
+import jaxsat.cli.scenarios as module
+from jaxsat.cli.progress import tell
+def load(name, overrides):
+    assert "jax" not in sys.modules
+    tell("reading a\\x1b[31m\\nscenario " + "x" * 200)
+    time.sleep(3)
+    class Scenario: title = "done"
+    return Scenario
+module.load_or_explain = load
+app.import_interruptibly = lambda *modules: None
+from jaxsat.cli import main
+main(["scenarios", "check", "x"])
+"""
+
+
+def environment(**more):
+    return {**os.environ, "PYTHONPATH": str(ROOT), **more}
+
+
+def in_a_terminal(**more):
+    """All that appears on a terminal, and what came with the first byte."""
+    pty = pytest.importorskip("pty")
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-c", SLOW], stdout=theirs, stderr=theirs, env=environment(**more)
+    ) as process:
+        os.close(theirs)
+        parts = []
+        while True:
+            try:
+                part = os.read(ours, 65536)
+            except OSError:  # the other end is closed
+                break
+            if not part:
+                break
+            parts.append(part)
+        assert process.wait() == 0
+    os.close(ours)
+    return b"".join(parts).decode(), parts[0].decode()
+
+
+def test_a_live_line_on_a_terminal_before_jax_is_imported():
+    text, first = in_a_terminal(TERM="xterm", COLUMNS="40", LINES="24", LC_ALL="C", NO_COLOR="1")
+    assert first.startswith(progress.ERASE)
+    lines = text.split(progress.ERASE)
+    assert all(len(line) < 40 for line in lines[:-1])
+    assert any("reading a\\x1b[31m" in line for line in lines)
+    assert len(lines) > 8
+    assert "\x1b[31m" not in text
+    assert lines[-1] == "x: all right (done)\r\n"  # the live line has gone
+
+
+@pytest.mark.parametrize("columns", ["1", "2", "0", "many"])
+def test_narrow_terminals(columns):
+    text, _ = in_a_terminal(TERM="xterm", COLUMNS=columns)
+    assert text.endswith(progress.ERASE + "x: all right (done)\r\n")
+
+
+def test_plain_lines_on_a_dumb_terminal_and_in_a_pipe():
+    text, _ = in_a_terminal(TERM="dumb")
+    assert "\x1b" not in text
+    assert text.startswith("jaxsat: reading a\\x1b[31m\\nscenario")
+    done = subprocess.run(
+        [sys.executable, "-c", SLOW], capture_output=True, env=environment(), check=True
+    )
+    assert done.stdout == b"x: all right (done)\n"
+    lines = done.stderr.decode().splitlines()
+    assert 2 <= len(lines) <= 4
+    assert all(line.startswith("jaxsat: reading a") for line in lines)
+
+
+def test_plain_lines_come_less_and_less_often():
+    times = [0.8]
+    while times[-1] < 600:
+        times.append(times[-1] + progress.until_next_line(times[-1]))
+    assert len(times) < 20
+    gaps = list(map(progress.until_next_line, times))
+    assert gaps == sorted(gaps)
+    assert gaps[-1] == progress.LONGEST
+
+
+def test_nothing_with_quiet(command_line, monkeypatch):
+    monkeypatch.setattr(progress, "FIRST", (0.0, 0.0))
+    short = ("--set", "simulation.duration_s=1", "--out")
+    assert command_line("simulate", "switching", *short, "loud")[2] != ""
+    assert command_line("simulate", "switching", *short, "quiet", "--quiet") == (0, "", "")
+
+
+def test_progress_that_cannot_be_written_is_no_reason_to_fail():
+    begin = time.monotonic()
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", SLOW], stdout=subprocess.PIPE, stderr=full,
+            env=environment(), check=True,
+        )  # fmt: skip
+    assert done.stdout == b"x: all right (done)\n"
+    assert time.monotonic() - begin > 3

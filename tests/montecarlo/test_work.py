@@ -1,0 +1,32 @@
+"""What a study will take, known before it starts."""
+
+import numpy as np
+import pytest
+
+from jaxsat.montecarlo import StopRule, most_cases, study_work
+from jaxsat.scenario import load
+from jaxsat.scenario.study import build_study
+
+
+@pytest.mark.parametrize("half_width", [0.2, 0.03, 0.01])
+def test_no_sample_needs_more_cases_than_the_most(half_width):
+    rule = StopRule(half_width)
+    most = most_cases(rule, 10**9)
+    for count in (most, most + 1, 2 * most):
+        settled = np.unique(np.linspace(0, count, 30).astype(int))
+        assert all(rule.met(int(one), count) for one in settled)
+    assert most == rule.least or not rule.met((most - 1) // 2, most - 1)
+    assert most_cases(rule, 7) == 7
+
+
+def test_work_of_a_study():
+    scenario = load("acceptance-mc", ["simulation.duration_s=5"])
+    study = build_study(scenario, 10**8, engine="scan", chunk=100, width=8)
+    work = study_work(study)
+    assert work.trajectories == 10**8
+    assert work.steps == 10**8 * study.program.intervals * study.copies.loop.substeps
+    assert work.disk > 10**8 * 100
+    assert work.memory > 10**9
+    some = study_work(study, StopRule(0.2), workers=2)
+    assert some.trajectories == (1 + 2) * 100
+    assert some.memory < 10**7

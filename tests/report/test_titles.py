@@ -1,0 +1,66 @@
+"""Titles and labels from outside: drawn as they are, whatever is in them."""
+
+import io
+import warnings
+import xml.etree.ElementTree as xml
+
+import numpy as np
+import pytest
+
+from jaxsat.report.comparison_figures import settling_comparison
+from jaxsat.report.controllability_figures import inertia_map
+from jaxsat.report.study_figures import study_figures
+from jaxsat.report.style import panels, unmathed
+from jaxsat.report.tuning_figures import baselines_figure
+
+UGLY = [
+    "$k__3$",
+    "$\\frac$",
+    "a $ b",
+    "\\$x$ \\$ \\\\$",
+    "$" * 7,
+    "<b>&amp;-->]]></b>",
+    "nul\0 esc\x1b[31m line\nbreak\r\t\u2028",
+    "bytes \udcff\ud800",
+    "\u202eright to left",
+    "中文 😀 ω√",
+    "long " * 4000,
+    "",
+    " ",
+    "{}%s\\",
+]
+
+
+def drawn(figure):
+    """Draw as PNG and SVG; gives the SVG, which must be well-formed."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
+        figure.savefig(io.BytesIO(), format="png", dpi=20)
+        file = io.BytesIO()
+        figure.savefig(file, format="svg")
+    xml.fromstring(file.getvalue())
+    return file.getvalue().decode()
+
+
+@pytest.mark.parametrize("text", UGLY)
+def test_titles_and_labels_are_drawn_as_they_are(text):
+    figure, (axes,) = panels(1, text, height=2.0)
+    axes.plot([0, 1], [0, 1], label=unmathed(text) or "x")
+    axes.legend()
+    axes.set_xlabel(unmathed(text))
+    drawn(figure)
+
+
+def test_every_kind_of_figure_takes_any_title():
+    text = " ".join(UGLY)[:300]
+    times = np.array([1.0, 20.0, np.inf])
+    traces = {text: np.array([[1.0, 2.0], [3.0, 1.0]])}
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    figures = [
+        *study_figures({"settling_time": times}, {}, text).values(),
+        settling_comparison({(text, 5.0): {text: times}}, {(text, 5.0): 100.0}, text),
+        baselines_figure(traces, text),
+        inertia_map(corners, np.ones(3), title=text),
+    ]
+    for figure in figures:
+        drawn(figure)
