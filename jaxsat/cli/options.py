@@ -22,6 +22,7 @@ MOST_CASES = 2**32
 MOST_TOGETHER = 2**20
 """Cases of a chunk or of a width: each takes memory for all of them at once."""
 
+MOST_INSTANTS = 100_000
 LARGEST_SEED = 2**64 - 1
 MOST_WORKERS = 4096
 MOST_STARTS = 10_000
@@ -101,6 +102,7 @@ Seed = Annotated[int, Parameter(converter=whole(0, LARGEST_SEED))]
 OptionalSeed = Annotated[int | None, Parameter(converter=whole(0, LARGEST_SEED))]
 Together = Annotated[int, Parameter(converter=whole(1, MOST_TOGETHER))]
 OptionalTogether = Annotated[int | None, Parameter(converter=whole(1, MOST_TOGETHER))]
+Instants = Annotated[int | None, Parameter(converter=whole(2, MOST_INSTANTS))]
 Workers = Annotated[int | None, Parameter(converter=whole(1, MOST_WORKERS))]
 Starts = Annotated[int, Parameter(converter=whole(1, MOST_STARTS))]
 StartsOrNone = Annotated[int, Parameter(converter=whole(0, MOST_STARTS))]

@@ -18,6 +18,9 @@ from jaxsat.controllability.decision import Decision
 
 HALVINGS = 60
 
+LARGEST = 200.0
+"""Logarithm of the largest angle that is told apart from larger ones."""
+
 
 def turn_time(
     inertia: Float[np.ndarray, "3 3"], torque_axes: Float[np.ndarray, "3 m"], torque: float = 1.0
@@ -30,16 +33,22 @@ def turn_time(
     a manoeuvre takes longer. It falls as 1/√torque. Infinite where the brackets do not span.
 
     For principal axes and thrusters along x and y, with T the torque, it is the larger of
-    √(2 max(J1, J2) / T) and (12 J1 J2 J3 / (|J1 - J2| T²))^¼.
+    √(2 max(J1, J2) / T) and (12 J1 J2 J3 / (|J1 - J2| T²))^¼. NaN where moments are so far apart
+    that the brackets are beyond the range of numbers.
     """
     scale = float(np.max(np.abs(inertia)))
-    accelerations, powers = _columns(inertia / scale, torque_axes)
+    with np.errstate(over="ignore", invalid="ignore"):
+        accelerations, powers = _columns(inertia / scale, torque_axes)
+        sizes = np.linalg.norm(accelerations, axis=0)
+    if not np.isfinite(sizes).all():
+        return np.nan
+    accelerations, powers, sizes = (part[..., sizes > 0] for part in (accelerations, powers, sizes))
     if np.linalg.matrix_rank(accelerations) < 3:
         return np.inf
 
     def least(logarithm: float) -> float:
-        angles = accelerations * np.exp(powers * logarithm)
-        return float(np.linalg.svd(angles, compute_uv=False)[-1])
+        grown = np.minimum(np.log(sizes) + powers * logarithm, LARGEST)
+        return float(np.linalg.svd(accelerations / sizes * np.exp(grown), compute_uv=False)[-1])
 
     low, high = -2.0, 2.0
     while least(low) > 1:
@@ -63,8 +72,9 @@ def _columns(
     inertia: Float[np.ndarray, "3 3"], torque_axes: Float[np.ndarray, "3 m"]
 ) -> tuple[Float[np.ndarray, "3 k"], Float[np.ndarray, " k"]]:
     """Angles (rad) after one unit of time, and the powers of time with which they grow."""
-    lengths = np.linalg.norm(torque_axes, axis=0)
-    axes = torque_axes[:, lengths > 0] / lengths[lengths > 0]
+    largest = np.abs(torque_axes).max(axis=0, initial=0.0)
+    axes = torque_axes[:, largest > 0] / largest[largest > 0]
+    axes = axes / np.linalg.norm(axes, axis=0)
     directions = np.linalg.solve(inertia, axes).T
 
     def product(x, y):  # ⟨x:y⟩

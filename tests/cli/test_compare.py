@@ -57,9 +57,15 @@ def test_a_law_that_settles_is_taken(jaxsat):
 @pytest.mark.parametrize(
     ("tokens", "message"),
     [
-        (["--torque-limit", "0"], "--torque-limit: must be a positive number"),
-        (["--torque-limit", "much"], "--torque-limit: must be a positive number"),
-        (["-n", "0"], "`count` must be at least 1"),
+        (
+            ["--torque-limit", "0"],
+            "--torque-limit: must be a number of N m from 0.01 to 1000, or all",
+        ),
+        (
+            ["--torque-limit", "much"],
+            "--torque-limit: must be a number of N m from 0.01 to 1000, or all",
+        ),
+        (["-n", "0"], "-n: must be a whole number from 1"),
         (["--level", "soft"], "--level"),
     ],
 )

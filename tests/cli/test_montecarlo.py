@@ -64,8 +64,8 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
             [*SHORT, "--set", "dispersion.design=latin-hypercube", "--until-ci", "1%"],
             "--until-ci: must go with another design",
         ),
-        ([*SHORT, "-n", "0"], "`count` must be at least 1"),
-        ([*SHORT, "--seed", "-1"], "`seed` must be"),
+        ([*SHORT, "-n", "0"], "-n: must be a whole number from 1"),
+        ([*SHORT, "--seed", "-1"], "--seed: must be a whole number from 0"),
     ],
 )
 def test_mistakes_exit_with_two(jaxsat, tokens, message):

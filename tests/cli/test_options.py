@@ -34,6 +34,7 @@ CASES = {
         "--seed": ["-1", "3.7", str(2**64), "1e20", "", "none"],
         "--width": WHOLE,
         "--chunk": WHOLE,
+        "--history": [*WHOLE, "1"],
         "--workers": WHOLE,
         "--processes": WHOLE,
         "--devices": WHOLE,

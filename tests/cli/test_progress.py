@@ -18,7 +18,7 @@ import sys, time
 import jaxsat.cli.app as app
 import jaxsat.cli.scenarios as module
 from jaxsat.cli.progress import tell
-def load(name, overrides):
+def load(name, overrides, purpose):
     assert "jax" not in sys.modules
     tell("reading a\\x1b[31m\\nscenario " + "x" * 200)
     time.sleep(3)
