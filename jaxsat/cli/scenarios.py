@@ -7,6 +7,7 @@ from cyclopts import App
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import Overrides
 from jaxsat.cli.terminal import SUCCESS, USER_MISTAKE, UserMistake, report_mistake, say, say_text
+from jaxsat.text import clean
 
 scenarios = App(name="scenarios", help="List, show and check scenarios.", help_format="plaintext")
 
@@ -33,14 +34,13 @@ def show(name: str, /) -> int:
         One of the names that `jaxsat scenarios list` gives.
     """
     from jaxsat.scenario import library
-    from jaxsat.scenario.errors import LONGEST_PLACE, shortened
-    from jaxsat.scenario.toml_text import visible
+    from jaxsat.scenario.errors import LONGEST_PLACE
     from jaxsat.scenario.wording import suggestion
 
     names = library()
     if name not in names:
         hint = suggestion(name, names)
-        shown = shortened(visible(name), LONGEST_PLACE)
+        shown = clean(name, LONGEST_PLACE)
         raise UserMistake(
             f"{shown}: must be a scenario of jaxsat ({', '.join(names)}), got another name{hint}"
         )
@@ -76,7 +76,6 @@ def check(
     """
     if not files:
         raise UserMistake("scenarios check: must be given at least one file, got none")
-    from jaxsat.scenario.toml_text import visible
 
     status = SUCCESS
     for file in files:
@@ -86,5 +85,5 @@ def check(
             report_mistake(mistake)
             status = USER_MISTAKE
         else:
-            say(f"{visible(file)}: all right ({scenario.title})")
+            say(f"{clean(file)}: all right ({scenario.title})")
     return status

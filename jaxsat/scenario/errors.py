@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from jaxsat.scenario.toml_text import visible
+from jaxsat.text import clean
 
 Location = tuple[str | int, ...]
 """Where a value is: table and key names, then positions from 0 inside an array."""
@@ -39,10 +39,10 @@ class Problem:
 
     def __str__(self) -> str:
         """`file:line: key table.key: must …`, on one line that is safe to print."""
-        source = shortened(visible(self.source), LONGEST_PLACE)
+        source = clean(self.source, LONGEST_PLACE)
         place = source if self.line is None else f"{source}:{self.line}"
-        key = "" if self.key is None else f"key {shortened(visible(self.key), LONGEST_PLACE)}: "
-        return f"{place}: {key}{shortened(visible(self.message), LONGEST_MESSAGE)}"
+        key = "" if self.key is None else f"key {clean(self.key, LONGEST_PLACE)}: "
+        return f"{place}: {key}{clean(self.message, LONGEST_MESSAGE)}"
 
 
 class ScenarioError(Exception):
@@ -58,18 +58,13 @@ class ScenarioError(Exception):
         lines = [str(problem) for problem in self.problems[:MOST_TOLD]]
         more = len(self.problems) - len(lines)
         if more:
-            source = shortened(visible(self.problems[0].source), LONGEST_PLACE)
+            source = clean(self.problems[0].source, LONGEST_PLACE)
             lines.append(f"{source}: and {more} more mistake{'s' if more > 1 else ''}")
         super().__init__("\n".join(lines))
 
 
 class ScenarioWarning(UserWarning):
     """Something about a scenario that is allowed and yet is likely a mistake."""
-
-
-def shortened(text: str, longest: int) -> str:
-    """Text with its end left out where it is too long."""
-    return text if len(text) <= longest else text[: longest - 1] + "…"
 
 
 def key_of(location: Location) -> str | None:

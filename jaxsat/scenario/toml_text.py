@@ -8,7 +8,6 @@ from typing import Any
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _LARGEST_WHOLE = 10**100
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\f": "\\f", "\r": "\\r"}
-_ESCAPES_SHOWN = {"\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
 
 def toml_value(value: Any) -> str:
@@ -55,13 +54,6 @@ def _long(value: Any) -> str:
     if isinstance(value, str) and "\n" in value:
         return '"""\n' + "\n".join(_escaped(line) for line in value.split("\n")) + '"""'
     return toml_value(value)
-
-
-def visible(text: str) -> str:
-    """Text without anything that a terminal would act on: as it is, or with escapes of TOML."""
-    if text.isprintable():
-        return text
-    return "".join(_ESCAPES_SHOWN.get(character) or _visible(character) for character in text)
 
 
 def _text(value: str) -> str:

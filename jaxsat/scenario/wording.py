@@ -10,8 +10,9 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from jaxsat.scenario.control_tables import LAWS
-from jaxsat.scenario.errors import Issue, Location, entry_of, shortened
+from jaxsat.scenario.errors import Issue, Location, entry_of
 from jaxsat.scenario.toml_text import toml_value
+from jaxsat.text import clean
 
 LONGEST_SHOWN = 60
 LONGEST_VECTOR = 4
@@ -20,7 +21,7 @@ LONGEST_VECTOR = 4
 
 def shown(value: Any) -> str:
     """A value as it stands in the file, shortened."""
-    return shortened(toml_value(value), LONGEST_SHOWN)
+    return clean(toml_value(value), LONGEST_SHOWN)
 
 
 def suggestion(word: str, choices: Iterable[str]) -> str:

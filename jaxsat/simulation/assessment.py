@@ -123,6 +123,11 @@ class WatchedSolver(diffrax.AbstractWrappedSolver):
         """What diffrax asks of its terms."""
         return self.solver.term_compatible_contr_kwargs
 
+    @property
+    def scan_kind(self):
+        """How its stages are looped over, which diffrax replaces for forward mode."""
+        return self.solver.scan_kind  # pyright: ignore[reportAttributeAccessIssue]
+
     def order(self, terms):
         """Its order."""
         return self.solver.order(terms)

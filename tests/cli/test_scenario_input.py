@@ -61,5 +61,5 @@ def test_names_and_titles_cannot_speak_to_the_terminal(command_line, tmp_path):
     status, _, err = command_line("scenarios", "check", name, os.fsdecode(b"\xff.toml"))
     assert status == 2
     assert "\x1b" not in err
-    assert "a\\u001b[31mb.toml:1: key spacecraft: must be given" in err
+    assert "a\\x1b[31mb.toml:1: key spacecraft: must be given" in err
     assert "must be a name of valid characters" in err

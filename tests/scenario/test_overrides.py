@@ -3,7 +3,7 @@
 import pytest
 
 from jaxsat.scenario import ScenarioError, load
-from jaxsat.scenario.toml_text import visible
+from jaxsat.text import clean
 
 
 def problems(name, *overrides):
@@ -106,7 +106,7 @@ def test_both_forms_by_hand_still_exclude_each_other():
 )
 def test_mistakes_name_the_option(override, message):
     (found,) = problems("paper-rate", override)
-    assert found.startswith(f"--set {visible(override)}: ")
+    assert found.startswith(f"--set {clean(override)}: ")
     assert message in found
 
 
