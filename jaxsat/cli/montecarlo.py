@@ -65,7 +65,7 @@ def montecarlo(
 ) -> int:
     """Simulate many dispersed copies of a scenario, as its [dispersion] table says.
 
-    A store that is there is gone on with if it holds the same study, so a run that was broken off
+    A store that is there is resumed if it holds the same study, so a run that was broken off
     is finished by the same command.
 
     Parameters

@@ -58,7 +58,7 @@ def paper_figures(datasets: Mapping[str, xr.Dataset]) -> dict[str, Figure]:
         ),
         "switching-rates": rates_figure(
             datasets["switching"],
-            title="Two transitions, then (42) alone, third rate free, 5 N m: a limit cycle",
+            title="Two transitions, then (42) alone, third rate free, 5 N m: no rest",
         ),
         "switching-rounded": comparison_figure(
             [datasets["switching"], datasets["switching-rounded"]],

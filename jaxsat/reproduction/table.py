@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from jaxsat.reproduction.claims import Claim
+from jaxsat.reproduction.claim import Claim
 
 
 def markdown_table(claims: Sequence[Claim]) -> str:

@@ -1,4 +1,4 @@
-"""A folder that a command goes on with; files are replaced whole and only if they are ours."""
+"""A folder that a command resumes; files are replaced whole and only if they are ours."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""A run on disk: a folder that it is gone on with in, whose files are replaced whole."""
+"""A run on disk: a folder in which it is resumed, whose files are replaced whole."""
 
 import io
 import json
@@ -27,7 +27,7 @@ class TuningFolder:
     """The folder of one tuning run, open for writing by this process alone.
 
     `identity` is all that the run depends on, as plain data. A folder that is not there is made;
-    one that holds the same run is gone on with. Raises `OutputError` for one that holds another run
+    one that holds the same run is resumed. Raises `OutputError` for one that holds another run
     or anything else, that another process writes to, in which a file was damaged or changed, or
     (unless `elsewhere`) that was begun with other versions or on another processor, where the bits
     may differ.

@@ -1,4 +1,4 @@
-"""Gradient descent from several starts, in steps that can be broken off and gone on with."""
+"""Gradient descent from several starts, in steps that can be interrupted and resumed."""
 
 import functools
 from collections.abc import Callable
