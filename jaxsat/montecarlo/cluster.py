@@ -223,7 +223,7 @@ def _connected(address: str, timeout: float) -> Client:
     def connect() -> Client:
         with warnings.catch_warnings():  # versions are compared below
             warnings.simplefilter("ignore", VersionMismatchWarning)
-            return Client(address, timeout=timeout)
+            return Client(address, timeout=timeout, set_as_default=False)
 
     try:
         client = _in_time(connect, timeout + 1.0)

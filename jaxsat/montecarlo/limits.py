@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat import ranges
-from jaxsat.checks import as_float
+from jaxsat.checks import as_float, concrete
 from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
 from jaxsat.montecarlo.changes import controller_of, parts_of
 from jaxsat.ranges import Range
@@ -47,10 +47,12 @@ def changing(
 def limits_of_change(values: Range, nominal: Float[Array, " n"]) -> Limits:
     """Relative changes that keep nominal numbers in their range; zero remains zero whatever it is
     multiplied with."""
-    safe = jnp.where(nominal == 0, 1.0, nominal)
+    known = concrete(nominal)
+    xp, nominal = (jnp, nominal) if known is None else (np, known)  # which compiles nothing
+    safe = xp.where(nominal == 0, 1.0, nominal)
     one, other = values.low / safe, values.high / safe
-    free = jnp.where(nominal == 0, jnp.inf, 0.0)
-    return Limits(jnp.minimum(one, other) - 1 - free, jnp.maximum(one, other) - 1 + free)
+    free = xp.where(nominal == 0, xp.inf, 0.0)
+    return Limits(xp.minimum(one, other) - 1 - free, xp.maximum(one, other) - 1 + free)
 
 
 def of_products(loop: AbstractLoop) -> Limits:

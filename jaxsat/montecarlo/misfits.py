@@ -65,9 +65,10 @@ def limits_of(name: str, frequency_known: bool, loop: AbstractLoop) -> Limits:
         return found
     known = limits_of_change(ranges.KNOWN_FREQUENCY, periodic_of(loop).frequency)
     about_xy = np.array([True, True, False])
+    xp = np if isinstance(known.low, np.ndarray) else jnp
     return Limits(
-        jnp.where(about_xy, jnp.maximum(found.low, known.low), found.low),
-        jnp.where(about_xy, jnp.minimum(found.high, known.high), found.high),
+        xp.where(about_xy, xp.maximum(found.low, known.low), found.low),
+        xp.where(about_xy, xp.minimum(found.high, known.high), found.high),
     )
 
 

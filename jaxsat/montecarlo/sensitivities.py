@@ -9,7 +9,6 @@ from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
 
 from jaxsat.montecarlo.statistics import LEVEL, Interval
 
@@ -213,6 +212,8 @@ def _index_interval(index: _Index, tails: float) -> Interval:
     whose square grows in proportion to the index. The second is asymptotic: an index far from zero
     of a result with a heavy tail is less certain than that.
     """
+    from scipy import special  # takes its time, and a study that is computed has no use for it
+
     between, within = index.groups - 1, index.cases - index.groups
 
     def by_chance(quantile: float) -> float:

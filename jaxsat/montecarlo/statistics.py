@@ -7,7 +7,6 @@ from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
 
 LEVEL = 0.95
 
@@ -78,6 +77,8 @@ def percentile(values: np.ndarray, percent: float, level: float = LEVEL) -> Inte
 @functools.lru_cache(maxsize=256)
 def _places(count: int, percent: float, level: float) -> tuple[int, int]:
     """How many order statistics are surely below a percentile, and from which on one is above."""
+    from scipy import special  # takes its time, and a study that is computed has no use for it
+
     tail = (1 - level) / 2
 
     def at_most(number: int) -> float:

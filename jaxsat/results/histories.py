@@ -1,9 +1,10 @@
 """The histories that a study keeps of its cases, if it was asked to."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
+if TYPE_CHECKING:
+    import xarray as xr
 
 HISTORY = "history_"
 """Prefix of the columns that hold a case's history, (times, components)."""
@@ -11,8 +12,10 @@ HISTORY = "history_"
 TIME = HISTORY + "time"
 
 
-def with_history_time(dataset: xr.Dataset, identity: Mapping[str, Any]) -> xr.Dataset:
+def with_history_time(dataset: "xr.Dataset", identity: Mapping[str, Any]) -> "xr.Dataset":
     """The results of a study, its histories over their common times (s), which the identity has."""
+    import xarray as xr  # takes its time, and a study that is computed has no use for it
+
     times = identity.get("history")
     if times is None:
         return dataset

@@ -77,12 +77,12 @@ def test_a_run_is_stopped_from_another_thread(tmp_path, threads):
     executor.stop()
     thread.join(5)
     assert told == ["the run was stopped"]
-    assert not contents(tmp_path / "s")["status"].all()
+    assert len(contents(tmp_path / "s")["status"]) < 600
     with distributed.Client(threads) as client:
         (left,) = client.run(lambda dask_worker: list(dask_worker.plugins)).values()
     assert not [name for name in left if "jaxsat" in name]
     run_study(study, tmp_path / "s", executor=executor)
-    assert contents(tmp_path / "s")["status"].all()
+    assert contents(tmp_path / "s")["status"].sum() == 600
 
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path):

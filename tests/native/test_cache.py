@@ -308,12 +308,14 @@ def test_writers_at_once_do_not_disturb_one_another(folder, made):
     assert len(made) <= 1
 
 
-def test_the_command_line_shows_it_as_one_line(capsys):
-    from jaxsat.cli.terminal import warnings_as_lines
+def test_the_command_line_shows_it_as_one_line(capsys, monkeypatch):
+    from jaxsat.cli import app
 
-    with warnings_as_lines():
-        warnings.simplefilter("default")
+    def command(_):
         warnings.warn("no cache", cache.CacheWarning, stacklevel=1)
+
+    monkeypatch.setattr(app, "_command", command)
+    app.run([])
     assert capsys.readouterr().err == "warning: no cache\n"
 
 
