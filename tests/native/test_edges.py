@@ -23,6 +23,13 @@ from native.edge_values import ALL, edge_pairs, edge_values
 FEW = 12
 """So many constants are tried beside variables; all of them take long to compile."""
 
+QUICK = ("float64", "int32", "bool")
+TYPES = [
+    pytest.param(dtype, id=str(dtype), marks=() if dtype.name in QUICK else pytest.mark.slow)
+    for dtype in ALL
+]
+"""Every type, those beyond the quick ones in the slow checks."""
+
 Edges = dict[str, Edge]
 
 
@@ -120,7 +127,7 @@ def _differing(name, arguments, found, expected, ulps: int, how: str) -> list[st
     return [f"{name} {how} ({count}): {numbers} gives {found[i]!r}, not {expected[i]!r}"]
 
 
-@pytest.mark.parametrize("dtype", ALL, ids=str)
+@pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("arity", [1, 2])
 def test_variables(dtype, arity):
     references, edges = _references(dtype, arity), _edges(dtype, arity)
@@ -141,7 +148,7 @@ def test_variables(dtype, arity):
     ]
 
 
-@pytest.mark.parametrize("dtype", ALL, ids=str)
+@pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("arity", [1, 2])
 def test_constants(dtype, arity):
     messages = []
@@ -197,7 +204,7 @@ def _few(dtype: np.dtype) -> np.ndarray:
     return np.array(list({x.tobytes(): x for x in some}.values()), dtype)
 
 
-@pytest.mark.parametrize("dtype", ALL, ids=str)
+@pytest.mark.parametrize("dtype", TYPES)
 def test_constants_and_uniform_numbers_beside_variables(dtype):
     _check_beside(dtype, _few(dtype))
 
@@ -227,7 +234,7 @@ def _vectors(dtype: np.dtype, seed: int) -> np.ndarray:
     return np.where(rng.random(found.shape) < 0.3, found[:, :1], found)
 
 
-@pytest.mark.parametrize("dtype", ALL, ids=str)
+@pytest.mark.parametrize("dtype", TYPES)
 def test_programs(dtype):
     uses, index = _uses(dtype), INDICES[ALL.index(dtype) % len(INDICES)]
     x, y = _vectors(dtype, 0), _vectors(dtype, 1)
