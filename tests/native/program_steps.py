@@ -123,7 +123,8 @@ def _reduction(w: Writer):
 
 def _convolved(x, y):
     """Of finite numbers: XLA multiplies padding with the others, but of 32-bit floats only."""
-    return jnp.convolve(*(jnp.where(jnp.isfinite(z), z, 1) for z in (x, y)))
+    x, y = (jnp.where(jnp.isfinite(z), z, 1) for z in (x, y))
+    return jnp.convolve(x, y)
 
 
 def _product(w: Writer):
