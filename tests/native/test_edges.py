@@ -181,7 +181,8 @@ def _check_beside(dtype: np.dtype, fixed: np.ndarray) -> None:
             for side in (1, -1)
         }
 
-    found = Mapped(function, x[0], fixed)(x, fixed)
+    with np.errstate(all="ignore"):  # NumPy's scalars in a function of JAX warn of overflow
+        found = Mapped(function, x[0], fixed)(x, fixed)
     places = np.array([_place(x, y) for y in fixed])[:, None]
     messages = []
     for (name, of, side), several in found.items():
@@ -199,8 +200,11 @@ def _place(values: np.ndarray, one: np.generic) -> int:
 
 def _few(dtype: np.dtype) -> np.ndarray:
     values = edge_values(dtype)
-    certain = {"f": [-0.0, 0.0, 1.0, np.nan], "i": [0, 1, -1, np.iinfo(dtype).min], "u": [0, 1]}
-    some = np.array([*certain.get(dtype.kind, []), *values[:: max(1, len(values) // FEW)]], dtype)
+    certain = {"f": [-0.0, 0.0, 1.0, np.nan], "i": [0, 1, -1], "u": [0, 1]}
+    least = [np.iinfo(dtype).min] if dtype.kind == "i" else []
+    some = np.array(
+        [*certain.get(dtype.kind, []), *least, *values[:: max(1, len(values) // FEW)]], dtype
+    )
     return np.array(list({x.tobytes(): x for x in some}.values()), dtype)
 
 
