@@ -10,7 +10,7 @@ import numpy as np
 
 from jaxsat.checks import as_float
 from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
-from jaxsat.engine.native import CannotLower, NativeEngine
+from jaxsat.engine.native import CannotLower, NativeEngine, process_obstacle
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.changes import controller_of
@@ -155,6 +155,20 @@ def _compiled(
     """The same with the native engine where that is wanted and can be; else why it cannot."""
     if name in ("scan", "diffrax"):
         return runs, None
+    found, obstacle = runs, process_obstacle()
+    if obstacle is None:
+        found, obstacle = _as_machine_code(runs, start)
+    if obstacle is None:
+        return found, None
+    if name == "native":
+        raise ValueError(f"The native engine cannot run this: {obstacle}")
+    return runs, f"not the native engine: {obstacle}"
+
+
+def _as_machine_code(
+    runs: dict[str, Trials], start: np.ndarray
+) -> tuple[dict[str, Trials], str | None]:
+    """The same with the native engine, made and tried; or what has no rule there."""
     try:
         found = {key: _native(trials) for key, trials in runs.items()}
         for key in ("smooth", "exact"):  # one interval of one case makes the machine code
@@ -162,10 +176,8 @@ def _compiled(
             point = probe.space.to_search(start[None])
             probe.evaluate(point, np.arange(1), intervals=1)
             probe.differentiate(point, np.arange(1), intervals=1)
-    except (CannotLower, RuntimeError, ValueError) as error:
-        if name == "native":
-            raise ValueError(f"The native engine cannot run this: {error}") from error
-        return runs, f"not the native engine: {error}"
+    except CannotLower as error:
+        return runs, str(error)
     return found, None
 
 

@@ -70,6 +70,23 @@ def test_a_bug_is_one_line_and_a_private_file(failing, tmp_path, action, message
     assert "Traceback" in file.read_text(encoding="utf-8")
 
 
+def test_a_bug_of_the_native_engine_is_told_and_no_reason_to_fall_back(
+    command_line, monkeypatch, tmp_path
+):
+    from jaxsat.engine.native.lowering import RULES
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setitem(RULES, "mul", raising(IndexError("beyond the end")))
+    finer = "simulation.solver.substeps=37"  # that no other test has made code for
+    status, _, err = command_line(
+        "montecarlo", "switching-dispersed", "-n", "2", "--set", finer, "--out", str(tmp_path / "s")
+    )
+    assert status == 1, err
+    assert "NativeBug: The native engine broke down in the rule of `mul`" in err
+    assert "this is a bug of jaxsat" in err
+    assert not (tmp_path / "s").exists()
+
+
 @pytest.mark.parametrize(
     ("error", "message"),
     [
@@ -90,7 +107,7 @@ def test_a_lack_of_memory_or_disk_is_no_bug(failing, tmp_path, error, message):
 def test_a_traceback_that_cannot_be_written_is_not_printed(failing, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "nowhere"))
     status, _, err = failing(raising(KeyError("k")))
-    assert status == 1
+    assert status == 1, err
     assert "cannot be written (No such file or directory)" in err
     assert "Traceback" not in err
 

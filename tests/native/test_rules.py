@@ -251,6 +251,22 @@ def test_a_lane_that_is_no_number_changes_no_other(lanes):
         np.testing.assert_array_equal(x[dirty == clean], y[dirty == clean])
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_convolutions_leave_padding_out(dtype):
+    """As NumPy, and XLA with 64 bits: no NaN from an infinity times the zeros of padding."""
+    x, weights = np.array([[1, 2, 3], [4, 5, np.inf]], dtype), np.array([np.inf, 1, -np.inf], dtype)
+    mapped = Mapped(jnp.convolve, x[0], weights)
+    with np.errstate(invalid="ignore"):
+        expected = np.stack([np.convolve(row, weights) for row in x])
+        interpreted = mapped.interpreted(x, weights)
+    for found in (mapped(x, weights), interpreted):
+        np.testing.assert_array_equal(found, expected)
+    if dtype == np.float64:
+        np.testing.assert_array_equal(
+            jax.vmap(jnp.convolve, (0, None))(x, jnp.asarray(weights)), expected
+        )
+
+
 def test_what_cannot_be_lowered_is_named_with_its_place():
     def function(case, shared):
         return jnp.linalg.eigvalsh(jnp.outer(case, case))
@@ -281,3 +297,23 @@ def test_a_rule_that_breaks_down_is_no_obstacle_to_fall_back_for():
     method = (one.scan.solver, 1237, None)  # steps that no other test has made a kernel for
     with pytest.raises(NativeBug):
         native_obstacle(method, program(one), KICKS)
+
+
+@pytest.mark.parametrize("error", [NativeBug("a rule", "what"), RuntimeError("of LLVM")])
+def test_only_what_has_no_rule_is_an_obstacle(monkeypatch, error):
+    one = EXAMPLES["corners"]()
+    arguments = (one.scan.solver, 20, None), program(one), KICKS
+
+    def failing(error):
+        def fail(*_):
+            raise error
+
+        monkeypatch.setattr("jaxsat.engine.native.engine._kernel", fail)
+
+    failing(CannotLower("No rule"))
+    assert "No rule" in native_obstacle(*arguments)
+    failing(error)
+    with pytest.raises(type(error)):
+        native_obstacle(*arguments)
+    with jax.enable_x64(False):
+        assert "must have 64-bit numbers" in native_obstacle(*arguments)

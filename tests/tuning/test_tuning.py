@@ -12,7 +12,8 @@ import jax
 import numpy as np
 import pytest
 
-from jaxsat.engine import AbstractCopies, Program
+from jaxsat.engine import AbstractCopies, CannotLower, Program
+from jaxsat.engine.native.ir import NativeBug
 from jaxsat.results import OutputError
 from jaxsat.scenario import build, dump, load
 from jaxsat.scenario.tuning import build_plan, tuned_scenario
@@ -54,6 +55,23 @@ def with_settings(plan, **changes):
 
 def same_bits(one, other):
     jax.tree.map(np.testing.assert_array_equal, one, other)
+
+
+@pytest.mark.parametrize("error", [NativeBug("a rule", "what"), RuntimeError("x"), ValueError("x")])
+def test_only_what_has_no_rule_leads_to_another_engine(scenario, monkeypatch, error):
+    def failing(error):
+        def fail(*_):
+            raise error
+
+        monkeypatch.setattr("jaxsat.scenario.tuning._native", fail)
+
+    failing(CannotLower("No rule"))
+    assert build_plan(scenario, width=4).remark == "not the native engine: No rule"
+    with pytest.raises(ValueError, match="The native engine cannot run this: No rule"):
+        build_plan(scenario, width=4, engine="native")
+    failing(error)
+    with pytest.raises(type(error)):
+        build_plan(scenario, width=4)
 
 
 def test_many_points_at_once_are_the_same_as_one_by_one(plan):

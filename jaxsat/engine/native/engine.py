@@ -34,6 +34,8 @@ _making = threading.Lock()
 
 NO_LLVMLITE = "the compiled engine must have llvmlite, which is not installed"
 
+NO_64_BITS = "the compiled engine must have 64-bit numbers; switch jax_enable_x64 on first"
+
 
 class NativeEngine(AbstractEngine):
     """Runs a program as machine code made for it, each vector lane one case.
@@ -159,15 +161,26 @@ class NativeEngine(AbstractEngine):
 def native_obstacle(
     method: Method, program: Program, cases: PyTree, gains: PyTree = None
 ) -> str | None:
-    """Why the native engine cannot run a program for such cases; None if it can."""
-    obstacle = _llvmlite_obstacle()
+    """Why the native engine cannot run a program for such cases; None if it can.
+
+    Whatever else goes wrong, above all a `NativeBug`, is raised: it is no reason to fall back.
+    """
+    obstacle = process_obstacle()
     if obstacle is not None:
         return obstacle
     try:
         _kernel(method, program, cases, gains, target.host().lanes, False)
-    except (CannotLower, RuntimeError) as error:
+    except CannotLower as error:
         return str(error)
     return None
+
+
+def process_obstacle() -> str | None:
+    """Why the native engine cannot run any program in this process; None if it can run some."""
+    obstacle = _llvmlite_obstacle()
+    if obstacle is None and not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
+        return NO_64_BITS
+    return obstacle
 
 
 def _llvmlite_obstacle() -> str | None:
@@ -184,10 +197,9 @@ def _llvmlite_obstacle() -> str | None:
 def _kernel(
     method: Method, program: Program, cases: PyTree, gains: PyTree, lanes: int, derivatives: bool
 ) -> Kernel:
-    if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
-        raise RuntimeError(
-            "The compiled engine must have 64-bit numbers; switch jax_enable_x64 on first."
-        )
+    obstacle = process_obstacle()
+    if obstacle is not None:
+        raise RuntimeError(obstacle)
     case = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), cases)
     gains = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), np.asarray(x).dtype), gains)
     scan = _as_scan(method)
