@@ -8,6 +8,7 @@ import pytest
 from jaxsat.text import clean, markdown
 
 
+@pytest.mark.slow
 def test_no_character_hides_or_steers():
     everything = "".join(map(chr, range(sys.maxunicode + 1)))
     shown = clean(everything)

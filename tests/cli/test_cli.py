@@ -39,6 +39,7 @@ def in_a_process(*tokens, **extra):
     )
 
 
+@pytest.mark.slow
 def test_simulate_writes_the_whole_folder(jaxsat, tmp_path):
     status, out, err = jaxsat("simulate", "paper-three-axis", *SHORT, "--set", "simulation.seed=7")
     assert (status, err) == (0, "")
@@ -68,6 +69,7 @@ def test_simulate_writes_the_whole_folder(jaxsat, tmp_path):
     assert "jaxsat-paper-three-axis: attitude.png" in out
 
 
+@pytest.mark.slow
 def test_summary_tells_when_it_settled(jaxsat):
     """Undisturbed, the rate law has |ω| < 1e-3 rad/s after a few seconds."""
     changes = ["--set", "simulation.duration_s=20"]
@@ -86,6 +88,7 @@ def test_summary_tells_when_it_settled(jaxsat):
     )
 
 
+@pytest.mark.slow
 def test_equal_runs_give_equal_figures(jaxsat, tmp_path):
     for name in ("one", "two"):
         assert jaxsat("simulate", "switching", *SHORT, "--out", name, "--quiet") == (0, "", "")
@@ -94,6 +97,7 @@ def test_equal_runs_give_equal_figures(jaxsat, tmp_path):
         assert one.read_bytes() == two.read_bytes()
 
 
+@pytest.mark.slow
 def test_refuses_to_overwrite_unless_told(jaxsat, tmp_path):
     arguments = ("simulate", "switching", *SHORT, "--out", "out")
     assert jaxsat(*arguments)[0] == 0
@@ -106,6 +110,7 @@ def test_refuses_to_overwrite_unless_told(jaxsat, tmp_path):
     assert (tmp_path / "out" / "run.json").stat().st_mtime_ns > before
 
 
+@pytest.mark.slow
 def test_failed_run_is_written_and_exits_1(jaxsat, tmp_path):
     changes = ["--set", "simulation.solver.max_steps=50"]
     status, out, err = jaxsat("simulate", "paper-three-axis", *changes, "--out", "out")
@@ -213,6 +218,7 @@ def test_version(jaxsat):
     assert jaxsat("--version") == (0, "0.1.0\n", "")
 
 
+@pytest.mark.slow
 def test_terminal_that_knows_only_ascii(tmp_path):
     (tmp_path / "broken.toml").write_text("title = 'ω√'\n[control]\nlaw = 'rate'\n", "utf-8")
     ascii_only = {"LC_ALL": "C", "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0",
@@ -243,6 +249,7 @@ def test_reader_that_goes_away():
     assert all(line.startswith(b"jaxsat: starting") for line in done.stderr.splitlines())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "status", "message"),
     [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")],

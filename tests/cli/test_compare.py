@@ -17,6 +17,7 @@ def jaxsat(command_line):
     return functools.partial(command_line, "compare")
 
 
+@pytest.mark.slow
 def test_table_record_and_figure_and_going_on(jaxsat, tmp_path):
     status, out, _ = jaxsat(*QUICK, "--out", "c")
     assert status == 0

@@ -28,6 +28,7 @@ def jaxsat(command_line):
     return functools.partial(command_line, "tune")
 
 
+@pytest.mark.slow
 def test_a_run_leaves_everything_in_its_folder(jaxsat, tmp_path):
     short = ("rate.toml", "--set", "tuning.steps=2", "--width", "4", "--workers", "1")
     status, out, err = jaxsat(*short, "--out", "run")

@@ -23,6 +23,7 @@ def test_horizons():
     assert horizon(100.0) == 1000.0
 
 
+@pytest.mark.slow
 def test_cases_are_the_same_for_every_law():
     numbers = [0, 3, 99]
     first = drawn(Setting("hard", 5.0, "three-slew"), Start.RANDOM, numbers)

@@ -92,6 +92,7 @@ def test_a_lost_attitude_begins_again():
     assert phase(0.0, -0.06) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(MAKERS))
 def test_gains_are_leaves_and_batches_agree_with_single_runs(name):
     """vmap over gains and starts equals the loop over them; new numbers compile nothing."""

@@ -63,6 +63,7 @@ def test_nearly_equal_moments(power):
                 assert result.borderline == (difference <= 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("power", range(-15, -2))
 def test_nearly_degenerate_layouts_are_right_or_borderline(power):
     rng = np.random.default_rng(100 - power)

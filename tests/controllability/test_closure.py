@@ -31,6 +31,7 @@ def random_layout(seed, count):
     return 0.5 * (inertia + inertia.T), rng.normal(size=(3, count))
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.integers(0, 4))
 @settings(max_examples=40, deadline=None)
 def test_rounded_and_exact_generating_vectors_agree(seed, count):
@@ -63,6 +64,7 @@ def test_vectors_are_the_brackets_they_are_named_after():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-12, 1e-6, 1.0])
 def test_jacobi_singular_values_equal_lapack(scale):
     rng = np.random.default_rng(1)
@@ -78,6 +80,7 @@ def test_jacobi_singular_values_equal_lapack(scale):
     )
 
 
+@pytest.mark.slow
 def test_margin_derivative_equals_finite_differences():
     inertia, axes = map(jnp.asarray, random_layout(9, 1))
     gradient = jax.grad(controllability_margin, argnums=1)(inertia, axes)

@@ -87,6 +87,7 @@ def test_inertia_grid_is_the_physical_triangle():
         physical_inertias(1)
 
 
+@pytest.mark.slow
 def test_inertia_map_equals_analysis_and_is_zero_where_moments_agree():
     points, moments = physical_inertias(24)
     margins = np.asarray(margins_over_inertias(moments, np.eye(3)[:, :2]))
@@ -98,6 +99,7 @@ def test_inertia_map_equals_analysis_and_is_zero_where_moments_agree():
     assert len(points) == len(margins)
 
 
+@pytest.mark.slow
 def test_angle_map_equals_analysis():
     azimuths, elevations = angle_grid(13, 7)
     inertia = np.diag(PAPER)
@@ -121,6 +123,7 @@ def test_a_hundred_thousand_points_in_seconds():
     assert time.perf_counter() - start < 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moments", [(449.5, 264.6, 312.5), (5.0, 5.0, 7.0), (9.0, 6.0, 6.0)])
 def test_drawn_curves_are_uncontrollable_and_their_neighbours_are_not(moments):
     rng = np.random.default_rng(2)

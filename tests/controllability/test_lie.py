@@ -66,6 +66,7 @@ def jacobi_terms(state):
     return swapped, jnp.stack(cyclic)
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=25, deadline=None)
 def test_antisymmetry_and_jacobi_identity(seed):
@@ -118,6 +119,7 @@ def test_invariance_under_a_change_of_coordinates(seed):
     np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_brackets_equal_sympy(seed):
     """General symmetric J, matrix embedding, brackets differentiated by SymPy."""
@@ -235,6 +237,7 @@ def test_theorem_3_has_u_cross_alpha():
     np.testing.assert_allclose(quotient, expected, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_exact_orbit_term_cancels_and_the_approximation_does_not():
     state = random_state(4)
     words = {}
@@ -247,6 +250,7 @@ def test_exact_orbit_term_cancels_and_the_approximation_does_not():
     assert float(jnp.max(jnp.abs(approximate - still))) > 0.01
 
 
+@pytest.mark.slow
 def test_time_as_a_state():
     """With the time fixed T_d is constant; as a state its derivative enters the deeper brackets."""
     f, g1, _ = fields(disturbance=rotating_disturbance)
@@ -288,6 +292,7 @@ def word_matrix(inertia, axes, torque, state, depth):
     return tangent_matrix(tuple(words.values()), state)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("moments", "axes", "depth"), LAYOUTS)
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("pushed", [False, True])

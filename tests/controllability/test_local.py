@@ -88,6 +88,7 @@ def test_one_axis_pushes_one_way_only():
         assert normal @ end > 0
 
 
+@pytest.mark.slow
 def test_linearisation_equals_the_derivative_of_the_drift():
     inertia = np.array([[9.0, 0.0, -0.7], [0.0, 5.0, 0.0], [-0.7, 0.0, 7.0]])
     state, inputs = lvlh_linearisation(inertia, XY, 0.3)

@@ -75,6 +75,7 @@ vector = st.tuples(small, small, small).map(list)
 moment = st.integers(1, 6)
 
 
+@pytest.mark.slow
 @given(
     moments=st.tuples(moment, moment, moment),
     axes=st.lists(vector, max_size=4),

@@ -31,6 +31,7 @@ def random_state(seed, time=None):
     return pack(jnp.asarray(q), jnp.asarray(rng.normal(size=3)), time)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("disturbed", [False, True])
 @pytest.mark.parametrize("orbit", ["exact", "small angle"])
 def test_drift_has_no_divergence(disturbed, orbit):

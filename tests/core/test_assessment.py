@@ -29,6 +29,7 @@ def sampled(times):
     return simulate(switching_loop(CASE), start(), times, tolerances=LOOSE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("run", [continuous, sampled])
 def test_the_saved_times_do_not_matter(run):
     """The same instant and effort from two saved times, from many, and from unequal ones."""
@@ -67,6 +68,7 @@ class Alone(AbstractCopies):
         return Copy(loop, kicked, {}, jnp.array(True))
 
 
+@pytest.mark.slow
 def test_engines_do_not_look_at_their_interval():
     """A case settles at the same instant whether it is looked at every 0.5 s or every 4 s."""
     loop = three_axis_loop(PAPER_THREE_AXIS)
@@ -82,6 +84,7 @@ def test_engines_do_not_look_at_their_interval():
     np.testing.assert_allclose(settled[0], expected, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_effort_is_the_change_of_momentum():
     """Without disturbance or third rate ∫|u_i| dt is J_i times the variation of ω_i."""
     loop, begin = three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)
@@ -119,6 +122,7 @@ def test_the_constraint_torque_is_what_euler_lacks(general):
     assert free.constraint_torque(t, state, torque) is None
 
 
+@pytest.mark.slow
 def test_gradients_go_past_the_assessment():
     """Reverse mode through a run whose settling is judged."""
 
@@ -132,6 +136,7 @@ def test_gradients_go_past_the_assessment():
     np.testing.assert_allclose(slope, difference, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_reference_engine_agrees():
     loop = three_axis_loop(PAPER_THREE_AXIS)
     program = program_of(Alone(), loop, 20.0, 4.0, tolerances=LOOSE)

@@ -139,6 +139,7 @@ def drift_of_invariants(solver, step):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("solver", "order", "step"),
     [
@@ -155,6 +156,7 @@ def test_energy_and_momentum_drift_at_solver_order(solver, order, step):
     assert max(drift_of_invariants(solver, step / 16)) < 1e-6
 
 
+@pytest.mark.slow
 def test_symmetric_body_precesses_as_solved_by_hand():
     """J1 = J2: ω3 is constant and (ω1, ω2) turns at (J3 - J1) ω3 / J1."""
     loop, start = coast([200.0, 200.0, 300.0], Quaternion([1.0, 0, 0, 0]), [0.1, 0.0, 0.4])
@@ -165,6 +167,7 @@ def test_symmetric_body_precesses_as_solved_by_hand():
     np.testing.assert_allclose(omega, expected, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("orbit", "held", "parameterisation"),
     [

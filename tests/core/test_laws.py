@@ -46,6 +46,7 @@ def state_error(run, exact, case):
     return np.max(parts, axis=0) / size(case)
 
 
+@pytest.mark.slow
 def test_paper_three_axis_to_the_digits_given():
     run = simulate(
         three_axis_loop(PAPER_THREE_AXIS),
@@ -95,6 +96,7 @@ def three_axis_cases():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "duration"),
     [pytest.param(case, end, id=name) for name, case, end in three_axis_cases()],
@@ -114,6 +116,7 @@ def test_three_axis_law_against_the_oracle(case, duration):
     assert np.median(np.abs(run.torque[:, :2] - exact.torque)) < 1e-7 * np.abs(exact.torque).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("relation", ["exact", "small-angle"])
 @pytest.mark.parametrize("limit", [pytest.param(np.inf, marks=pytest.mark.slow), 3.0])
 def test_smooth_three_axis_law_at_torque_level(relation, limit):
@@ -140,6 +143,7 @@ RATE_TABLE = {  # d3 = 0, ω1 ω2 ω3
 }
 
 
+@pytest.mark.slow
 def test_rate_law_without_third_disturbance_to_the_digits_given():
     case = {**PAPER_RATE, "amplitude": (0.01, 0.02, 0.0)}
     times = jnp.linspace(0, 20, 2001)
@@ -151,6 +155,7 @@ def test_rate_law_without_third_disturbance_to_the_digits_given():
     assert abs(jnp.abs(early.omega[:, 1]).max() - 1.230869) < 6e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "measured", [(True, True, False), (True, True, True), (False, False, False)]
 )
@@ -167,6 +172,7 @@ def test_rate_law_across_the_zero_crossings(measured):
         assert abs(result.signals.omega[630, 1] - 8.398e-4) < 5e-8
 
 
+@pytest.mark.slow
 def test_rate_law_from_other_starts():
     rng = np.random.default_rng(8)
     times = np.linspace(0, 20, 201)
@@ -185,6 +191,7 @@ def test_rate_law_from_other_starts():
         assert np.abs(run.omega - exact.omega).max() < 1e-7 * size(case)
 
 
+@pytest.mark.slow
 def test_smooth_rate_law_comes_near_the_printed_one():
     """Its bias shrinks with the width; fixed steps serve it."""
     times = jnp.linspace(0, 20, 201)

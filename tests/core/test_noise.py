@@ -15,6 +15,7 @@ def typed(seed):
     return jax.random.key(seed, impl="threefry2x32")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_keys_bits_and_numbers_are_those_of_jax(seed):
     key = noise.key_of_seed(seed)

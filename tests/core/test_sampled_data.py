@@ -79,6 +79,7 @@ def test_an_impossible_delay_is_refused(delay):
         damped(delay=delay)
 
 
+@pytest.mark.slow
 def test_the_controller_hears_the_noise_and_the_signals_tell_the_truth():
     key = key_of_seed(3)
     run = simulate(damped(sensors=Sensors(0.01, 0.0, key)), SPIN, TIMES)
@@ -149,6 +150,7 @@ def test_noise_drawn_together_is_that_of_one_sample_after_the_other():
                 np.testing.assert_allclose(x, y, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_sensor_noise_has_the_deviations_asked_for():
     sensors = Sensors(1e-3, 2e-3, key_of_seed(5))
     attitude = Quaternion([0.5, 0.5, -0.5, 0.5])
@@ -180,6 +182,7 @@ def test_misaligned_thrusters_make_a_torque_that_allocation_does_not_know():
     np.testing.assert_allclose(same.torque_axes, ideal.torque_axes, rtol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_noisy_delayed_misaligned_loop_is_the_plain_one_when_all_errors_are_zero():
     plain = switching_loop(CASE)
     full = SampledLoop(

@@ -58,6 +58,7 @@ class Counter(list):
         return self is other
 
 
+@pytest.mark.slow
 def test_nothing_retraces_when_only_numbers_change():
     counter = Counter()
 
@@ -81,6 +82,7 @@ def test_nothing_retraces_when_only_numbers_change():
     assert not np.allclose(*results)
 
 
+@pytest.mark.slow
 def test_a_run_that_diverges_is_coded_and_blank_from_there_on():
     """A torque of 1 N m on 1 kg m² passes a rate limit of 2.5 rad/s at 2.5 s."""
     body = RigidBody(Spacecraft([1.0, 1.0, 1.0]), ExactOrbit(0.0), ConstantTorque([1.0, 0, 0]))
@@ -93,6 +95,7 @@ def test_a_run_that_diverges_is_coded_and_blank_from_there_on():
     assert np.all(np.isnan(result.signals.torque[3:]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [fixed(0.01), adaptive(1e-8, 1e-8)])
 def test_a_run_that_turns_into_nan_is_coded(method):
     body = RigidBody(Spacecraft([1.0, 2.0, 3.0]), ExactOrbit(0.0))
@@ -104,6 +107,7 @@ def test_a_run_that_turns_into_nan_is_coded(method):
     assert result.outcome.explanation
 
 
+@pytest.mark.slow
 def test_a_run_out_of_steps_is_coded():
     method = adaptive(max_steps=16)
     loop, start = three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)
@@ -112,6 +116,7 @@ def test_a_run_out_of_steps_is_coded():
     assert np.isnan(result.signals.z[-1])
 
 
+@pytest.mark.slow
 def test_a_bad_run_in_a_batch_spoils_no_other():
     loop = three_axis_loop(PAPER_THREE_AXIS)
     good = three_axis_start(PAPER_THREE_AXIS)
@@ -163,6 +168,7 @@ def test_quaternion_and_wz_agree_until_z_leaves_its_range():
     np.testing.assert_allclose(wz.z, quaternion.z, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_free_third_rate_does_not_settle():
     """Judged by statistics: after 300 s w slides on zero and there is no unique solution."""
     case = {**PAPER_THREE_AXIS, "third_rate": "free"}

@@ -37,6 +37,7 @@ def start(attitude="as_quaternion"):
     return PlantState(getattr(wz, attitude)(), list(START["omega0"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("relation", "attitude"), [("exact", "as_quaternion"), ("small-angle", "as_wz")]
 )
@@ -106,6 +107,7 @@ def test_internal_model_advances_exactly():
         np.testing.assert_allclose(after.velocity[axis], expected[1], rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_sampled_law_with_internal_model_runs():
     loop = switching_loop(CASE, internal=InternalModel([0.7, 0.8]))
     result = simulate(loop, start(), jnp.linspace(0, 10, 11))

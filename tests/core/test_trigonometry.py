@@ -15,6 +15,7 @@ def angles(limit, count, seed=1):
     return jnp.asarray(np.random.default_rng(seed).uniform(-limit, limit, count))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_below_the_limit_it_is_right_to_two_units_in_the_last_place(name):
     ours, theirs, exact = FUNCTIONS[name]

@@ -26,12 +26,14 @@ def found():
     return engine().evaluate(program_of(COPIES, COPIES.loop, 10.0), KICKS)
 
 
+@pytest.mark.slow
 def test_the_printed_law_has_its_reference_numbers(found):
     """At 10 s, from DOP853 at a tolerance of 1e-12."""
     reference = [-0.0771835613, 0.0996920062, 1.25752275, 0.119500366, -0.108519713]
     np.testing.assert_allclose([*found.w[0], found.z[0], *found.omega[0, :2]], reference, atol=2e-8)
 
 
+@pytest.mark.slow
 def test_bits_depend_on_no_other_case(found):
     program = program_of(COPIES, COPIES.loop, 10.0)
     for numbers in ([3, 0], [2], [4, 4, 1, 1, 3]):
@@ -45,6 +47,7 @@ def test_a_case_that_is_no_number_leaves_at_once(found):
     assert found.ended_at.tolist() == [10, 10, 10, 10, 0]
 
 
+@pytest.mark.slow
 def test_a_replay_has_the_same_bits(found):
     replay = engine().replay(program_of(COPIES, COPIES.loop, 10.0), KICKS[3])
     same_bits(replay.outputs, jax.tree.map(lambda x: x[3], found))
@@ -53,6 +56,7 @@ def test_a_replay_has_the_same_bits(found):
     np.testing.assert_allclose(first.w[1], one, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_block_of_one_case_goes_without_padding(found):
     program, alone = program_of(COPIES, COPIES.loop, 10.0), engine(lanes=1)
     assert (alone.padded_width, engine().padded_width) == (1, 12)
@@ -66,6 +70,7 @@ def test_a_block_of_one_case_goes_without_padding(found):
         np.testing.assert_allclose(getattr(several, name), expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_case_out_of_steps_is_coded():
     program = program_of(COPIES, COPIES.loop, 10.0)
     some = engine(max_steps=20).evaluate(program, KICKS[:2])

@@ -153,6 +153,7 @@ def same_bits(one, other):
         np.testing.assert_array_equal(x, y)
 
 
+@pytest.mark.slow
 def test_engines_agree(example, found):
     expected = example.reference.evaluate(program(example), KICKS)
     assert np.all(found.code == 0)
@@ -167,6 +168,7 @@ def test_engines_agree(example, found):
     np.testing.assert_array_equal(found.drawn["kick"], KICKS)
 
 
+@pytest.mark.slow
 def test_bits_depend_on_no_other_case(example, found):
     """Not on the number of cases, their order or what is beside them."""
     prog, order = program(example), np.random.default_rng(2).permutation(11)
@@ -176,6 +178,7 @@ def test_bits_depend_on_no_other_case(example, found):
         same_bits(some, jax.tree.map(lambda x, n=numbers: x[n], found))
 
 
+@pytest.mark.slow
 def test_a_diverging_case_is_coded_and_changes_no_other(example, found):
     kicks = np.array(KICKS)
     kicks[2], kicks[7] = np.nan, 1e7
@@ -221,6 +224,7 @@ def test_the_reference_keeps_cases_apart(example):
     same_bits(replay.outputs, jax.tree.map(lambda x: x[3], plain))
 
 
+@pytest.mark.slow
 def test_a_replay_has_the_same_bits_and_the_history_of_simulate(example, found):
     replay = example.scan.replay(program(example), KICKS[3])
     same_bits(replay.outputs, jax.tree.map(lambda x: x[3], found))
@@ -264,6 +268,7 @@ def test_gradient_against_central_differences(example):
         np.testing.assert_allclose(found, exact, rtol=tolerance)
 
 
+@pytest.mark.slow
 def test_the_horizon_is_no_part_of_the_compiled_loop(example):
     """Half the way gives what the whole way passes through: `replay` rests on it.
 

@@ -50,6 +50,7 @@ def program(loop, begin, cost=COST):
     return program_of(Kicked(loop, begin), loop, DURATION, cost=cost)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "engine", "mode"),
     [
@@ -126,6 +127,7 @@ def test_the_attitude_costs_what_its_quaternion_says():
     assert attitude_cost([3e8, -4e8], 1.0) == pytest.approx(0.7)
 
 
+@pytest.mark.slow
 def test_near_the_target_both_costs_of_the_attitude_are_equal_to_second_order():
     for attitude in ("rotation", "wz"):
         slope = jax.grad(lambda x: attitude_cost(x[:2], x[2], attitude))  # noqa: B023

@@ -33,6 +33,7 @@ def relays():
     return program_of(Relays(loop), loop, 20.0, cost=POSITION)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri5(), diffrax.Dopri8()])
 def test_a_relay_follows_its_parabolas(relays, solver):
     """About 10 switches, the pieces being of second order: all that is left is rounding."""
@@ -43,6 +44,7 @@ def test_a_relay_follows_its_parabolas(relays, solver):
         np.testing.assert_allclose(mine, exact, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri8()])
 def test_a_relay_gradient_has_the_jumps_of_its_switches(relays, solver):
     slopes = []
@@ -55,6 +57,7 @@ def test_a_relay_gradient_has_the_jumps_of_its_switches(relays, solver):
     np.testing.assert_allclose(found, exact, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_relay_that_slides_is_passed_or_coded():
     """x' = -sgn x reaches 0 and stays there, switching without end."""
     loop = relay(inertia=False)
@@ -68,6 +71,7 @@ def test_a_relay_that_slides_is_passed_or_coded():
     np.testing.assert_allclose(passed.effort, 10.0, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_touch_is_no_trouble():
     """From (1, 0) and (0.5, 1) the motion below a level of 1 just touches it."""
     loop = relay(level=1.0)
@@ -77,6 +81,7 @@ def test_a_touch_is_no_trouble():
     assert np.all(np.isfinite(found.z[found.code == 0]))
 
 
+@pytest.mark.slow
 def test_a_surface_just_left_does_not_hide_the_next_one():
     """A step that begins on one surface and crosses another ends there, not where it began.
 
@@ -90,6 +95,7 @@ def test_a_surface_just_left_does_not_hide_the_next_one():
     assert np.all(found.code == int(Outcome.SUCCESS))
 
 
+@pytest.mark.slow
 def test_the_effort_of_long_steps_is_that_of_short_ones():
     """In some steps of Dopri8 a torque changes its sign twice."""
     scenario = load("benchmark-three-axis", ["simulation.duration_s=200"])
@@ -125,6 +131,7 @@ def three_axis():
     return Gained(loop, PlantState(WZ([-0.6, 0.5], 0.8), [0.1, -0.11, 0.0]))
 
 
+@pytest.mark.slow
 def test_the_three_axis_law_against_an_independent_program():
     copies = three_axis()
     found = engine(1e-10).replay(program_of(copies, copies.loop, 60.0), KICKS[1])
@@ -158,6 +165,7 @@ def test_the_gradient_of_the_exact_law_against_central_differences():
         np.testing.assert_allclose(found[number], expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [1e-10, pytest.param(5e-10, marks=pytest.mark.slow)])
 def test_the_rate_law_through_a_zero_of_the_third_rate(tolerance):
     """At 31 s, where the reference's slope is unbounded; the smallest step passes it.

@@ -39,6 +39,7 @@ def threads():
         yield cluster
 
 
+@pytest.mark.slow
 def test_a_scheduler_gives_the_bits_of_the_serial_run(tmp_path, whole, threads):
     seen = []
     executor = scheduler_at(threads.scheduler_address)
@@ -60,6 +61,7 @@ def test_what_fails_in_a_worker_is_told_here(tmp_path, threads, monkeypatch):
         run_study(tumbling(), tmp_path / "s", executor=executor)
 
 
+@pytest.mark.slow
 def test_a_run_is_stopped_from_another_thread(tmp_path, threads):
     """The scheduler is left without the run's work; a later run goes on as if nothing had been."""
     executor, study = scheduler_at(threads.scheduler_address), tumbling(600, duration=100.0)

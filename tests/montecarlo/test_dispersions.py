@@ -181,6 +181,7 @@ def test_every_case_has_a_sensor_key_of_its_own():
     np.testing.assert_array_equal(keys[2], expected)
 
 
+@pytest.mark.slow
 def test_only_possible_bodies_are_drawn():
     """From a spread that makes about a third of all draws impossible, against eigenvalues."""
     ranges = {"inertia": Normal(0.0, 0.25), "products_of_inertia": Normal(0.0, 0.2)}

@@ -46,6 +46,7 @@ def without_status(columns):
     return {name: values for name, values in columns.items() if name != "status"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("chunk", "executor"), [(16, Serial()), (7, Threads(2)), (100, Serial()), (33, Threads(3))]
 )
@@ -148,6 +149,7 @@ def test_what_fails_is_kept_and_counted_and_changes_nothing_else(tmp_path):
     assert failed[summary.worst].all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", [ScanEngine(lanes=4), ReferenceEngine(width=4)])
 def test_an_impossible_body_is_coded(engine):
     """Moments that break the triangle inequality however often they are drawn."""
@@ -171,6 +173,7 @@ def adaptive_tumbling(**options):
     return dataclasses.replace(study, engine=engine)
 
 
+@pytest.mark.slow
 def test_the_bits_of_diffrax_depend_on_the_case_alone(tmp_path, by_diffrax):
     """Order and companions, chunks that fill blocks in other ways, a resumed run, a replay."""
     order = np.random.default_rng(0).permutation(40)
@@ -189,6 +192,7 @@ def test_the_bits_of_diffrax_depend_on_the_case_alone(tmp_path, by_diffrax):
         np.testing.assert_array_equal(value, by_diffrax[name][23], err_msg=name)
 
 
+@pytest.mark.slow
 def test_the_place_in_a_block_changes_no_bit():
     """Every case once in every place, in a loop that decodes rates from error coordinates."""
     overrides = ["simulation.duration_s=2", "simulation.solver.step_s=0.1"]

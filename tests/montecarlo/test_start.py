@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 import sys
 import jax
@@ -22,6 +24,7 @@ print(sum("backend_compile" in name for name in happened) > 0)
 """
 
 
+@pytest.mark.slow
 def test_a_study_starts_without_slow_imports_and_compilations():
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True

@@ -56,6 +56,7 @@ def listening(pids):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_nothing_listens_and_nothing_is_left_in_the_folder_for_temporary_files(
     tmp_path, monkeypatch, capfd
@@ -89,6 +90,7 @@ def test_nothing_listens_and_nothing_is_left_in_the_folder_for_temporary_files(
     assert output.err.count("a word of the work\n") == len(ALL)
 
 
+@pytest.mark.slow
 def test_what_lies_in_the_current_folder_is_not_imported(tmp_path, monkeypatch):
     """As where it is one that others can write to, or has a random.py of the user's."""
     for name in ("pickle", "random", "signal", "threading", "numpy", "jax", "jaxsat"):
@@ -201,6 +203,7 @@ def test_counts_are_checked(options):
         Processes(**options)
 
 
+@pytest.mark.slow
 def test_no_more_processes_are_started_than_there_are_chunks():
     assert len({answer[0] for _, answer in Processes(10**9).run(told, [0])}) == 1
     assert list(Processes(10**9).run(told, [])) == []

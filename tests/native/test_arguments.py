@@ -29,6 +29,7 @@ def one():
     return mapped, cases, shared
 
 
+@pytest.mark.slow
 def test_a_campaign_of_wrong_arguments_crashes_nothing():
     found = subprocess.run(
         [sys.executable, "-m", "native.wrong_arguments", "3", "200"],
@@ -145,6 +146,7 @@ def test_only_vectors_without_gaps_are_made(lanes):
             NativeEngine(lanes=lanes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
     [np.int8, np.uint32, np.int64, np.uint64]
@@ -276,6 +278,7 @@ thread.join()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="has no ulimit")
 @pytest.mark.parametrize(
     ("rows", "stack"), [(2_000, "96"), pytest.param(200_000, "8192", marks=pytest.mark.slow)]

@@ -127,6 +127,7 @@ def _differing(name, arguments, found, expected, ulps: int, how: str) -> list[st
     return [f"{name} {how} ({count}): {numbers} gives {found[i]!r}, not {expected[i]!r}"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("arity", [1, 2])
 def test_variables(dtype, arity):
@@ -148,6 +149,7 @@ def test_variables(dtype, arity):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", TYPES)
 @pytest.mark.parametrize("arity", [1, 2])
 def test_constants(dtype, arity):
@@ -208,6 +210,7 @@ def _few(dtype: np.dtype) -> np.ndarray:
     return np.array(list({x.tobytes(): x for x in some}.values()), dtype)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", TYPES)
 def test_constants_and_uniform_numbers_beside_variables(dtype):
     _check_beside(dtype, _few(dtype))
@@ -238,6 +241,7 @@ def _vectors(dtype: np.dtype, seed: int) -> np.ndarray:
     return np.where(rng.random(found.shape) < 0.3, found[:, :1], found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", TYPES)
 def test_programs(dtype):
     uses, index = _uses(dtype), INDICES[ALL.index(dtype) % len(INDICES)]

@@ -43,6 +43,7 @@ def close(found: Outputs, expected: Outputs, tolerance: float) -> None:
         np.testing.assert_allclose(x, y, rtol=0, atol=tolerance * scale)
 
 
+@pytest.mark.slow
 def test_it_agrees_with_the_scan_engine_step_by_step(example):
     """One interval at a time from the same states, the scan engine's."""
     short = program(example, 0.1 if float(program(example).interval) < 1 else 1.0)
@@ -50,11 +51,13 @@ def test_it_agrees_with_the_scan_engine_step_by_step(example):
     close(native(example).evaluate(short, KICKS), expected, tolerance_of(example, 1e-12))
 
 
+@pytest.mark.slow
 def test_it_agrees_with_the_scan_engine_over_the_whole_run(example, found):
     expected = example.scan.evaluate(program(example), KICKS)
     close(found, expected, tolerance_of(example, 1e-9))
 
 
+@pytest.mark.slow
 def test_bits_depend_on_neither_lanes_nor_threads_nor_companions(example, found):
     prog, order = program(example), np.random.default_rng(2).permutation(11)
     for numbers in (order, [4], range(3, 11), [6, 6, 1]):
@@ -67,6 +70,7 @@ def test_bits_depend_on_neither_lanes_nor_threads_nor_companions(example, found)
         same_bits(wide, jax.tree.map(lambda x: np.concatenate([x] * 17), found))
 
 
+@pytest.mark.slow
 def test_a_diverging_case_is_coded_and_changes_no_other(example, found):
     kicks = np.array(KICKS)
     kicks[2], kicks[7] = np.nan, 1e7
@@ -79,6 +83,7 @@ def test_a_diverging_case_is_coded_and_changes_no_other(example, found):
     same_bits(*[jax.tree.map(lambda x: x[others], outputs) for outputs in (mixed, found)])
 
 
+@pytest.mark.slow
 def test_a_replay_has_the_same_bits(example, found):
     prog, engine = program(example), native(example)
     replay = engine.replay(prog, KICKS[3])
@@ -91,6 +96,7 @@ def test_a_replay_has_the_same_bits(example, found):
     np.testing.assert_array_equal(several.omega[3], replay.signals.omega)
 
 
+@pytest.mark.slow
 def test_other_numbers_need_no_new_machine_code(example, found):
     prog, engine = program(example), native(example)
     kernel = engine.kernel(prog, KICKS)

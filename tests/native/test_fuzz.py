@@ -77,6 +77,7 @@ def _check_companions(mapped: Mapped, cases: dict[str, np.ndarray]) -> None:
         assert x[others].tobytes() == y[others].tobytes()
 
 
+@pytest.mark.slow
 @given(programs, st.integers(0, 9))
 @settings(max_examples=10, **SETTINGS)
 def test_random_programs(program, seed):

@@ -56,6 +56,7 @@ def _same(x: np.ndarray, y: np.ndarray) -> bool:
     return bool(np.all(equal | (np.isnan(x) & np.isnan(y))))
 
 
+@pytest.mark.slow
 def test_generated_programs():
     assert differing(range(20)) == []
 

@@ -32,6 +32,7 @@ def native(tolerance: float) -> NativeEngine:
     return NativeEngine(diffrax.Tsit5(), tolerance=Tolerance(tolerance, tolerance), workers=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["benchmark-three-axis", pytest.param("free-third-rate", marks=pytest.mark.slow)]
 )

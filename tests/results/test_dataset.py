@@ -61,6 +61,7 @@ def test_units_in_attributes(dataset):
     assert all(dataset[name].attrs["long_name"] for name in dataset.data_vars)
 
 
+@pytest.mark.slow
 def test_held_third_rate_is_told_apart(tmp_path):
     held = build(load("paper-three-axis", ["simulation.duration_s=5"])).simulate()
     found = trajectory_dataset(held)
@@ -136,6 +137,7 @@ def test_a_damaged_trajectory_is_never_taken_for_a_good_one(tmp_path):
             open_trajectory(place)
 
 
+@pytest.mark.slow
 def test_failed_run_is_nan_from_its_end_on():
     scenario = load("paper-three-axis", ["simulation.solver.max_steps=100"])
     found = trajectory_dataset(build(scenario).simulate())

@@ -107,6 +107,7 @@ def test_what_is_no_store_is_refused(tmp_path):
     assert (tmp_path / "s" / "mine.txt").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_a_second_writer_is_refused(tmp_path):
     code = (
         "import sys; sys.path[:0] = sys.argv[2:]\n"

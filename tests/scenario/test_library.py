@@ -61,6 +61,7 @@ THREE_AXIS_REFERENCE = {
 }
 
 
+@pytest.mark.slow
 def test_paper_three_axis_numbers():
     run = build(load("paper-three-axis"))
     trajectory = run.simulate()
@@ -82,6 +83,7 @@ RATE_REFERENCE = {
 }
 
 
+@pytest.mark.slow
 def test_paper_rate_numbers():
     changes = ["disturbance.amplitude_N_m=[0.01, 0.02, 0]", "simulation.duration_s=5"]
     trajectory = build(load("paper-rate", changes)).simulate()
@@ -91,6 +93,7 @@ def test_paper_rate_numbers():
     np.testing.assert_allclose(trajectory.signals.torque[0], [-1866.845, 4462.509, 0], atol=5e-4)
 
 
+@pytest.mark.slow
 def test_free_third_rate_winds_up():
     """Judged by what every step size shows: z past π near 225 s, about 12 rad at the end."""
     trajectory = build(load("free-third-rate")).simulate()

@@ -33,6 +33,7 @@ HUGE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HUGE)
 def test_what_is_huge_is_refused_at_once(name, tmp_path):
     path = tmp_path / "huge.toml"

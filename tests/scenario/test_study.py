@@ -41,6 +41,7 @@ def test_a_scenario_with_dispersions_dumps_and_loads(tmp_path):
     assert load(path) == scenario
 
 
+@pytest.mark.slow
 def test_sampling_and_design_reach_the_study():
     overrides = [OMEGA, "sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5"]
     study = build_study(load("switching", [*overrides, "dispersion.design=sobol"]), 7, seed=3)

@@ -74,6 +74,7 @@ def test_only_what_has_no_rule_leads_to_another_engine(scenario, monkeypatch, er
         build_plan(scenario, width=4)
 
 
+@pytest.mark.slow
 def test_many_points_at_once_are_the_same_as_one_by_one(plan):
     numbers = np.array([3, 0, 7])
     together = plan.smooth.differentiate(points(plan), numbers)
@@ -117,6 +118,7 @@ def test_trajectories_are_counted(plan):
     assert trials.counter.trajectories == 15 + 15 / 2 + 15 * 3
 
 
+@pytest.mark.slow
 def test_the_loss_falls_and_the_best_iterate_is_kept(plan, final):
     losses = [check.best_loss for check in final.validations]
     assert losses[-1] < losses[0]
@@ -278,6 +280,7 @@ class Blind(AbstractCopies):
         return self.inner(case, {**gains, "k2": jax.lax.stop_gradient(gains["k2"])})
 
 
+@pytest.mark.slow
 def test_a_wrong_gradient_is_told_at_the_top(plan, final, monkeypatch):
     program = plan.smooth.program
     copies = eqx.tree_at(lambda p: p.copies, program, program.copies)
