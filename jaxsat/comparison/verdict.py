@@ -101,7 +101,10 @@ def _reason(best: Row, surest: Row, sure: Sequence[Row], rows: Sequence[Row]) ->
     for row in sure:
         if row is best:
             continue
-        clauses.append(f"{row.setting.law} is as sure and takes {_seconds(row.t50.value)}")
+        sure_too = "as sure"
+        if row.settled.value < fraction.value:
+            sure_too = f"not provably less sure ({row.settled.value:.1%})"
+        clauses.append(f"{row.setting.law} is {sure_too} and takes {_seconds(row.t50.value)}")
         clauses[-1] += _quicker(best, row)
     beaten = [row for row in rows if all(row is not one for one in sure)]
     if beaten:

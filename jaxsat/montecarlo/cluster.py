@@ -138,7 +138,7 @@ class _Link:
         while True:
             stop.check()
             self._look()
-            with suppress(TimeoutError), self._lasting():
+            with suppress(TimeoutError), self._lasting(), self._client.as_current():
                 return cast(Any, wait(list(self._running), POLL_S, "FIRST_COMPLETED")).done
 
     def _result(self, future: Future, chunk: int, stop: Stop) -> Any:

@@ -49,7 +49,7 @@ def test_table_record_and_figure_and_going_on(jaxsat, tmp_path):
 @pytest.mark.slow
 def test_a_law_that_settles_is_taken(jaxsat):
     laws = ["--law", "three-slew", "--law", "rate", "--level", "nominal"]
-    status, out, _ = jaxsat(*laws, "--torque-limit", "20", "--seed", "3", "-n", "4", "--out", "c")
+    status, out, _ = jaxsat(*laws, "--torque-limit", "20", "--seed", "3", "-n", "6", "--out", "c")
     assert status == 0
     assert "20 N m, nominal: take three-slew. Settles 100.0%" in out
     assert "less sure: rate 0.0%" in out

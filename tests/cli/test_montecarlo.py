@@ -97,7 +97,7 @@ def test_the_workers_of_a_scheduler_are_asked(jaxsat):
         place = cluster.scheduler_address
         tokens = [*SHORT[:-2], "-n", "4", "--chunk", "2"]
         status, out, err = jaxsat(*tokens, "--out", "s", "--scheduler", place)
-        assert (status, err) == (0, "")
+        assert (status, err) == (0, ""), err
         assert "4: 0 settled, 4 unsettled" in out
         status, _, err = jaxsat(*SHORT, "--out", "t", "--scheduler", place)
         assert status == 2
