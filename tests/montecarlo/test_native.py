@@ -74,9 +74,9 @@ def test_a_worker_of_a_scheduler_gives_the_bits_of_the_serial_run(tmp_path, whol
 
     asked, run = [], kernel.Kernel.run
 
-    def noted(self, inputs, count, intervals, workers):
+    def noted(self, trees, intervals, workers):
         asked.append(workers)
-        return run(self, inputs, count, intervals, workers)
+        return run(self, trees, intervals, workers)
 
     monkeypatch.setattr(kernel.Kernel, "run", noted)
     with distributed.LocalCluster(
