@@ -317,3 +317,12 @@ def test_only_what_has_no_rule_is_an_obstacle(monkeypatch, error):
         native_obstacle(*arguments)
     with jax.enable_x64(False):
         assert "must have 64-bit numbers" in native_obstacle(*arguments)
+
+
+def test_top_k_is_in_the_total_order_of_floats():
+    """-0.0 below 0.0, NaN beyond all on the side of its sign, ties in their order."""
+    x = np.array([[-0.0, 0.0, -1.0], [np.nan, -np.nan, 1.0], [-np.nan, np.inf, np.nan], [2, 2, -3]])
+    found = Mapped(lambda case, shared: lax.top_k(case, 3), x[0], 0.0)(x, 0.0)
+    for ours, xla in zip(found, lax.top_k(x, 3), strict=True):
+        np.testing.assert_array_equal(ours, xla)
+    np.testing.assert_array_equal(found[1], [[1, 0, 2], [0, 2, 1], [2, 1, 0], [0, 1, 2]])

@@ -14,11 +14,21 @@ from jaxsat.engine.native.lowering import Elements, lowers, written
 
 
 def _top_k(x: Array, k: int, axis: int) -> list[Array]:
-    """The largest first, equal ones in their order, NaN as larger than all."""
+    """The largest first, equal ones in their order; floats in IEEE 754's total order, as XLA's:
+    -0.0 below 0.0, NaN beyond all on the side of its sign."""
     numbers = lax.broadcasted_iota(jnp.int32, x.shape, axis)
-    last = (lax.rev(x, (axis,)), lax.rev(numbers, (axis,)))
-    ordered = lax.sort(last, dimension=axis, num_keys=1)
+    last = [lax.rev(y, (axis,)) for y in (_in_total_order(x), x, numbers)]
+    ordered = lax.sort(last, dimension=axis, num_keys=1)[1:]
     return [lax.slice_in_dim(lax.rev(y, (axis,)), 0, k, axis=axis) for y in ordered]
+
+
+def _in_total_order(x: Array) -> Array:
+    """Whole numbers in the order of these: the bits of a float, of a negative one turned over."""
+    if x.dtype.kind != "f":
+        return x
+    word = np.dtype(f"i{x.dtype.itemsize}")
+    bits = lax.bitcast_convert_type(x, word)
+    return jnp.where(bits < 0, bits ^ np.iinfo(word).max, bits)
 
 
 def _cumlogsumexp(x: Array, axis: int, reverse: bool) -> Array:
