@@ -312,7 +312,9 @@ def test_the_command_line_shows_it_as_one_line(capsys, monkeypatch):
     from jaxsat.cli import app
 
     def command(_):
+        warnings.simplefilter("default")
         warnings.warn("no cache", cache.CacheWarning, stacklevel=1)
+        return 0
 
     monkeypatch.setattr(app, "_command", command)
     app.run([])

@@ -98,7 +98,7 @@ def done_of(chunks):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", [range(60), pytest.param(range(3000), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(60), pytest.param(range(800), marks=pytest.mark.slow)])
 def test_no_damage_of_a_store_is_silent_or_a_traceback(stores, tmp_path, seeds, monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda handle: None)  # what is tested needs no disk
     for store, chunks in zip(stores, (range(6), [0, 2, 3]), strict=True):
