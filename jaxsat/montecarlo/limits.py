@@ -24,8 +24,8 @@ from jaxsat.vehicle import Spacecraft
 class Limits(NamedTuple):
     """Least and largest number of a draw, for all components or for each."""
 
-    low: Float[Array, "*n"]
-    high: Float[Array, "*n"]
+    low: Float[Array | np.ndarray, "*n"]
+    high: Float[Array | np.ndarray, "*n"]
 
 
 STATE = Range(-STATE_LIMIT, STATE_LIMIT)
@@ -48,10 +48,10 @@ def limits_of_change(values: Range, nominal: Float[Array, " n"]) -> Limits:
     """Relative changes that keep nominal numbers in their range; zero remains zero whatever it is
     multiplied with."""
     known = concrete(nominal)
-    xp, nominal = (jnp, nominal) if known is None else (np, known)  # which compiles nothing
-    safe = xp.where(nominal == 0, 1.0, nominal)
+    xp, numbers = (jnp, nominal) if known is None else (np, known)  # which compiles nothing
+    safe = xp.where(numbers == 0, 1.0, numbers)
     one, other = values.low / safe, values.high / safe
-    free = xp.where(nominal == 0, xp.inf, 0.0)
+    free = xp.where(numbers == 0, xp.inf, 0.0)
     return Limits(xp.minimum(one, other) - 1 - free, xp.maximum(one, other) - 1 + free)
 
 

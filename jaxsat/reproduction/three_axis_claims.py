@@ -39,7 +39,7 @@ def attitude_changes_little(datasets: Datasets) -> Claim:
     angle = float(np.degrees(2 * np.arccos(np.clip(scalar, 0, 1))).max())
     low = np.flatnonzero(np.linalg.norm(exact["w"], axis=1) < AT_ZERO)
     until = float(exact["time"][low[0]]) if len(low) else duration(exact)
-    apart = float(np.abs(small["w"] - exact["w"]).sel(time=slice(None, until)).max())
+    apart = float(abs(small["w"] - exact["w"]).sel(time=slice(None, until)).max())
     step = scenario_of(exact)["simulation"]["solver"]["min_step_s"]
     sliding = (
         f". From {until:.0f} s on it slides on w = 0, where ω_d has no limit, and depends on the "
