@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -34,74 +34,31 @@ from fingerprints import (
     tuning_fingerprint,
 )
 
-COAST = (
-    *("--set", "control.law=coast"),
-    *("--set", "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=0.1}"),
-    *("--set", "simulation.duration_s=50"),
-)
-STUDY = ("montecarlo", "paper-rate", *COAST, "--chunk", "64", "--width", "8")
+
+def settings(values: Mapping[str, object]) -> tuple[str, ...]:
+    """Overrides of a scenario as options."""
+    return tuple(token for key, value in values.items() for token in ("--set", f"{key}={value}"))
+
+
+COAST = {
+    "control.law": "coast",
+    "dispersion.omega_rad_s": "{distribution='uniform', low=-0.1, high=0.1}",
+    "simulation.duration_s": 50,
+}
+STUDY = ("montecarlo", "paper-rate", *settings(COAST), "--chunk", "64", "--width", "8")
 COMPARISON = ("--level", "mc", "--law", "rate", "--law", "switching", "--torque-limit", "20")
-TUNED = """
-title = "A slow tumble, stopped"
-
-[spacecraft]
-inertia_kg_m2 = [449.5, 264.6, 312.5]
-thruster_torque_axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-failed_thrusters = [3]
-third_rate = "free"
-
-[orbit]
-rate_rad_s = 0.0011
-
-[initial]
-w = [0, 0]
-z_rad = 0
-omega_rad_s = [0.0, 0.0, 0.05]
-
-[control]
-law = "rate"
-k1 = 0.5
-k2 = 0.3
-omega3_width_rad_s = 1e-3
-
-[simulation]
-duration_s = 8
-save_every_s = 1.0
-attitude = "wz"
-
-[simulation.solver]
-name = "midpoint"
-steps = "fixed"
-step_s = 0.1
-
-[dispersion.omega_rad_s]
-distribution = "uniform"
-low = [-0.02, -0.02, 0.03]
-high = [0.02, 0.02, 0.07]
-
-[tuning]
-steps = 40
-cases = 4
-starts = 3
-validate_every = 3
-validation_cases = 4
-receipt_cases = 3
-held_out_cases = 8
-
-[tuning.cost]
-w = 0
-z = 0
-torque = 1e-6
-
-[tuning.parameters.k1]
-low = 0.1
-high = 3
-
-[tuning.parameters.k2]
-low = 0.05
-high = 3
-"""
-"""A tuning run of some seconds."""
+TUNING = ("tune", "rate-limited", "--width", "4", "--workers", "1")
+SHORT = {
+    "simulation.duration_s": 8,
+    "tuning.steps": 40,
+    "tuning.halve_at": "[20]",
+    "tuning.starts": 2,
+    "tuning.screened": 4,
+    "tuning.cases": 4,
+    "tuning.validation_cases": 4,
+    "tuning.held_out_cases": 8,
+}
+"""What makes a tuning run one of some seconds."""
 
 LONGEST_S = 600.0
 """No command of the campaign may take longer."""
@@ -133,9 +90,7 @@ TARGETS = (
         "s",
         store_fingerprint,
     ),
-    Target(
-        "tune", ("tune", "rate.toml", "--width", "4", "--workers", "1"), "t", tuning_fingerprint
-    ),
+    Target("tune", (*TUNING, *settings(SHORT)), "t", tuning_fingerprint),
     Target(
         "compare", ("compare", *COMPARISON, "-n", "200", "--seed", "3"), "c", comparison_fingerprint
     ),
@@ -218,7 +173,6 @@ class Campaign:
     def _folder(self, name: str) -> Path:
         folder = self._work / name
         folder.mkdir()
-        (folder / "rate.toml").write_text(TUNED, encoding="utf-8")
         (folder / "mine.txt").write_text("the user's own", encoding="utf-8")
         return folder
 

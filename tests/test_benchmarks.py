@@ -35,3 +35,23 @@ def test_engines_are_compared_at_equal_accuracy(tmp_path):
     assert all(entry["peak_MB"] > entry["own_MB"] > 0 for entry in found["cold"].values())
     lines = done.stdout.splitlines()
     assert sum(line.startswith("| ") for line in lines) == 5
+
+
+@pytest.mark.slow
+def test_a_campaign_of_kills_finds_no_fault(tmp_path):
+    """A study is killed, resumed and equal to one never disturbed; all of it is counted."""
+    command = [sys.executable, "benchmarks/kill_campaign.py", "--kills", "1", "--seed", "2"]
+    done = subprocess.run(
+        [*command, "--only", "montecarlo, native"],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    heading, _, row = done.stdout.splitlines()[-3:]
+    found = dict(zip(heading.split(" | "), row.split(" | "), strict=True))
+    assert int(found["kills"]) >= 1
+    assert int(found["equal"]) >= 1
+    assert found["faults |"] == "0 |"
+    assert list(tmp_path.iterdir()) == []
