@@ -5,7 +5,7 @@ import unicodedata
 JOINERS = "\u200c\u200d"
 """Format characters that scripts and emoji need; all others only hide or reorder what is read."""
 
-_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+_HIDDEN = frozenset({"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"})
 _MARKDOWN = {ord(mark): f"\\{mark}" for mark in "\\`*_[]#|~$!"}
 _MARKUP = {ord("&"): "&amp;", ord("<"): "&lt;", ord(">"): "&gt;"}
 

@@ -8,6 +8,7 @@ import os
 import pickle
 import sys
 import threading
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, NoReturn
 
@@ -31,6 +32,7 @@ class Ready(NamedTuple):
 def serve() -> NoReturn:
     """Compute the chunks that are asked for until nobody asks any longer."""
     replies = _Replies()
+    warnings.filterwarnings("ignore", "machine code cannot be kept")  # who started it tells that
     try:
         order: Order = pickle.load(sys.stdin.buffer)
         work = order.packed.unpacked()

@@ -16,7 +16,6 @@ from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.layout import working_thrusters
 from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.wording import shown
-from jaxsat.simulation.methods import FIXED_MAX_STEPS
 from jaxsat.simulation.solve import STATE_LIMIT
 from jaxsat.vehicle import allocation
 
@@ -169,13 +168,7 @@ def _whole_number_of_samples(duration, save_every):
 
 @rule("control.period_s", "simulation.save_every_s", "simulation.duration_s")
 def _samples_fall_on_periods(period, save_every, duration):
-    if duration / period > FIXED_MAX_STEPS:
-        yield at(
-            "control.period_s",
-            f"must leave at most {FIXED_MAX_STEPS} periods, got {shown(period)} s in "
-            f"{shown(duration)} s",
-        )
-    elif not is_multiple(save_every, period):
+    if not is_multiple(save_every, period):
         yield at(
             "simulation.save_every_s",
             f"must be a multiple of control.period_s = {shown(period)}, got {shown(save_every)}",

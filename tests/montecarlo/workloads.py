@@ -9,12 +9,14 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
+from jaxsat.engine.native import cache
 from jaxsat.processors import processors
 
 
 def told(chunk):
     """Who computes, in which precision, on how many processors."""
     print("a word of the work", flush=True)
+    cache._tell(OSError("no home folder is known"))
     return os.getpid(), str(jnp.ones(1).dtype), processors(), chunk
 
 

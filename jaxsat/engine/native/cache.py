@@ -17,7 +17,6 @@ Where the cache cannot be used, a `CacheWarning` tells why, once in a process.
 import contextlib
 import hashlib
 import hmac
-import multiprocessing
 import os
 import secrets
 import sys
@@ -126,8 +125,8 @@ def _remove_oldest(place: Path) -> None:
 
 
 def _tell(error: OSError) -> None:
-    if _told.is_set() or multiprocessing.parent_process() is not None:
-        return  # the parent has told
+    if _told.is_set():
+        return
     _told.set()
     reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)
     warnings.warn(
