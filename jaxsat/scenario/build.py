@@ -38,7 +38,7 @@ from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.layout import working_thrusters
 from jaxsat.scenario.schema import Scenario, flattened
-from jaxsat.scenario.tables import MOST_STEPS, SolverTable
+from jaxsat.scenario.tables import MOST_SAMPLED_STEPS, MOST_STEPS, SolverTable
 from jaxsat.simulation import (
     AbstractLoop,
     ContinuousLoop,
@@ -216,7 +216,9 @@ def _method(table: SolverTable, loop: AbstractLoop) -> Method:
 
 def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -> None:
     table, control = scenario.simulation, scenario.control
+    most = MOST_STEPS
     if isinstance(loop, SampledLoop):
+        most = MOST_SAMPLED_STEPS
         assert not isinstance(control, CoastTable | RateTable | ThreeAxisTable)
         step = control.period_s / loop.substeps
         key = "control.period_s" if table.solver.substeps is None else "simulation.solver.substeps"
@@ -226,9 +228,9 @@ def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -
         step = float(method.first_step)
         key = "simulation.duration_s" if table.solver.step_s is None else "simulation.solver.step_s"
     count = table.duration_s / step
-    if count > MOST_STEPS:
+    if count > most:
         message = (
-            f"must leave at most {MOST_STEPS} steps in a run, got {count:.3g} of {step:.3g} s in "
+            f"must leave at most {most} steps in a run, got {count:.3g} of {step:.3g} s in "
             f"{table.duration_s:g} s"
         )
         involved = ("simulation.duration_s", "simulation.solver.step_s", "control.period_s")

@@ -43,6 +43,9 @@ HIGHEST_ALTITUDE = 1.5e6
 MOST_STEPS = FIXED_MAX_STEPS
 """Steps of one run, hours of work."""
 
+MOST_SAMPLED_STEPS = 2**26
+"""The same where the law is sampled: a week at 0.1 s and four steps a period, and more."""
+
 
 class SpacecraftTable(Table):
     """`[spacecraft]`: the rigid body, its thrusters and their failures."""

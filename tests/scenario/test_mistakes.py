@@ -206,7 +206,7 @@ BROKEN_SWITCHING = [
     ("lower_threshold_rad_s = 1e-3", "lower_threshold_rad_s = 1e-2", [
         (21, "control.lower_threshold_rad_s", "must not exceed upper_threshold_rad_s = 0.008")]),
     ("period_s = 0.1", "period_s = 0.3", [(23, "simulation.save_every_s", "control.period_s")]),
-    ("period_s = 0.1", "period_s = 1e-5", [(22, "control.period_s", "steps in a run, got")]),
+    ("period_s = 0.1", "period_s = 1e-6", [(22, "control.period_s", "steps in a run, got")]),
     ("period_s = 0.1", "period_s = 1e-9", [(22, "control.period_s", "at least 1e-06 s")]),
     ("duration_s = 100", "duration_s = 100\nsolver = { steps = \"fixed\" }", [
         (25, "simulation.solver.steps", "is sampled and takes `substeps`")]),
