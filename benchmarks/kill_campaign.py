@@ -110,6 +110,11 @@ class Tally:
     counts: Counter = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
 
+    def fault(self, text: str) -> None:
+        """Something that must not be; told at once, as a campaign takes long."""
+        self.faults.append(text)
+        print(f"fault: {text}", file=sys.stderr, flush=True)
+
 
 @dataclass(frozen=True)
 class Ended:
@@ -215,22 +220,22 @@ class Campaign:
             return
         self.tally.counts["refused"] += 1
         if not ended.told.strip():
-            self.tally.faults.append(f"refused without a word after {how}")
+            self.tally.fault(f"refused without a word after {how}")
         shutil.rmtree(output)
         aside.rename(output)
 
     def _judge(self, ended: Ended, folder: Path, how: str = "a kill") -> None:
-        faults, told = self.tally.faults, ended.told
+        fault, told = self.tally.fault, ended.told
         if "Traceback" in told or "internal error" in told:
-            faults.append(f"traceback after {how}: {told[-2000:]}")
+            fault(f"traceback after {how}: {told[-2000:]}")
         if ended.sent is None and ended.status not in (0, 1, 2):
-            faults.append(f"status {ended.status} after {how}: {told[-2000:]}")
+            fault(f"status {ended.status} after {how}: {told[-2000:]}")
         if ended.sent is None and ended.status != 0 and how == "a kill":
-            faults.append(f"does not resume after {how}: {told[-2000:]}")
+            fault(f"does not resume after {how}: {told[-2000:]}")
         if ended.sent in STATUSES and ended.status not in (STATUSES[ended.sent], -ended.sent):
-            faults.append(f"status {ended.status} after {ended.sent.name}: {told[-2000:]}")
+            fault(f"status {ended.status} after {ended.sent.name}: {told[-2000:]}")
         if (folder / "mine.txt").read_text(encoding="utf-8") != "the user's own":
-            faults.append(f"a file of the user was changed after {how}")
+            fault(f"a file of the user was changed after {how}")
 
     def _compare(self, output: Path, how: str = "kills") -> None:
         found = self._target.fingerprint(output)
@@ -242,7 +247,7 @@ class Campaign:
             for name in found.keys() | self._expected.keys()
             if found.get(name) != self._expected.get(name)
         )
-        self.tally.faults.append(f"differs in {names[:5]} after {how}")
+        self.tally.fault(f"differs in {names[:5]} after {how}")
 
 
 COLUMNS = (
@@ -271,6 +276,9 @@ def main(tokens: Sequence[str] | None = None) -> int:
     names = [target.name for target in TARGETS]
     parser.add_argument("--only", nargs="+", choices=names, default=names)
     asked = parser.parse_args(tokens)
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # As in a shell's background job: the commands would ignore Ctrl-C as well.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     share = -(-asked.kills // len(asked.only))
     tallies: dict[str, Tally] = {}
     for number, target in enumerate(TARGETS):
