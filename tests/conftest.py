@@ -1,8 +1,13 @@
 """Strict settings for every test: 64-bit floats, no silent rank promotion, shapes checked."""
 
+import ctypes
+import gc
 import signal
+import sys
+from pathlib import Path
 
 import jax
+import pytest
 from jaxtyping import install_import_hook
 
 jax.config.update("jax_enable_x64", True)
@@ -13,3 +18,19 @@ install_import_hook("jaxsat", "beartype.beartype")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in a shell's background job: programs started by tests would ignore Ctrl-C as well.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+MOST_MEMORY = 2 * 2**30
+"""Bytes of a process of tests; compiled programs of tests past fill many times that."""
+
+
+@pytest.fixture(autouse=True)
+def _programs_do_not_fill_the_memory():
+    yield
+    if sys.platform == "linux" and _resident() > MOST_MEMORY:
+        jax.clear_caches()
+        gc.collect()
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def _resident() -> int:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
