@@ -6,7 +6,8 @@ An array of the jaxpr is a NumPy object array of constants and values. A rule is
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,17 @@ class CannotLower(Exception):
     def __init__(self, what: str, place: str = ""):
         super().__init__(f"{what} ({place})" if place else what)
         self.what, self.place = what, place
+
+
+@contextmanager
+def bugs_in(what: str) -> Iterator[None]:
+    """Raise `NativeBug` for whatever goes wrong inside, but for `CannotLower`."""
+    try:
+        yield
+    except (CannotLower, NativeBug):
+        raise
+    except Exception as error:
+        raise NativeBug(what, error) from error
 
 
 def lowers(*names: str) -> Callable[[Rule], Rule]:

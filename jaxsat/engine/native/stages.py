@@ -18,6 +18,7 @@ from jaxsat.engine.native.builder import is_uniform
 from jaxsat.engine.native.ir import Function, Operation, Scalar, Sweep, Value
 from jaxsat.engine.native.lines import Module
 from jaxsat.engine.native.llvm import Body
+from jaxsat.engine.native.lowering import bugs_in
 from jaxsat.engine.native.ordering import in_order
 from jaxsat.engine.native.places import (
     FROM,
@@ -43,6 +44,7 @@ class Stage:
     inputs: list[Place]
     outputs: list[Place]
 
+    @bugs_in("removing and ordering steps")
     def swept(self) -> "Stage":
         """Without the steps whose results nobody uses."""
         sweep = Sweep()
@@ -57,6 +59,7 @@ class Stage:
         return Stage(function, inputs, self.outputs)
 
 
+@bugs_in("printing")
 def add_stage(module: Module, stage: Stage) -> None:
     """Print a stage into a module."""
     inputs = list(zip(stage.function.params, stage.inputs, strict=True))
