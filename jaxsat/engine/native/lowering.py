@@ -18,7 +18,8 @@ from jax._src import source_info_util
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from jaxsat.engine.native.builder import Builder, is_uniform
-from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value, swept
+from jaxsat.engine.native.dead_code import without_dead_code
+from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value
 
 if TYPE_CHECKING:
     Elements = Any  # type checkers know no arrays of values
@@ -266,5 +267,5 @@ def function_of(b: Builder, name: str, closed: ClosedJaxpr, args: Sequence[Scala
         inner.functions = b.functions
         results = scalars_of(lower(inner, closed, arrays_of(params, [()] * len(params))))
         label = f"{name}.{''.join(char + 'vu'[uniform] for char, uniform in kinds)}"
-        b.functions[key] = swept(Function(label, params, inner.block, results))
+        b.functions[key] = without_dead_code(Function(label, params, inner.block, results))
     return b.functions[key]
