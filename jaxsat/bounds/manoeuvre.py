@@ -10,9 +10,10 @@ from jaxsat.dynamics import PlantState
 from jaxsat.environment import (
     AbstractDisturbance,
     ConstantTorque,
-    ExactOrbit,
+    GravityGradient,
     NoDisturbance,
     PeriodicTorque,
+    SmallAngleOrbit,
     SumOfDisturbances,
 )
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
@@ -26,7 +27,9 @@ class Manoeuvre:
 
     `inertia` (3, 3) in kg m², `torque_axes` (3, m) of thrusters that each make up to `limit` N m
     of either sign, `orbit_rate` ω0 in rad/s. The start is a unit quaternion from the orbit to the
-    body frame, scalar first, and ω in rad/s. The disturbance is (2) plus a constant, N m.
+    body frame, scalar first, and ω in rad/s. The disturbance is (2) plus a constant, N m, and the
+    gravity gradient of an orbit at `gradient_rate` rad/s. With `small_angle` (11) has the identity
+    in place of C_bo; with `third_rate_held` an ideal torque keeps ω3 as it is.
     """
 
     inertia: Float[np.ndarray, "3 3"]
@@ -39,14 +42,17 @@ class Manoeuvre:
     frequency: Vector
     phase: Vector
     constant: Vector
+    gradient_rate: float = 0.0
+    small_angle: bool = False
+    third_rate_held: bool = False
 
     def __post_init__(self):
         if not 0 < self.limit < math.inf:
             raise ValueError(
                 f"Argument `limit` must be positive and finite, but got {self.limit} N m."
             )
-        if self.torque_axes.shape[1] < 2:
-            raise ValueError("Argument `torque_axes` must have at least two thrusters.")
+        if self.torque_axes.shape[1] < 1:
+            raise ValueError("Argument `torque_axes` must have at least one thruster.")
 
     def disturbance(self, t: float) -> Vector:
         """(2) at time `t` (s) plus the constant, N m."""
@@ -62,21 +68,16 @@ class Manoeuvre:
 def manoeuvre_of(loop: AbstractLoop, start: PlantState) -> Manoeuvre:
     """The manoeuvre that a closed loop has to do from a start, whatever its controller.
 
-    Raises `ValueError` where that is not one of a free rigid body in the exact orbit frame with
-    limited thrusters under disturbances that depend on time alone.
+    Raises `ValueError` where the thrusters have no limit, or a disturbance is not one of jaxsat's.
     """
     plant = loop.plant
     if not isinstance(loop, ContinuousLoop | SampledLoop):
         raise ValueError("Bounds need thrusters with a limit, but the loop has ideal ones.")
-    if plant.third_rate_held:
-        raise ValueError("Bounds need a free third rate, but the plant's is held.")
-    if not isinstance(plant.orbit, ExactOrbit):
-        raise ValueError("Bounds need the exact form of (11), but got its small angle form.")
-    periodic, constant = _torques(plant.disturbance)
+    periodic, constant, gradients = _torques(plant.disturbance)
     zero = np.zeros(3)
 
     def part(name: str) -> Vector:
-        return zero if periodic is None else np.asarray(getattr(periodic, name), float)
+        return np.asarray(getattr(periodic[0], name), float) if periodic else zero
 
     return Manoeuvre(
         inertia=np.asarray(plant.spacecraft.inertia, float),
@@ -89,20 +90,24 @@ def manoeuvre_of(loop: AbstractLoop, start: PlantState) -> Manoeuvre:
         frequency=part("frequency"),
         phase=part("phase"),
         constant=sum((np.asarray(one.torque, float) for one in constant), zero),
+        gradient_rate=float(gradients[0].orbit_rate) if gradients else 0.0,
+        small_angle=isinstance(plant.orbit, SmallAngleOrbit),
+        third_rate_held=plant.third_rate_held,
     )
 
 
 def _torques(
     disturbance: AbstractDisturbance,
-) -> tuple[PeriodicTorque | None, list[ConstantTorque]]:
+) -> tuple[list[PeriodicTorque], list[ConstantTorque], list[GravityGradient]]:
     terms = disturbance.terms if isinstance(disturbance, SumOfDisturbances) else (disturbance,)
     periodic = [term for term in terms if isinstance(term, PeriodicTorque)]
     constant = [term for term in terms if isinstance(term, ConstantTorque)]
-    known = len(periodic) + len(constant) + sum(isinstance(t, NoDisturbance) for t in terms)
-    if known < len(terms) or len(periodic) > 1:
+    gradients = [term for term in terms if isinstance(term, GravityGradient)]
+    none = sum(isinstance(term, NoDisturbance) for term in terms)
+    known = len(periodic) + len(constant) + len(gradients) + none
+    if known < len(terms) or max(len(periodic), len(gradients)) > 1:
         raise ValueError(
-            "Bounds need a disturbance of at most one periodic torque and constant ones, but got "
-            + ", ".join(type(term).__name__ for term in terms)
-            + "."
+            "Bounds need a disturbance of at most one periodic torque, one gravity gradient and "
+            "constant torques, but got " + ", ".join(type(term).__name__ for term in terms) + "."
         )
-    return (periodic[0] if periodic else None), constant
+    return periodic, constant, gradients

@@ -107,7 +107,7 @@ class Transcription:
     def solve(self, solver: Any, seed: int) -> Solution | None:
         """The local optimum from a random guess; None where IPOPT finds none."""
         lower, upper = self._bounds()
-        equal = STATES * self.intervals + 6
+        equal = STATES * self.intervals + 3 + self._rates
         free = 2 * 3 * self.intervals
         found = solver(
             x0=self._guess(np.random.default_rng(seed)),
@@ -130,15 +130,20 @@ class Transcription:
 
         def rate(t, x):
             q0, q, omega = x[0], x[1:4], x[4:7]
-            frame = -man.orbit_rate * _second_column(casadi, q0, q)
-            relative = omega - frame
+            relative = omega - self._frame_rate(casadi, q0, q)
             disturbance = man.amplitude * casadi.sin(man.frequency * t + man.phase) + man.constant
             torque = casadi.mtimes(casadi.DM(man.torque_axes), thrust) + disturbance
+            nadir = _third_column(casadi, q0, q)
+            gradient = casadi.cross(nadir, casadi.mtimes(inertia, nadir))
             turning = casadi.cross(omega, casadi.mtimes(inertia, omega))
+            total = torque + 3 * man.gradient_rate**2 * gradient - turning
+            acceleration = casadi.mtimes(inverse, total)
+            if man.third_rate_held:
+                acceleration -= inverse[:, 2] * (acceleration[2] / inverse[2, 2])
             return casadi.vertcat(
                 -casadi.dot(q, relative) / 2,
                 (q0 * relative + casadi.cross(q, relative)) / 2,
-                casadi.mtimes(inverse, torque - turning),
+                acceleration,
             )
 
         h, x, t = length / self.substeps, state, begin
@@ -150,10 +155,20 @@ class Transcription:
             x, t = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), t + h
         return casadi.Function("interval", [state, thrust, begin, length], [x])
 
+    def _frame_rate(self, casadi, q0, q) -> Any:
+        """The orbit frame's angular velocity in body axes."""
+        axis = casadi.DM([0, 1, 0]) if self.manoeuvre.small_angle else _second_column(casadi, q0, q)
+        return -self.manoeuvre.orbit_rate * axis
+
     def _arrival(self, casadi, end) -> Any:
         """Zero in the orbit frame and at rest there; q and -q are the same attitude."""
-        frame = -self.manoeuvre.orbit_rate * _second_column(casadi, end[0], end[1:4])
-        return casadi.vertcat(end[1:4], end[4:7] - frame)
+        relative = end[4:7] - self._frame_rate(casadi, end[0], end[1:4])
+        return casadi.vertcat(end[1:4], relative[: self._rates])
+
+    @property
+    def _rates(self) -> int:
+        """How many rates have to arrive: not the third where it is held, and always zero."""
+        return 2 if self.manoeuvre.third_rate_held else 3
 
     def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
         man, n = self.manoeuvre, self.intervals
@@ -202,6 +217,15 @@ def _second_column(casadi, q0, q):
         2 * (q[0] * q[1] + q0 * q[2]),
         q0**2 - q[0] ** 2 + q[1] ** 2 - q[2] ** 2,
         2 * (q[1] * q[2] - q0 * q[0]),
+    )
+
+
+def _third_column(casadi, q0, q) -> Any:
+    """Of the direction cosines from the orbit to the body frame: where the Earth's centre is."""
+    return casadi.vertcat(
+        2 * (q[0] * q[2] - q0 * q[1]),
+        2 * (q[1] * q[2] + q0 * q[0]),
+        q0**2 - q[0] ** 2 - q[1] ** 2 + q[2] ** 2,
     )
 
 

@@ -30,11 +30,21 @@ def fly(manoeuvre: Manoeuvre, solution: Solution) -> Arrival:
 
     def rate(t, y, torque):
         cosines, omega = y[:9].reshape(3, 3), y[9:]
-        relative = omega + manoeuvre.orbit_rate * cosines[:, 1]
+        nadir = cosines[:, 2]
+        gradient = 3 * manoeuvre.gradient_rate**2 * np.cross(nadir, manoeuvre.inertia @ nadir)
         turning = np.cross(omega, manoeuvre.inertia @ omega)
-        total = torque + manoeuvre.disturbance(t) - turning
-        turned = -np.cross(relative, cosines, axisb=0, axisc=0)
-        return np.concatenate([turned.ravel(), inverse @ total])
+        total = torque + manoeuvre.disturbance(t) + gradient - turning
+        turned = -np.cross(relative_rate(cosines, omega), cosines, axisb=0, axisc=0)
+        return np.concatenate([turned.ravel(), acceleration(total)])
+
+    def acceleration(total):
+        if not manoeuvre.third_rate_held:
+            return inverse @ total
+        return np.append(np.linalg.solve(manoeuvre.inertia[:2, :2], total[:2]), 0.0)
+
+    def relative_rate(cosines, omega):
+        axis = np.eye(3)[1] if manoeuvre.small_angle else cosines[:, 1]
+        return omega + manoeuvre.orbit_rate * axis
 
     y = np.concatenate([_cosines(manoeuvre.quaternion).ravel(), manoeuvre.omega])
     for number, thrust in enumerate(solution.thrust):
@@ -43,14 +53,13 @@ def fly(manoeuvre: Manoeuvre, solution: Solution) -> Arrival:
         flown = solve_ivp(rate, span, y, "DOP853", args=(torque,), rtol=TOLERANCE, atol=TOLERANCE)
         y = flown.y[:, -1]
     cosines, omega = y[:9].reshape(3, 3), y[9:]
-    relative = omega + manoeuvre.orbit_rate * cosines[:, 1]
     sine = np.array([cosines[1, 2] - cosines[2, 1], cosines[2, 0] - cosines[0, 2]])
     sine = np.append(sine, cosines[0, 1] - cosines[1, 0]) / 2
     angle = np.arctan2(np.linalg.norm(sine), (np.trace(cosines) - 1) / 2)
     torques = solution.thrust @ manoeuvre.torque_axes.T
     return Arrival(
         float(angle),
-        float(np.linalg.norm(relative)),
+        float(np.linalg.norm(relative_rate(cosines, omega))),
         float(np.abs(torques).sum() * length),
         float(np.abs(solution.thrust).max()),
     )

@@ -55,7 +55,9 @@ def run(tokens: Sequence[str] | None = None) -> int:
             return _command(tokens)
     except UnusedCliTokensError as mistake:
         extra = " ".join(mistake.unused_tokens or ())
-        report(f"must be given without {extra} (each KEY=VALUE follows a --set of its own)")
+        takes_overrides = "overrides" in getattr(mistake.target, "__annotations__", {})
+        hint = " (each KEY=VALUE follows a --set of its own)" if takes_overrides else ""
+        report(f"must be given without {extra}{hint}")
         return USER_MISTAKE
     except CycloptsError as mistake:
         report(f"{mistake}\nsee `jaxsat --help` and `jaxsat COMMAND --help`")

@@ -51,7 +51,8 @@ def bound(
     Parameters
     ----------
     scenario
-        A name from `jaxsat scenarios list`, or a TOML file; its control law does not matter.
+        A name from `jaxsat scenarios list`, or a TOML file, with a torque limit; its control law
+        does not matter.
     objective
         time, or effort, the integral of the sum of the torques' sizes.
     starts
@@ -72,6 +73,11 @@ def bound(
     if out is not None:
         _refuse_existing(out, overwrite)
     chosen = load_or_explain(scenario, overrides, "motion")
+    if chosen.spacecraft.torque_limit_N_m is None:
+        raise UserMistake(
+            "spacecraft.torque_limit_N_m: must be given in N m, as thrusters without a limit need "
+            "no time, got nothing; give it with --set"
+        )
     use_double_precision()
     from jaxsat.bounds import Objective, manoeuvre_of
     from jaxsat.scenario.build import build_uncontrolled

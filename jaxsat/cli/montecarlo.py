@@ -54,6 +54,7 @@ def montecarlo(
     chunk: OptionalTogether = None,
     until_ci: Text = None,
     case: Case = None,
+    overwrite: Flag = False,
     processes: Workers = None,
     scheduler: Text = None,
     devices: Workers = None,
@@ -105,6 +106,8 @@ def montecarlo(
         Stop once the settled fraction is known to within this, such as 0.5%.
     case
         Compute this case alone again and write its whole trajectory.
+    overwrite
+        With --case, replace the folder if jaxsat wrote it before; a store is resumed.
     figures
         Folder for figures: settling times, where it settles, convergence, fans of attitude and
         rates.
@@ -120,6 +123,8 @@ def montecarlo(
     stem = Path(scenario).stem
     if case is not None and figures is not None:
         raise UserMistake("--case: must be given without --figures, which show a whole study")
+    if case is None and overwrite:
+        raise UserMistake("--overwrite: must be given with --case, as a store is resumed")
     target = out or Path(f"jaxsat-{stem}.zarr")
     if figures is not None:
         refuse_nested(("--figures", figures), ("--out", target))
@@ -151,7 +156,8 @@ def montecarlo(
     if rule is not None and study.has_fixed_size:
         raise UserMistake("--until-ci: must go with another design than latin-hypercube")
     if case is not None:
-        return write_one_case(chosen, study, case, out or Path(f"jaxsat-{stem}-{case}"), quiet)
+        folder = out or Path(f"jaxsat-{stem}-{case}")
+        return write_one_case(chosen, study, case, folder, overwrite=overwrite, quiet=quiet)
     executor = chosen_executor(workers, processes, scheduler, devices)
     approve([study_work(study, rule)], target, yes=yes, quiet=quiet)
     try:

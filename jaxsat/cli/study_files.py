@@ -107,7 +107,13 @@ def _drawn(dataset: "xr.Dataset", label: str, count: int) -> "DrawnNumber":
 
 
 def write_one_case(
-    scenario: "Scenario", study: "Study", number: int, target: Path, quiet: bool
+    scenario: "Scenario",
+    study: "Study",
+    number: int,
+    target: Path,
+    *,
+    overwrite: bool,
+    quiet: bool,
 ) -> int:
     """One case again, as a folder like that of `jaxsat simulate`."""
     from jaxsat.report.figures import trajectory_figures
@@ -115,7 +121,7 @@ def write_one_case(
     from jaxsat.results import OutputError, OutputFolder, dataset_bytes
 
     try:
-        with OutputFolder(target, kind="run") as folder:
+        with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
             dataset, drawn = interruptibly(lambda: replayed(scenario, study, number))
             folder.write("scenario.toml", dataset.attrs["scenario"])
             folder.write("trajectory.nc", dataset_bytes(dataset))

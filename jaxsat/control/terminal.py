@@ -69,7 +69,7 @@ class OrbitalRegulator(eqx.Module):
     ) -> "OrbitalRegulator":
         """The linear quadratic regulator with Q = diag(state_scale)⁻² and R = torque_scale⁻² I.
 
-        Solved with NumPy when the object is made, so `model` must be concrete. Raises `ValueError`
+        Solved with SciPy when the object is made, so `model` must be concrete. Raises `ValueError`
         where the linear system cannot be stabilised: J1 = J2 or no orbit.
         """
         a, b = linear_model(model)

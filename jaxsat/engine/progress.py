@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.checks import as_float, as_optional_float, require_positive
+from jaxsat.checks import as_float, as_optional_float, concrete, require_positive
 from jaxsat.dynamics import PlantState
 from jaxsat.metrics import Since, Tolerances
 from jaxsat.quotients import reciprocal
@@ -47,7 +47,7 @@ class RunningCost(eqx.Module):
     smooth over all rotations, zero at the target alone and at most 1 and 4. With "wz" they are |w|²
     and z², to which the others are equal to second order near the target; |w|² has no bound upside
     down, and z counts as it is integrated, unwrapped in (w, z) parameters. U is that of
-    `unsettled`, left out where that is None.
+    `unsettled`, which a positive `settling` needs.
 
     With a `limit` c_max the cost a second c saturates as c / (1 + c/c_max), and a run that ends
     early is charged c_max for every second that it lacks, so that the cost of any run is at most
@@ -68,6 +68,12 @@ class RunningCost(eqx.Module):
             require_positive(name, getattr(self, name), zero_allowed=True)
         if self.limit is not None:
             require_positive("limit", self.limit)
+        settling = concrete(self.settling)
+        if self.unsettled is None and settling is not None and settling.any():
+            raise ValueError(
+                "Argument `settling` must be zero unless `unsettled` says when a case counts as "
+                f"settled, but got {settling.tolist()}."
+            )
         if self.attitude not in get_args(AttitudeCost):
             raise ValueError(
                 f'Argument `attitude` must be "rotation" or "wz", but got {self.attitude!r}.'

@@ -10,6 +10,9 @@ Values = Float[np.ndarray, "*points parameters"]
 """Numbers of the controller, one column for each entry of a parameter."""
 
 SCALES = ("log", "logit")
+AT_BOUND = 0.01
+"""Values in the outermost hundredth of their range count as at its end."""
+
 FARTHEST = 12.0
 """Logits beyond ±this are within 1e-5 of a bound, where they would have no slope left."""
 
@@ -77,6 +80,13 @@ class Parameter:
             return np.clip(points, np.log(self.low), np.log(self.high))
         return np.clip(points, -FARTHEST, FARTHEST)
 
+    def place(self, values: np.ndarray) -> np.ndarray:
+        """Where values are between the bounds, 0 to 1, of their logarithms in log scale."""
+        low, high = self.low, self.high
+        if self.scale == "log":
+            values, low, high = np.log(values), np.log(low), np.log(high)
+        return (values - low) / (high - low)
+
     def drawn(self, uniform: np.ndarray) -> np.ndarray:
         """Values from numbers uniform in (0, 1): log-uniform, or uniform between the bounds."""
         if self.scale == "log":
@@ -140,6 +150,17 @@ class SearchSpace:
         """`count` random values between the bounds, log-uniform for those in log scale."""
         uniform = np.random.default_rng(seed).uniform(size=(count, self.size))
         return self._by_parameter("drawn", uniform)
+
+    def at_bounds(self, values: Float[np.ndarray, " parameters"]) -> dict[str, float]:
+        """The bound of every number that is at one, by label."""
+        places = self._by_parameter("place", values)
+        lows, highs = (
+            np.array([getattr(p, end) for p in self.parameters for _ in range(p.size)])
+            for end in ("low", "high")
+        )
+        nearest = np.where(places < 0.5, lows, highs)
+        close = np.abs(places - np.round(places)) < AT_BOUND
+        return {self.labels[i]: float(nearest[i]) for i in np.flatnonzero(close)}
 
     def gains(self, values: Values) -> dict[str, np.ndarray]:
         """Values by name, as engines take them, with the leading axes of `values`."""

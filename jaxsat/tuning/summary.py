@@ -8,6 +8,9 @@ from jaxsat.tuning.baselines import Found, missing_packages
 from jaxsat.tuning.receipt import Comparison, Receipt
 from jaxsat.tuning.verdict import Judgement, Verdict
 
+DOMINATES = 0.5
+"""Part of the cost from which on it is told where it comes from."""
+
 
 def summary_page(
     title: str, receipt: Receipt, verdict: Verdict, baselines: Sequence[Found] = ()
@@ -33,6 +36,18 @@ def _warnings(receipt: Receipt, verdict: Verdict) -> list[str]:
         found.append(f"**The gradient of this run is not trustworthy:** {reasons}.")
     if not verdict.after.loss < verdict.before.loss:
         found.append("**By the objective tuned, the new gains are no better on held-out cases.**")
+    if verdict.at_bounds:
+        listed = ", ".join(f"{label} at {bound:g}" for label, bound in verdict.at_bounds.items())
+        found.append(
+            f"**Gains are at their bounds:** {listed}. What is best may lie beyond them; see "
+            "[tuning.parameters]."
+        )
+    if verdict.singular is not None and verdict.singular > DOMINATES:
+        found.append(
+            f"**The cost is dominated by the singularity of (w, z):** {verdict.singular:.1%} of it "
+            "on held-out cases is what |w|, which has no bound upside down, and z, which counts "
+            'turns, add to the cost of the rotation; see simulation.attitude_cost = "rotation".'
+        )
     return found
 
 

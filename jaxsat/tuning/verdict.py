@@ -1,5 +1,6 @@
 """The verdict: the exact law before and after, on cases that were never tuned on."""
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -13,7 +14,7 @@ from jaxsat.montecarlo import LEVEL, Interval, Summary, summarise, wilson
 from jaxsat.simulation import Outcome
 from jaxsat.tuning.plan import TuningPlan
 from jaxsat.tuning.receipt import plain
-from jaxsat.tuning.trials import Trials
+from jaxsat.tuning.trials import Counter, Trials
 
 BLOCK = 8192
 """Cases evaluated at a time."""
@@ -56,7 +57,9 @@ class Verdict:
     """Before and after on held-out cases and on those of the training's seed.
 
     `better` is the mean difference of costs, before less after, of the held-out cases that reach
-    their end both times.
+    their end both times. `at_bounds` has the bounds that gains after are at, by label. `singular`
+    is the part of the cost after that (w, z) add to what the rotation itself costs: |w| has no
+    bound upside down, and z counts turns; None where the rotation is what costs.
     """
 
     labels: tuple[str, ...]
@@ -67,6 +70,8 @@ class Verdict:
     trained_before: Judgement
     trained_after: Judgement
     better: Interval
+    at_bounds: Mapping[str, float]
+    singular: float | None
 
     @property
     def overfitting(self) -> float:
@@ -87,7 +92,8 @@ class Verdict:
             for name in ("before", "after", "trained_before", "trained_after")
         }
         rest = {"better": self.better, "overfitting": self.overfitting}
-        return plain({"gains": gains, **judged, **rest})
+        found = {"at_bounds": dict(self.at_bounds), "singular": self.singular}
+        return plain({"gains": gains, **judged, **rest, **found})
 
 
 def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> Verdict:
@@ -108,7 +114,22 @@ def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> V
         after,
         *trained,
         better=mean_interval(difference[np.isfinite(difference)]),
+        at_bounds=plan.space.at_bounds(values[1]),
+        singular=_singular_part(plan.held_out, point, after.columns["cost"]),
     )
+
+
+def _singular_part(trials: Trials, point: np.ndarray, cost: np.ndarray) -> float | None:
+    """The part of these costs of cases that a bounded cost of the attitude does not have."""
+    program = trials.program
+    if program.cost.attitude == "rotation":
+        return None
+    bounded = dataclasses.replace(program.cost, attitude="rotation")
+    program = dataclasses.replace(program, cost=bounded)
+    other = dataclasses.replace(trials, program=program, counter=Counter())
+    rotation = _columns(other, point, np.arange(len(cost)))["cost"]
+    known = np.isfinite(cost) & np.isfinite(rotation)
+    return float(1 - rotation[known].sum() / cost[known].sum()) if cost[known].any() else 0.0
 
 
 def judge(

@@ -162,7 +162,9 @@ def test_the_smooth_settling_time_is_near_the_true_one():
     np.testing.assert_allclose(np.trapezoid(rate, times), true, rtol=0.02)
 
 
-@pytest.mark.parametrize("wrong", [{"limit": 0.0}, {"settling": -1.0}, {"attitude": "w"}])
+@pytest.mark.parametrize(
+    "wrong", [{"limit": 0.0}, {"settling": -1.0}, {"settling": 1.0}, {"attitude": "w"}]
+)
 def test_bounds_of_the_cost_are_checked(wrong):
     with pytest.raises((ValueError, TypeError), match=next(iter(wrong))):
         RunningCost(**wrong)

@@ -14,7 +14,7 @@ from jax import lax
 
 from engine.test_engines import KICKS, continuous_example, program
 from jaxsat.engine import NativeEngine, ScanEngine
-from jaxsat.engine.native import CannotLower, Mapped, lines, memory
+from jaxsat.engine.native import CannotLower, Mapped, emitter, memory
 from native.wrong_arguments import COUNT, compiled, examples, narrow, picked
 
 TESTS = Path(__file__).parents[1]
@@ -154,7 +154,7 @@ def test_only_vectors_without_gaps_are_made(lanes):
 )
 def test_no_index_reads_or_writes_outside(kind, monkeypatch):
     """As XLA: clamped, filled or dropped, whatever the index; the arrays are in the arena."""
-    monkeypatch.setattr(lines, "ON_STACK", 0)
+    monkeypatch.setattr(emitter, "ON_STACK", 0)
     info = np.iinfo(kind)
     edges = [info.min, info.max, info.max // 2 + 1, 0, 1, 39, 40, 41, 2, 119, 120, info.max - 1]
     index = np.array([n for n in edges if n <= info.max] + [info.min + 1], kind)
@@ -253,7 +253,7 @@ import sys, threading
 import jax, jax.numpy as jnp, numpy as np
 from jax import lax
 jax.config.update("jax_enable_x64", True)
-from jaxsat.engine.native import CannotLower, Mapped, lines, memory
+from jaxsat.engine.native import CannotLower, Mapped, emitter, memory
 
 rows = int(sys.argv[1])
 
@@ -310,7 +310,7 @@ def test_the_stack_holds_little_and_the_arena_has_a_limit(monkeypatch):
     small, large = function(300), function(3000)
     assert (in_arena(small), in_arena(large)) == (0, 2)
     x = np.linspace(0, 1, 9)
-    monkeypatch.setattr(lines, "ON_STACK", 1 << 20)
+    monkeypatch.setattr(emitter, "ON_STACK", 1 << 20)
     on_stack = function(3000)
     assert in_arena(on_stack) == 0
     np.testing.assert_array_equal(large(x, 1.0), on_stack(x, 1.0))
@@ -318,16 +318,16 @@ def test_the_stack_holds_little_and_the_arena_has_a_limit(monkeypatch):
     with pytest.raises(CannotLower, match="An array of 3000 numbers is larger than 2000"):
         function(3000)
     monkeypatch.undo()
-    monkeypatch.setattr(lines, "LARGEST_ARENA", 1 << 17)
+    monkeypatch.setattr(emitter, "LARGEST_ARENA", 1 << 17)
     with pytest.raises(CannotLower, match="take more than 0 MiB in every thread"):
         function(3000)(x, 1.0)
-    monkeypatch.setattr(lines, "LARGEST", 1 << 10)
+    monkeypatch.setattr(emitter, "LARGEST", 1 << 10)
     with pytest.raises(CannotLower, match=r"would become \d+ lines of LLVM code"):
         function(300)(x, 1.0)
 
 
 def test_small_types_and_flags_in_the_arena(monkeypatch):
-    monkeypatch.setattr(lines, "ON_STACK", 0)
+    monkeypatch.setattr(emitter, "ON_STACK", 0)
     cases = (np.arange(COUNT, dtype=np.int8), np.float32(np.arange(COUNT)), np.arange(COUNT) > 3)
     shared = {"gain": np.float32(3.0)}
 

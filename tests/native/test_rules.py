@@ -299,6 +299,18 @@ def test_a_rule_that_breaks_down_is_no_obstacle_to_fall_back_for():
         native_obstacle(method, program(one), KICKS)
 
 
+@pytest.mark.parametrize("part", ["merge_cold_branches", "schedule", "parameter_locations"])
+def test_what_goes_wrong_after_the_rules_is_told_as_a_bug(monkeypatch, part):
+    """A `ValueError` above all, which a command would take for the user's mistake."""
+
+    def broken(*_):
+        raise ValueError("no such block")
+
+    monkeypatch.setattr(f"jaxsat.engine.native.entry_points.{part}", broken)
+    with pytest.raises(NativeBug, match=r"no such block.*bug in jaxsat"):
+        _ = Mapped(lambda x, _: 2 * x, 0.5).text
+
+
 @pytest.mark.parametrize("error", [NativeBug("a rule", "what"), RuntimeError("of LLVM")])
 def test_only_what_has_no_rule_is_an_obstacle(monkeypatch, error):
     one = EXAMPLES["corners"]()

@@ -55,6 +55,15 @@ def test_no_point_leaves_the_bounds():
     assert np.all(np.isfinite(SPACE.to_search(np.array([[1e-9, 0.5, 2.0]]))))
 
 
+def test_values_at_their_bounds_are_told():
+    near = {"k": np.array([0.0101, 100.0]), "m": np.array([1.995])}
+    parameters = (Parameter("k", 0.01, 100.0, shape=(2,)), Parameter("m", 1.0, 2.0, "logit"))
+    space = SearchSpace(parameters)
+    values = space.joined(near, ())
+    assert space.at_bounds(values) == {"k[1]": 0.01, "k[2]": 100.0, "m": 2.0}
+    assert space.at_bounds(np.array([0.02, 90.0, 1.5])) == {}
+
+
 def test_starts_are_log_uniform_where_the_search_is_logarithmic():
     drawn = SPACE.drawn(20000, 3)
     np.testing.assert_allclose(np.median(drawn[:, 0]), np.sqrt(1e-3 * 300), rtol=0.1)

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.engine import AbstractCopies, CannotLower, Program
+from jaxsat.engine import AbstractCopies, CannotLower, Program, RunningCost
 from jaxsat.engine.native.ir import NativeBug
 from jaxsat.results import OutputError
 from jaxsat.scenario import build, dump, load
@@ -43,6 +44,11 @@ def plan(scenario):
 @pytest.fixture(scope="module")
 def final(plan):
     return descend(plan, begin(plan))
+
+
+@pytest.fixture(scope="module")
+def receipt(plan, final):
+    return make_receipt(plan, final)
 
 
 def points(plan):
@@ -260,8 +266,7 @@ def test_the_tuned_scenario_flies_with_the_tuned_gains(scenario, plan, final, tm
     assert again.tuning == scenario.tuning
 
 
-def test_a_sound_gradient_has_a_clean_receipt(plan, final):
-    receipt = make_receipt(plan, final)
+def test_a_sound_gradient_has_a_clean_receipt(receipt):
     assert receipt.problems == []
     assert receipt.start.trusted
     assert receipt.end.error.max() < 1e-6
@@ -281,7 +286,7 @@ class Blind(AbstractCopies):
 
 
 @pytest.mark.slow
-def test_a_wrong_gradient_is_told_at_the_top(plan, final, monkeypatch):
+def test_a_wrong_gradient_is_told_at_the_top(plan, final, receipt, monkeypatch):
     program = plan.smooth.program
     copies = eqx.tree_at(lambda p: p.copies, program, program.copies)
     blind = dataclasses.replace(plan.smooth, program=copies)
@@ -298,7 +303,7 @@ def test_a_wrong_gradient_is_told_at_the_top(plan, final, monkeypatch):
     assert comparison.error[0] < 1e-6
     assert comparison.error[1] == pytest.approx(1.0)
     monkeypatch.undo()
-    receipt = dataclasses.replace(make_receipt(plan, final), end=comparison)
+    receipt = dataclasses.replace(receipt, end=comparison)
     assert receipt.problems == [
         "at the end the derivative by k2 is 100.0% off the best central difference"
     ]
@@ -320,6 +325,34 @@ def test_the_verdict_is_about_the_exact_law_on_other_cases(plan, final):
     data = verdict.as_data()
     assert data["gains"]["k1"]["before"] == pytest.approx(0.5)
     assert data["after"]["cases"] == 8
+    assert data["at_bounds"] == {}
+    assert data["singular"] is None
+
+
+def test_gains_at_bounds_and_a_singular_cost_are_told_at_the_top(plan, final, receipt):
+    verdict = make_verdict(plan, final.best_point)
+    verdict = dataclasses.replace(verdict, at_bounds={"k1": 3.0}, singular=0.876)
+    page = summary_page("a run", receipt, verdict)
+    top = page[: page.index("## Gains")]
+    assert "**Gains are at their bounds:** k1 at 3. " in top
+    assert "**The cost is dominated by the singularity of (w, z):** 87.6% of it" in top
+    page = summary_page("a run", receipt, dataclasses.replace(verdict, singular=0.3))
+    assert "singularity" not in page
+
+
+@pytest.mark.slow
+def test_the_part_of_a_singular_cost_is_known(plan):
+    """Upside down |w|² is about 400, where the rotation costs at most 1."""
+    held = plan.held_out
+    cost = RunningCost(z=0.0, relative_rate=0.0, torque=0.0, limit=np.inf, attitude="wz")
+    program = dataclasses.replace(held.program, cost=cost)
+    program = eqx.tree_at(lambda p: p.copies.start.attitude.w, program, jnp.array([20.0, 0.0]))
+    turned = dataclasses.replace(held, program=program)
+    settings = dataclasses.replace(plan.settings, held_out_cases=2)
+    plan = dataclasses.replace(plan, held_out=turned, settings=settings)
+    verdict = make_verdict(plan, plan.space.to_search(np.array([3.0, 0.3])))
+    assert 0.98 < verdict.singular < 1
+    assert verdict.at_bounds == {"k1": 3.0}
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxsat.engine.native.lines import ALIGNMENT
+from jaxsat.engine.native.emitter import ALIGNMENT
 from jaxsat.engine.native.lowering import KINDS, number_type, numbers_in
 
 LARGEST = 8
@@ -139,7 +139,7 @@ class Memory:
 
 
 def addresses(arena: Memory, arrays: Sequence[np.ndarray]) -> ctypes.Array:
-    """What stages get as their `pointers`; arena and arrays must live as long as it is used."""
+    """The `pointers` of an entry point; arena and arrays must live as long as they are used."""
     return (ctypes.c_void_p * (1 + len(arrays)))(
         arena.address, *(array.ctypes.data for array in arrays)
     )

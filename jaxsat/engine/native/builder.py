@@ -177,20 +177,18 @@ class Builder:
             return self._switch(index, blocks, yields)
         return self._everywhere(index, masks, blocks, yields)
 
-    def where_seldom(
-        self, predicate: Scalar, seldom: Callable[[], Scalar], mostly: Scalar
-    ) -> Scalar:
-        """`seldom` where the predicate holds, which is jumped over unless it does in some lane."""
+    def cold_branch(self, predicate: Scalar, cold: Callable[[], Scalar], hot: Scalar) -> Scalar:
+        """`cold` where the predicate holds, which is jumped over unless it does in some lane."""
         if self.mask is not None:
             predicate = self.operation("and", predicate, self.mask)
         if not isinstance(predicate, Value):
-            return seldom() if predicate else mostly
+            return cold() if predicate else hot
         block = Block(self.block)
         with self.inside(block, predicate):
-            found = self.select(predicate, seldom(), mostly)
+            found = self.select(predicate, cold(), hot)
         needed = self.convert(self.any(predicate), INT)
         blocks = [Block(self.block), block]
-        return self._switch(needed, blocks, [[mostly], [found]], seldom=True)[0]
+        return self._switch(needed, blocks, [[hot], [found]], cold=True)[0]
 
     def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
         """The results of a function."""
@@ -216,10 +214,10 @@ class Builder:
         self.block.steps += block.steps
         self.block.known |= block.known
 
-    def _switch(self, index, blocks, yields, *, seldom: bool = False) -> list[Scalar]:
+    def _switch(self, index, blocks, yields, *, cold: bool = False) -> list[Scalar]:
         kinds = zip(*yields, strict=True)
         outs = [Value(several[0].dtype, all(map(is_uniform, several))) for several in kinds]
-        self.block.steps.append(Switch(index, blocks, yields, outs, seldom))
+        self.block.steps.append(Switch(index, blocks, yields, outs, cold))
         return list(outs)
 
     def _everywhere(self, index, masks, blocks, yields) -> list[Scalar]:

@@ -1,4 +1,4 @@
-"""The loops around stages, in LLVM: over blocks of cases, or lanes that finish by themselves."""
+"""Loops around entry points, in LLVM: over blocks of cases, or lanes that finish by themselves."""
 
 import ctypes
 from collections.abc import Sequence
@@ -7,14 +7,14 @@ RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
 """The type of the drivers `run`."""
 
 
-def run_blocks(lanes: int, stages: Sequence[str]) -> str:
-    """`run(pointers, state, begin, end, a, b)`: the stages, vector after vector of cases.
+def run_blocks(lanes: int, entries: Sequence[str]) -> str:
+    """`run(pointers, state, begin, end, a, b)`: the entry points, vector after vector of cases.
 
     The last vector's spare lanes compute its last case again and write nothing.
     """
     numbers = ", ".join(f"i64 {lane}" for lane in range(lanes))
     arguments = "ptr %pointers, ptr %state, ptr %cases, ptr %wanted, i64 %a, i64 %b"
-    calls = "\n".join(f"  call void @{stage}({arguments})" for stage in stages)
+    calls = "\n".join(f"  call void @{entry}({arguments})" for entry in entries)
     spread = f"<{lanes} x i64> poison, <{lanes} x i32> zeroinitializer"
     return f"""
 define void @run(ptr %pointers, ptr %state, i64 %begin, i64 %end, i64 %a, i64 %b) #0 {{
@@ -50,7 +50,7 @@ _WHERE = "ptr %pointers, ptr %state, ptr %cases"
 
 
 def advance_lanes(lanes: int, going: int) -> str:
-    """The stage `advance` of trajectories that have a pace each: `attempt` while any is `going`."""
+    """`advance` of trajectories that have a pace each: `attempt` while any is `going`."""
     flags = f"<{lanes} x i8>"
     return f"""
 define void @advance({_WHERE}, ptr %wanted, i64 %a, i64 %b) noinline #0 {{
@@ -78,7 +78,7 @@ out:
 def run_lanes(lanes: int, going: int) -> str:
     """`run(pointers, state, begin, end, a, b)` where a lane whose case has ended takes the next.
 
-    The stages are those of `advance_lanes`, so a case has the same bits.
+    The entry points are those of `advance_lanes`, so a case has the same bits.
     """
     flags, numbers = f"<{lanes} x i8>", f"<{lanes} x i64>"
     bits = f"i{8 * lanes}"

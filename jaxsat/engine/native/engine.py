@@ -13,11 +13,11 @@ from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay, count_of
 from jaxsat.engine.native import target
 from jaxsat.engine.native.arguments import as_numbers
+from jaxsat.engine.native.emitter import require_lanes
 from jaxsat.engine.native.kernel import Kernel
-from jaxsat.engine.native.lines import require_lanes
 from jaxsat.engine.native.lowering import CannotLower
-from jaxsat.engine.native.staged import Plain, WithDerivatives, any_length
-from jaxsat.engine.native.trajectory import numbers_of, trajectory_stages
+from jaxsat.engine.native.phases import ForwardModePhases, PrimalPhases, any_length
+from jaxsat.engine.native.trajectory import lower_trajectory, numbers_of
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.engine.runge_kutta import tableau_of
@@ -206,12 +206,12 @@ def _kernel(
     key = (_kind((scan, any_length(program))), _kind(case), _kind(gains), lanes, derivatives)
     with _making:
         if key not in _kernels:
-            staged = Plain(scan, program)
-            chosen = WithDerivatives(staged) if derivatives else staged
-            stages = trajectory_stages(
+            phases = PrimalPhases(scan, program)
+            chosen = ForwardModePhases(phases) if derivatives else phases
+            trajectory = lower_trajectory(
                 chosen, numbers_of(scan, any_length(program)), case, gains, lanes
             )
-            _kernels[key] = Kernel(stages, lanes)
+            _kernels[key] = Kernel(trajectory, lanes)
         return _kernels[key]
 
 

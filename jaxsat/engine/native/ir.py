@@ -8,8 +8,8 @@ prints it as LLVM code; nothing else is known of it.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from itertools import compress, count
+from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -119,14 +119,14 @@ class Loop:
 class Switch:
     """The block number `index`, which is uniform and in range; `yields` are their results.
 
-    Blocks after the first are `seldom` needed or not.
+    Blocks after the first are `cold` (hardly ever run) or not.
     """
 
     index: Scalar
     blocks: list[Block]
     yields: list[list[Scalar]]
     outs: list[Value]
-    seldom: bool = False
+    cold: bool = False
 
 
 @dataclass(slots=True)
@@ -155,7 +155,7 @@ class Call:
 Step = Operation | Load | Store | Loop | Switch | Call
 
 
-def made(step: Step) -> Sequence[Value]:
+def definitions(step: Step) -> Sequence[Value]:
     """The values that a step gives to those after it."""
     match step:
         case Operation(out=out) | Load(out=out):
@@ -166,7 +166,7 @@ def made(step: Step) -> Sequence[Value]:
             return outs
 
 
-def read(step: Step) -> Iterator[int]:
+def uses(step: Step) -> Iterator[int]:
     """Numbers of the values from outside that a step reads."""
     match step:
         case Operation(args=args) | Call(args=args):
@@ -178,20 +178,20 @@ def read(step: Step) -> Iterator[int]:
         case Switch():
             yield from _numbers_of([step.index])
             for block, results in zip(step.blocks, step.yields, strict=True):
-                yield from _read_in(block, results)
+                yield from _uses_in(block, results)
         case Loop():
             yield from _numbers_of(step.before)
             own = {param.number for param in step.params}
             for block, results in ((step.condition, [step.active]), (step.body, step.after)):
-                inner = own | {out.number for s in step.condition.steps for out in made(s)}
-                yield from (n for n in _read_in(block, results) if n not in inner)
+                inner = own | {out.number for s in step.condition.steps for out in definitions(s)}
+                yield from (n for n in _uses_in(block, results) if n not in inner)
 
 
-def _read_in(block: Block, results: Iterable[Scalar]) -> Iterator[int]:
+def _uses_in(block: Block, results: Iterable[Scalar]) -> Iterator[int]:
     own: set[int] = set()
     for step in block.steps:
-        yield from (number for number in read(step) if number not in own)
-        own.update(out.number for out in made(step))
+        yield from (number for number in uses(step) if number not in own)
+        own.update(out.number for out in definitions(step))
     yield from (number for number in _numbers_of(results) if number not in own)
 
 
@@ -220,84 +220,3 @@ def memories(step: Step) -> Iterator[Memory]:
 def _memories_in(block: Block) -> Iterator[Memory]:
     for step in block.steps:
         yield from memories(step)
-
-
-@dataclass
-class Sweep:
-    """Removes steps whose results nobody uses; `used` holds numbers of values and memories."""
-
-    used: set[int] = field(default_factory=set)
-
-    def need(self, scalars) -> None:
-        """Mark values as used."""
-        self.used.update(s.number for s in scalars if isinstance(s, Value))
-
-    def block(self, block: Block) -> None:
-        """Sweep a block whose own results are marked already."""
-        kept: list[Step] = []
-        for step in reversed(block.steps):
-            if self._wanted(step):
-                self._mark(step)
-                kept.append(step)
-        block.steps = kept[::-1]
-
-    def _wanted(self, step: Step) -> bool:
-        match step:
-            case Operation(out=out) | Load(out=out):
-                return out.number in self.used
-            case Store(memory=memory):
-                return memory.number in self.used
-            case Loop(params=outs, body=body):
-                return self._stores(body) or any(out.number in self.used for out in outs)
-            case Switch(outs=outs, blocks=blocks):
-                stores = any(map(self._stores, blocks))
-                return stores or any(out.number in self.used for out in outs)
-            case Call(outs=outs):
-                return any(out.number in self.used for out in outs)
-
-    def _stores(self, block: Block) -> bool:
-        for step in block.steps:
-            match step:
-                case Store(memory=memory) if memory.number in self.used:
-                    return True
-                case Loop(body=body) if self._stores(body):
-                    return True
-                case Switch(blocks=blocks) if any(map(self._stores, blocks)):
-                    return True
-        return False
-
-    def _mark(self, step: Step) -> None:
-        match step:
-            case Operation(args=args):
-                self.need(args)
-            case Call():
-                self.need(step.args)
-                used = [out.number in self.used for out in step.outs]
-                if step.function.parts and sum(used) == 1:
-                    step.function = step.function.parts[used.index(True)]
-                    step.outs = list(compress(step.outs, used))
-            case Load(memory=memory, index=index):
-                self.used.add(memory.number)
-                self.need([index])
-            case Store(index=index, value=value):
-                self.need([index, value])
-            case Switch():
-                used = [out.number in self.used for out in step.outs]
-                step.outs = list(compress(step.outs, used))
-                step.yields = [list(compress(results, used)) for results in step.yields]
-                for block, results in zip(step.blocks, step.yields, strict=True):
-                    self.need(results)
-                    self.block(block)
-                self.need([step.index])
-            case Loop():
-                self.need([*step.after, *step.before, step.active, *step.params])
-                self.block(step.body)
-                self.block(step.condition)
-
-
-def swept(function: Function) -> Function:
-    """The function without the steps whose results nobody uses."""
-    sweep = Sweep()
-    sweep.need(function.results)
-    sweep.block(function.block)
-    return function

@@ -1,4 +1,4 @@
-"""The machine code of a trajectory's stages, and how it is called."""
+"""The machine code of a trajectory's entry points, and how it is called."""
 
 import ctypes
 import itertools
@@ -15,10 +15,10 @@ from jaxtyping import PyTree
 from jaxsat.engine.native import cache, target
 from jaxsat.engine.native.arguments import Memory, addresses
 from jaxsat.engine.native.drivers import RUN, advance_lanes, run_blocks, run_lanes
-from jaxsat.engine.native.lines import Module
-from jaxsat.engine.native.stages import add_stage
+from jaxsat.engine.native.emitter import Module
+from jaxsat.engine.native.entry_points import emit_entry_point
 from jaxsat.engine.native.threads import in_own_thread, in_threads
-from jaxsat.engine.native.trajectory import TrajectoryStages
+from jaxsat.engine.native.trajectory import LoweredTrajectory
 
 PIECE = 4
 """Vectors of cases that a thread takes at a time."""
@@ -28,26 +28,26 @@ REFILLED = 64
 
 OBSERVE = "observe"
 
-STAGE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 2)
+ENTRY_POINT = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 2)
 
 Trees = Mapping[str, PyTree]
 """Cases (with their axis), a list of the numbers, and gains, by these names."""
 
 
 class Kernel:
-    """A program's stages as machine code for vectors of `lanes` cases."""
+    """A program's entry points as machine code for vectors of `lanes` cases."""
 
-    def __init__(self, stages: TrajectoryStages, lanes: int):
-        self.stages, self.lanes = stages, lanes
+    def __init__(self, trajectory: LoweredTrajectory, lanes: int):
+        self.trajectory, self.lanes = trajectory, lanes
         module = Module(lanes, target.host().masks)
-        for stage in stages.stages:
-            if stage.function.name != OBSERVE:
-                add_stage(module, stage)
-        if stages.going is None:
+        for entry in trajectory.entry_points:
+            if entry.function.name != OBSERVE:
+                emit_entry_point(module, entry)
+        if trajectory.going is None:
             module.functions["run"] = run_blocks(lanes, ["begin", "advance", "finish"])
         else:
-            module.functions["advance"] = advance_lanes(lanes, stages.going)
-            module.functions["run"] = run_lanes(lanes, stages.going)
+            module.functions["advance"] = advance_lanes(lanes, trajectory.going)
+            module.functions["run"] = run_lanes(lanes, trajectory.going)
         self.text = module.text(target.host().attributes())
         self._arena = module.arena
         names = ["run", "begin", "advance", "finish"]
@@ -55,11 +55,11 @@ class Kernel:
 
     @cached_property
     def _observing(self) -> tuple[object, dict[str, int], int]:
-        """The stage that only a replay needs, made for the first one, and the size of its arena."""
+        """The entry point that only a replay needs, made for the first, and its arena's size."""
         module = Module(self.lanes, target.host().masks)
-        for stage in self.stages.stages:
-            if stage.function.name == OBSERVE:
-                add_stage(module, stage)
+        for entry in self.trajectory.entry_points:
+            if entry.function.name == OBSERVE:
+                emit_entry_point(module, entry)
         text = module.text(target.host().attributes())
         return *_linked(text, [OBSERVE]), module.arena
 
@@ -71,13 +71,13 @@ class Kernel:
         arrays that are not of the kind the machine code was made for.
         """
         inputs, count = self._taken(trees, intervals)
-        outputs, leaves = _room(self.stages.outputs, count)
+        outputs, leaves = _room(self.trajectory.outputs, count)
         run = RUN(self._addresses["run"])
         piece = self._piece(count, workers)
         pieces = iter(range(0, count, piece))
 
         def work(stopped: threading.Event) -> None:
-            arena, state = Memory(self._arena), Memory(self.stages.state_size)
+            arena, state = Memory(self._arena), Memory(self.trajectory.state_size)
             pointers = addresses(arena, [*inputs, *leaves])  # which live as long as this needs them
             for begin in pieces:  # next() of a range iterator is atomic
                 if stopped.is_set():
@@ -91,29 +91,29 @@ class Kernel:
     def _taken(self, trees: Trees, intervals: int) -> tuple[list[np.ndarray], int]:
         if not 0 < operator.index(intervals) < 1 << 63:
             raise ValueError(f"Argument `intervals` must be at least 1, but got {intervals}.")
-        return self.stages.arguments.taken(trees)
+        return self.trajectory.arguments.taken(trees)
 
     def _piece(self, count: int, workers: int) -> int:
         """Cases that a thread takes at a time: more where lanes are refilled."""
         vectors = PIECE
-        if self.stages.going is not None:
+        if self.trajectory.going is not None:
             vectors = min(max(PIECE, count // (2 * self.lanes * workers)), REFILLED)
         return vectors * self.lanes
 
     def replay(self, trees: Trees, instants: Sequence[int]) -> tuple[PyTree, PyTree]:
         """Outputs and signals (cases, times) of all cases, stopped at some of the intervals.
 
-        `instants` are their numbers, ascending from 0 to that of the end. The stages are those of
-        `run`, so the bits are, too, and so are the errors.
+        `instants` are their numbers, ascending from 0 to that of the end. The entry
+        points are those of `run`, so the bits are, too, and so are the errors.
         """
         inputs, count = self._taken(trees, instants[-1])
-        outputs, leaves = _room(self.stages.outputs, count)
-        seen, now = _room(self.stages.signals, count)
+        outputs, leaves = _room(self.trajectory.outputs, count)
+        seen, now = _room(self.trajectory.signals, count)
         begin, advance, finish = (
-            STAGE(self._addresses[name]) for name in ("begin", "advance", "finish")
+            ENTRY_POINT(self._addresses[name]) for name in ("begin", "advance", "finish")
         )
         _, observing, arena_size = self._observing
-        observe = STAGE(observing[OBSERVE])
+        observe = ENTRY_POINT(observing[OBSERVE])
 
         def work(stopped: threading.Event) -> list[PyTree]:
             arena, history = Memory(max(self._arena, arena_size)), []
@@ -141,7 +141,7 @@ class Kernel:
         numbers = first + np.arange(self.lanes)
         cases = Memory(8 * self.lanes).bytes.view(np.int64)
         cases[:] = np.minimum(numbers, count - 1)
-        return Memory(self.stages.state_size), cases, (numbers < count).astype(np.uint8)
+        return Memory(self.trajectory.state_size), cases, (numbers < count).astype(np.uint8)
 
 
 def _linked(text: str, names: list[str]) -> tuple[object, dict[str, int]]:

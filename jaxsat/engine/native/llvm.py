@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from jaxsat.engine.native.builder import is_uniform
+from jaxsat.engine.native.emitter import COLD, AbstractEmitter, Module
 from jaxsat.engine.native.ir import (
     Block,
     Call,
@@ -22,16 +23,15 @@ from jaxsat.engine.native.ir import (
     Switch,
     Value,
 )
-from jaxsat.engine.native.lines import SELDOM, AbstractLines, Module
-from jaxsat.engine.native.operations import OPERATIONS
-from jaxsat.engine.native.places import FROM, Known, read_later
-from jaxsat.engine.native.words import (
+from jaxsat.engine.native.llvm_types import (
     memory_type,
     scalar_type,
     suffix,
     type_of,
     vector_type,
 )
+from jaxsat.engine.native.locations import CONTEXT, Known, rematerialise
+from jaxsat.engine.native.operations import OPERATIONS
 
 
 def internal(module: Module, function: Function, known: Known) -> tuple[str, bool]:
@@ -52,11 +52,11 @@ def internal(module: Module, function: Function, known: Known) -> tuple[str, boo
 
 
 def _printed(module: Module, name: str, function: Function, known: Known) -> tuple[str, bool]:
-    body = Body(module)
-    params = [FROM] if known else []
+    body = FunctionEmitter(module)
+    params = [CONTEXT] if known else []
     for param in function.params:
         if param.number in known:
-            read_later(body, param, known[param.number])
+            rematerialise(body, param, known[param.number])
         else:
             params.append(f"{type_of(param, module.lanes)} {body.name(param)}")
     body.steps(function.block)
@@ -75,7 +75,7 @@ def result_type(results: Sequence[Scalar], lanes: int) -> str:
     return types[0] if len(types) == 1 else f"{{ {', '.join(types)} }}"
 
 
-def aggregate(body: AbstractLines, results: Sequence[Scalar], names: Sequence[str]) -> str:
+def aggregate(body: AbstractEmitter, results: Sequence[Scalar], names: Sequence[str]) -> str:
     """Type and name of all results put together."""
     types = [type_of(result, body.module.lanes) for result in results]
     if len(types) == 1:
@@ -88,7 +88,7 @@ def aggregate(body: AbstractLines, results: Sequence[Scalar], names: Sequence[st
     return f"{whole} {before}"
 
 
-class Body(AbstractLines):
+class FunctionEmitter(AbstractEmitter):
     """The lines of one function, step by step; it may tell others where their parameters are."""
 
     def __init__(self, module: Module, known: Mapping[int, Known] | None = None):
@@ -176,7 +176,7 @@ class Body(AbstractLines):
     def _call(self, step: Call) -> None:
         known = self.known.get(id(step.function), {})
         name, in_arena = internal(self.module, step.function, known)
-        passed = [FROM.replace("noalias ", "")] if known else []
+        passed = [CONTEXT.replace("noalias ", "")] if known else []
         for param, arg in zip(step.function.params, step.args, strict=True):
             if param.number not in known:
                 kind = type_of(param, self.module.lanes)
@@ -235,7 +235,7 @@ class Body(AbstractLines):
         out, kind = f"out{number}", scalar_type(step.index.dtype)
         targets = " ".join(f"{kind} {i}, label %{label}" for i, label in enumerate(labels[1:], 1))
         index = self.operand(step.index)
-        weights = f", !prof {SELDOM}" if step.seldom else ""
+        weights = f", !prof {COLD}" if step.cold else ""
         self.line(f"switch {kind} {index}, label %{labels[0]} [ {targets} ]{weights}")
         sources = []
         for label, block, results in zip(labels, step.blocks, step.yields, strict=True):

@@ -6,7 +6,8 @@ An array of the jaxpr is a NumPy object array of constants and values. A rule is
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,8 @@ from jax._src import source_info_util
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from jaxsat.engine.native.builder import Builder, is_uniform
-from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value, swept
+from jaxsat.engine.native.dead_code import without_dead_code
+from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value
 
 if TYPE_CHECKING:
     Elements = Any  # type checkers know no arrays of values
@@ -48,6 +50,17 @@ class CannotLower(Exception):
     def __init__(self, what: str, place: str = ""):
         super().__init__(f"{what} ({place})" if place else what)
         self.what, self.place = what, place
+
+
+@contextmanager
+def bugs_in(what: str) -> Iterator[None]:
+    """Raise `NativeBug` for whatever goes wrong inside, but for `CannotLower`."""
+    try:
+        yield
+    except (CannotLower, NativeBug):
+        raise
+    except Exception as error:
+        raise NativeBug(what, error) from error
 
 
 def lowers(*names: str) -> Callable[[Rule], Rule]:
@@ -254,5 +267,5 @@ def function_of(b: Builder, name: str, closed: ClosedJaxpr, args: Sequence[Scala
         inner.functions = b.functions
         results = scalars_of(lower(inner, closed, arrays_of(params, [()] * len(params))))
         label = f"{name}.{''.join(char + 'vu'[uniform] for char, uniform in kinds)}"
-        b.functions[key] = swept(Function(label, params, inner.block, results))
+        b.functions[key] = without_dead_code(Function(label, params, inner.block, results))
     return b.functions[key]

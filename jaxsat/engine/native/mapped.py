@@ -13,17 +13,17 @@ from jaxsat.engine.native import rules, target
 from jaxsat.engine.native.arguments import Arguments, Memory, addresses
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.drivers import RUN, run_blocks
+from jaxsat.engine.native.emitter import Module, require_lanes
+from jaxsat.engine.native.entry_points import EntryPoint, emit_entry_point
 from jaxsat.engine.native.interpreter import interpret
 from jaxsat.engine.native.ir import Function, Value
-from jaxsat.engine.native.lines import Module, require_lanes
+from jaxsat.engine.native.locations import Location, PerCase, Shared
 from jaxsat.engine.native.lowering import (
     arrays_of,
     lower,
     number_type,
     scalars_of,
 )
-from jaxsat.engine.native.places import PerCase, Place, Shared
-from jaxsat.engine.native.stages import Stage, add_stage
 from jaxsat.engine.native.threads import in_own_thread
 
 del rules  # imported for the table it fills
@@ -52,7 +52,7 @@ class Mapped:
         self.jaxpr, self._shape = jax.make_jaxpr(function, return_shape=True)(case, shared)
         trees = {"cases": case, "shared": shared}
         self._arguments = Arguments.of(trees, self.jaxpr.in_avals, "cases")
-        self.stage = _one_stage(self.jaxpr, len(jax.tree.leaves(case)))
+        self.entry_point = _entry_point(self.jaxpr, len(jax.tree.leaves(case)))
 
     def __call__(self, cases: PyTree, shared: PyTree = None) -> PyTree:
         """The outputs of all cases.
@@ -78,14 +78,14 @@ class Mapped:
         """The same by the interpreter, all cases as lanes of one vector."""
         inputs, count = self._taken(cases, shared)
         args = []
-        for place in self.stage.inputs:
-            assert isinstance(place, PerCase | Shared)
-            array = inputs[place.array]
-            if isinstance(place, Shared):
-                args.append(array.reshape(-1)[place.element])
+        for location in self.entry_point.inputs:
+            assert isinstance(location, PerCase | Shared)
+            array = inputs[location.array]
+            if isinstance(location, Shared):
+                args.append(array.reshape(-1)[location.element])
             else:
-                args.append(array.reshape(count, -1)[:, place.element])
-        results = interpret(self.stage.function, args)
+                args.append(array.reshape(count, -1)[:, location.element])
+        results = interpret(self.entry_point.function, args)
         leaves, structure = jax.tree.flatten(self._shape)
         rows = [np.broadcast_to(result, (count,)) for result in results]
         outputs, begin = [], 0
@@ -99,8 +99,8 @@ class Mapped:
     @cached_property
     def _module(self) -> Module:
         module = Module(self.lanes, self.cpu.masks)
-        add_stage(module, self.stage)
-        module.functions["run"] = run_blocks(self.lanes, [self.stage.function.name])
+        emit_entry_point(module, self.entry_point)
+        module.functions["run"] = run_blocks(self.lanes, [self.entry_point.function.name])
         return module
 
     @property
@@ -127,9 +127,9 @@ class Mapped:
         return self._arguments.taken({"cases": cases, "shared": shared})
 
 
-def _one_stage(jaxpr: ClosedJaxpr, per_case: int) -> Stage:
+def _entry_point(jaxpr: ClosedJaxpr, per_case: int) -> EntryPoint:
     params: list[Value] = []
-    inputs: list[Place] = []
+    inputs: list[Location] = []
     shapes = [aval.shape for aval in jaxpr.in_avals]
     for array, aval in enumerate(jaxpr.in_avals):
         size = int(np.prod(aval.shape))
@@ -139,8 +139,8 @@ def _one_stage(jaxpr: ClosedJaxpr, per_case: int) -> Stage:
             inputs.append(varying if array < per_case else Shared(array, element))
     b = Builder()
     results = scalars_of(lower(b, jaxpr, arrays_of(params, shapes)))
-    outputs: list[Place] = []
+    outputs: list[Location] = []
     for array, aval in enumerate(jaxpr.out_avals, len(jaxpr.in_avals)):
         size = int(np.prod(aval.shape))
         outputs += [PerCase(array, element, size) for element in range(size)]
-    return Stage(Function("one", params, b.block, results), inputs, outputs).swept()
+    return EntryPoint(Function("one", params, b.block, results), inputs, outputs).optimised()

@@ -1,7 +1,7 @@
-"""The stages of a trajectory, lowered.
+"""The entry points of a trajectory, lowered.
 
-Numbers of a case that are the same in all cases stay uniform from one stage to the next, and those
-known when lowering stay constants.
+Numbers of a case that are the same in all cases stay uniform from one entry point to the next,
+and those known when lowering stay constants.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -18,26 +18,26 @@ from jaxsat.collection import no_collection
 from jaxsat.engine.native import rules
 from jaxsat.engine.native.arguments import Arguments
 from jaxsat.engine.native.builder import Builder
+from jaxsat.engine.native.emitter import ALIGNMENT
+from jaxsat.engine.native.entry_points import EntryPoint
 from jaxsat.engine.native.ir import Function, Scalar, Value
-from jaxsat.engine.native.lines import ALIGNMENT
+from jaxsat.engine.native.locations import Location, PerCase, ScalarArgument, Shared, Slot
 from jaxsat.engine.native.lowering import Elements, arrays_of, lower, number_type, scalars_of
-from jaxsat.engine.native.places import Number, PerCase, Place, Shared, Slot
-from jaxsat.engine.native.staged import AbstractStaged, zero_leaves
-from jaxsat.engine.native.stages import Stage
+from jaxsat.engine.native.phases import AbstractPhases, zero_leaves
 
 del rules  # imported for the table it fills
 
 
 @dataclass(frozen=True)
-class TrajectoryStages:
-    """The stages, the bytes of a vector's state, and the shapes of what comes out.
+class LoweredTrajectory:
+    """The entry points, the bytes of a vector's state, and the shapes of what comes out.
 
     Arrays from outside are numbered in the order: those of cases, of the program, of the gains
     (the `arguments`), the outputs, what is observed. Where every trajectory has its
-    own pace, `going` is the place of the bytes in the state that tell which lanes are to go on.
+    own pace, `going` is the location of the bytes in the state that tell which lanes are to go on.
     """
 
-    stages: list[Stage]
+    entry_points: list[EntryPoint]
     state_size: int
     arguments: Arguments
     outputs: PyTree
@@ -48,19 +48,19 @@ class TrajectoryStages:
 
 @dataclass(frozen=True)
 class _Source:
-    """Where a stage finds a scalar: a constant, or a place that holds it."""
+    """Where an entry point finds a scalar: a constant, or a location that holds it."""
 
     dtype: np.dtype
     constant: Scalar | None = None
-    place: Place | None = None
+    location: Location | None = None
     uniform: bool = True
 
 
 @no_collection()
-def trajectory_stages(
-    staged: AbstractStaged, numbers: PyTree, case: PyTree, gains: PyTree, lanes: int
-) -> TrajectoryStages:
-    """The stages of a trajectory; `numbers`, `case` and `gains` are examples."""
+def lower_trajectory(
+    phases: AbstractPhases, numbers: PyTree, case: PyTree, gains: PyTree, lanes: int
+) -> LoweredTrajectory:
+    """The entry points of a trajectory; `numbers`, `case` and `gains` are examples."""
     whole = jax.ShapeDtypeStruct((), np.dtype(int))
     numbers = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), numbers)
     jaxprs: dict[str, ClosedJaxpr] = {}
@@ -69,39 +69,41 @@ def trajectory_stages(
         jaxprs[name], shape = jax.make_jaxpr(function, return_shape=True)(*examples)
         return shape
 
-    fixed, moving = traced("begin", staged.begin, case, numbers, gains)
+    fixed, moving = traced("begin", phases.begin, case, numbers, gains)
     n_case, n_numbers = len(jax.tree.leaves(case)), len(jax.tree.leaves(numbers))
     n_inputs = len(jaxprs["begin"].in_avals)
     outside = _outside(jaxprs["begin"].in_avals, n_case)
     state = _State(lanes)
     begin, sources, found = _begin(jaxprs["begin"], outside, len(jax.tree.leaves(fixed)), state)
-    staged.learn(zero_leaves([list(array.flat) for array in found]))
+    phases.learn(zero_leaves([list(array.flat) for array in found]))
     begun = (fixed, moving)
-    onwards = "attempt" if staged.paced else "advance"
-    traced(onwards, getattr(staged, onwards), *begun, numbers, whole, whole)
-    outputs = traced("finish", staged.finish, *begun, numbers, whole, whole)
-    signals = traced("observe", staged.observe, *begun, numbers, whole)
+    onwards = "attempt" if phases.paced else "advance"
+    traced(onwards, getattr(phases, onwards), *begun, numbers, whole, whole)
+    outputs = traced("finish", phases.finish, *begun, numbers, whole, whole)
+    signals = traced("observe", phases.observe, *begun, numbers, whole)
 
     first = _count(jaxprs["begin"].in_avals[:n_case])
     of_program = outside[first : first + _count(jaxprs["begin"].in_avals[n_case:][:n_numbers])]
-    moves = [source.place for source in sources[-_count(jaxprs[onwards].out_avals) :]]
+    moves = [source.location for source in sources[-_count(jaxprs[onwards].out_avals) :]]
     n_outputs = len(jaxprs["finish"].out_avals)
-    places: dict[str, list[Place]] = {
-        onwards: [place for place in moves if place is not None],
+    locations: dict[str, list[Location]] = {
+        onwards: [location for location in moves if location is not None],
         "finish": _results(jaxprs["finish"].out_avals, n_inputs),
         "observe": _results(jaxprs["observe"].out_avals, n_inputs + n_outputs),
     }
     going = None
-    if staged.paced:
-        traced("going", staged.going, *begun, numbers, whole, whole)
+    if phases.paced:
+        traced("going", phases.going, *begun, numbers, whole, whole)
         slot = state.slot(np.dtype(bool), False)
-        where: list[Place] = [slot]
-        places["going"], going = where, slot.offset
+        where: list[Location] = [slot]
+        locations["going"], going = where, slot.offset
     inputs = [*sources, *of_program]
-    later = [_later(name, jaxprs[name], inputs, place) for name, place in places.items()]
+    later = [_later(name, jaxprs[name], inputs, location) for name, location in locations.items()]
     trees = {"cases": case, "numbers": jax.tree.leaves(numbers), "gains": gains}
     arguments = Arguments.of(trees, jaxprs["begin"].in_avals, "cases")
-    return TrajectoryStages([begin, *later], state.size, arguments, outputs, signals, jaxprs, going)
+    return LoweredTrajectory(
+        [begin, *later], state.size, arguments, outputs, signals, jaxprs, going
+    )
 
 
 def numbers_of(method: PyTree, program: PyTree) -> PyTree:
@@ -110,7 +112,7 @@ def numbers_of(method: PyTree, program: PyTree) -> PyTree:
 
 
 class _State:
-    """Hands out places in the state."""
+    """Hands out locations in the state."""
 
     def __init__(self, lanes: int):
         self.lanes = lanes
@@ -144,14 +146,14 @@ def _outside(avals: Sequence[Any], n_case: int) -> list[_Source]:
     ]
 
 
-def _results(avals: Sequence[Any], first: int) -> list[Place]:
+def _results(avals: Sequence[Any], first: int) -> list[Location]:
     return [PerCase(first + array, element, size) for array, element, size, _ in _elements(avals)]
 
 
 def _begin(
     jaxpr: ClosedJaxpr, outside: list[_Source], n_fixed: int, state: _State
-) -> tuple[Stage, list[_Source], list[Elements]]:
-    """The first stage, where its results are afterwards, and what is fixed."""
+) -> tuple[EntryPoint, list[_Source], list[Elements]]:
+    """The first entry point, where its results are afterwards, and what is fixed."""
     params = [Value(source.dtype, source.uniform) for source in outside]
     where = dict(zip((param.number for param in params), outside, strict=True))
     b = Builder()
@@ -172,25 +174,27 @@ def _begin(
             results.append(scalar)
             outputs.append(slot)
             sources.append(_Source(scalar.dtype, None, slot, uniform))
-    places = [source.place for source in outside if source.place is not None]
-    stage = Stage(Function("begin", params, b.block, results), places, outputs)
-    return stage.swept(), sources, found[:n_fixed]
+    locations = [source.location for source in outside if source.location is not None]
+    entry = EntryPoint(Function("begin", params, b.block, results), locations, outputs)
+    return entry.optimised(), sources, found[:n_fixed]
 
 
-def _later(name: str, jaxpr: ClosedJaxpr, sources: list[_Source], outputs: list[Place]) -> Stage:
-    """A stage after the first; inputs that have no source are the numbers a and b."""
-    scalars, params, places = [], [], []
+def _later(
+    name: str, jaxpr: ClosedJaxpr, sources: list[_Source], outputs: list[Location]
+) -> EntryPoint:
+    """An entry point after the first; inputs that have no source are the numbers a and b."""
+    scalars, params, locations = [], [], []
     free = iter(["a", "b"])
     for number, (*_, dtype) in enumerate(_elements(jaxpr.in_avals)):
         after = number >= len(sources)
-        source = _Source(dtype, None, Number(next(free))) if after else sources[number]
+        source = _Source(dtype, None, ScalarArgument(next(free))) if after else sources[number]
         scalar = source.constant
-        if source.place is not None:
+        if source.location is not None:
             scalar = Value(dtype, source.uniform)
             params.append(scalar)
-            places.append(source.place)
+            locations.append(source.location)
         scalars.append(scalar)
     b = Builder()
     arrays = arrays_of(scalars, [aval.shape for aval in jaxpr.in_avals])
     results = scalars_of(lower(b, jaxpr, arrays))
-    return Stage(Function(name, params, b.block, results), places, outputs).swept()
+    return EntryPoint(Function(name, params, b.block, results), locations, outputs).optimised()

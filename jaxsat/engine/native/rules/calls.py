@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 from jaxsat.engine.native.builder import Builder
-from jaxsat.engine.native.ir import Function, Value, swept
+from jaxsat.engine.native.dead_code import without_dead_code
+from jaxsat.engine.native.ir import Function, Value
 from jaxsat.engine.native.lowering import (
     Elements,
     arrays_of,
@@ -55,6 +56,6 @@ def _shared(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements
         shapes = [array.shape for array in arrays]
         results = scalars_of(lower(body, inner, arrays_of(inside, shapes)))
         label = f"{eqn.params.get('name', 'shared')}.{len(b.functions)}"
-        b.functions[key] = swept(Function(label, params, body.block, results))
+        b.functions[key] = without_dead_code(Function(label, params, body.block, results))
     found = b.call(b.functions[key], given)
     return arrays_of(found, [var.aval.shape for var in eqn.outvars])

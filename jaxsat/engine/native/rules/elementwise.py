@@ -254,10 +254,10 @@ def _round(b: Builder, eqn, x: Elements) -> Elements:
 def _in_total_order(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
     """Comparisons by bits: -0.0 before 0.0, NaN after infinity (before it with a sign)."""
     name = eqn.primitive.name.removesuffix("_to")
-    return each(lambda x, y: b.operation(name, _ordered(b, x), _ordered(b, y)), x, y)
+    return each(lambda x, y: b.operation(name, _list_scheduled(b, x), _list_scheduled(b, y)), x, y)
 
 
-def _ordered(b: Builder, x: Scalar) -> Scalar:
+def _list_scheduled(b: Builder, x: Scalar) -> Scalar:
     """A whole number that is ordered like the bits of a float."""
     if x.dtype.kind != "f":
         return b.convert(x, np.dtype(np.uint8)) if x.dtype == BOOL else x

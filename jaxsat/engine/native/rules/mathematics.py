@@ -52,7 +52,7 @@ def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
         if not isinstance(y, Value):
             return long_way()
         found = [result[()] for result in lower(b, closed, [filled((), y)])]
-        return b.where_seldom(found[-1], long_way, found[place])
+        return b.cold_branch(found[-1], long_way, found[place])
 
     return each(one, x)
 

@@ -6,11 +6,11 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxsat.engine.native.ir import Block, Function, Memory, Scalar, Value
+from jaxsat.engine.native.llvm_types import constant, memory_type, scalar_type, vector_type
 from jaxsat.engine.native.lowering import CannotLower
 from jaxsat.engine.native.threads import STACK
-from jaxsat.engine.native.words import constant, memory_type, scalar_type, vector_type
 
-SELDOM = "!0"
+COLD = "!0"
 """Weights of a switch whose second branch hardly ever runs: its costs stay out of the first."""
 
 ON_STACK = 64 << 10
@@ -87,11 +87,11 @@ class Module:
             raise CannotLower(f"It would become {lines} lines of LLVM code")
         parts = [*self.constants.values(), *self.functions.values(), *sorted(self.declarations)]
         attributes = f"attributes #0 = {{ {attributes} }}"
-        weights = f'{SELDOM} = !{{!"branch_weights", i32 100000, i32 1}}'
+        weights = f'{COLD} = !{{!"branch_weights", i32 100000, i32 1}}'
         return "\n".join([*parts, attributes, weights, ""])
 
 
-class AbstractLines(abc.ABC):
+class AbstractEmitter(abc.ABC):
     """The lines of one function while it is printed: what is written of values and memory."""
 
     def __init__(self, module: Module):

@@ -1,7 +1,7 @@
 """A trajectory cut into functions of one case: begin, advance (or attempt), finish, observe.
 
 What makes a case (its dispersed loop) is computed once, by `begin`, and is *fixed* from then on;
-the progress of its trajectory is *moving*. `WithDerivatives` carries the derivatives by the gains
+the progress of its trajectory is *moving*. `ForwardModePhases` carries the derivatives by the gains
 along beside both.
 """
 
@@ -35,7 +35,7 @@ class Made(AbstractCopies):
         return self.copy
 
 
-class AbstractStaged(abc.ABC):
+class AbstractPhases(abc.ABC):
     """The functions of which a trajectory is made; `numbers` are those of engine and program."""
 
     @abc.abstractmethod
@@ -81,7 +81,7 @@ def any_length(program: Program) -> Program:
     return Program(program.copies, *rest)
 
 
-class Plain(AbstractStaged):
+class PrimalPhases(AbstractPhases):
     """A program as an engine with the numbers of `ScanEngine` runs it."""
 
     def __init__(self, engine: Any, program: Program):
@@ -132,14 +132,14 @@ class Plain(AbstractStaged):
         return engine, eqx.tree_at(lambda program: program.copies, program, made)
 
 
-class WithDerivatives(AbstractStaged):
+class ForwardModePhases(AbstractPhases):
     """A program together with the derivatives by every gain, in forward mode.
 
     A derivative has the gains' numbers along its leading axis. Leaves of what is fixed that no gain
     moves have none.
     """
 
-    def __init__(self, plain: Plain):
+    def __init__(self, plain: PrimalPhases):
         self._plain = plain
         self._moved: list[bool] = []
 

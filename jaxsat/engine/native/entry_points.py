@@ -1,12 +1,13 @@
-"""A stage: a program whose inputs and outputs have places in memory, as one exported function.
+"""An entry point: a program as one exported function, with locations of its inputs and outputs.
 
-A stage is called for one vector of trajectories as
+An entry point is called for one vector of trajectories as
 
-    void stage(pointers, state, cases, wanted, a, b)
+    void entry_point(pointers, state, cases, wanted, a, b)
 
-`pointers` holds the address of the arena (`lines.Module`) and of every array from outside; `state`
-is memory of this vector alone; `cases` gives the number of every lane's case and `wanted` (bytes)
-tells the lanes for which something is to be written; `a` and `b` are whole numbers for all lanes.
+`pointers` holds the address of the arena (`emitter.Module`) and of every array from outside;
+`state` is memory of this vector alone; `cases` gives the number of every lane's case and `wanted`
+(bytes) tells the lanes for which something is to be written; `a` and `b` are whole numbers for all
+lanes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,91 +16,100 @@ from dataclasses import dataclass
 import numpy as np
 
 from jaxsat.engine.native.builder import is_uniform
-from jaxsat.engine.native.ir import Function, Operation, Scalar, Sweep, Value
-from jaxsat.engine.native.lines import Module
-from jaxsat.engine.native.llvm import Body
-from jaxsat.engine.native.ordering import in_order
-from jaxsat.engine.native.places import (
-    FROM,
+from jaxsat.engine.native.cold_branches import merge_cold_branches
+from jaxsat.engine.native.dead_code import DeadCodeElimination
+from jaxsat.engine.native.emitter import Module
+from jaxsat.engine.native.ir import Function, Operation, Scalar, Value
+from jaxsat.engine.native.llvm import FunctionEmitter
+from jaxsat.engine.native.llvm_types import memory_type, scalar_type, suffix, vector_type
+from jaxsat.engine.native.locations import (
+    CONTEXT,
     Known,
-    Number,
+    Location,
     PerCase,
-    Place,
+    ScalarArgument,
     Shared,
     Slot,
-    array_of,
-    known_to_functions,
-    read_later,
+    array_pointer,
+    parameter_locations,
+    rematerialise,
 )
-from jaxsat.engine.native.seldom import gather
-from jaxsat.engine.native.words import memory_type, scalar_type, suffix, vector_type
+from jaxsat.engine.native.lowering import bugs_in
+from jaxsat.engine.native.scheduling import schedule
 
 
 @dataclass
-class Stage:
-    """A program and the places of its parameters and results."""
+class EntryPoint:
+    """A program and the locations of its parameters and results."""
 
     function: Function
-    inputs: list[Place]
-    outputs: list[Place]
+    inputs: list[Location]
+    outputs: list[Location]
 
-    def swept(self) -> "Stage":
-        """Without the steps whose results nobody uses."""
-        sweep = Sweep()
-        sweep.need(self.function.results)
-        sweep.block(self.function.block)
-        gather(self.function.block)
-        in_order(self.function.block, self.function.results)
-        keep = [param.number in sweep.used for param in self.function.params]
+    @bugs_in("optimisation")
+    def optimised(self) -> "EntryPoint":
+        """Without dead code, its cold branches merged, its steps scheduled."""
+        elimination = DeadCodeElimination()
+        elimination.need(self.function.results)
+        elimination.block(self.function.block)
+        merge_cold_branches(self.function.block)
+        schedule(self.function.block, self.function.results)
+        keep = [param.number in elimination.used for param in self.function.params]
         params = [p for p, used in zip(self.function.params, keep, strict=True) if used]
-        inputs = [place for place, used in zip(self.inputs, keep, strict=True) if used]
+        inputs = [location for location, used in zip(self.inputs, keep, strict=True) if used]
         function = Function(self.function.name, params, self.function.block, self.function.results)
-        return Stage(function, inputs, self.outputs)
+        return EntryPoint(function, inputs, self.outputs)
 
 
-def add_stage(module: Module, stage: Stage) -> None:
-    """Print a stage into a module."""
-    inputs = list(zip(stage.function.params, stage.inputs, strict=True))
-    places = {x.number: place for x, place in inputs if isinstance(place, Shared | Slot)}
-    body = _StageBody(module, known_to_functions(stage.function.block, places))
-    for param, place in inputs:
-        body.read(param, place)
-    body.steps(stage.function.block)
+@bugs_in("printing")
+def emit_entry_point(module: Module, entry: EntryPoint) -> None:
+    """Print an entry point into a module."""
+    inputs = list(zip(entry.function.params, entry.inputs, strict=True))
+    locations = {
+        x.number: location for x, location in inputs if isinstance(location, Shared | Slot)
+    }
+    body = _EntryPointEmitter(module, parameter_locations(entry.function.block, locations))
+    for param, location in inputs:
+        body.read(param, location)
+    body.steps(entry.function.block)
     moved = [
-        (result, place)
-        for result, place in zip(stage.function.results, stage.outputs, strict=True)
-        if not (isinstance(result, Value) and places.get(result.number) == place)
+        (result, location)
+        for result, location in zip(entry.function.results, entry.outputs, strict=True)
+        if not (isinstance(result, Value) and locations.get(result.number) == location)
     ]
     chosen = {
         step.out.number: step
-        for step in stage.function.block.steps
+        for step in entry.function.block.steps
         if isinstance(step, Operation) and step.name == "select"
     }
-    masked = [(*_new(result, place, places, chosen), place) for result, place in moved]
+    masked = [(*_new(result, location, locations, chosen), location) for result, location in moved]
     for result, conditions, _ in masked:
         for scalar in (result, *conditions):
             body.operand(scalar)  # read before anything is written
-    for result, conditions, place in masked:
-        body.write(result, conditions, place)
+    for result, conditions, location in masked:
+        body.write(result, conditions, location)
     body.line("ret void")
     lines = body.text()
     if body.in_arena:
         lines.insert(1, "%arena = load ptr, ptr %pointers")
     head = (
-        f"define void @{stage.function.name}({FROM}, "
+        f"define void @{entry.function.name}({CONTEXT}, "
         "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) noinline #0 {"
     )
-    module.functions[stage.function.name] = "\n".join([head, *lines, "}"])
+    module.functions[entry.function.name] = "\n".join([head, *lines, "}"])
 
 
 def _new(
-    result: Scalar, place: Place, places: Mapping[int, Place], chosen: Mapping[int, Operation]
+    result: Scalar,
+    location: Location,
+    locations: Mapping[int, Location],
+    chosen: Mapping[int, Operation],
 ) -> tuple[Scalar, list[Scalar]]:
-    """What is new of a result where several conditions hold: elsewhere its place stays as it is."""
+    """What is new of a result where several conditions hold; elsewhere its location is kept."""
     conditions: list[Scalar] = []
     while isinstance(result, Value) and result.number in chosen:
         condition, yes, no = chosen[result.number].args
-        if not (isinstance(no, Value) and places.get(no.number) == place):
+        if not (isinstance(no, Value) and locations.get(no.number) == location):
             break
         if is_uniform(condition):
             break
@@ -108,8 +118,8 @@ def _new(
     return result, conditions
 
 
-class _StageBody(Body):
-    """A body that can read and write places."""
+class _EntryPointEmitter(FunctionEmitter):
+    """Emits a function that reads and writes locations."""
 
     def __init__(self, module: Module, known: Mapping[int, Known]):
         super().__init__(module, known)
@@ -118,33 +128,33 @@ class _StageBody(Body):
         self.line(f"%bytes = load <{lanes} x i8>, ptr %wanted, align 1")
         self.line(f"%lane = icmp ne <{lanes} x i8> %bytes, zeroinitializer")
 
-    def read(self, param: Value, place: Place) -> None:
+    def read(self, param: Value, location: Location) -> None:
         """Give a parameter its value, now or where it is needed."""
-        match place:
-            case Number(name=name):
+        match location:
+            case ScalarArgument(name=name):
                 kind = scalar_type(param.dtype)
                 word = "bitcast" if kind == "i64" else "trunc"
                 self.line(f"{self.name(param)} = {word} i64 %{name} to {kind}")
             case PerCase():
-                self._gather(self.name(param), param.dtype, place)
+                self._gather(self.name(param), param.dtype, location)
             case _:
-                read_later(self, param, place)
+                rematerialise(self, param, location)
 
-    def _gather(self, out: str, dtype: np.dtype, place: PerCase) -> None:
+    def _gather(self, out: str, dtype: np.dtype, location: PerCase) -> None:
         lanes, kind = self.module.lanes, memory_type(dtype)
         cells, name = f"<{lanes} x {kind}>", f"@gather.{kind}"
-        index, base = self._indices(place), array_of(self, place.array)
+        index, base = self._indices(location), array_pointer(self, location.array)
         self.module.functions.setdefault(name, _gather_text(name, kind, lanes))
         found = out if dtype.kind != "b" else self.fresh()
         self.line(f"{found} = call {cells} {name}(ptr {base}, <{lanes} x i64> {index})")
         if dtype.kind == "b":
             self.line(f"{out} = icmp ne {cells} {found}, zeroinitializer")
 
-    def _indices(self, place: PerCase) -> str:
+    def _indices(self, location: PerCase) -> str:
         wide = f"<{self.module.lanes} x i64>"
         scaled, moved = self.fresh(), self.fresh()
-        self.line(f"{scaled} = mul {wide} %number, splat (i64 {place.size})")
-        self.line(f"{moved} = add {wide} {scaled}, splat (i64 {place.element})")
+        self.line(f"{scaled} = mul {wide} %number, splat (i64 {location.size})")
+        self.line(f"{moved} = add {wide} {scaled}, splat (i64 {location.element})")
         return moved
 
     def _lanes(self, conditions: Sequence[Scalar]) -> str:
@@ -159,26 +169,26 @@ class _StageBody(Body):
             mask = self.once_in_block((mask, condition.number), both)
         return mask
 
-    def write(self, result: Scalar, conditions: Sequence[Scalar], place: Place) -> None:
+    def write(self, result: Scalar, conditions: Sequence[Scalar], location: Location) -> None:
         """Put a result where it belongs, for the wanted lanes in which conditions hold."""
         dtype, lanes = result.dtype, self.module.lanes
         wide = vector_type(dtype, lanes)
-        if isinstance(place, Slot):
+        if isinstance(location, Slot):
             where = self.fresh("p")
-            self.line(f"{where} = getelementptr i8, ptr %state, i64 {place.offset}")
-            if place.uniform:
+            self.line(f"{where} = getelementptr i8, ptr %state, i64 {location.offset}")
+            if location.uniform:
                 self.put(where, self.operand(result), dtype, False)
                 return
             self._put_some(where, result, f"<{lanes} x i1> {self._lanes(conditions)}")
             return
-        assert isinstance(place, PerCase)
+        assert isinstance(location, PerCase)
         kind = memory_type(dtype)
         value, name = self.operand(result, True), f"@scatter.{kind}"
         if dtype.kind == "b":
             byte = self.fresh()
             self.line(f"{byte} = zext {wide} {value} to <{lanes} x i8>")
             value = byte
-        index, base = self._indices(place), array_of(self, place.array)
+        index, base = self._indices(location), array_pointer(self, location.array)
         self.module.functions.setdefault(name, _scatter_text(name, kind, lanes))
         self.line(
             f"call void {name}(ptr {base}, <{lanes} x i64> {index}, "

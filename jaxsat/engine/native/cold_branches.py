@@ -1,7 +1,7 @@
-"""Switches to what is seldom needed, put together: one jump over all of it in place of many.
+"""Cold branches of a block, merged: one jump over all of them in place of many.
 
-Between jumps a compiler shares out the registers anew and stores all that is alive. The switches of
-a block that need no results of one another become one, as early as the last of them can be.
+At each jump the register allocator spills what is live. The cold switches of a block that need no
+results of one another become one, as early as the last of them can be.
 """
 
 from collections import defaultdict
@@ -18,41 +18,41 @@ from jaxsat.engine.native.ir import (
     Step,
     Switch,
     Value,
-    made,
+    definitions,
     memories,
-    read,
+    uses,
 )
 
 INT = np.dtype(np.int32)
 
 
-def gather(block: Block) -> None:
-    """Put seldom switches of a block together, and of the blocks inside."""
+def merge_cold_branches(block: Block) -> None:
+    """Merge the cold switches of a block, and of the blocks inside."""
     depths: dict[int, int] = {}  # by value and memory: how many switches one after the other
     plain: dict[int, list[Step]] = defaultdict(list)
-    seldom: dict[int, list[Switch]] = defaultdict(list)
+    cold: dict[int, list[Switch]] = defaultdict(list)
     for step in block.steps:
-        _gather_inside(step)
+        _merge_inside(step)
         touched = [memory.number for memory in memories(step)]
-        depth = max((depths.get(n, 0) for n in chain(read(step), touched)), default=0)
-        is_seldom = isinstance(step, Switch) and step.seldom
-        (seldom if is_seldom else plain)[depth].append(step)  # pyright: ignore
-        after = [out.number for out in made(step)]
-        depths.update(dict.fromkeys(chain(after, touched), depth + is_seldom))
+        depth = max((depths.get(n, 0) for n in chain(uses(step), touched)), default=0)
+        is_cold = isinstance(step, Switch) and step.cold
+        (cold if is_cold else plain)[depth].append(step)  # pyright: ignore
+        after = [out.number for out in definitions(step)]
+        depths.update(dict.fromkeys(chain(after, touched), depth + is_cold))
     block.steps = []
-    for depth in range(max([*plain, *seldom], default=-1) + 1):
+    for depth in range(max([*plain, *cold], default=-1) + 1):
         block.steps += plain[depth]
-        block.steps += _together(seldom[depth])
+        block.steps += _together(cold[depth])
 
 
-def _gather_inside(step: Step) -> None:
+def _merge_inside(step: Step) -> None:
     match step:
         case Loop(condition=condition, body=body):
-            gather(condition)
-            gather(body)
+            merge_cold_branches(condition)
+            merge_cold_branches(body)
         case Switch(blocks=blocks):
             for inside in blocks:
-                gather(inside)
+                merge_cold_branches(inside)
         case _:
             pass
 
@@ -71,4 +71,4 @@ def _together(switches: Sequence[Switch]) -> Sequence[Step]:
         block.steps = list(chain(*(switch.blocks[number].steps for switch in switches)))
     yields = [list(chain(*(switch.yields[number] for switch in switches))) for number in (0, 1)]
     outs = list(chain(*(switch.outs for switch in switches)))
-    return [*steps, Switch(index, blocks, yields, outs, seldom=True)]
+    return [*steps, Switch(index, blocks, yields, outs, cold=True)]

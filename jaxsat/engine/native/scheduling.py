@@ -1,4 +1,4 @@
-"""The order of the steps in a block, so that what can go on beside one another stands together.
+"""List scheduling: independent steps of a block stand together, the critical path first.
 
 Programs come in the order in which they were traced, array by array, and a processor looks only
 some dozens of steps ahead for work that need not wait. So every block is put in order again, from
@@ -18,28 +18,28 @@ from jaxsat.engine.native.ir import (
     Step,
     Switch,
     Value,
-    made,
+    definitions,
     memories,
-    read,
+    uses,
 )
 
 _CYCLES = {"div": 13, "sqrt": 20, "add": 4, "sub": 4, "mul": 4, "round": 8}
 
 
-def in_order(block: Block, results: Iterable[Scalar]) -> None:
+def schedule(block: Block, results: Iterable[Scalar]) -> None:
     """Put the steps of a block in order, and of those inside; `results` are used after it."""
     for step in block.steps:
         match step:
             case Loop():
-                in_order(step.condition, [step.active])
-                in_order(step.body, step.after)
+                schedule(step.condition, [step.active])
+                schedule(step.body, step.after)
             case Switch():
                 for inside, yields in zip(step.blocks, step.yields, strict=True):
-                    in_order(inside, yields)
+                    schedule(inside, yields)
             case _:
                 pass
     kept = {x.number for x in results if isinstance(x, Value)}
-    block.steps = _ordered(_nodes(block.steps, kept))
+    block.steps = _list_scheduled(_nodes(block.steps, kept))
 
 
 class _Node:
@@ -57,7 +57,7 @@ class _Node:
         self.start = 0.0  # when its operands are there
 
 
-def _ordered(nodes: list[_Node]) -> list[Step]:
+def _list_scheduled(nodes: list[_Node]) -> list[Step]:
     for number, node in enumerate(nodes):
         for earlier in node.before:
             nodes[earlier].after.append(number)
@@ -86,7 +86,7 @@ def _ordered(nodes: list[_Node]) -> list[Step]:
 
 
 def _nodes(steps: Sequence[Step], kept: set[int]) -> list[_Node]:
-    reads = [set(read(step)) for step in steps]
+    reads = [set(uses(step)) for step in steps]
     nodes: list[_Node] = []
     maker: dict[int, int] = {}
     touched: dict[int, int] = {}  # the last node by memory
@@ -99,14 +99,14 @@ def _nodes(steps: Sequence[Step], kept: set[int]) -> list[_Node]:
         if product is None:
             node = _Node([step], needs)
         else:
-            node = _Node([product, step], (needs - {product.out.number}) | set(read(product)))
+            node = _Node([product, step], (needs - {product.out.number}) | set(uses(product)))
         number = len(nodes)
         nodes.append(node)
         node.before = {maker[n] for n in node.reads if n in maker}
         for memory in {memory.number for memory in memories(step)}:
             node.before.update({touched[memory]} if memory in touched else ())
             touched[memory] = number
-        maker.update((out.number, number) for out in made(step))
+        maker.update((out.number, number) for out in definitions(step))
     return nodes
 
 

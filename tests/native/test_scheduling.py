@@ -1,4 +1,4 @@
-"""The order of steps, and seldom switches put together: what the machine code is made from."""
+"""The order of steps, and cold switches put together: what the machine code is definitions from."""
 
 from itertools import pairwise
 
@@ -8,13 +8,13 @@ import pytest
 from jax import lax
 
 from jaxsat.engine.native import Mapped
-from jaxsat.engine.native.ir import Loop, Operation, Switch, Value, made, read
+from jaxsat.engine.native.ir import Loop, Operation, Switch, Value, definitions, uses
 
 CASES = np.linspace(0.1, 2.0, 24)
 
 
 def _steps(function, example=0.0):
-    return Mapped(function, example).stage.function.block.steps
+    return Mapped(function, example).entry_point.function.block.steps
 
 
 def _switches(function, example=0.0):
@@ -23,13 +23,13 @@ def _switches(function, example=0.0):
 
 def _comes_after_what_it_reads(steps, known):
     for step in steps:
-        assert set(read(step)) <= known
+        assert set(uses(step)) <= known
         if isinstance(step, Loop):
             inner = known | {param.number for param in step.params}
             _comes_after_what_it_reads(step.condition.steps, set(inner))
-            tested = inner | {out.number for s in step.condition.steps for out in made(s)}
+            tested = inner | {out.number for s in step.condition.steps for out in definitions(s)}
             _comes_after_what_it_reads(step.body.steps, tested)
-        known |= {out.number for out in made(step)}
+        known |= {out.number for out in definitions(step)}
 
 
 def _law(x, shared):
@@ -46,8 +46,8 @@ def _law(x, shared):
 
 def test_steps_come_after_what_they_read_and_give_the_same():
     mapped = Mapped(_law, 0.0)
-    known = {param.number for param in mapped.stage.function.params}
-    _comes_after_what_it_reads(mapped.stage.function.block.steps, known)
+    known = {param.number for param in mapped.entry_point.function.params}
+    _comes_after_what_it_reads(mapped.entry_point.function.block.steps, known)
     found = mapped(CASES)
     for x, y in zip(found, mapped.interpreted(CASES), strict=True):
         np.testing.assert_allclose(x, y, rtol=1e-12)
@@ -87,10 +87,10 @@ def test_a_product_stands_before_the_sum_that_takes_it_in():
         (lambda x, shared: x + 1, 0),
     ],
 )
-def test_seldom_switches_that_need_not_wait_are_one(function, count):
+def test_cold_branches_that_need_not_wait_are_one(function, count):
     switches = _switches(function)
     assert len(switches) == count
-    assert all(switch.seldom for switch in switches)
+    assert all(switch.cold for switch in switches)
     wide = CASES * 10.0 ** np.arange(24)  # some need the long way
     mapped = Mapped(function, 0.0)
     np.testing.assert_allclose(mapped(wide), mapped.interpreted(wide), rtol=1e-12, atol=1e-15)
