@@ -12,7 +12,7 @@ import jax
 import numpy as np
 import pytest
 
-from jaxsat.engine import AbstractCopies, CannotLower, Program
+from jaxsat.engine import AbstractCaseFactory, CannotLower, Program
 from jaxsat.engine.native.ir import NativeBug
 from jaxsat.results import OutputError
 from jaxsat.scenario import build, dump, load
@@ -101,7 +101,7 @@ def test_derivatives_along_the_search_are_those_of_the_cost(plan):
 
 def test_differences_agree_with_automatic_differentiation(plan):
     numbers = np.arange(3)
-    trials = dataclasses.replace(plan.smooth, way="differences", half_width=1e-4)
+    trials = dataclasses.replace(plan.smooth, gradient="differences", half_width=1e-4)
     found, expected = (t.differentiate(points(plan), numbers) for t in (trials, plan.smooth))
     scale = np.abs(expected.derivatives).max()
     np.testing.assert_allclose(found.derivatives, expected.derivatives, atol=1e-6 * scale)
@@ -271,10 +271,10 @@ def test_a_sound_gradient_has_a_clean_receipt(plan, final):
     assert receipt.failed == receipt.masked == 0
 
 
-class Blind(AbstractCopies):
+class Blind(AbstractCaseFactory):
     """Copies that hide one gain from automatic differentiation, as a switch would."""
 
-    inner: AbstractCopies
+    inner: AbstractCaseFactory
 
     def __call__(self, case, gains=None):
         return self.inner(case, {**gains, "k2": jax.lax.stop_gradient(gains["k2"])})
@@ -283,14 +283,13 @@ class Blind(AbstractCopies):
 @pytest.mark.slow
 def test_a_wrong_gradient_is_told_at_the_top(plan, final, monkeypatch):
     program = plan.smooth.program
-    copies = eqx.tree_at(lambda p: p.copies, program, program.copies)
+    copies = eqx.tree_at(lambda p: p.case_factory, program, program.case_factory)
     blind = dataclasses.replace(plan.smooth, program=copies)
     inner = type(plan.smooth)._program
 
     def hidden(trials, intervals):
         whole: Program = inner(trials, intervals)
-        gained = whole.copies
-        return eqx.tree_at(lambda p: p.copies.copies, whole, Blind(gained.copies))
+        return eqx.tree_at(lambda p: p.case_factory.inner, whole, Blind(whole.case_factory.inner))
 
     monkeypatch.setattr(type(plan.smooth), "_program", hidden)
     comparison = compare(blind, final.best_point, np.arange(3))
