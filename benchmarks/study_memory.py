@@ -31,7 +31,7 @@ def main() -> None:
     print("cases    run s  cases/s   peak MB after run, after summary   summary s")
     for count in map(int, sys.argv[1:]):
         with tempfile.TemporaryDirectory() as folder:
-            study = tumbling(count, chunk=2000, lanes=250, duration=2.0)
+            study = tumbling(count, chunk=2000, batch_size=250, duration=2.0)
             begin = time.perf_counter()
             run_study(study, Path(folder) / "s", executor=Threads(2))
             ran, ran_peak = time.perf_counter() - begin, peak()

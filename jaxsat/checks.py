@@ -54,6 +54,13 @@ def require_positive(name: str, value: ArrayLike, *, zero_allowed: bool = False)
         raise ValueError(f"Argument `{name}` must be {kind}, but got {known.tolist()}.")
 
 
+def require_counts(**counts: int | None) -> None:
+    """Raise `ValueError` for a number of things that is below one; None is none at all."""
+    for name, count in counts.items():
+        if count is not None and count < 1:
+            raise ValueError(f"Argument `{name}` must be at least 1, but got {count}.")
+
+
 def require_inertia(name: str, inertia: Float[Array | np.ndarray, "3 3"]) -> None:
     """Raise `ValueError` unless the matrix is symmetric and positive definite."""
     known = concrete(inertia)

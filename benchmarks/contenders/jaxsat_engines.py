@@ -9,6 +9,7 @@ import numpy as np
 from contenders.contender import TOLERANCES, Contender, Run
 from jaxsat.engine import (
     AbstractEngine,
+    AdaptiveStepper,
     NativeEngine,
     Outputs,
     ReferenceEngine,
@@ -24,7 +25,8 @@ LANES = 256
 
 def with_engine(study: Study, count: int, engine: AbstractEngine) -> Run:
     """A run of the engine, its blocks shared out to threads as by the command line."""
-    blocks = [np.arange(at, min(at + engine.width, count)) for at in range(0, count, engine.width)]
+    size = engine.batch_size
+    blocks = [np.arange(at, min(at + size, count)) for at in range(0, count, size)]
 
     def one(block: int) -> np.ndarray:
         return final(engine.evaluate(study.program, study.cases(blocks[block])))
@@ -42,7 +44,7 @@ def final(found: Outputs) -> np.ndarray:
     return np.concatenate([found.w, found.z[:, None], rates, found.cost[:, None]], axis=1)
 
 
-def width(count: int) -> int:
+def batch_size(count: int) -> int:
     """Cases in a block: the engine's usual number, or a share for every processor."""
     return min(LANES, -(-count // processors()))
 
@@ -52,7 +54,9 @@ def scan(solver: diffrax.AbstractSolver) -> Callable[[Study, int, float], Run]:
 
     def prepare(study: Study, count: int, tolerance: float) -> Run:
         judged = Tolerance(tolerance, tolerance)
-        return with_engine(study, count, ScanEngine(solver, lanes=width(count), tolerance=judged))
+        return with_engine(
+            study, count, ScanEngine(AdaptiveStepper(solver, judged), batch_size(count))
+        )
 
     return prepare
 
@@ -60,14 +64,14 @@ def scan(solver: diffrax.AbstractSolver) -> Callable[[Study, int, float], Run]:
 def reference(study: Study, count: int, tolerance: float) -> Run:
     """diffrax through jaxsat: error coordinates, Dopri8, steps chosen by diffrax."""
     method = adaptive(tolerance, tolerance, diffrax.Dopri8())
-    return with_engine(study, count, ReferenceEngine(method, width(count)))
+    return with_engine(study, count, ReferenceEngine(method, batch_size(count)))
 
 
 def native(solver: diffrax.AbstractSolver) -> Callable[[Study, int, float], Run]:
     """The native engine, which shares all cases out to threads of its own."""
 
     def prepare(study: Study, count: int, tolerance: float) -> Run:
-        engine = NativeEngine(solver, tolerance=Tolerance(tolerance, tolerance))
+        engine = NativeEngine(AdaptiveStepper(solver, Tolerance(tolerance, tolerance)))
         cases = study.cases(np.arange(count))
         return lambda: final(engine.evaluate(study.program, cases))
 

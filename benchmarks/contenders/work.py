@@ -60,7 +60,7 @@ def rate(t, y, amplitude, frequency, phase):
 
 def starts(study: Study, count: int):
     """Start (cases, 10) and amplitude, frequency and phase (cases, 3) of the first cases."""
-    copies = jax.jit(jax.vmap(study.copies))(study.cases(np.arange(count)))
+    copies = jax.jit(jax.vmap(study.case_factory))(study.cases(np.arange(count)))
     attitude = copies.start.attitude
     error = copies.drawn["rate_error"]
     zero = jnp.zeros((count, 5))

@@ -31,7 +31,14 @@ from sampled_work import Sampled, sampled_engine, sampled_study
 
 from contenders.work import K3, K4, MU, A, starts
 from engines import made_study
-from jaxsat.engine import AbstractEngine, NativeEngine, ScanEngine, Tolerance
+from jaxsat.engine import (
+    AbstractEngine,
+    AdaptiveStepper,
+    FixedStepper,
+    NativeEngine,
+    ScanEngine,
+    Tolerance,
+)
 from jaxsat.montecarlo import Study
 
 SUBSTEPS = 20
@@ -141,13 +148,13 @@ def compare(options: argparse.Namespace) -> None:
     study = made_study(count, duration)
     steps = (LIMITS, 1.0, round(duration), SUBSTEPS)
     fixed, both = FixedSteps(*steps), FixedSteps(*steps, gradient=True)
-    engine = NativeEngine(RK4(), SUBSTEPS, workers=1)
-    scan = ScanEngine(RK4(), SUBSTEPS, lanes=256)
+    engine = NativeEngine(FixedStepper(RK4(), SUBSTEPS), workers=1)
+    scan = ScanEngine(FixedStepper(RK4(), SUBSTEPS), 256)
 
     results = by_hand(fixed, study, count, 1)()
     print("native and C differ by:", differences(by_engine(engine, study, count)(), results))
     for threads in options.threads:
-        native = NativeEngine(RK4(), SUBSTEPS, workers=threads)
+        native = NativeEngine(FixedStepper(RK4(), SUBSTEPS), workers=threads)
         runs = {
             "C": by_hand(fixed, study, count, threads),
             "native": by_engine(native, study, count),
@@ -170,7 +177,7 @@ def compare(options: argparse.Namespace) -> None:
 
     judged = Tolerance(options.tolerance, options.tolerance)
     walker = Adaptive(LIMITS, 1.0, round(duration), judged)
-    native = NativeEngine(diffrax.Tsit5(), tolerance=judged, workers=1)
+    native = NativeEngine(AdaptiveStepper(tolerance=judged), workers=1)
     results = by_hand(walker, study, count, 1)()
     print("native and C differ by:", differences(by_engine(native, study, count)(), results))
     print(f"steps tried by C: {results[:, 13].mean():.0f} in the mean")

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from hand_written import POINTER, WHOLE, address, library
 
-from jaxsat.engine import NativeEngine
+from jaxsat.engine import NativeEngine, SampledStepper
 from jaxsat.engine.native.functions import error_function
 from jaxsat.montecarlo import Study
 from jaxsat.scenario import load
@@ -25,7 +25,7 @@ def sampled_study(count: int, duration: float) -> Study:
 
 def sampled_engine(workers: int) -> NativeEngine:
     """One step of Bogacki and Shampine's third order a period, as the scenario has it."""
-    return NativeEngine(solver=diffrax.Bosh3(), workers=workers)
+    return NativeEngine(SampledStepper(diffrax.Bosh3()), workers=workers)
 
 
 class Sampled:
@@ -39,7 +39,7 @@ class Sampled:
         assert program.cost.limit is None
         self.periods = program.intervals
         copies = jax.jit(
-            jax.vmap(lambda case: eqx.filter(program.copies(case, None), eqx.is_array))
+            jax.vmap(lambda case: eqx.filter(program.case_factory(case, None), eqx.is_array))
         )(cases)
         self.rows, self.keys = _rows(copies), np.ascontiguousarray(copies.loop.sensors.key)
         one = jax.tree.map(lambda x: np.asarray(x[0]), copies.loop)

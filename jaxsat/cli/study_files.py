@@ -72,11 +72,11 @@ def _histories(study: "Study", numbers: "np.ndarray", every: int) -> "Signals":
     import jax
     import numpy as np
 
-    width = study.engine.width
-    blocks = [numbers[first : first + width] for first in range(0, len(numbers), width)]
+    size = study.engine.batch_size
+    batches = [numbers[first : first + size] for first in range(0, len(numbers), size)]
     found = [
-        study.engine.histories(study.program, study.cases(block), study.gains, every=every)
-        for block in blocks
+        study.engine.histories(study.program, study.cases(batch), study.gains, every=every)
+        for batch in batches
     ]
     return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
 

@@ -35,16 +35,16 @@ class AbstractController(eqx.Module):
     def is_smooth(self) -> bool:
         """Whether the law has no corner or jump, so that fixed steps suit it; asked untraced."""
 
-    def switches(self, state: PlantState) -> Float[Array, " m"]:
-        """Switching functions: the law is smooth while none changes its sign; here, none."""
+    def event_functions(self, state: PlantState) -> Float[Array, " m"]:
+        """Event functions: the law is smooth while none changes its sign; here, none."""
         return jnp.zeros(0, state.omega.dtype)
 
-    def piece(self, sides: Bool[Array, " m"]) -> "AbstractController":
-        """The smooth law that this one is where its switching functions are positive as told.
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractController":
+        """The smooth law that this one is where its event functions are positive as told.
 
         It is evaluated a little beyond that region too, where it goes on smoothly.
         """
-        del sides
+        del signs
         return self
 
     def turn(self, t: Float[Array, ""]) -> PyTree:

@@ -18,7 +18,7 @@ class RateLaw(AbstractBacksteppingLaw):
     With the reference (38) the third rate obeys dω3/dt = -k1 |J1 - J2| / J3 · ω3 once the first
     two rates track. `k1` has the unit √(rad/s), `k2` is in 1/s, both positive. `width` (rad/s)
     rounds √|ω3| near zero; without one it is the printed law, whose reference has no derivative
-    at ω3 = 0. `turning_right` holds that law on one side of ω3 = 0, see `piece`.
+    at ω3 = 0. `turning_right` holds that law on one side of ω3 = 0, see `smooth_piece`.
     """
 
     model: RigidBody
@@ -42,13 +42,13 @@ class RateLaw(AbstractBacksteppingLaw):
         """With a width above zero."""
         return self.width is not None
 
-    def switches(self, state: PlantState) -> Float[Array, " m"]:
+    def event_functions(self, state: PlantState) -> Float[Array, " m"]:
         """ω3, where the printed reference has its corner."""
         return state.omega[2:] if self.width is None else state.omega[:0]
 
-    def piece(self, sides: Bool[Array, " m"]) -> "RateLaw":
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "RateLaw":
         """The law that keeps to ω3 > 0 or to ω3 < 0."""
-        return self if not sides.size else dataclasses.replace(self, turning_right=sides[0])
+        return self if not signs.size else dataclasses.replace(self, turning_right=signs[0])
 
     def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
         """Equation (38): ω1a = -sgn(J1 - J2) sgn(ω3) √|ω3|, ω2a = k1 √|ω3|."""

@@ -22,7 +22,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
     disturbance; None leaves it out. `attitude_weight` (N m) multiplies the attitude terms of (42),
     1 as printed. `saturation_width` in (0, 1] rounds the corner of sat, which is sharp without,
     and `tilt_width` δ puts |w|² + δ² under the fraction of (41), 0 as printed. `saturated` holds
-    the sharp sat on one side of each corner, see `piece`.
+    the sharp sat on one side of each corner, see `smooth_piece`.
     """
 
     model: RigidBody
@@ -54,14 +54,14 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         width = self.saturation_width
         return width is not None and all_positive(width, self.tilt_width)
 
-    def switches(self, state: PlantState) -> Float[Array, " m"]:
+    def event_functions(self, state: PlantState) -> Float[Array, " m"]:
         """x² - a² for each argument x of a sharp sat: positive where it saturates."""
         steering = self._steering(state)
         return steering[:0] if self.saturation_width is not None else steering**2 - self.a**2
 
-    def piece(self, sides: Bool[Array, " m"]) -> "ThreeAxisLaw":
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "ThreeAxisLaw":
         """The law whose sat saturates, or does not, as told."""
-        return self if not sides.size else dataclasses.replace(self, saturated=sides)
+        return self if not signs.size else dataclasses.replace(self, saturated=signs)
 
     def relative_reference_rate(self, state: PlantState) -> Float[Array, "2"]:
         """Equation (40) with the saturation of (41): (ω_r1d, ω_r2d), rad/s.

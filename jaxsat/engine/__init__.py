@@ -1,20 +1,25 @@
-"""Engines: how many copies of a closed loop are run at once, and what comes out of each."""
+"""Engines: how the cases of a closed loop are run together, and what comes out of each."""
 
-from jaxsat.engine.adaptive import Tolerance
+from jaxsat.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.engine.fixed import FixedStepper, SampledStepper
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
 from jaxsat.engine.native import CannotLower, NativeEngine, native_obstacle
-from jaxsat.engine.program import AbstractCopies, Copy, Program, program_of
+from jaxsat.engine.program import AbstractCaseFactory, Case, Program, program_of
 from jaxsat.engine.progress import AttitudeCost, Outputs, RunningCost, Unsettled
 from jaxsat.engine.reference import ReferenceEngine
 from jaxsat.engine.scan import ScanEngine
+from jaxsat.engine.stepper import AbstractStepper
 
 __all__ = [
-    "AbstractCopies",
+    "AbstractCaseFactory",
     "AbstractEngine",
+    "AbstractStepper",
+    "AdaptiveStepper",
     "AttitudeCost",
     "CannotLower",
-    "Copy",
+    "Case",
     "CostGradient",
+    "FixedStepper",
     "Mode",
     "NativeEngine",
     "Outputs",
@@ -22,6 +27,7 @@ __all__ = [
     "ReferenceEngine",
     "Replay",
     "RunningCost",
+    "SampledStepper",
     "ScanEngine",
     "Tolerance",
     "Unsettled",

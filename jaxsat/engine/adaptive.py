@@ -1,19 +1,18 @@
 """Adaptive steps through a loop in smooth pieces, each trajectory at its own pace.
 
-During a step the loop is held in one of its pieces (`loop.piece`). Where a switching function has
-changed its sign at the end of one of a step's equal parts, the instant is located on the step's
-dense output, the step ends there, and the next one is taken in the other piece. Nothing else ends
-a step: the instants that are looked at, and the end of the run, lie on the dense output. When a
+During a step the loop is held in one of its smooth pieces (`loop.smooth_piece`). Where an event
+function has changed its sign at the end of one of a step's equal parts, the event is located on the
+step's dense output, the step ends there, and the next one is taken in the other piece. Nothing else
+ends a step: the instants that are observed, and the end of the run, lie on the dense output. When a
 trajectory settles is judged on the dense output of a step that is left behind, whatever instants
-are looked at.
+are observed.
 
-The program of one trajectory is `begin`, then `iterate` while `unfinished`, then `finish`, on a
-`Progress` of fixed size; any engine that runs these runs the method.
-
-Derivatives by forward mode are those of the law with its switches. The step length until a
-switch carries one differentiable step of Newton's method, so the instant moves with the
-parameters as it should, and so does all that follows; which steps are taken is held fixed.
+Derivatives by forward mode are those of the law with its corners. The step length until an event
+carries one differentiable step of Newton's method, so the instant moves with the parameters as it
+should, and so does all that follows; which steps are taken is held fixed.
 """
+
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -22,30 +21,24 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
-from jaxsat.engine.crossing import sign_changes
-from jaxsat.engine.program import Copy, Program
+from jaxsat.engine.dense_output import dense_output
+from jaxsat.engine.events import StepEnd, until_event
+from jaxsat.engine.flat_ode import DenseStep, FlatODE, initial_state
+from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import (
     Integrals,
     Outputs,
     Progress,
-    begun,
-    looked_at,
+    initial_progress,
     outputs_of,
+    with_peak_rate,
 )
+from jaxsat.engine.root_finding import sign_changes
 from jaxsat.engine.runge_kutta import stage_rates, tableau_of, weighted
-from jaxsat.engine.settling import judged_along
-from jaxsat.engine.switching import Landing, until_switch
-from jaxsat.engine.walk import (
-    Course,
-    Stretch,
-    Walk,
-    constant,
-    flat_of,
-    flat_parts,
-    part_of,
-)
+from jaxsat.engine.settling import settled_along_step
+from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.simulation import Outcome, Signals
-from jaxsat.simulation.assessment import Sight
+from jaxsat.simulation.assessment import Observation, stop_gradient
 
 SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 5.0
 
@@ -72,182 +65,195 @@ class Tolerance(eqx.Module):
             raise ValueError(f"Argument `max_steps` must be at least 1, but got {self.max_steps}.")
 
 
-def begin(
-    solver: diffrax.AbstractSolver, tolerance: Tolerance, program: Program, copy: Copy
-) -> Progress:
-    """Progress of one trajectory at time zero."""
-    course, flat = Course.of(solver, program, copy), flat_of(flat_parts(copy))
-    zero = jnp.zeros((), flat.dtype)
-    gaps = course.loop.switches(zero, course.state(zero, flat))
-    nowhere = jnp.zeros((course.output.parts, course.axes), flat.dtype)
-    stretch = Stretch(
-        zero,
-        zero + 1.0,
-        flat,
-        jnp.zeros((course.output.rows, flat.size), flat.dtype),
-        nowhere,
-        zero,
-    )
-    rate = course.rate(gaps > 0)(zero, flat)
-    walk = Walk(zero, jnp.array(0), flat, rate, gaps > 0, gaps, stretch)
-    return begun(walk, copy.start.omega, copy.possible, tolerance.first_step)
+class AdaptiveState(NamedTuple):
+    """Where a trajectory is: time (s), next instant to be observed by number, flat state with its
+    rate, the event functions with their signs (true where positive), and its last step."""
+
+    t: Float[Array, ""]
+    number: Int[Array, ""]
+    state: Float[Array, " n"]
+    rate: Float[Array, " n"]
+    signs: Bool[Array, " m"]
+    events: Float[Array, " m"]
+    last_step: DenseStep
 
 
-def unfinished(program: Program, bound: Int[Array, ""], progress: Progress) -> Bool[Array, ""]:
-    """Whether instant `bound` is still ahead, or an earlier one still to be looked at."""
-    walk: Walk = progress.state
-    ahead = (walk.t < bound * program.interval) | (walk.number < bound)
-    return ahead & (progress.code == int(Outcome.SUCCESS))
+class AdaptiveStepper(AbstractStepper):
+    """Steps of whatever length meets the `tolerance`, for continuous loops.
 
-
-def iterate(
-    solver: diffrax.AbstractSolver,
-    tolerance: Tolerance,
-    course: Course,
-    bound: Int[Array, ""],
-    progress: Progress,
-) -> Progress:
-    """One step tried, and all instants before number `bound` that it has passed looked at."""
-    walk: Walk = progress.state
-    looked_behind = walk.t < walk.number * course.program.interval
-    needed = looked_behind & (walk.t < bound * course.program.interval)
-    needed &= progress.code == int(Outcome.SUCCESS)
-    return _look_back(course, bound, _attempt(solver, tolerance, course, needed, progress))
-
-
-def advance_adaptively(solver, tolerance, program, copy, progress, bound, batch=None) -> Progress:
-    """Progress of one trajectory up to instant number `bound`, while any of a `batch` goes on.
-
-    An iteration leaves a trajectory that has ended as it is.
+    `advance` is `attempt` while `unfinished`.
     """
-    course, bound = Course.of(solver, program, copy, batch), jnp.asarray(bound)
-    return jax.lax.while_loop(
-        lambda progress: course.anywhere(unfinished(program, bound, progress)),
-        lambda progress: iterate(solver, tolerance, course, bound, progress),
-        progress,
-    )
+
+    solver: diffrax.AbstractSolver = diffrax.Tsit5()
+    tolerance: Tolerance = eqx.field(default_factory=Tolerance)
+
+    def __check_init__(self):
+        tableau_of(self.solver)
+        dense_output(self.solver)
+
+    def identity(self) -> dict[str, Any]:
+        """Solver and tolerance."""
+        numbers = [float(x) for x in jax.tree.leaves(self.tolerance)]
+        tolerance = [*numbers, self.tolerance.max_steps]
+        return {"solver": type(self.solver).__name__, "tolerance": tolerance}
+
+    def begin(self, program: Program, case: Case) -> Progress:
+        """The progress at time zero."""
+        ode, flat = FlatODE.of(self.solver, program, case), initial_state(case)
+        zero = jnp.zeros((), flat.dtype)
+        events = ode.loop.event_functions(zero, ode.state(zero, flat))
+        nowhere = jnp.zeros((ode.output.sign_checks, ode.torque_count), flat.dtype)
+        increments = jnp.zeros((ode.output.rows, flat.size), flat.dtype)
+        last_step = DenseStep(zero, zero + 1.0, flat, increments, nowhere, zero)
+        rate = ode.rate(events > 0)(zero, flat)
+        state = AdaptiveState(zero, jnp.array(0), flat, rate, events > 0, events, last_step)
+        first_step = self.tolerance.first_step
+        return initial_progress(state, case.start.omega, case.possible, first_step)
+
+    def unfinished(
+        self, program: Program, progress: Progress, bound: Int[Array, ""]
+    ) -> Bool[Array, ""]:
+        """Whether instant `bound` is still ahead, or an earlier one still to be observed."""
+        state: AdaptiveState = progress.state
+        ahead = (state.t < bound * program.interval) | (state.number < bound)
+        return ahead & (progress.code == int(Outcome.SUCCESS))
+
+    def attempt(
+        self,
+        program: Program,
+        case: Case,
+        progress: Progress,
+        bound: Int[Array, ""],
+        axis_name: str | None = None,
+    ) -> Progress:
+        """One step tried, and all instants before number `bound` that it has passed observed."""
+        ode, state = FlatODE.of(self.solver, program, case, axis_name), progress.state
+        up_to_date = state.t < state.number * program.interval
+        needed = up_to_date & (state.t < bound * program.interval)
+        needed &= progress.code == int(Outcome.SUCCESS)
+        return _observed(ode, bound, _attempted(self, ode, needed, progress))
+
+    def advance(self, program, case, progress, first, count, axis_name=None):
+        """The progress up to instant number `first + count`, while any of a batch goes on.
+
+        An attempt leaves a trajectory that has ended as it is.
+        """
+        bound = jnp.asarray(first + count)
+        ode = FlatODE.of(self.solver, program, case, axis_name)
+        return jax.lax.while_loop(
+            lambda progress: ode.in_any_case(self.unfinished(program, progress, bound)),
+            lambda progress: self.attempt(program, case, progress, bound, axis_name),
+            progress,
+        )
+
+    def finish(
+        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+    ) -> Outputs:
+        """Outputs at instant `number`, read from the last step's dense output."""
+        ode, last_step = FlatODE.of(self.solver, program, case), progress.state.last_step
+        t = number * program.interval
+        end = last_step.fraction(t)
+        flat = ode.interpolated(last_step, end)
+        plant = ode.loop.plant_state(ode.state(t, flat))
+        progress = with_peak_rate(progress, Observation.of(ode.loop.plant, plant))
+        settled = settled_along_step(ode, last_step, end, progress.settled)
+        success = progress.code == int(Outcome.SUCCESS)
+        cost = ode.restore(jnp.where(success, flat, progress.state.state))[1]
+        progress = progress._replace(
+            integrals=Integrals(cost, ode.effort(last_step, end)),
+            settled=settled,
+            ended_at=jnp.where(success, t, progress.ended_at),
+        )
+        return outputs_of(progress, plant, t, case.drawn, program.cost)
+
+    def signals(
+        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+    ) -> Signals:
+        """Signals at instant `number`, which the last step must have reached or passed."""
+        ode, last_step = FlatODE.of(self.solver, program, case), progress.state.last_step
+        t = number * program.interval
+        flat = ode.interpolated(last_step, last_step.fraction(t))
+        return ode.loop.signals(t, ode.state(t, flat))
 
 
-def finish(
-    solver: diffrax.AbstractSolver,
-    program: Program,
-    copy: Copy,
-    progress: Progress,
-    end: Float[Array, ""],
-) -> Outputs:
-    """Outputs of a trajectory that has gone all its way, until time `end` (s)."""
-    course, stretch = Course.of(solver, program, copy), progress.state.stretch
-    flat = course.dense(stretch, part_of(stretch, end))
-    state = course.state(end, flat)
-    plant = course.loop.plant_state(state)
-    progress = looked_at(progress, Sight.of(course.loop.plant, plant))
-    settled = judged_along(course, stretch, part_of(stretch, end), progress.settled)
-    success = progress.code == int(Outcome.SUCCESS)
-    cost = course.restore(jnp.where(success, flat, progress.state.state))[1]
-    progress = progress._replace(
-        integrals=Integrals(cost, course.effort_until(stretch, part_of(stretch, end))),
-        settled=settled,
-        ended_at=jnp.where(success, end, progress.ended_at),
-    )
-    return outputs_of(progress, plant, end, copy.drawn, program.cost)
-
-
-def observe(
-    solver: diffrax.AbstractSolver,
-    program: Program,
-    copy: Copy,
-    progress: Progress,
-    number: Int[Array, ""],
-) -> Signals:
-    """Signals at instant `number`, which the last step must have reached or passed."""
-    course, stretch = Course.of(solver, program, copy), progress.state.stretch
-    t = number * program.interval
-    return course.loop.signals(t, course.state(t, course.dense(stretch, part_of(stretch, t))))
-
-
-def _attempt(solver, tolerance, course: Course, needed, progress: Progress) -> Progress:
+def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progress) -> Progress:
     """Progress after one step, accepted or not; as it was unless that is `needed`."""
-    tableau, walk, step = tableau_of(solver), progress.state, progress.step
-    begin_state = course.with_no_torque(walk.state)
-    rates = stage_rates(tableau, course.rate(walk.sides), walk.t, step, begin_state, walk.rate)
-    grown = step * weighted(tableau.b_sol, rates)
-    after = begin_state + grown
+    solver, tolerance = stepper.solver, stepper.tolerance
+    tableau, state, step = tableau_of(solver), progress.state, progress.step
+    begin = ode.at_step_begin(state.state)
+    rates = stage_rates(tableau, ode.rate(state.signs), state.t, step, begin, state.rate)
+    increment = step * weighted(tableau.b_sol, rates)
+    after = begin + increment
     error = step * weighted(tableau.b_error, rates)
-    size = constant(_size(tolerance, *map(course.judged, (begin_state, after, error))))
-    accepted = needed & ((size <= 1) | (step <= tolerance.min_step))
-    growth = course.growth(step, rates, grown)
-    turns = jnp.zeros((course.output.parts, course.axes), growth.dtype)
-    stretch = Stretch(walk.t, step, begin_state, growth, turns, progress.integrals.effort)
-    end = Landing(step, after, rates[-1], walk.sides, walk.gaps)
-    landing = until_switch(course, walk, stretch, end, accepted, tolerance.min_step)
-    part = landing.seconds / step
-    powers = course.torque_powers(growth)
-    turns = sign_changes(powers, course.output.parts, part, accepted, course.seldom)
-    stretch = stretch._replace(turns=constant(turns))
-    further = Walk(
-        walk.t + landing.seconds,
-        walk.number,
-        landing.state,
-        landing.rate,
-        landing.sides,
-        landing.gaps,
-        stretch,
-    )
-    integrals = progress.integrals._replace(effort=course.effort_until(stretch, part))
-    left_behind = part_of(walk.stretch, walk.t)
-    settled = judged_along(course, walk.stretch, left_behind, progress.settled)
+    norm = stop_gradient(_error_norm(tolerance, *map(ode.error_controlled, (begin, after, error))))
+    accepted = needed & ((norm <= 1) | (step <= tolerance.min_step))
+    increments = ode.increments(step, rates, increment)
+    zeros = jnp.zeros((ode.output.sign_checks, ode.torque_count), increments.dtype)
+    dense = DenseStep(state.t, step, begin, increments, zeros, progress.integrals.effort)
+    end = StepEnd(step, after, rates[-1], state.signs, state.events)
+    end = until_event(ode, state.signs, state.events, dense, end, accepted, tolerance.min_step)
+    fraction = end.length / step
+    coefficients = ode.torque_coefficients(increments)
+    zeros = sign_changes(coefficients, ode.output.sign_checks, fraction, accepted, ode.cold_branch)
+    dense = dense._replace(torque_zeros=stop_gradient(zeros))
+    t = state.t + end.length
+    further = AdaptiveState(t, state.number, end.state, end.rate, end.signs, end.events, dense)
+    last_step = state.last_step
     moved = progress._replace(
-        state=further, integrals=integrals, settled=settled, ended_at=further.t
+        state=further,
+        integrals=progress.integrals._replace(effort=ode.effort(dense, fraction)),
+        settled=settled_along_step(ode, last_step, last_step.fraction(state.t), progress.settled),
+        ended_at=t,
     )
-    following = _judged(tolerance, course, progress, moved, needed, accepted)
-    # no longer step after one that met a switch: a law that slides would lose its way
-    factor = jnp.minimum(
-        _factor(size, solver.order(None)), jnp.where(part < 1, 1.0, LARGEST_FACTOR)
-    )
-    proposal = jnp.maximum(step * constant(factor), tolerance.min_step)
+    following = _accepted(tolerance, ode, progress, moved, needed, accepted)
+    # no longer step after one that met an event: a law that slides would lose its way
+    largest = jnp.where(fraction < 1, 1.0, LARGEST_FACTOR)
+    factor = jnp.minimum(_step_factor(norm, solver.order(None)), largest)
+    proposal = jnp.maximum(step * stop_gradient(factor), tolerance.min_step)
     return following._replace(step=jnp.where(needed, proposal, step))
 
 
-def _judged(tolerance, course, before: Progress, moved: Progress, needed, accepted) -> Progress:
+def _accepted(tolerance, ode, before: Progress, moved: Progress, needed, accepted) -> Progress:
     """Further on, where it was, or ended."""
-    limit = course.program.state_limit
-    fine = jnp.all(jnp.abs(course.judged(moved.state.state)[:-1]) < limit)  # NaN fails it
+    limit = ode.program.state_limit
+    good = jnp.all(jnp.abs(ode.error_controlled(moved.state.state)[:-1]) < limit)  # NaN fails it
     steps = before.steps + needed
-    code = jnp.where(accepted & ~fine, int(Outcome.STATE_LIMIT), before.code)
+    code = jnp.where(accepted & ~good, int(Outcome.STATE_LIMIT), before.code)
     out = needed & (code == int(Outcome.SUCCESS)) & (steps >= tolerance.max_steps)
     code = jnp.where(out, int(Outcome.MAX_STEPS), code)
-    kept = jax.tree.map(lambda new, old: jnp.where(accepted & fine, new, old), moved, before)
+    kept = jax.tree.map(lambda new, old: jnp.where(accepted & good, new, old), moved, before)
     return kept._replace(code=code, steps=steps)
 
 
-def _look_back(course: Course, bound, progress: Progress) -> Progress:
-    """With all instants looked at that the last step has passed."""
-    program = course.program
+def _observed(ode: FlatODE, bound, progress: Progress) -> Progress:
+    """With all instants before number `bound` observed that the last step has passed."""
+    program = ode.program
 
     def pending(progress: Progress):
-        walk: Walk = progress.state
-        passed = (walk.number < bound) & (walk.number * program.interval <= walk.t)
+        state: AdaptiveState = progress.state
+        passed = (state.number < bound) & (state.number * program.interval <= state.t)
         return passed & (progress.code == int(Outcome.SUCCESS))
 
-    def look(progress: Progress) -> Progress:
-        walk: Walk = progress.state
-        t = walk.number * program.interval
-        state = course.state(t, course.dense(walk.stretch, part_of(walk.stretch, t)))
-        sight = Sight.of(course.loop.plant, course.loop.plant_state(state))
-        seen = looked_at(progress, sight)
-        return seen._replace(state=walk._replace(number=walk.number + 1))
+    def observe(progress: Progress) -> Progress:
+        state: AdaptiveState = progress.state
+        t = state.number * program.interval
+        flat = ode.interpolated(state.last_step, state.last_step.fraction(t))
+        plant = ode.loop.plant_state(ode.state(t, flat))
+        seen = with_peak_rate(progress, Observation.of(ode.loop.plant, plant))
+        return seen._replace(state=state._replace(number=state.number + 1))
 
-    return jax.lax.while_loop(pending, look, progress)
+    return jax.lax.while_loop(pending, observe, progress)
 
 
-def _size(tolerance, before, after, error) -> Float[Array, ""]:
+def _error_norm(tolerance, before, after, error) -> Float[Array, ""]:
     """The error in parts of what is tolerated; NaN where it is no number, never accepted."""
     scale = tolerance.atol + tolerance.rtol * jnp.maximum(jnp.abs(before), jnp.abs(after))
     return jnp.sqrt(jnp.mean((error / scale) ** 2))
 
 
-def _factor(size: Float[Array, ""], order: int) -> Float[Array, ""]:
+def _step_factor(norm: Float[Array, ""], order: int | None) -> Float[Array, ""]:
     """How much longer the next step may be; much shorter where the error is no number."""
-    wanted = SAFETY * jnp.exp(-(1 / order) * jnp.log(jnp.maximum(size, 1e-12)))
-    known = jnp.where(jnp.isfinite(size), wanted, LEAST_FACTOR)
+    assert order is not None
+    wanted = SAFETY * jnp.exp(-(1 / order) * jnp.log(jnp.maximum(norm, 1e-12)))
+    known = jnp.where(jnp.isfinite(norm), wanted, LEAST_FACTOR)
     return jnp.clip(known, LEAST_FACTOR, LARGEST_FACTOR)

@@ -9,71 +9,75 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.engine.crossing import polynomial
+from jaxsat.engine.root_finding import polynomial
 from jaxsat.engine.runge_kutta import weighted
 
 
 class AbstractDenseOutput(eqx.Module):
-    """A polynomial in the part of a step that has gone by, given by rows that the step leaves.
+    """A polynomial in the fraction of a step that has gone by, given by rows that the step leaves.
 
-    Whether a switch has been passed is looked up at the ends of `looks` equal parts of a step, and
-    whether a torque has changed its sign at those of `parts`.
+    Whether an event has been passed is checked at the ends of `event_checks` equal parts of a step,
+    and whether a torque has changed its sign at those of `sign_checks`.
     """
 
     rows: ClassVar[int]
-    looks: ClassVar[int]
-    parts: ClassVar[int]
+    event_checks: ClassVar[int]
+    sign_checks: ClassVar[int]
 
     @abc.abstractmethod
-    def growth(
-        self, step: Float[Array, ""], rates: list[Float[Array, " n"]], grown: Float[Array, " n"]
+    def increments(
+        self, step: Float[Array, ""], rates: list[Float[Array, " n"]], increment: Float[Array, " n"]
     ) -> Float[Array, "rows n"]:
-        """The rows of a step (s) from the rates at its stages and how far the state has grown."""
+        """The rows of a step (s) from the rates at its stages and the step's own increment."""
 
     @abc.abstractmethod
     def at(
-        self, begin: Float[Array, " n"], growth: Float[Array, "rows n"], part: Float[Array, ""]
+        self,
+        begin: Float[Array, " n"],
+        increments: Float[Array, "rows n"],
+        fraction: Float[Array, ""],
     ) -> Float[Array, " n"]:
-        """The state after a part of the step that began in `begin`."""
+        """The state after a fraction of the step that began in `begin`."""
 
     @abc.abstractmethod
-    def powers(self, growth: Float[Array, "rows n"]) -> Float[Array, "degree n"]:
-        """The coefficients of the powers of the part, from the first one on."""
+    def coefficients(self, increments: Float[Array, "rows n"]) -> Float[Array, "degree n"]:
+        """The coefficients of the powers of the fraction, from the first one on."""
 
 
 class Quartic(AbstractDenseOutput):
-    """Fourth degree, through growth and rates at both ends and the growth until the middle.
+    """Fourth degree, through the increments until middle and end, and the rates at both ends.
 
-    `middle` has the weights of the stages in the latter. The rows are growth at the rate of the
-    begin, until the middle, until the end, and at the rate of the end.
+    `middle` has the weights of the stages in the first. The rows are the increments at the rate of
+    the begin, until the middle, until the end, and at the rate of the end.
     """
 
     middle: tuple[float, ...] = eqx.field(static=True)
     rows: ClassVar[int] = 4
-    looks: ClassVar[int] = 2
-    parts: ClassVar[int] = 1
+    event_checks: ClassVar[int] = 2
+    sign_checks: ClassVar[int] = 1
 
-    def growth(self, step, rates, grown):
+    def increments(self, step, rates, increment):
         """One sum over the stages."""
         middle = step * weighted(np.array(self.middle), rates)
-        return jnp.stack([step * rates[0], middle, grown, step * rates[-1]])
+        return jnp.stack([step * rates[0], middle, increment, step * rates[-1]])
 
-    def at(self, begin, growth, part):
+    def at(self, begin, increments, fraction):
         """By the polynomials that are one for a row and nothing for the others."""
-        at_begin, middle, whole, at_end = growth
-        rest, square = 1 - part, part * part
-        bend = rest * (1 - 2 * part)
+        at_begin, middle, whole, at_end = increments
+        x = fraction
+        rest, square = 1 - x, x * x
+        bend = rest * (1 - 2 * x)
         return (
             begin
-            + (part * rest * bend) * at_begin
+            + (x * rest * bend) * at_begin
             + (16 * square * rest * rest) * middle
-            + (square * (14 * part - 5 - 8 * square)) * whole
+            + (square * (14 * x - 5 - 8 * square)) * whole
             + (square * bend) * at_end
         )
 
-    def powers(self, growth):
+    def coefficients(self, increments):
         """The same polynomial."""
-        at_begin, middle, whole, at_end = growth
+        at_begin, middle, whole, at_end = increments
         return jnp.stack(
             [
                 at_begin,
@@ -89,20 +93,20 @@ class Sextic(AbstractDenseOutput):
 
     weights: tuple[tuple[float, ...], ...] = eqx.field(static=True)
     rows: ClassVar[int] = 6
-    looks: ClassVar[int] = 4
-    parts: ClassVar[int] = 2
+    event_checks: ClassVar[int] = 4
+    sign_checks: ClassVar[int] = 2
 
-    def growth(self, step, rates, grown):
+    def increments(self, step, rates, increment):
         """One sum over the stages for each power."""
         return jnp.stack([step * weighted(np.array(row), rates) for row in self.weights])
 
-    def at(self, begin, growth, part):
+    def at(self, begin, increments, fraction):
         """By Horner's rule."""
-        return begin + polynomial(list(growth), part)
+        return begin + polynomial(list(increments), fraction)
 
-    def powers(self, growth):
+    def coefficients(self, increments):
         """The rows themselves."""
-        return growth
+        return increments
 
 
 def dense_output(solver: diffrax.AbstractSolver) -> AbstractDenseOutput:

@@ -1,94 +1,171 @@
-"""A trajectory in equal steps, interval by interval."""
+"""Equal steps, interval by interval: through a continuous loop, and between samples."""
 
+import dataclasses
+
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxsat.dynamics import PlantState
-from jaxsat.engine.program import Program
-from jaxsat.engine.progress import Progress, judged_at, looked_at
-from jaxsat.engine.rates import augmented_rate, held_rate
-from jaxsat.engine.runge_kutta import explicit_step
+from jaxsat.checks import require_counts
+from jaxsat.engine.program import Case, Program
+from jaxsat.engine.progress import (
+    Outputs,
+    Progress,
+    initial_progress,
+    outputs_of,
+    settled_at,
+    with_peak_rate,
+)
+from jaxsat.engine.rates import augmented_rate, continuous_loop, held_rate, plant_state
+from jaxsat.engine.runge_kutta import explicit_step, tableau_of
+from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.metrics import Since
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
-from jaxsat.simulation.assessment import Sight
+from jaxsat.simulation.assessment import Observation
 from jaxsat.simulation.loops import SampledState
 from jaxsat.simulation.solve import all_within
 from jaxsat.vehicle import Sensors
 
+NOISE_BLOCK = 16
+"""Samples whose noise is drawn together. More gain little, and a replay, which stops at every
+sample, draws all but one of them in vain."""
 
-def advance_in_equal_steps(
-    tableau, substeps: int, program: Program, loop: AbstractLoop, progress: Progress, first, count
-) -> Progress:
-    """Progress of one trajectory after `count` intervals from number `first` on.
 
-    A sampled loop takes its own substeps in each period.
-    """
+class FixedStepper(AbstractStepper):
+    """`substeps` equal steps of a continuous loop in each interval of the program."""
 
-    def interval(i, progress):
-        number = first + i
-        t = number * program.interval
-        if isinstance(loop, SampledLoop):
-            seen, state, integrals = _sampled_interval(tableau, program, loop, number, t, progress)
-        else:
-            seen, state, integrals = _continuous_interval(
-                tableau, substeps, program, loop, t, progress
+    solver: diffrax.AbstractSolver = diffrax.Tsit5()
+    substeps: int = eqx.field(static=True, default=20)
+
+    def __check_init__(self):
+        tableau_of(self.solver)
+        require_counts(substeps=self.substeps)
+
+    def identity(self):
+        """Solver and substeps."""
+        return {"solver": type(self.solver).__name__, "substeps": self.substeps}
+
+    def begin(self, program, case):
+        """The progress at time zero."""
+        return initial_progress(case.loop.start(case.start), case.start.omega, case.possible)
+
+    def advance(self, program, case, progress, first, count, axis_name=None):
+        """The progress after so many intervals."""
+        del axis_name
+        loop = continuous_loop(case)
+        rate, judged = augmented_rate(program, loop), _judge(program, loop)
+
+        def interval(i, progress):
+            t = (first + i) * program.interval
+            seen = with_peak_rate(progress, loop.signals(t, progress.state))
+            (state, integrals), settled = _equal_steps(
+                tableau_of(self.solver),
+                rate,
+                t,
+                program.interval,
+                self.substeps,
+                ((progress.state, progress.integrals), progress.settled),
+                judged,
             )
-        return _unless_ended(program, progress, seen, state, integrals, t)
+            return _unless_ended(program, progress, seen, state, (integrals, settled), t)
 
-    return jax.lax.fori_loop(0, count, interval, progress)
+        return jax.lax.fori_loop(0, count, interval, progress)
 
+    def finish(self, program, case, progress, number):
+        """Outputs at the end."""
+        return _finished(program, case, progress, number)
 
-def advance_with_drawn_noise(
-    tableau, program: Program, loop: SampledLoop, progress: Progress, first, count, block: int
-) -> Progress:
-    """The same of a loop with noise, which is drawn for `block` samples at a time.
-
-    The numbers are those of one sample after the other; a batch draws many at once in less time.
-    """
-    sensors = loop.sensors
-    assert isinstance(sensors, Sensors)
-
-    def one(number, progress):
-        begin = first + number * block
-        drawn = sensors.drawn(begin, block, progress.state.plant.omega.dtype)
-        told = eqx.tree_at(lambda loop: loop.sensors, loop, drawn)
-        left = jnp.minimum(block, count - number * block)
-        return advance_in_equal_steps(tableau, 0, program, told, progress, begin, left)
-
-    return jax.lax.fori_loop(0, (count + block - 1) // block, one, progress)
+    def signals(self, program, case, progress, number):
+        """Those of the loop."""
+        return continuous_loop(case).signals(number * program.interval, progress.state)
 
 
-def _sampled_interval(tableau, program, loop, number, t, progress):
-    torque, memory, signals = loop.sample(number, t, progress.state)
-    both, settled = (progress.state.plant, progress.integrals), progress.settled
+class SampledStepper(AbstractStepper):
+    """The own substeps of a sampled loop in each of its periods."""
 
-    def judge(settled, time, both):
-        return judged_at(settled, time, Sight.of(loop.plant, both[0]), program.tolerances)
+    solver: diffrax.AbstractSolver = diffrax.Tsit5()
 
-    for hold in loop.holds(progress.state, torque):
-        rate = held_rate(program, loop, hold.torque)
-        where = (tableau, rate, t + hold.begin, hold.length, loop.substeps)
-        both, settled = _steps(*where, both, settled, judge)
-    plant, integrals = both
-    plant = PlantState(plant.attitude.normalised(), plant.omega)
-    seen = looked_at(progress, signals)._replace(settled=settled)
-    return seen, SampledState(plant, memory, torque), integrals
+    def identity(self):
+        """The solver."""
+        return {"solver": type(self.solver).__name__}
+
+    def begin(self, program, case):
+        """The progress at time zero."""
+        return initial_progress(case.loop.start(case.start), case.start.omega, case.possible)
+
+    def advance(self, program, case, progress, first, count, axis_name=None):
+        """The progress after so many periods.
+
+        In a batch the noise of sensors is drawn for `NOISE_BLOCK` samples at a time, which takes
+        less time than one after the other. The numbers are the same.
+        """
+        loop = _sampled_loop(case)
+        sensors = loop.sensors
+        if axis_name is None or not isinstance(sensors, Sensors):
+            return self._periods(program, loop, progress, first, count)
+
+        def block(number, progress):
+            begin = first + number * NOISE_BLOCK
+            drawn = sensors.drawn(begin, NOISE_BLOCK, progress.state.plant.omega.dtype)
+            told = dataclasses.replace(loop, sensors=drawn)
+            left = jnp.minimum(NOISE_BLOCK, count - number * NOISE_BLOCK)
+            return self._periods(program, told, progress, begin, left)
+
+        blocks = (count + NOISE_BLOCK - 1) // NOISE_BLOCK
+        return jax.lax.fori_loop(0, blocks, block, progress)
+
+    def _periods(self, program: Program, loop: SampledLoop, progress, first, count) -> Progress:
+        tableau, judged = tableau_of(self.solver), _judge(program, loop)
+
+        def integrate(t, hold, plant, carry):
+            integrals, settled = carry
+            rate, both = held_rate(program, loop, hold.torque), (plant, integrals)
+            (plant, integrals), settled = _equal_steps(
+                tableau, rate, t, hold.length, loop.substeps, (both, settled), judged
+            )
+            return plant, (integrals, settled)
+
+        def period(i, progress):
+            number = first + i
+            t = number * program.interval
+            carry = (progress.integrals, progress.settled)
+            state, carry, signals = loop.period(number, t, progress.state, integrate, carry)
+            seen = with_peak_rate(progress, signals)
+            return _unless_ended(program, progress, seen, state, carry, t)
+
+        return jax.lax.fori_loop(0, count, period, progress)
+
+    def finish(self, program, case, progress, number):
+        """Outputs at the last sample."""
+        return _finished(program, case, progress, number)
+
+    def signals(self, program, case, progress, number):
+        """Those of the sample."""
+        return _sampled_loop(case).sample(number, number * program.interval, progress.state)[2]
 
 
-def _continuous_interval(tableau, substeps, program, loop, t, progress):
-    def judge(settled, time, both):
-        sight = Sight.of(loop.plant, loop.plant_state(both[0]))
-        return judged_at(settled, time, sight, program.tolerances)
-
-    seen = looked_at(progress, loop.signals(t, progress.state))
-    where = (tableau, augmented_rate(program, loop), t, program.interval, substeps)
-    both = (progress.state, progress.integrals)
-    both, settled = _steps(*where, both, progress.settled, judge)
-    return seen._replace(settled=settled), *both
+def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper:
+    """The stepper itself; for a sampled loop, which has steps of its own, one with its solver."""
+    return SampledStepper(stepper.solver) if isinstance(loop, SampledLoop) else stepper
 
 
-def _steps(tableau, rate, t, length, count: int, state, settled: Since, judge):
+def _sampled_loop(case: Case) -> SampledLoop:
+    assert isinstance(case.loop, SampledLoop)
+    return case.loop
+
+
+def _judge(program: Program, loop: AbstractLoop):
+    """How a step's begin is judged: since when the case is settled."""
+
+    def judged(settled: Since, t, both) -> Since:
+        state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, both[0])
+        return settled_at(settled, t, Observation.of(loop.plant, state), program.tolerances)
+
+    return judged
+
+
+def _equal_steps(tableau, rate, t, length, count: int, carry, judged):
     """The state after equal steps, and since when the case is settled, judged where each begins."""
     step = length / count
 
@@ -96,23 +173,32 @@ def _steps(tableau, rate, t, length, count: int, state, settled: Since, judge):
         state, settled = carry
         begin = t + number * step
         after = explicit_step(tableau, rate, begin, step, state)
-        return after, judge(settled, begin, state)
+        return after, judged(settled, begin, state)
 
-    return (
-        one(0, (state, settled))
-        if count == 1
-        else jax.lax.fori_loop(0, count, one, (state, settled))
-    )
+    return one(0, carry) if count == 1 else jax.lax.fori_loop(0, count, one, carry)
 
 
-def _unless_ended(program, before, seen, state, integrals, t) -> Progress:
+def _unless_ended(program, before, seen, state, carry, t) -> Progress:
     """The next progress, or the last good one where the case has ended or now ends."""
-    judged = (state.plant, state.memory) if isinstance(state, SampledState) else state
-    fine = all_within((judged, integrals.cost * 0), program.state_limit)
+    integrals, settled = carry
+    checked = (state.plant, state.memory) if isinstance(state, SampledState) else state
+    good = all_within((checked, integrals.cost * 0), program.state_limit)
     running = before.code == int(Outcome.SUCCESS)
-    code = jnp.where(running & ~fine, int(Outcome.STATE_LIMIT), before.code)
+    code = jnp.where(running & ~good, int(Outcome.STATE_LIMIT), before.code)
     after = seen._replace(
-        state=state, integrals=integrals, ended_at=t + program.interval, code=code
+        state=state,
+        integrals=integrals,
+        settled=settled,
+        ended_at=t + program.interval,
+        code=code,
     )
     kept = before._replace(code=code)
-    return jax.tree.map(lambda new, old: jnp.where(running & fine, new, old), after, kept)
+    return jax.tree.map(lambda new, old: jnp.where(running & good, new, old), after, kept)
+
+
+def _finished(program: Program, case: Case, progress: Progress, number) -> Outputs:
+    end, plant = number * program.interval, plant_state(case.loop, progress.state)
+    observed = Observation.of(case.loop.plant, plant)
+    settled = settled_at(progress.settled, end, observed, program.tolerances)
+    seen = with_peak_rate(progress, observed)._replace(settled=settled)
+    return outputs_of(seen, plant, end, case.drawn, program.cost)

@@ -5,21 +5,12 @@ from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Float, PyTree
 
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.simulation import Signals
-
-SPARE = 8
-"""Lanes behind the last case that only hold padding.
-
-A compiler may take the last few lanes, one vector of them, through a scalar copy of a loop that
-rounds differently: reading two of three components needs one, so as not to read past the end.
-A block of one case has no other place to be in, and needs none.
-"""
 
 
 class Replay(NamedTuple):
@@ -43,86 +34,36 @@ Mode = Literal["forward", "reverse"]
 
 
 class AbstractEngine(eqx.Module):
-    """Runs a program for many cases, `width` at a time.
+    """Runs a program for many cases; the bits of a case do not depend on its companions.
 
-    Cases go through one compiled program of as many lanes and some more, the rest padded, so that
-    the bits of a case depend neither on how many others there are, nor on which, nor on its place.
+    Cases are the entries of arrays along their leading axis. Outputs are NumPy arrays, and nothing
+    is raised where a case fails: see `Outputs.code`. At most `batch_size` cases are in memory with
+    their histories.
     """
 
-    width: eqx.AbstractVar[int]
-
-    @property
-    def padded_width(self) -> int:
-        """How many lanes a block has, padding included."""
-        return self.width + SPARE if self.width > 1 else 1
+    batch_size: eqx.AbstractVar[int]
 
     @abc.abstractmethod
     def identity(self) -> dict[str, Any]:
         """What of the engine the bits of a case depend on, as plain data."""
 
     @abc.abstractmethod
-    def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
-        """Outputs of a padded block."""
-
-    @abc.abstractmethod
-    def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
-    ) -> tuple[Outputs, Signals]:
-        """Outputs and signals (times after cases) of a padded block.
-
-        The signals are those at the beginning of the intervals of these numbers, ascending from 0
-        to the end.
-        """
-
-    @abc.abstractmethod
-    def block_gradient(
-        self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
-    ) -> CostGradient:
-        """Outputs of a padded block and the derivatives of its costs."""
-
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
-        """Outputs of all cases, which are the entries of `cases` along the leading axis.
+        """Outputs of all cases."""
 
-        Returns NumPy arrays. Nothing is raised where a case fails: see `Outputs.code`.
-        """
-        return self._in_blocks(self.run_block, program, cases, gains)
-
+    @abc.abstractmethod
     def gradient(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode = "forward"
     ) -> CostGradient:
         """Outputs of all cases, and the derivative of each case's cost by `gains`.
 
-        NumPy arrays. Adaptive steps of the scan and native engines end on a law's switches, and
-        theirs is the derivative of the cost; steps that do not, fixed ones or those of diffrax,
-        give that of the smooth pieces, which misses how the switches move. Raises `ValueError` for
-        reverse mode where the engine has none.
+        Adaptive steps of the scan and native engines end on a law's corners, and theirs is the
+        derivative of the cost; steps that do not, fixed ones or those of diffrax, give that of the
+        smooth pieces, which misses how the corners move. Raises `ValueError` for reverse mode where
+        the engine has none.
         """
 
-        def run(program, cases, gains):
-            return self.block_gradient(program, cases, gains, mode)
-
-        return self._in_blocks(run, program, cases, gains)
-
-    def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
-        """One case (no leading axis) again, with its history and the same bits as before."""
-        cases = jax.tree.map(lambda x: jnp.stack([x] * self.padded_width), case)
-        outputs, signals = self.replay_block(program, cases, gains, program.instants())
-        outputs, signals = jax.tree.map(lambda x: np.asarray(x[0]), (outputs, signals))
-        times = np.arange(program.intervals + 1) * float(program.interval)
-        return Replay(outputs, times, signals)
-
-    def histories(
-        self, program: Program, cases: PyTree, gains: PyTree = None, every: int = 1
-    ) -> Signals:
-        """Signals (cases, times) of at most `width` cases, at `program.instants(every)`."""
-        count = count_of(cases)
-        cases = jax.tree.map(np.asarray, cases)
-        if count > self.width:
-            raise ValueError(f"There must be 1 to {self.width} cases, but got {count}.")
-        padded, instants = jax.tree.map(self._padded, cases), program.instants(every)
-        signals = self.replay_block(program, padded, gains, instants)[1]
-        return jax.tree.map(lambda x: np.asarray(x[:count]), signals)
-
+    @abc.abstractmethod
     def observed(
         self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
@@ -131,24 +72,22 @@ class AbstractEngine(eqx.Module):
         These are numbers of intervals, ascending from 0 to the end, such as `program.evenly` gives.
         """
 
-        def run(program, cases, gains):
-            return self.replay_block(program, cases, gains, instants)
+    def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
+        """One case (no leading axis) again, with its history and the same bits as before."""
+        cases = jax.tree.map(lambda x: np.asarray(x)[None], case)
+        found = self.observed(program, cases, gains, program.instants())
+        outputs, signals = jax.tree.map(lambda x: x[0], found)
+        times = np.arange(program.intervals + 1) * float(program.interval)
+        return Replay(outputs, times, signals)
 
-        return self._in_blocks(run, program, cases, gains)
-
-    def _in_blocks(self, run, program: Program, cases: PyTree, gains: PyTree):
+    def histories(
+        self, program: Program, cases: PyTree, gains: PyTree = None, every: int = 1
+    ) -> Signals:
+        """Signals (cases, times) of at most `batch_size` cases, at `program.instants(every)`."""
         count = count_of(cases)
-        cases = jax.tree.map(np.asarray, cases)
-        blocks = []
-        for first in range(0, count, self.width):
-            block = jax.tree.map(lambda x: x[first : first + self.width], cases)  # noqa: B023
-            found = run(program, jax.tree.map(self._padded, block), gains)
-            blocks.append(jax.tree.map(lambda x: np.asarray(x)[: self.width], found))
-        return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *blocks)
-
-    def _padded(self, block: np.ndarray) -> Array:
-        missing = self.padded_width - len(block)
-        return jnp.asarray(np.concatenate([block, np.repeat(block[:1], missing, axis=0)]))
+        if count > self.batch_size:
+            raise ValueError(f"There must be 1 to {self.batch_size} cases, but got {count}.")
+        return self.observed(program, cases, gains, program.instants(every))[1]
 
 
 def count_of(cases: PyTree) -> int:

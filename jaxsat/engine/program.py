@@ -1,6 +1,7 @@
 """What an engine runs: a program for one trajectory, made anew for every case."""
 
 import abc
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -15,8 +16,8 @@ from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.solve import STATE_LIMIT
 
 
-class Copy(NamedTuple):
-    """A case made: its loop and start, what was drawn for it by name, and whether it can exist."""
+class Case(NamedTuple):
+    """One case: closed loop and start, what was drawn for it by name, and whether it can exist."""
 
     loop: AbstractLoop
     start: PlantState
@@ -24,23 +25,23 @@ class Copy(NamedTuple):
     possible: Bool[Array, ""]
 
 
-class AbstractCopies(eqx.Module):
-    """How the copy of a closed loop that is one case is made."""
+class AbstractCaseFactory(eqx.Module):
+    """Makes the cases of a program: closed loops that differ in some of their numbers."""
 
     @abc.abstractmethod
-    def __call__(self, case: PyTree, gains: PyTree) -> Copy:
-        """The copy for one case, with `gains` in place of some of its controller's numbers."""
+    def __call__(self, case: PyTree, gains: PyTree) -> Case:
+        """The case of the numbers `case`, with `gains` in place of some of its controller's."""
 
 
 class Program(eqx.Module):
     """One trajectory from zero to the end, and what is to be known of it.
 
-    The state is looked at every `interval` seconds, `intervals` times after the start: that is
+    The state is observed every `interval` seconds, `intervals` times after the start: that is
     where settling, the peak rate and divergence (an entry beyond `state_limit`) are judged.
-    A sampled loop is looked at at its samples.
+    A sampled loop is observed at its samples.
     """
 
-    copies: AbstractCopies
+    case_factory: AbstractCaseFactory
     interval: Float[Array, ""] = eqx.field(converter=as_float)
     intervals: int = eqx.field(static=True)
     tolerances: Tolerances = eqx.field(default_factory=Tolerances)
@@ -63,10 +64,14 @@ class Program(eqx.Module):
         """
         if not 2 <= count <= self.intervals + 1:
             raise ValueError(
-                f"A history must have 2 to {self.intervals + 1} instants, as the state is looked "
-                f"at so often, but got {count}."
+                f"A history must have 2 to {self.intervals + 1} instants, as the state is "
+                f"observed so often, but got {count}."
             )
         return np.round(np.linspace(0, self.intervals, count)).astype(int)
+
+    def of_any_length(self) -> "Program":
+        """The program with a length that says nothing: compiled loops take it as an input."""
+        return dataclasses.replace(self, intervals=1)
 
     @property
     def duration(self) -> Float[Array, ""]:
@@ -75,7 +80,7 @@ class Program(eqx.Module):
 
 
 def program_of(
-    copies: AbstractCopies,
+    case_factory: AbstractCaseFactory,
     loop: AbstractLoop,
     duration: float,
     interval: float = 1.0,
@@ -83,9 +88,9 @@ def program_of(
     tolerances: Tolerances | None = None,
     cost: RunningCost | None = None,
 ) -> Program:
-    """The program that runs copies of a loop like `loop` for `duration` seconds.
+    """The program that runs cases of a loop like `loop` for `duration` seconds.
 
-    A sampled loop is looked at at its own samples, any other every `interval` seconds. Raises
+    A sampled loop is observed at its own samples, any other every `interval` seconds. Raises
     `ValueError` where the duration is not a whole number of these.
     """
     if isinstance(loop, SampledLoop):
@@ -96,4 +101,4 @@ def program_of(
             f"Argument `duration` must be a whole number of intervals of {interval} s, "
             f"but got {duration} s."
         )
-    return Program(copies, interval, count, tolerances or Tolerances(), cost or RunningCost())
+    return Program(case_factory, interval, count, tolerances or Tolerances(), cost or RunningCost())

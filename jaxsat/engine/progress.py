@@ -11,7 +11,7 @@ from jaxsat.dynamics import PlantState
 from jaxsat.metrics import Since, Tolerances
 from jaxsat.quotients import reciprocal
 from jaxsat.simulation import Outcome, Signals
-from jaxsat.simulation.assessment import Sight, still
+from jaxsat.simulation.assessment import Observation, stop_gradient
 from jaxsat.trigonometry import cos
 
 
@@ -125,10 +125,10 @@ class Integrals(NamedTuple):
 class Progress(NamedTuple):
     """A trajectory that is under way.
 
-    `peak_square` is the largest |ω|² (rad²/s²) at the instants looked at. `settled` tells since
+    `peak_square` is the largest |ω|² (rad²/s²) at the instants observed. `settled` tells since
     when the tolerances have been met, judged at every step; `ended_at` is the time (s) up to which
-    the state is good. `step` (s) is the next to be tried and `steps` the number
-    of those tried, where steps are adaptive.
+    the state is good. `step` (s) is the next to be tried and `steps` the number of those tried,
+    where steps are adaptive.
     """
 
     state: PyTree
@@ -145,7 +145,7 @@ class Outputs(NamedTuple):
     """What is told of a case; NaN (never settled: infinite) where it did not reach its end.
 
     Code (see `Outcome`), settling time (s), effort (N m s), cost (of a run that failed as well
-    where the running cost has a limit), peak |ω| at the instants looked at (rad/s), end of the good
+    where the running cost has a limit), peak |ω| at the instants observed (rad/s), end of the good
     part (s); attitude and ω (rad/s) at the end of the horizon; and
     what was drawn, by name. With a leading axis these are the outputs of many cases.
     """
@@ -163,7 +163,9 @@ class Outputs(NamedTuple):
     drawn: dict[str, Array]
 
 
-def begun(state: PyTree, omega: Float[Array, "3"], possible, step: float | Array = 0.0) -> Progress:
+def initial_progress(
+    state: PyTree, omega: Float[Array, "3"], possible, step: float | Array = 0.0
+) -> Progress:
     """Progress at time zero; a case that cannot exist has ended there."""
     zero = jnp.zeros((), omega.dtype)
     code = jnp.where(possible, int(Outcome.SUCCESS), int(Outcome.IMPOSSIBLE_CASE))
@@ -173,18 +175,20 @@ def begun(state: PyTree, omega: Float[Array, "3"], possible, step: float | Array
     return Progress(state, integrals, zero, settled, zero, code, zero + step, nothing)
 
 
-def looked_at(progress: Progress, signals: Signals | Sight) -> Progress:
-    """The peak rate with one more instant taken into account."""
-    square = jnp.sum(signals.omega**2)
+def with_peak_rate(progress: Progress, observed: Signals | Observation) -> Progress:
+    """With one more instant taken into account in the peak rate."""
+    square = jnp.sum(observed.omega**2)
     return progress._replace(peak_square=jnp.maximum(progress.peak_square, square))
 
 
-def judged_at(settled: Since, t: Float[Array, ""], sight: Sight, tolerances: Tolerances) -> Since:
+def settled_at(
+    settled: Since, t: Float[Array, ""], observed: Observation, tolerances: Tolerances
+) -> Since:
     """Since when the case is settled, with the end of one more of equal steps taken into account.
 
     Nothing of it is differentiated.
     """
-    return settled.looked(*still((t, sight.excess(tolerances))))
+    return settled.looked(*stop_gradient((t, observed.excess(tolerances))))
 
 
 def outputs_of(
@@ -194,7 +198,7 @@ def outputs_of(
     drawn: dict[str, Array],
     cost: RunningCost,
 ) -> Outputs:
-    """Outputs of a trajectory whose last instant has been looked at."""
+    """Outputs of a trajectory whose last instant has been observed."""
     success = progress.code == int(Outcome.SUCCESS)
 
     def kept(value):

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.dynamics import PlantState
-from jaxsat.engine.program import Program
+from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import Integrals, RunningCost
 from jaxsat.simulation import (
     AbstractContinuousLoop,
@@ -12,6 +12,13 @@ from jaxsat.simulation import (
     Motion,
     SampledLoop,
 )
+
+
+def continuous_loop(case: Case) -> AbstractContinuousLoop:
+    """The case's loop; raises `TypeError` unless it is an ordinary differential equation."""
+    if not isinstance(case.loop, AbstractContinuousLoop):
+        raise TypeError(f"A loop must be one of jaxsat.simulation, but got {type(case.loop)}.")
+    return case.loop
 
 
 def plant_state(loop: AbstractLoop, state: PyTree) -> PlantState:

@@ -1,4 +1,4 @@
-"""diffrax over a block of cases: any solver, adaptive steps, every loop. The reference."""
+"""diffrax over a batch of cases: any solver, adaptive steps, every loop. The reference."""
 
 from typing import Any, cast
 
@@ -9,46 +9,51 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from jaxsat.checks import require_counts
 from jaxsat.dynamics import PlantState
-from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
-from jaxsat.engine.program import Copy, Program
-from jaxsat.engine.progress import Integrals, Outputs, judged_at
-from jaxsat.engine.rates import augmented_rate, held_rate, plant_state
+from jaxsat.engine.batches import AbstractBatchEngine
+from jaxsat.engine.interface import CostGradient, Mode
+from jaxsat.engine.program import Case, Program
+from jaxsat.engine.progress import Integrals, Outputs, settled_at
+from jaxsat.engine.rates import augmented_rate, continuous_loop, held_rate, plant_state
 from jaxsat.metrics import Since
 from jaxsat.simulation import (
-    AbstractContinuousLoop,
     Method,
     Outcome,
     SampledLoop,
     Signals,
     default_method,
 )
-from jaxsat.simulation.assessment import Look, Sight, WatchedSolver, WatchedState, still
-from jaxsat.simulation.loops import SampledState
-from jaxsat.simulation.solve import all_within, outcome_code
+from jaxsat.simulation.assessment import (
+    MonitoredSolver,
+    MonitoredState,
+    MonitorSample,
+    Observation,
+    stop_gradient,
+)
+from jaxsat.simulation.solve import all_within, outcome_code, run_samples
 
 
-class ReferenceEngine(AbstractEngine):
-    """`diffeqsolve`, vmapped over the cases of a block.
+class ReferenceEngine(AbstractBatchEngine):
+    """`diffeqsolve`, vmapped over the cases of a batch.
 
     `method` is what suits the loop unless given; a sampled loop takes its solver with equal steps,
-    `substeps` in each period. Adaptive steps run a block at the pace of its slowest case. Reverse
+    `substeps` in each period. Adaptive steps run a batch at the pace of its slowest case. Reverse
     mode goes by `adjoint`, one that differentiates what a term closes over, as all but
     `diffrax.BacksolveAdjoint` do.
     """
 
     method: Method | None = None
-    width: int = eqx.field(static=True, default=32)
+    batch_size: int = eqx.field(static=True, default=32)
     adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint()
 
     def __check_init__(self):
-        if self.width < 1:
-            raise ValueError(f"Argument `width` must be at least 1, but got {self.width}.")
+        require_counts(batch_size=self.batch_size)
 
     def identity(self) -> dict[str, Any]:
-        """The width, and the method with its numbers."""
+        """The batch size, and the method with its numbers."""
         if self.method is None:
-            return {"name": "diffrax", "width": self.width, "method": None}
+            return {"name": "diffrax", "batch_size": self.batch_size, "method": None}
         numbers = jax.tree.leaves(eqx.filter(self.method, eqx.is_array))
         method = {
             "solver": type(self.method.solver).__name__,
@@ -56,23 +61,23 @@ class ReferenceEngine(AbstractEngine):
             "numbers": [float(x) for x in numbers],
             "max_steps": self.method.max_steps,
         }
-        return {"name": "diffrax", "width": self.width, "method": method}
+        return {"name": "diffrax", "batch_size": self.batch_size, "method": method}
 
-    def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
-        """Outputs of one block."""
+    def run_batch(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
+        """Outputs of one batch."""
         return _run(self, program, cases, gains)[0]
 
-    def replay_block(
+    def observe_batch(
         self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
-        """Outputs and history of one block, both from the program that runs blocks."""
+        """Outputs and history of one batch, both from the program that runs batches."""
         outputs, signals = _run(self, program, cases, gains)
         return outputs, jax.tree.map(lambda x: x[:, instants], signals)
 
-    def block_gradient(
+    def differentiate_batch(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
     ) -> CostGradient:
-        """Outputs of one block and the derivatives of its costs."""
+        """Outputs of one batch and the derivatives of its costs."""
         return _gradient(self, program, cases, gains, mode)
 
 
@@ -80,7 +85,7 @@ class ReferenceEngine(AbstractEngine):
 def _run(engine, program, cases, gains):
     def one(case):
         adjoint = diffrax.RecursiveCheckpointAdjoint()
-        return _one(engine, program, program.copies(case, gains), adjoint)
+        return _one(engine, program, program.case_factory(case, gains), adjoint)
 
     return jax.vmap(one)(cases)
 
@@ -92,8 +97,8 @@ def _gradient(engine, program, cases, gains, mode):
     differentiate = jax.jacrev if reverse else jax.jacfwd
 
     def cost(gains, case):
-        copy = program.copies(case, gains)
-        outputs = _one(engine, program, copy, adjoint)[0]
+        made = program.case_factory(case, gains)
+        outputs = _one(engine, program, made, adjoint)[0]
         return outputs.cost, outputs
 
     def one(case):
@@ -103,27 +108,25 @@ def _gradient(engine, program, cases, gains, mode):
     return jax.vmap(one)(cases)
 
 
-def _one(engine, program: Program, copy: Copy, adjoint) -> tuple[Outputs, Signals]:
-    method = default_method(copy.loop) if engine.method is None else engine.method
-    if isinstance(copy.loop, SampledLoop):
-        return _sampled(program, copy, method.solver, adjoint)
-    return _continuous(program, copy, method, adjoint)
+def _one(engine, program: Program, case: Case, adjoint) -> tuple[Outputs, Signals]:
+    method = default_method(case.loop) if engine.method is None else engine.method
+    if isinstance(case.loop, SampledLoop):
+        return _sampled(program, case, method.solver, adjoint)
+    return _continuous(program, case, method, adjoint)
 
 
-def _continuous(program: Program, copy: Copy, method: Method, adjoint):
-    loop = copy.loop
-    if not isinstance(loop, AbstractContinuousLoop):
-        raise TypeError(f"A loop must be one of jaxsat.simulation, but got {type(loop)}.")
+def _continuous(program: Program, case: Case, method: Method, adjoint):
+    loop = continuous_loop(case)
     times = jnp.arange(program.intervals + 1) * program.interval
     zero = jnp.zeros((), times.dtype)
-    solver = WatchedSolver(method.solver, _looker(*still((program, loop))))
+    solver = MonitoredSolver(method.solver, _monitor(*stop_gradient((program, loop))))
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, both, args: augmented_rate(program, loop)(t, both)),
         solver,
         t0=times[0],
         t1=times[-1],
         dt0=method.first_step,
-        y0=(loop.start(copy.start), Integrals(zero, zero)),
+        y0=(loop.start(case.start), Integrals(zero, zero)),
         saveat=diffrax.SaveAt(
             subs=[
                 diffrax.SubSaveAt(ts=times, fn=lambda t, both, args: loop.signals(t, both[0])),
@@ -142,55 +145,38 @@ def _continuous(program: Program, copy: Copy, method: Method, adjoint):
     state, integrals = jax.tree.map(lambda x: x[0], final)
     code = outcome_code(solution.result)
     plant = plant_state(loop, state)
-    settled = solver.since(cast(WatchedState, solution.solver_state).watched, 0)
-    return _outputs(program, copy, plant, integrals, signals, settled, code), signals
+    settled = solver.since(cast(MonitoredState, solution.solver_state).record, 0)
+    return _outputs(program, case, plant, integrals, signals, settled, code), signals
 
 
-def _looker(program: Program, loop):
-    def look(t, both) -> Look:
+def _monitor(program: Program, loop):
+    def monitor(t, both) -> MonitorSample:
         del t
-        sight = Sight.of(loop.plant, loop.plant_state(both[0]))
-        return Look((sight.excess(program.tolerances),), jnp.zeros(0, sight.z.dtype))
+        observed = Observation.of(loop.plant, loop.plant_state(both[0]))
+        return MonitorSample((observed.excess(program.tolerances),), jnp.zeros(0, observed.z.dtype))
 
-    return look
+    return monitor
 
 
-def _sampled(program: Program, copy: Copy, solver, adjoint):
-    loop = cast(SampledLoop, copy.loop)
+def _sampled(program: Program, case: Case, solver, adjoint):
+    loop = cast(SampledLoop, case.loop)
 
-    def period(carry, number):
-        state, integrals, settled, code = carry
-        t = number * program.interval
-        torque, memory, signals = loop.sample(number, t, state)
-        both = (state.plant, integrals)
-        for hold in loop.holds(state, torque):
-            begin = t + hold.begin
-            both, settled = _held(program, loop, solver, adjoint, begin, hold, both, settled)
-        plant = PlantState(both[0].attitude.normalised(), both[0].omega)
-        fine = all_within((plant, memory), program.state_limit)
-        after = (SampledState(plant, memory, torque), both[1], settled)
-        new_code = jnp.where(fine, code, int(Outcome.STATE_LIMIT))
-        ended = new_code != int(Outcome.SUCCESS)
-        kept = jax.tree.map(lambda x, y: jnp.where(ended, y, x), after, carry[:3])
-        blank = code != int(Outcome.SUCCESS)
-        signals = jax.tree.map(lambda x: jnp.where(blank, jnp.nan, x), signals)
-        return (*kept, new_code), signals
+    def integrate(t, hold, plant, carry):
+        return _over_hold(program, loop, solver, adjoint, t, hold, plant, carry)
 
-    start = loop.start(copy.start)
-    zero = jnp.zeros((), start.plant.omega.dtype)
-    settled = judged_at(
-        Since.begun(zero, 3), zero, Sight.of(loop.plant, start.plant), program.tolerances
+    zero = jnp.zeros((), case.start.omega.dtype)
+    observed = Observation.of(loop.plant, case.start)
+    settled = settled_at(Since.begun(zero, 3), zero, observed, program.tolerances)
+    carry, limit = (Integrals(zero, zero), settled), program.state_limit
+    state, (integrals, settled), code, signals = run_samples(
+        loop, case.start, program.intervals, integrate, carry, limit
     )
-    first = (start, Integrals(zero, zero), settled, jnp.array(int(Outcome.SUCCESS)))
-    carry, signals = jax.lax.scan(period, first, jnp.arange(program.intervals))
-    (state, integrals, settled, code) = carry
-    _, last = period(carry, jnp.array(program.intervals))
-    signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
-    return _outputs(program, copy, state.plant, integrals, signals, settled, code), signals
+    return _outputs(program, case, state.plant, integrals, signals, settled, code), signals
 
 
-def _held(program, loop, solver, adjoint, begin, hold, both, settled):
+def _over_hold(program, loop, solver, adjoint, begin, hold, plant, carry):
     """Equal steps, counted out by a time of their own so that a hold of no length is none."""
+    integrals, settled = carry
     rate = held_rate(program, loop, hold.torque)
     step = hold.length / loop.substeps
 
@@ -204,7 +190,7 @@ def _held(program, loop, solver, adjoint, begin, hold, both, settled):
         t0=0.0,
         t1=float(loop.substeps),
         dt0=1.0,
-        y0=both,
+        y0=(plant, integrals),
         saveat=diffrax.SaveAt(ts=jnp.arange(1.0, loop.substeps + 1)),
         stepsize_controller=diffrax.ConstantStepSize(),
         max_steps=loop.substeps + 1,
@@ -214,13 +200,14 @@ def _held(program, loop, solver, adjoint, begin, hold, both, settled):
     plants, integrals = cast(tuple[PlantState, Integrals], solution.ys)
     for number in range(loop.substeps):
         plant = jax.tree.map(lambda x, i=number: x[i], plants)
-        sight = Sight.of(loop.plant, plant)
-        settled = judged_at(settled, begin + (number + 1) * step, sight, program.tolerances)
-    return jax.tree.map(lambda x: x[-1], (plants, integrals)), settled
+        observed = Observation.of(loop.plant, plant)
+        settled = settled_at(settled, begin + (number + 1) * step, observed, program.tolerances)
+    plant, integrals = jax.tree.map(lambda x: x[-1], (plants, integrals))
+    return plant, (integrals, settled)
 
 
-def _outputs(program, copy, plant, integrals, signals, settled: Since, code) -> Outputs:
-    code = jnp.where(copy.possible, code, int(Outcome.IMPOSSIBLE_CASE))
+def _outputs(program, case, plant, integrals, signals, settled: Since, code) -> Outputs:
+    code = jnp.where(case.possible, code, int(Outcome.IMPOSSIBLE_CASE))
     success = code == int(Outcome.SUCCESS)
     rates = jnp.sqrt(jnp.sum(signals.omega**2, axis=1))
     reached = jnp.maximum(jnp.sum(jnp.isfinite(rates)) - 1, 0)  # even the start may be none
@@ -228,18 +215,18 @@ def _outputs(program, copy, plant, integrals, signals, settled: Since, code) -> 
     def kept(value):
         return jnp.where(success, value, jnp.nan)
 
-    ended_at = jnp.where(copy.possible, reached * program.interval, 0.0)
+    ended_at = jnp.where(case.possible, reached * program.interval, 0.0)
     whole = program.cost.whole(integrals.cost, success, program.duration - ended_at)
     return Outputs(
         code=code,
         settling_time=jnp.where(success, settled.settled(program.duration), jnp.inf),
         effort=kept(integrals.effort),
-        cost=jnp.where(copy.possible, whole, jnp.nan),
+        cost=jnp.where(case.possible, whole, jnp.nan),
         peak_rate=kept(jnp.max(rates)),
         ended_at=ended_at,
         w=kept(plant.attitude.as_wz().w),
         z=kept(plant.attitude.as_wz().z),
         quaternion=kept(plant.attitude.as_quaternion().q),
         omega=kept(plant.omega),
-        drawn=copy.drawn,
+        drawn=case.drawn,
     )

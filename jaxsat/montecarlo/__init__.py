@@ -17,7 +17,7 @@ from jaxsat.montecarlo.distributions import (
     TruncatedNormal,
     Uniform,
 )
-from jaxsat.montecarlo.ensemble import Study, StudyProgress, require_counts, run_study
+from jaxsat.montecarlo.ensemble import Study, StudyProgress, run_study
 from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Devices, Serial, Threads
 from jaxsat.montecarlo.processes import Processes
 from jaxsat.montecarlo.quantities import QUANTITIES
@@ -66,7 +66,6 @@ __all__ = [
     "number_at",
     "numbers_of",
     "percentile",
-    "require_counts",
     "run_study",
     "sensitivity",
     "study_work",

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, PyTree, UInt32
 from jaxsat import noise
 from jaxsat.checks import as_array
 from jaxsat.dynamics import PlantState
-from jaxsat.engine import AbstractCopies, Copy
+from jaxsat.engine import AbstractCaseFactory, Case
 from jaxsat.montecarlo.changes import (
     Setting,
     controller_of,
@@ -92,7 +92,7 @@ class StudyCase(NamedTuple):
     point: Float[Array | np.ndarray, "*n dimension"]
 
 
-class Dispersed(AbstractCopies):
+class Dispersed(AbstractCaseFactory):
     """The cases of a study: a nominal loop and start, dispersed.
 
     `key` is that of the study's seed. Called with a case it gives that case's copy; numbers in
@@ -118,7 +118,7 @@ class Dispersed(AbstractCopies):
         """How many unit coordinates each name takes."""
         return self.dispersions.dimensions(self.loop)
 
-    def __call__(self, case: StudyCase, gains: dict[str, Array] | None = None) -> Copy:
+    def __call__(self, case: StudyCase, gains: dict[str, Array] | None = None) -> Case:
         """The copy of one case."""
         own_key = noise.fold_in(self.key, case.number)
         drawn, possible = self._drawn(jnp.asarray(case.point), own_key)
@@ -129,7 +129,7 @@ class Dispersed(AbstractCopies):
         if self.dispersions.frequency_known:
             loop = follow_frequency(loop)
         sensor_key = noise.fold_in(own_key, noise.name_number("sensor noise"))
-        return Copy(_with_sensor_key(loop, sensor_key), setting.start, drawn, possible)
+        return Case(_with_sensor_key(loop, sensor_key), setting.start, drawn, possible)
 
     def _drawn(self, point: Float[Array, " dimension"], own_key: noise.Key):
         dimensions = self.dimensions()

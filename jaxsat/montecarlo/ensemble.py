@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxsat.checks import require_counts
 from jaxsat.engine import AbstractEngine, Outputs, Program, Replay
 from jaxsat.montecarlo.designs import AbstractDesign, LatinHypercube
 from jaxsat.montecarlo.dispersions import Dispersed, StudyCase
@@ -51,13 +52,6 @@ HISTORIES = {
 """The signals of which a study can keep a history."""
 
 
-def require_counts(**counts: int) -> None:
-    """Raise `ValueError` for a number of things that is below one."""
-    for name, count in counts.items():
-        if count < 1:
-            raise ValueError(f"Argument `{name}` must be at least 1, but got {count}.")
-
-
 @dataclass(frozen=True)
 class Study:
     """What is computed: a program over dispersed copies, a design, an engine, n cases.
@@ -80,7 +74,7 @@ class Study:
     history: int | None = None
 
     def __post_init__(self):
-        if not isinstance(self.program.copies, Dispersed):
+        if not isinstance(self.program.case_factory, Dispersed):
             raise TypeError("Argument `program` must run dispersed copies.")
         require_counts(count=self.count, chunk=self.chunk)
         if self.history is not None:
@@ -92,9 +86,9 @@ class Study:
             )
 
     @property
-    def copies(self) -> Dispersed:
+    def case_factory(self) -> Dispersed:
         """How a case is made."""
-        return self.program.copies  # pyright: ignore[reportReturnType]
+        return self.program.case_factory  # pyright: ignore[reportReturnType]
 
     @property
     def has_fixed_size(self) -> bool:
@@ -103,7 +97,7 @@ class Study:
 
     def cases(self, numbers: np.ndarray) -> StudyCase:
         """The cases of these numbers, as the engine takes them."""
-        points = self.design.points(numbers, self.copies.dimensions())
+        points = self.design.points(numbers, self.case_factory.dimensions())
         return StudyCase(np.asarray(numbers).astype(np.uint32), points)
 
     def evaluate(self, numbers: np.ndarray) -> Outputs:
@@ -130,12 +124,12 @@ class Study:
         """What a case has in a store."""
         drawn = {
             DRAWN + name: Column(
-                (QUANTITIES[name].size(self.copies.loop),),
+                (QUANTITIES[name].size(self.case_factory.loop),),
                 "float64",
                 QUANTITIES[name].unit,
                 QUANTITIES[name].meaning,
             )
-            for name in self.copies.dispersions.names
+            for name in self.case_factory.dispersions.names
         }
         kept = {} if self.history is None else HISTORIES
         histories = {

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxsat.engine import FixedStepper
 from jaxsat.montecarlo.designs import LatinHypercube
 from jaxsat.montecarlo.ensemble import Study
 from jaxsat.montecarlo.statistics import StopRule
@@ -44,18 +45,18 @@ def study_work(study: Study, until: StopRule | None = None, workers: int = 1) ->
     )
     together = min(study.chunk, study.count)
     memory = cases * SUMMARISED + workers * together * case * COMPUTED
-    memory += workers * study.engine.width * LANE
+    memory += workers * study.engine.batch_size * LANE
     if isinstance(study.design, LatinHypercube):
-        memory += 8 * cases * sum(study.copies.dimensions().values())
+        memory += 8 * cases * sum(study.case_factory.dimensions().values())
     return Work(cases, cases * study.program.intervals * _substeps(study), memory, cases * case)
 
 
 def _substeps(study: Study) -> int:
     """Steps in an interval where they are fixed."""
-    if isinstance(study.copies.loop, SampledLoop):
-        return study.copies.loop.substeps
-    adaptive = getattr(study.engine, "tolerance", None) is not None
-    return 1 if adaptive else getattr(study.engine, "substeps", 1)
+    if isinstance(study.case_factory.loop, SampledLoop):
+        return study.case_factory.loop.substeps
+    stepper = getattr(study.engine, "stepper", None)
+    return stepper.substeps if isinstance(stepper, FixedStepper) else 1
 
 
 def most_cases(rule: StopRule, count: int) -> int:

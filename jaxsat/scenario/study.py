@@ -2,13 +2,14 @@
 
 from typing import Any, Literal, cast
 
-import diffrax
 import jax
 import numpy as np
 
-from jaxsat.checks import as_float
+from jaxsat.checks import as_float, require_counts
 from jaxsat.engine import (
     AbstractEngine,
+    AdaptiveStepper,
+    FixedStepper,
     NativeEngine,
     Program,
     ReferenceEngine,
@@ -34,7 +35,6 @@ from jaxsat.montecarlo import (
     StudyCase,
     TruncatedNormal,
     Uniform,
-    require_counts,
 )
 from jaxsat.scenario.build import SOLVERS, Run, build
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
@@ -173,23 +173,23 @@ def _engine(
     adaptive = not isinstance(loop, SampledLoop) and (solver.steps == "adaptive" or not fixed)
     suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)
     if name == "diffrax" or (name == "auto" and not suits):
-        return ReferenceEngine(method=run.method, width=width), None
+        return ReferenceEngine(method=run.method, batch_size=width), None
     method = solver.name or ("dopri8" if adaptive else "tsit5")
-    tolerance = _tolerance(solver, ADAPTIVE_SOLVERS.get(method)) if adaptive else None
-    substeps = max(1, round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP)))
-    kind = SOLVERS[method]()
+    if adaptive:
+        tolerance = _tolerance(solver, ADAPTIVE_SOLVERS.get(method))
+        stepper = AdaptiveStepper(SOLVERS[method](), tolerance)
+    else:
+        substeps = round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP))
+        stepper = FixedStepper(SOLVERS[method](), max(1, substeps))
     remark = None
     if name == "native" or (name == "auto" and jax.default_backend() == "cpu"):
-        engine, obstacle = _native(kind, substeps, tolerance, width, work)
-        if engine is not None:
-            return engine, None
+        obstacle = native_obstacle(stepper, *work)
+        if obstacle is None:
+            return NativeEngine(stepper=stepper, batch_size=width), None
         if name == "native":
             raise ValueError(f"The native engine cannot run this: {obstacle}")
         remark = f"not the native engine: {obstacle}"
-    engine = ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
-        solver=kind, substeps=substeps, lanes=width, tolerance=tolerance
-    )
-    return engine, remark
+    return ScanEngine(stepper=stepper, batch_size=width), remark
 
 
 def _tolerance(solver: SolverTable, usual: float | None) -> Tolerance:
@@ -201,20 +201,3 @@ def _tolerance(solver: SolverTable, usual: float | None) -> Tolerance:
         "max_steps": solver.max_steps,
     }
     return Tolerance(**{name: value for name, value in given.items() if value is not None})
-
-
-def _native(
-    solver: diffrax.AbstractSolver,
-    substeps: int,
-    tolerance: Tolerance | None,
-    width: int,
-    work: tuple[Program, StudyCase],
-) -> tuple[NativeEngine | None, str]:
-    """The native engine, or None and what stands against it."""
-    program, example = work
-    method = (solver, substeps, tolerance)
-    obstacle = native_obstacle(method, program, example)
-    if obstacle is not None:
-        return None, obstacle
-    engine = NativeEngine(solver=solver, substeps=substeps, tolerance=tolerance, width=width)
-    return engine, ""

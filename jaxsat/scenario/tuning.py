@@ -183,13 +183,7 @@ def _as_machine_code(
 
 def _native(trials: Trials) -> Trials:
     scan = cast(ScanEngine, trials.engine)
-    engine = NativeEngine(
-        solver=scan.solver,
-        substeps=scan.substeps,
-        tolerance=scan.tolerance,
-        workers=trials.workers,
-        width=scan.width,
-    )
+    engine = NativeEngine(stepper=scan.stepper, workers=trials.workers, batch_size=scan.batch_size)
     return dataclasses.replace(trials, engine=engine, workers=1)  # threads of its own
 
 
@@ -271,8 +265,7 @@ def _tolerances(scenario: Scenario) -> Tolerances:
 
 def _with_cost(program: Program, cost: RunningCost, tolerances: Tolerances) -> Program:
     cost = eqx.tree_at(lambda cost: cost.unsettled, cost, Unsettled(tolerances))
-    rest = (tolerances, cost, program.state_limit)
-    return Program(program.copies, program.interval, program.intervals, *rest)
+    return dataclasses.replace(program, tolerances=tolerances, cost=cost)
 
 
 def _aggregate(table: TuningTable) -> AbstractAggregate:

@@ -12,11 +12,11 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.metrics import Since, Tolerances, excess
 
-LOOKS = 4
-"""Equal parts of a step at whose ends a run is looked at."""
+CHECKS = 4
+"""Equal parts of a step at whose ends a run is monitored."""
 
 HALVINGS = 40
-"""Bisections of such a part: what is left of a step of 1 s is less than its rounding."""
+"""Bisections of such a fraction: what is left of a step of 1 s is less than its rounding."""
 
 
 class Assessment(eqx.Module):
@@ -36,8 +36,8 @@ class Assessment(eqx.Module):
     constraint_effort: Float[Array, ""] | None = None
 
 
-class Sight(NamedTuple):
-    """What of the signals is judged at an instant; see `Signals`."""
+class Observation(NamedTuple):
+    """What of the signals settling is judged by; see `Signals`."""
 
     w: Float[Array, "2"]
     z: Float[Array, ""]
@@ -45,10 +45,10 @@ class Sight(NamedTuple):
     omega: Float[Array, "3"]
 
     @staticmethod
-    def of(plant: RigidBody, state: PlantState) -> "Sight":
-        """What is judged of a plant in a state."""
+    def of(plant: RigidBody, state: PlantState) -> "Observation":
+        """That of a plant in a state."""
         wz = state.attitude.as_wz()
-        return Sight(wz.w, wz.z, plant.relative_rate(state), state.omega)
+        return Observation(wz.w, wz.z, plant.relative_rate(state), state.omega)
 
     def excess(self, tolerances: Tolerances) -> Float[Array, "3"]:
         """How far outside the tolerances, see `jaxsat.metrics.excess`."""
@@ -59,19 +59,22 @@ class Sight(NamedTuple):
         return jnp.sqrt(jnp.sum(self.omega**2))[None] / tolerances.relative_rate - 1
 
 
-class Look(NamedTuple):
-    """A look at a run: how far outside each group of conditions it is, and rates to integrate."""
+class MonitorSample(NamedTuple):
+    """What a monitor sees at one instant.
+
+    `excess` is how far outside each group of conditions a run is, and `rate` is to be integrated.
+    """
 
     excess: tuple[Float[Array, " _"], ...]
-    flow: Float[Array, " m"]
+    rate: Float[Array, " m"]
 
 
-Looker = Callable[[Float[Array, ""], PyTree], Look]
-"""Looks at a time (s) and the state that is integrated."""
+Monitor = Callable[[Float[Array, ""], PyTree], MonitorSample]
+"""Takes a time (s) and the state that is integrated."""
 
 
-class Entry(NamedTuple):
-    """The step in which all of a group's conditions were met again, and between which parts.
+class EntryBracket(NamedTuple):
+    """The step in which all of a group's conditions were met again, and between which fractions.
 
     `low` is infinite before the first one.
     """
@@ -83,30 +86,30 @@ class Entry(NamedTuple):
     high: Float[Array, ""]
 
 
-class Watched(NamedTuple):
-    """What has been seen up to the end of the last step."""
+class MonitorRecord(NamedTuple):
+    """What a monitor has seen up to the end of the last step."""
 
     since: tuple[Since, ...]
-    entries: tuple[Entry, ...]
-    flow: Float[Array, " m"]
+    entries: tuple[EntryBracket, ...]
+    rate: Float[Array, " m"]
     integral: Float[Array, " m"]
 
 
-class WatchedState(NamedTuple):
-    """The state of a solver and what has been seen of the run."""
+class MonitoredState(NamedTuple):
+    """The state of a solver and the record of its monitor."""
 
     solver: Any
-    watched: Watched
+    record: MonitorRecord
 
 
-class WatchedSolver(diffrax.AbstractWrappedSolver):
-    """A solver that looks at every accepted step on its dense output; the steps are its own.
+class MonitoredSolver(diffrax.AbstractWrappedSolver):
+    """A solver with a monitor on the dense output of every accepted step; the steps are its own.
 
-    Nothing of it is differentiated. The record is `solver_state.watched` of the solution.
+    Nothing of it is differentiated. The record is `solver_state.record` of the solution.
     """
 
     solver: diffrax.AbstractSolver  # pyright: ignore[reportIncompatibleVariableOverride]
-    look: Looker
+    monitor: Monitor
 
     @property
     def term_structure(self):  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -144,52 +147,52 @@ class WatchedSolver(diffrax.AbstractWrappedSolver):
         """The rate."""
         return self.solver.func(terms, t0, y0, args)
 
-    def init(self, terms, t0, t1, y0, args) -> WatchedState:
-        """The first look."""
+    def init(self, terms, t0, t1, y0, args) -> MonitoredState:
+        """With the first sample."""
         inner = self.solver.init(terms, t0, t1, y0, args)
         shapes = eqx.filter_eval_shape(self.solver.step, terms, t0, t1, y0, args, inner, False)[2]
         dense = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
         t0 = jnp.asarray(t0)
-        seen = self.look(*still((t0, y0)))
-        never = Entry(t0, t0, dense, t0 + jnp.inf, t0 + jnp.inf)
+        seen = self.monitor(*stop_gradient((t0, y0)))
+        never = EntryBracket(t0, t0, dense, t0 + jnp.inf, t0 + jnp.inf)
         since = tuple(Since.begun(t0, len(x)).looked(t0, x) for x in seen.excess)
-        watched = Watched(since, (never,) * len(since), seen.flow, jnp.zeros_like(seen.flow))
-        return WatchedState(inner, watched)
+        record = MonitorRecord(since, (never,) * len(since), seen.rate, jnp.zeros_like(seen.rate))
+        return MonitoredState(inner, record)
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
-        """The solver's step, looked at."""
+        """The solver's step, monitored."""
         y1, error, dense, inner, result = self.solver.step(
             terms, t0, t1, y0, args, solver_state.solver, made_jump
         )
-        begin, end, stages = still((jnp.asarray(t0), jnp.asarray(t1), dense))
-        watched = self._seen(begin, end, stages, solver_state.watched)
-        return y1, error, dense, WatchedState(inner, watched), result
+        begin, end, stages = stop_gradient((jnp.asarray(t0), jnp.asarray(t1), dense))
+        record = self._recorded(begin, end, stages, solver_state.record)
+        return y1, error, dense, MonitoredState(inner, record), result
 
-    def _seen(self, t0, t1, dense, watched: Watched) -> Watched:
-        at = jnp.arange(1, LOOKS + 1) / LOOKS
-        looks = jax.vmap(lambda part: self._at(t0, t1, dense, part))(at)
+    def _recorded(self, t0, t1, dense, record: MonitorRecord) -> MonitorRecord:
+        at = jnp.arange(1, CHECKS + 1) / CHECKS
+        samples = jax.vmap(lambda fraction: self._at(t0, t1, dense, fraction))(at)
         groups = []
-        for since, entry, values in zip(watched.since, watched.entries, looks.excess, strict=True):
-            for number, part in enumerate(at):
-                now, time = values[number], t0 + part * (t1 - t0)
+        for since, entry, values in zip(record.since, record.entries, samples.excess, strict=True):
+            for number, fraction in enumerate(at):
+                now, time = values[number], t0 + fraction * (t1 - t0)
                 enters = jnp.any(since.excess >= 0) & jnp.all(now < 0)
-                here = Entry(t0, t1, dense, part - 1 / LOOKS, part)
+                here = EntryBracket(t0, t1, dense, fraction - 1 / CHECKS, fraction)
                 entry = jax.tree.map(lambda x, y, e=enters: jnp.where(e, x, y), here, entry)
                 since = since.looked(time, now)
             groups.append((since, entry))
-        flows = jnp.concatenate([watched.flow[None], looks.flow])
+        rates = jnp.concatenate([record.rate[None], samples.rate])
         weights = jnp.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12.0  # Simpson's
-        integral = watched.integral + (t1 - t0) * weights @ flows
+        integral = record.integral + (t1 - t0) * weights @ rates
         since, entries = (tuple(group[i] for group in groups) for i in range(2))
-        return Watched(since, entries, looks.flow[-1], integral)
+        return MonitorRecord(since, entries, samples.rate[-1], integral)
 
-    def _at(self, t0, t1, dense, part) -> Look:
-        t = t0 + part * (t1 - t0)
-        return self.look(t, self.interpolation_cls(t0=t0, t1=t1, **dense).evaluate(t))
+    def _at(self, t0, t1, dense, fraction) -> MonitorSample:
+        t = t0 + fraction * (t1 - t0)
+        return self.monitor(t, self.interpolation_cls(t0=t0, t1=t1, **dense).evaluate(t))
 
-    def since(self, watched: Watched, group: int) -> Since:
+    def since(self, record: MonitorRecord, group: int) -> Since:
         """Since when a group's conditions hold, the instant located on the dense output."""
-        since, entry = watched.since[group], watched.entries[group]
+        since, entry = record.since[group], record.entries[group]
         never = jnp.isinf(entry.low)
         begin, end, dense = entry.begin, jnp.where(never, entry.end + 1, entry.end), entry.dense
 
@@ -205,7 +208,7 @@ class WatchedSolver(diffrax.AbstractWrappedSolver):
         return since._replace(start=jnp.where(never | jnp.isinf(since.start), since.start, located))
 
 
-def effort_flow(
+def effort_rate(
     plant: RigidBody, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
 ) -> Float[Array, " m"]:
     """|T_i| of the thrusters (N m) and, where the third rate is held, |T| of what holds it."""
@@ -226,6 +229,6 @@ def assessment(
     return Assessment(settled, rest, integral[:3], integral[3] if plant.third_rate_held else None)
 
 
-def still(tree: PyTree) -> PyTree:
+def stop_gradient(tree: PyTree) -> PyTree:
     """The tree with nothing to be differentiated."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)

@@ -115,14 +115,14 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
             self.plant, self.law, t, motion.plant, state.memory, motion.torque
         )
 
-    def switches(self, t: Float[Array, ""], state: ErrorState) -> Float[Array, " m"]:
+    def event_functions(self, t: Float[Array, ""], state: ErrorState) -> Float[Array, " m"]:
         """Those of the law."""
         del t
-        return self.law.switches(self._probe(state.attitude, state.omega3))
+        return self.law.event_functions(self._probe(state.attitude, state.omega3))
 
-    def piece(self, sides: Bool[Array, " m"]) -> "ErrorCoordinateLoop":
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "ErrorCoordinateLoop":
         """With the law held in one of its pieces."""
-        return eqx.tree_at(lambda loop: loop.law, self, self.law.piece(sides))
+        return eqx.tree_at(lambda loop: loop.law, self, self.law.smooth_piece(signs))
 
     def turned_back(self, t: Float[Array, ""], state: ErrorState) -> ErrorState:
         """With the law's memory turned back."""

@@ -6,6 +6,7 @@ in between.
 """
 
 import abc
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -13,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.checks import as_optional_float, concrete, require_positive
+from jaxsat.checks import as_optional_float, concrete, require_counts, require_positive
 from jaxsat.compiler import apart
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController, AbstractSampledController
 from jaxsat.control.controller import Memory
@@ -46,7 +47,7 @@ class Motion(NamedTuple):
 class AbstractContinuousLoop(AbstractLoop):
     """A loop that is one ordinary differential equation, smooth or in smooth pieces.
 
-    A loop in pieces tells its switching functions; held on one side of each it is smooth. What of
+    A loop in pieces tells its event functions; with the sign of each held it is smooth. What of
     its state moves by itself in a way known exactly can be taken out: then the state turned back
     is integrated, which changes by the rest alone.
     """
@@ -69,12 +70,12 @@ class AbstractContinuousLoop(AbstractLoop):
         """Everything worth saving at one instant."""
 
     @abc.abstractmethod
-    def switches(self, t: Float[Array, ""], state: PyTree) -> Float[Array, " m"]:
-        """Switching functions: the loop is smooth while none of them changes its sign."""
+    def event_functions(self, t: Float[Array, ""], state: PyTree) -> Float[Array, " m"]:
+        """Event functions: the loop is smooth while none of them changes its sign."""
 
     @abc.abstractmethod
-    def piece(self, sides: Bool[Array, " m"]) -> "AbstractContinuousLoop":
-        """The smooth loop that this one is where its switching functions are positive as told."""
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractContinuousLoop":
+        """The smooth loop that this one is where its event functions have these signs."""
 
     @abc.abstractmethod
     def turned_back(self, t: Float[Array, ""], state: PyTree) -> PyTree:
@@ -149,16 +150,19 @@ class ContinuousLoop(AbstractContinuousLoop):
         torque = self.motion(t, state).torque
         return continuous_signals(self.plant, self.controller, t, state.plant, state.memory, torque)
 
-    def switches(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
+    def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
         """Those of the controller and of the thrusters."""
         command, _ = self.controller(t, state.plant, state.memory)
-        own = self.controller.switches(state.plant)
-        return jnp.concatenate([own, self.actuators.switches(command)])
+        own = self.controller.event_functions(state.plant)
+        return jnp.concatenate([own, self.actuators.event_functions(command)])
 
-    def piece(self, sides: Bool[Array, " m"]) -> "ContinuousLoop":
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "ContinuousLoop":
         """Controller and thrusters held in a piece of theirs each."""
-        count = sides.size - self.actuators.torque_axes.shape[1]
-        held = (self.controller.piece(sides[:count]), self.actuators.piece(sides[count:]))
+        count = signs.size - self.actuators.torque_axes.shape[1]
+        held = (
+            self.controller.smooth_piece(signs[:count]),
+            self.actuators.smooth_piece(signs[count:]),
+        )
         return eqx.tree_at(lambda loop: (loop.controller, loop.actuators), self, held)
 
     def turned_back(self, t: Float[Array, ""], state: LoopState) -> LoopState:
@@ -192,6 +196,11 @@ class Hold(NamedTuple):
     torque: Float[Array, "3"]
 
 
+Integrator = Callable[[Float[Array, ""], Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
+"""Takes the time (s) at which a hold begins, the hold, the plant's state and a carry of its own;
+gives the plant's state at the end of the hold, and the carry."""
+
+
 class SampledLoop(AbstractLoop):
     """Plant and thrusters under a sampled controller whose torque is held between samples.
 
@@ -210,8 +219,7 @@ class SampledLoop(AbstractLoop):
     delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
-        if self.substeps < 1:
-            raise ValueError(f"Argument `substeps` must be at least 1, but got {self.substeps}.")
+        require_counts(substeps=self.substeps)
         if self.delay is None:
             return
         require_positive("delay", self.delay, zero_allowed=True)
@@ -256,6 +264,27 @@ class SampledLoop(AbstractLoop):
             Hold(jnp.zeros_like(period), self.delay, state.torque),
             Hold(self.delay, period - self.delay, torque),
         )
+
+    def period(
+        self,
+        number: Int[Array, ""],
+        t: Float[Array, ""],
+        state: SampledState,
+        integrate: Callable[
+            [Float[Array, ""], Hold, PlantState, PyTree], tuple[PlantState, PyTree]
+        ],
+        carry: PyTree,
+    ) -> tuple[SampledState, PyTree, Signals]:
+        """One period, that of sample `number` of the run, which is at time `t` (s).
+
+        Gives the state at its end, the carry, and the signals at its begin.
+        """
+        torque, memory, signals = self.sample(number, t, state)
+        plant = state.plant
+        for hold in self.holds(state, torque):
+            plant, carry = integrate(t + hold.begin, hold, plant, carry)
+        plant = PlantState(plant.attitude.normalised(), plant.omega)
+        return SampledState(plant, memory, torque), carry, signals
 
     def plant_rate(
         self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]

@@ -13,16 +13,22 @@ from jaxsat.checks import as_float, concrete
 from jaxsat.dynamics import PlantState
 from jaxsat.metrics import Since, Tolerances
 from jaxsat.simulation.assessment import (
-    Look,
-    Looker,
-    Sight,
-    WatchedSolver,
-    WatchedState,
+    Monitor,
+    MonitoredSolver,
+    MonitoredState,
+    MonitorSample,
+    Observation,
     assessment,
-    effort_flow,
-    still,
+    effort_rate,
+    stop_gradient,
 )
-from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, SampledLoop, SampledState
+from jaxsat.simulation.loops import (
+    AbstractContinuousLoop,
+    AbstractLoop,
+    Integrator,
+    SampledLoop,
+    SampledState,
+)
 from jaxsat.simulation.methods import Method, default_method
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
 
@@ -69,7 +75,7 @@ def simulate(
 @eqx.filter_jit
 def _run_continuous(loop, start, times, method, adjoint, limit, tolerances) -> Trajectory:
     state = loop.start(start)
-    solver = WatchedSolver(method.solver, _continuous_looker(still(loop), tolerances))
+    solver = MonitoredSolver(method.solver, _monitor(stop_gradient(loop), tolerances))
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(loop),
         solver,
@@ -92,8 +98,8 @@ def _run_continuous(loop, start, times, method, adjoint, limit, tolerances) -> T
     )
     signals, final = cast(tuple[Signals, PyTree], solution.ys)
     code = outcome_code(solution.result)
-    watched = cast(WatchedState, solution.solver_state).watched
-    since = (solver.since(watched, 0), solver.since(watched, 1))
+    record = cast(MonitoredState, solution.solver_state).record
+    since = (solver.since(record, 0), solver.since(record, 1))
     success = code == int(Outcome.SUCCESS)
     return Trajectory(
         times,
@@ -101,18 +107,18 @@ def _run_continuous(loop, start, times, method, adjoint, limit, tolerances) -> T
         jax.tree.map(lambda x: x[0], final),
         code,
         solution.stats["num_steps"],
-        assessment(loop.plant, since, watched.integral, times, success),
+        assessment(loop.plant, since, record.integral, times, success),
     )
 
 
-def _continuous_looker(loop: AbstractContinuousLoop, tolerances: Tolerances) -> Looker:
-    def look(t, state) -> Look:
+def _monitor(loop: AbstractContinuousLoop, tolerances: Tolerances) -> Monitor:
+    def monitor(t, state) -> MonitorSample:
         motion = loop.motion(t, state)
-        sight = Sight.of(loop.plant, motion.plant)
-        flow = effort_flow(loop.plant, t, motion.plant, motion.torque)
-        return Look((sight.excess(tolerances), sight.rest_excess(tolerances)), flow)
+        observed = Observation.of(loop.plant, motion.plant)
+        rate = effort_rate(loop.plant, t, motion.plant, motion.torque)
+        return MonitorSample((observed.excess(tolerances), observed.rest_excess(tolerances)), rate)
 
-    return look
+    return monitor
 
 
 def all_within(state: PyTree, limit: Float[Array, ""]) -> Array:
@@ -149,76 +155,90 @@ def sample_numbers(loop: SampledLoop, times: Float[Array, " times"]) -> np.ndarr
     return numbers
 
 
-class _Seen(NamedTuple):
-    """What has been seen of a sampled run: settled and at rest since when, ∫|T| (N m s)."""
+def run_samples(
+    loop: SampledLoop,
+    start: PlantState,
+    samples: int,
+    integrate: Integrator,
+    carry: PyTree,
+    limit: Float[Array, ""],
+    begin: float | Float[Array, ""] = 0.0,
+) -> tuple[SampledState, PyTree, Int[Array, ""], Signals]:
+    """A whole run of so many periods: state and carry at its end, code, signals at all samples.
+
+    A state past the `limit` is not taken over: from there on the last one is kept, and the signals
+    are NaN. `integrate` and `carry` are those of `SampledLoop.period`.
+    """
+
+    def period(running, number):
+        state, carry, code = running
+        t = begin + number * loop.controller.period
+        following, carried, signals = loop.period(number, t, state, integrate, carry)
+        good = all_within((following.plant, following.memory), limit)
+        signals = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), signals)
+        code = jnp.where(good, code, int(Outcome.STATE_LIMIT))
+        new, old = (following, carried), (state, carry)
+        kept = jax.tree.map(lambda x, y: jnp.where(code == 0, x, y), new, old)
+        return (*kept, code), signals
+
+    first = (loop.start(start), carry, jnp.array(int(Outcome.SUCCESS)))
+    (state, carry, code), signals = jax.lax.scan(period, first, jnp.arange(samples))
+    last = period((state, carry, code), jnp.array(samples))[1]
+    signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
+    return state, carry, code, signals
+
+
+class _SampledRecord(NamedTuple):
+    """What is recorded of a sampled run: settled and at rest since when, ∫|T| (N m s)."""
 
     settled: Since
     rest: Since
     integral: Float[Array, " m"]
 
-    def looked(self, t, sight: Sight, tolerances: Tolerances) -> "_Seen":
-        """With one more look."""
-        settled = self.settled.looked(t, sight.excess(tolerances))
-        rest = self.rest.looked(t, sight.rest_excess(tolerances))
-        return _Seen(settled, rest, self.integral)
+    def at(self, t, observed: Observation, tolerances: Tolerances) -> "_SampledRecord":
+        """With one more observation."""
+        settled = self.settled.looked(t, observed.excess(tolerances))
+        rest = self.rest.looked(t, observed.rest_excess(tolerances))
+        return _SampledRecord(settled, rest, self.integral)
 
 
 @eqx.filter_jit
 def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances) -> Trajectory:
-    """Scan over the samples; a state past the limit is kept and nothing more is computed on it."""
+    def integrate(t, hold, state, record):
+        return _over_hold(loop, solver, t, state, hold, record, tolerances)
 
-    def one_period(carry, number):
-        state, seen, code = carry
-        t = times[0] + number * loop.controller.period
-        torque, memory, signals = loop.sample(number, t, state)
-        plant, seen = _after_period(loop, solver, t, state, torque, seen, tolerances)
-        following = SampledState(plant, memory, torque)
-        code = jnp.where(
-            all_within((following.plant, memory), limit), code, int(Outcome.STATE_LIMIT)
-        )
-        ended = code != int(Outcome.SUCCESS)
-        following = jax.tree.map(lambda new, old: jnp.where(ended, old, new), following, state)
-        blank = carry[2] != int(Outcome.SUCCESS)
-        signals = jax.tree.map(lambda x: jnp.where(blank, jnp.nan, x), signals)
-        return (following, seen, code), signals
-
-    nothing = effort_flow(loop.plant, times[0], start, jnp.zeros_like(start.omega)) * 0
-    seen = _Seen(Since.begun(times[0], 3), Since.begun(times[0], 1), nothing)
-    seen = seen.looked(times[0], Sight.of(loop.plant, start), tolerances)
-    first = (loop.start(start), still(seen), jnp.array(int(Outcome.SUCCESS)))
-    (state, seen, code), signals = jax.lax.scan(one_period, first, jnp.arange(samples))
-    (_, _, code), last = one_period((state, seen, code), jnp.array(samples))
-    signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]])[numbers], signals, last)
+    nothing = effort_rate(loop.plant, times[0], start, jnp.zeros_like(start.omega)) * 0
+    record = _SampledRecord(Since.begun(times[0], 3), Since.begun(times[0], 1), nothing)
+    record = record.at(times[0], Observation.of(loop.plant, start), tolerances)
+    state, record, code, signals = run_samples(
+        loop, start, samples, integrate, stop_gradient(record), limit, times[0]
+    )
     success = code == int(Outcome.SUCCESS)
-    found = assessment(loop.plant, (seen.settled, seen.rest), seen.integral, times, success)
+    since = (record.settled, record.rest)
+    found = assessment(loop.plant, since, record.integral, times, success)
+    signals = jax.tree.map(lambda x: x[numbers], signals)
     return Trajectory(times, signals, state, code, jnp.array(samples * loop.substeps), found)
 
 
-def _after_period(loop, solver, t, state, torque, seen, tolerances) -> tuple[PlantState, _Seen]:
-    """The plant after one period, its held torques one after the other."""
-    plant = state.plant
-    for hold in loop.holds(state, torque):
-        plant, seen = _after_hold(loop, solver, t + hold.begin, plant, hold, seen, tolerances)
-    return PlantState(plant.attitude.normalised(), plant.omega), seen
-
-
-def _after_hold(loop, solver, t, state, hold, seen, tolerances):
+def _over_hold(loop, solver, t, state, hold, record, tolerances):
+    """The plant's state and the record at the end of a hold."""
     term = diffrax.ODETerm(loop.plant_rate)
     step = hold.length / loop.substeps
     solver_state = solver.init(term, t, t + step, state, hold.torque)
 
     def substep(number, carry):
-        current, inner, seen = carry
+        current, inner, record = carry
         begin = t + number * step
         after, _, _, inner, _ = solver.step(
             term, begin, begin + step, current, hold.torque, inner, made_jump=False
         )
-        plant, torque, before, now, length = still((loop.plant, hold.torque, current, after, step))
-        flow = effort_flow(plant, begin, before, torque)
-        flow = flow + effort_flow(plant, begin + length, now, torque)
-        seen = seen.looked(begin + length, Sight.of(plant, now), tolerances)
-        return after, inner, seen._replace(integral=seen.integral + length / 2 * flow)
+        plant, torque, before, now, length = stop_gradient(
+            (loop.plant, hold.torque, current, after, step)
+        )
+        rate = effort_rate(plant, begin, before, torque)
+        rate = rate + effort_rate(plant, begin + length, now, torque)
+        record = record.at(begin + length, Observation.of(plant, now), tolerances)
+        return after, inner, record._replace(integral=record.integral + length / 2 * rate)
 
-    carry = (state, solver_state, seen)
-    after, _, seen = jax.lax.fori_loop(0, loop.substeps, substep, carry)
-    return after, seen
+    after, _, record = jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state, record))
+    return after, record

@@ -23,17 +23,17 @@ from jaxsat.tuning.optimisers import Descent
 from jaxsat.tuning.parameters import Parameter, SearchSpace
 from jaxsat.tuning.plan import Settings, TuningPlan
 from jaxsat.tuning.receipt import Comparison, Receipt, compare, make_receipt
-from jaxsat.tuning.trials import Counter, Gained, GainedCase, Slopes, Trials, Way
+from jaxsat.tuning.trials import CaseWithGains, Counter, GradientMethod, Slopes, Trials, WithGains
 from jaxsat.tuning.verdict import Judgement, Verdict, judge, make_verdict, mean_interval
 
 __all__ = [
     "AbstractAggregate",
+    "CaseWithGains",
     "Comparison",
     "Counter",
     "Descent",
     "DescentState",
-    "Gained",
-    "GainedCase",
+    "GradientMethod",
     "Judged",
     "Judgement",
     "Mean",
@@ -52,7 +52,7 @@ __all__ = [
     "TuningPlan",
     "ValidationRecord",
     "Verdict",
-    "Way",
+    "WithGains",
     "Worst",
     "advance",
     "begin",

@@ -1,5 +1,6 @@
 """Running many cases at many points of the search at once, and counting what that takes."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -10,35 +11,35 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.engine import AbstractCopies, AbstractEngine, Copy, Outputs, Program
+from jaxsat.engine import AbstractCaseFactory, AbstractEngine, Case, Outputs, Program
 from jaxsat.montecarlo import AbstractDesign, Dispersed, StudyCase
 from jaxsat.tuning.parameters import SearchSpace, Values
 
-Way = Literal["forward", "reverse", "differences"]
+GradientMethod = Literal["forward", "reverse", "differences"]
 """How derivatives are taken: by either mode of the engine, or by central differences of costs."""
 
 
-class GainedCase(NamedTuple):
+class CaseWithGains(NamedTuple):
     """A case and the gains that it is run with."""
 
     case: PyTree
     gains: Mapping[str, Array | np.ndarray]
 
 
-class Gained(AbstractCopies):
-    """Copies with gains of their own, so that one batch holds many points of the search.
+class WithGains(AbstractCaseFactory):
+    """Cases with gains of their own, so that one batch holds many points of the search.
 
     The gains that an engine is given on top are added to them: zero, and what derivatives are
     taken by.
     """
 
-    copies: AbstractCopies
+    inner: AbstractCaseFactory
 
-    def __call__(self, case: GainedCase, gains: dict[str, Array] | None = None) -> Copy:
-        """The copy of one case."""
+    def __call__(self, case: CaseWithGains, gains: dict[str, Array] | None = None) -> Case:
+        """The case with its own gains."""
         shift = gains or {}
         own = {name: jnp.asarray(value) + shift.get(name, 0) for name, value in case.gains.items()}
-        return self.copies(case.case, own)
+        return self.inner(case.case, own)
 
 
 class Slopes(NamedTuple):
@@ -60,9 +61,9 @@ class Counter:
 
 @dataclass(frozen=True)
 class Trials:
-    """A program over dispersed copies, the cases of a design, and an engine to run them.
+    """A program over dispersed cases, the cases of a design, and an engine to run them.
 
-    `workers` threads share the blocks of a batch out; the results do not depend on how. Derivatives
+    `workers` threads share the batches out; the results do not depend on how. Derivatives
     by "differences", of half width `half_width` along the search, see what automatic
     differentiation is blind to, such as thresholds at which a law switches between samples.
     """
@@ -72,13 +73,13 @@ class Trials:
     engine: AbstractEngine
     space: SearchSpace
     workers: int = 1
-    way: Way = "forward"
+    gradient: GradientMethod = "forward"
     half_width: float = 0.02
     counter: Counter = field(default_factory=Counter)
 
     def __post_init__(self):
-        if not isinstance(self.program.copies, Dispersed):
-            raise TypeError("Argument `program` must run dispersed copies.")
+        if not isinstance(self.program.case_factory, Dispersed):
+            raise TypeError("Argument `program` must run dispersed cases.")
         if self.workers < 1:
             raise ValueError(f"Argument `workers` must be at least 1, but got {self.workers}.")
 
@@ -88,10 +89,10 @@ class Trials:
         """Outputs (points, cases) of the cases `numbers` at every point of the search."""
         program = self._program(intervals)
 
-        def run(cases: GainedCase) -> Outputs:
+        def run(cases: CaseWithGains) -> Outputs:
             return self.engine.evaluate(program, cases, None)
 
-        outputs = self._over_blocks(run, points, numbers)
+        outputs = self._in_batches(run, points, numbers)
         self._count(points, numbers, 1, intervals)
         return _by_point(outputs, points, numbers)
 
@@ -99,16 +100,16 @@ class Trials:
         self, points: Values, numbers: np.ndarray, intervals: int | None = None
     ) -> Slopes:
         """Outputs and derivatives of the costs along the search, in the units of the search."""
-        if self.way == "differences":
+        if self.gradient == "differences":
             return self._differences(points, numbers, intervals)
-        mode = self.way
+        mode = self.gradient
         program, space = self._program(intervals), self.space
         zero = jax.tree.map(jnp.asarray, space.gains(np.zeros(space.size)))
 
-        def run(cases: GainedCase) -> Any:
+        def run(cases: CaseWithGains) -> Any:
             return self.engine.gradient(program, cases, zero, mode)
 
-        found = self._over_blocks(run, points, numbers)
+        found = self._in_batches(run, points, numbers)
         self._count(points, numbers, 1 + space.size, intervals)
         leading = (len(points), len(numbers))
         by_value = space.joined(found.derivatives, leading)
@@ -132,39 +133,39 @@ class Trials:
 
     def drawn(self, numbers: np.ndarray) -> StudyCase:
         """The cases of these numbers."""
-        copies: Dispersed = self.program.copies  # pyright: ignore[reportAssignmentType]
-        points = self.design.points(numbers, copies.dimensions())
+        factory: Dispersed = self.program.case_factory  # pyright: ignore[reportAssignmentType]
+        points = self.design.points(numbers, factory.dimensions())
         return StudyCase(np.asarray(numbers).astype(np.uint32), points)
 
     def _program(self, intervals: int | None) -> Program:
-        whole = self.program
-        count = whole.intervals if intervals is None else intervals
-        rest = (whole.tolerances, whole.cost, whole.state_limit)
-        return Program(Gained(whole.copies), whole.interval, count, *rest)
+        return dataclasses.replace(
+            self.program,
+            case_factory=WithGains(self.program.case_factory),
+            intervals=self.program.intervals if intervals is None else intervals,
+        )
 
     def _count(self, points: Values, numbers: np.ndarray, runs: int, intervals: int | None) -> None:
         part = 1.0 if intervals is None else intervals / self.program.intervals
         self.counter.trajectories += len(points) * len(numbers) * runs * part
 
-    def _over_blocks(self, run: Callable, points: Values, numbers: np.ndarray):
-        """`run` over points × cases in pieces of whole blocks, the first alone: it may compile."""
+    def _in_batches(self, run: Callable, points: Values, numbers: np.ndarray):
+        """`run` over points × cases in whole batches, the first alone: it may compile."""
         gains = self.space.gains(self.space.to_values(points))
         cases = jax.tree.map(
             lambda x: np.tile(x, (len(points), *[1] * (x.ndim - 1))), self.drawn(numbers)
         )
         own = {name: np.repeat(value, len(numbers), axis=0) for name, value in gains.items()}
-        everything = GainedCase(cases, own)
-        total, width = len(points) * len(numbers), self.engine.width
-        if self.workers == 1 or total <= 2 * width:
+        everything = CaseWithGains(cases, own)
+        total, size = len(points) * len(numbers), self.engine.batch_size
+        if self.workers == 1 or total <= 2 * size:
             return run(everything)
-        blocks = -(-total // width)
-        pieces = [
-            jax.tree.map(lambda x, b=block: x[b * width : (b + 1) * width], everything)
-            for block in range(blocks)
+        batches = [
+            jax.tree.map(lambda x, at=first: x[at : at + size], everything)
+            for first in range(0, total, size)
         ]
-        first = run(pieces[0])
+        first = run(batches[0])
         with ThreadPoolExecutor(self.workers, thread_name_prefix="jaxsat") as pool:
-            found = [first, *pool.map(run, pieces[1:])]
+            found = [first, *pool.map(run, batches[1:])]
         return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
 
 

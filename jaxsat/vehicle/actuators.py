@@ -17,7 +17,7 @@ class Actuators(eqx.Module):
     `torque_axes` (3, m) are the directions of the working thrusters' torques, `thrust_map` (m, 2)
     shares the command among them, and `limit` (N m, may be infinite) bounds each thruster. The
     map belongs to whoever allocates: `misaligned` changes the true axes and leaves it as it is.
-    `saturated` holds each thruster on one side of its limit, see `piece`.
+    `saturated` holds each thruster on one side of its limit, see `smooth_piece`.
     """
 
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
@@ -54,11 +54,11 @@ class Actuators(eqx.Module):
         thrust = sat(self.thrust_map @ command, self.limit, None, self.saturated)
         return self.torque_axes @ thrust
 
-    def switches(self, command: Float[Array, "2"]) -> Float[Array, " m"]:
+    def event_functions(self, command: Float[Array, "2"]) -> Float[Array, " m"]:
         """Positive for each thruster of which more than its limit is asked."""
         return ((self.thrust_map @ command) / self.limit) ** 2 - 1
 
-    def piece(self, saturated: Bool[Array, " m"]) -> "Actuators":
+    def smooth_piece(self, saturated: Bool[Array, " m"]) -> "Actuators":
         """These thrusters, at their limits or not as told."""
         return dataclasses.replace(self, saturated=saturated)
 

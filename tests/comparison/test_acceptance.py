@@ -13,7 +13,7 @@ from jaxsat.scenario import build, load
 def drawn(setting, start, numbers):
     study = study_of(setting, start, 100, 7, engine="scan")
     cases = study.cases(np.asarray(numbers))
-    return jax.vmap(lambda case: study.copies(case).drawn)(cases)
+    return jax.vmap(lambda case: study.case_factory(case).drawn)(cases)
 
 
 def test_horizons():
@@ -57,7 +57,7 @@ def test_nothing_but_the_start_is_drawn_in_the_nominal_level():
 def test_the_papers_start_is_the_papers():
     study = study_of(Setting("hard", 5.0, "rate"), Start.PAPER, 1, 7, engine="scan")
     case = jax.tree.map(lambda x: x[0], study.cases(np.array([0])))
-    start: PlantState = study.copies(case).start
+    start: PlantState = study.case_factory(case).start
     wz = start.attitude.as_wz()
     np.testing.assert_allclose([*wz.w, wz.z], [-1.0, 1.0, 1.27], atol=1e-12)
     np.testing.assert_array_equal(start.omega, [0.1, -0.11, 0.0])

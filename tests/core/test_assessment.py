@@ -1,6 +1,5 @@
 """Settling and effort of a run, judged on the integrator's steps: nothing that is saved matters."""
 
-import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +8,15 @@ import pytest
 from core.cases import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
 from core.test_switching import CASE, start, switching_loop
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.engine import AbstractCopies, Copy, ReferenceEngine, ScanEngine, Tolerance, program_of
+from jaxsat.engine import (
+    AbstractCaseFactory,
+    AdaptiveStepper,
+    Case,
+    ReferenceEngine,
+    ScanEngine,
+    Tolerance,
+    program_of,
+)
 from jaxsat.environment import ExactOrbit, PeriodicTorque
 from jaxsat.metrics import Tolerances
 from jaxsat.simulation import simulate
@@ -60,19 +67,19 @@ def test_the_instant_is_that_of_an_independent_program():
     np.testing.assert_allclose(found, expected, atol=1e-8, rtol=0)
 
 
-class Alone(AbstractCopies):
+class Alone(AbstractCaseFactory):
     def __call__(self, case, gains):
         del gains
         loop, begin = three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)
         kicked = PlantState(begin.attitude, begin.omega + case)
-        return Copy(loop, kicked, {}, jnp.array(True))
+        return Case(loop, kicked, {}, jnp.array(True))
 
 
 @pytest.mark.slow
 def test_engines_do_not_look_at_their_interval():
     """A case settles at the same instant whether it is looked at every 0.5 s or every 4 s."""
     loop = three_axis_loop(PAPER_THREE_AXIS)
-    engine = ScanEngine(diffrax.Tsit5(), lanes=1, tolerance=Tolerance(1e-10, 1e-10))
+    engine = ScanEngine(AdaptiveStepper(tolerance=Tolerance(1e-10, 1e-10)), 1)
     settled = [
         engine.evaluate(
             program_of(Alone(), loop, 20.0, interval, tolerances=LOOSE), np.zeros((1, 3))
@@ -140,6 +147,6 @@ def test_gradients_go_past_the_assessment():
 def test_the_reference_engine_agrees():
     loop = three_axis_loop(PAPER_THREE_AXIS)
     program = program_of(Alone(), loop, 20.0, 4.0, tolerances=LOOSE)
-    found = ReferenceEngine(width=1).evaluate(program, np.zeros((1, 3))).settling_time[0]
+    found = ReferenceEngine(batch_size=1).evaluate(program, np.zeros((1, 3))).settling_time[0]
     expected = continuous(jnp.array([0.0, 20.0])).assessment.settled_from
     np.testing.assert_allclose(found, expected, atol=1e-6)

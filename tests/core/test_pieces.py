@@ -43,14 +43,14 @@ def same(one, other, tolerance=1e-12):
 def test_a_loop_is_its_piece_where_its_switches_say_so(name):
     loop, start = LOOPS[name]()
     state = loop.start(start)
-    switches = loop.switches(T, state)
+    switches = loop.event_functions(T, state)
     assert switches.shape[0] == {"error": 2, "limited": 4, "rate": 3}[name]
     sides = switches > 0
-    same(loop.piece(sides).motion(T, state), loop.motion(T, state))
+    same(loop.smooth_piece(sides).motion(T, state), loop.motion(T, state))
     # the other side of the first corner, or of a limit, which hides that one
     corner = 2 if name == "limited" else 0
     flipped = sides.at[corner].set(~sides[corner])
-    other = loop.piece(flipped).motion(T, state)
+    other = loop.smooth_piece(flipped).motion(T, state)
     assert np.abs(other.torque - loop.motion(T, state).torque).max() > 1e-3
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 from core.cases import PAPER_THREE_AXIS, bodies
 from jaxsat.attitude import WZ
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.engine import AbstractCopies, Copy
+from jaxsat.engine import AbstractCaseFactory, Case
 from jaxsat.simulation import AbstractContinuousLoop, Signals
 from jaxsat.simulation.loops import Motion
 
@@ -67,11 +67,11 @@ class Relay(AbstractContinuousLoop):
             mode=none,
         )
 
-    def switches(self, t, state):
+    def event_functions(self, t, state):
         return (state.position - self.level)[None]
 
-    def piece(self, sides):
-        return eqx.tree_at(lambda loop: loop.above, self, sides[0], is_leaf=lambda x: x is None)
+    def smooth_piece(self, signs):
+        return eqx.tree_at(lambda loop: loop.above, self, signs[0], is_leaf=lambda x: x is None)
 
     def turned_back(self, t, state):
         return state
@@ -86,7 +86,7 @@ class Relay(AbstractContinuousLoop):
         return self.motion(jnp.zeros(()), state).plant
 
 
-class Relays(AbstractCopies):
+class Relays(AbstractCaseFactory):
     """A relay from another place and with another velocity in every case, and with another k."""
 
     loop: Relay
@@ -95,7 +95,7 @@ class Relays(AbstractCopies):
         loop = self.loop if gains is None else eqx.tree_at(lambda loop: loop.k, self.loop, gains)
         zero = jnp.zeros(2)
         start = PlantState(WZ(zero, case[0]), jnp.zeros(3).at[0].set(case[1]))
-        return Copy(loop, start, {}, jnp.array(True))
+        return Case(loop, start, {}, jnp.array(True))
 
 
 def relay(level=0.0, inertia=True):

@@ -8,7 +8,7 @@ import pytest
 
 from core.cases import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
 from engine.test_engines import Kicked, same_bits
-from jaxsat.engine import ScanEngine, Tolerance, program_of
+from jaxsat.engine import AdaptiveStepper, ScanEngine, Tolerance, program_of
 from jaxsat.engine.runge_kutta import stage_rates, tableau_of, weighted
 from jaxsat.simulation import Outcome
 from montecarlo.studies import tumbling
@@ -17,8 +17,9 @@ COPIES = Kicked(three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_
 KICKS = np.array([[0.0, 0, 0], [0.01, 0, 0], [0, 0.01, 0], [0.02, -0.01, 0], [np.nan, 0, 0]])
 
 
-def engine(lanes=4, **options):
-    return ScanEngine(diffrax.Dopri5(), lanes=lanes, tolerance=Tolerance(1e-10, 1e-10, **options))
+def engine(batch_size=4, **options):
+    stepper = AdaptiveStepper(diffrax.Dopri5(), Tolerance(1e-10, 1e-10, **options))
+    return ScanEngine(stepper, batch_size)
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +59,8 @@ def test_a_replay_has_the_same_bits(found):
 
 @pytest.mark.slow
 def test_a_block_of_one_case_goes_without_padding(found):
-    program, alone = program_of(COPIES, COPIES.loop, 10.0), engine(lanes=1)
-    assert (alone.padded_width, engine().padded_width) == (1, 12)
+    program, alone = program_of(COPIES, COPIES.loop, 10.0), engine(batch_size=1)
+    assert (alone.padded_size, engine().padded_size) == (1, 12)
     several = alone.evaluate(program, KICKS[[3, 4, 0]])
     one, other = (jax.tree.map(lambda x, n=n: x[n], several) for n in (0, 2))
     same_bits(alone.replay(program, KICKS[3]).outputs, one)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.compiler import apart
-from jaxsat.engine.walk import Course
+from jaxsat.engine.flat_ode import FlatODE
 
 
 def _primitives(jaxpr):
@@ -39,11 +39,11 @@ def test_a_call_apart_gives_the_same_and_stays_a_call():
 
 
 def _branching(batch):
-    course = Course(None, None, None, None, batch)  # pyright: ignore[reportArgumentType]
+    ode = FlatODE(None, None, None, None, batch)  # pyright: ignore[reportArgumentType]
 
     def one(gain, x, number):
         wanted = (x > 0) & (number > 1)
-        return course.seldom(wanted, lambda: (jnp.sin(gain * x), number + 1), (gain**2, number))
+        return ode.cold_branch(wanted, lambda: (jnp.sin(gain * x), number + 1), (gain**2, number))
 
     return one
 

@@ -21,9 +21,12 @@ from core.cases import (
 from core.test_switching import CASE, start, switching_loop
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import (
-    AbstractCopies,
-    Copy,
+    AbstractCaseFactory,
+    AdaptiveStepper,
+    Case,
+    FixedStepper,
     ReferenceEngine,
+    SampledStepper,
     ScanEngine,
     Tolerance,
     program_of,
@@ -42,12 +45,12 @@ from jaxsat.simulation import (
 )
 from jaxsat.vehicle import Sensors
 
-LANES = 8
+BATCH = 8
 WIDE = Tolerances(1.3, 1.3, 0.3)
 """Loose enough for some of the short runs here to count as settled and some not."""
 
 
-class Kicked(AbstractCopies):
+class Kicked(AbstractCaseFactory):
     """A loop with another initial ω for every case, and another gain if asked."""
 
     loop: AbstractLoop
@@ -59,7 +62,7 @@ class Kicked(AbstractCopies):
             where = self._gain_of
             loop = eqx.tree_at(where, loop, gains * where(loop))
         omega = self.start.omega + case
-        return Copy(loop, PlantState(self.start.attitude, omega), {"kick": case}, jnp.array(True))
+        return Case(loop, PlantState(self.start.attitude, omega), {"kick": case}, jnp.array(True))
 
     @staticmethod
     def _gain_of(loop):
@@ -68,7 +71,7 @@ class Kicked(AbstractCopies):
 
 
 class Example(NamedTuple):
-    copies: Kicked
+    case_factory: Kicked
     duration: float
     scan: ScanEngine
     reference: ReferenceEngine
@@ -90,16 +93,16 @@ def sampled_example():
         sensors=Sensors(1e-5, 5e-5, key_of_seed(9)),
         delay=0.03,
     )
-    scan = ScanEngine(diffrax.Dopri5(), lanes=LANES)
-    reference = ReferenceEngine(fixed(0.1, diffrax.Dopri5()), width=LANES)
+    scan = ScanEngine(SampledStepper(diffrax.Dopri5()), BATCH)
+    reference = ReferenceEngine(fixed(0.1, diffrax.Dopri5()), batch_size=BATCH)
     return Example(Kicked(loop, start()), 12.0, scan, reference, 1e-9)
 
 
 def continuous_example():
     plant, law = smooth_law()
     loop = ContinuousLoop(plant, law, actuators(3.0))
-    scan = ScanEngine(diffrax.Tsit5(), substeps=100, lanes=LANES)
-    reference = ReferenceEngine(adaptive(1e-10, 1e-10, diffrax.Tsit5()), width=LANES)
+    scan = ScanEngine(FixedStepper(substeps=100), BATCH)
+    reference = ReferenceEngine(adaptive(1e-10, 1e-10, diffrax.Tsit5()), batch_size=BATCH)
     begin = three_axis_start(PAPER_THREE_AXIS)
     return Example(Kicked(loop, begin), 12.0, scan, reference, 2e-5)
 
@@ -108,16 +111,16 @@ def error_example():
     plant, law = smooth_law()
     begin = three_axis_start(PAPER_THREE_AXIS)
     turned = PlantState(begin.attitude.as_quaternion(), begin.omega)
-    scan = ScanEngine(diffrax.Tsit5(), substeps=100, lanes=LANES)
-    reference = ReferenceEngine(adaptive(1e-10, 1e-10, diffrax.Tsit5()), width=LANES)
+    scan = ScanEngine(FixedStepper(substeps=100), BATCH)
+    reference = ReferenceEngine(adaptive(1e-10, 1e-10, diffrax.Tsit5()), batch_size=BATCH)
     return Example(Kicked(ErrorCoordinateLoop(plant, law), turned), 12.0, scan, reference, 2e-5)
 
 
 def corners_example():
     """The printed law, whose switches one engine locates and the other does not."""
     begin = three_axis_start(PAPER_THREE_AXIS)
-    scan = ScanEngine(diffrax.Tsit5(), lanes=LANES, tolerance=Tolerance(1e-10, 1e-10))
-    reference = ReferenceEngine(adaptive(1e-11, 1e-11, min_step=1e-9), width=LANES)
+    scan = ScanEngine(AdaptiveStepper(tolerance=Tolerance(1e-10, 1e-10)), BATCH)
+    reference = ReferenceEngine(adaptive(1e-11, 1e-11, min_step=1e-9), batch_size=BATCH)
     return Example(Kicked(three_axis_loop(PAPER_THREE_AXIS), begin), 12.0, scan, reference, 2e-6)
 
 
@@ -139,8 +142,8 @@ def example(request):
 
 
 def program(example, duration=None):
-    loop = example.copies.loop
-    return program_of(example.copies, loop, duration or example.duration, tolerances=WIDE)
+    loop = example.case_factory.loop
+    return program_of(example.case_factory, loop, duration or example.duration, tolerances=WIDE)
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +165,7 @@ def test_engines_agree(example, found):
         corners = name == "effort" and example.agreement > 1e-6  # |u| has some, a hold has none
         tolerance = np.abs(values).max() * (1e-4 if corners else example.agreement)
         np.testing.assert_allclose(getattr(found, name), values, atol=tolerance, err_msg=name)
-    late = 2e-3 if isinstance(example.copies.loop, SampledLoop) else 2e-4
+    late = 2e-3 if isinstance(example.case_factory.loop, SampledLoop) else 2e-4
     np.testing.assert_allclose(found.settling_time, expected.settling_time, atol=late)
     np.testing.assert_array_equal(found.ended_at, expected.ended_at)
     np.testing.assert_array_equal(found.drawn["kick"], KICKS)
@@ -195,7 +198,7 @@ def test_a_diverging_case_is_coded_and_changes_no_other(example, found):
 @pytest.mark.slow
 def test_a_block_of_one_case_has_bits_of_its_own(example, found):
     """No padding and no companion: run, replay and history of a case go through one program."""
-    prog, alone = program(example), dataclasses.replace(example.scan, lanes=1)
+    prog, alone = program(example), dataclasses.replace(example.scan, batch_size=1)
     several = alone.evaluate(prog, KICKS[[3, 0]])
     one = jax.tree.map(lambda x: x[0], several)
     replay = alone.replay(prog, KICKS[3])
@@ -228,9 +231,9 @@ def test_the_reference_keeps_cases_apart(example):
 def test_a_replay_has_the_same_bits_and_the_history_of_simulate(example, found):
     replay = example.scan.replay(program(example), KICKS[3])
     same_bits(replay.outputs, jax.tree.map(lambda x: x[3], found))
-    copy = example.copies(KICKS[3], None)
+    case = example.case_factory(KICKS[3], None)
     method = example.reference.method
-    whole = simulate(copy.loop, copy.start, replay.times, method=method, tolerances=WIDE)
+    whole = simulate(case.loop, case.start, replay.times, method=method, tolerances=WIDE)
     run = whole.signals
     for name in ("w", "z", "omega", "torque", "relative_rate"):
         values = getattr(run, name)
@@ -289,4 +292,4 @@ def test_an_unknown_duration_is_refused(example):
 @pytest.mark.parametrize("solver", [diffrax.ImplicitEuler(), diffrax.SemiImplicitEuler()])
 def test_only_explicit_tableaus_are_taken(solver):
     with pytest.raises(ValueError, match="explicit Runge-Kutta"):
-        ScanEngine(solver)
+        FixedStepper(solver)

@@ -11,6 +11,8 @@ from core.test_switching import CASE, start, switching_loop
 from engine.test_engines import KICKS, Kicked, smooth_law
 from jaxsat.attitude import WZ
 from jaxsat.engine import (
+    AdaptiveStepper,
+    FixedStepper,
     ReferenceEngine,
     RunningCost,
     ScanEngine,
@@ -35,9 +37,9 @@ def sampled_loop():
 
 LOOPS = {"error": error_loop, "sampled": sampled_loop}
 ENGINES = {
-    "scan": ScanEngine(diffrax.Tsit5(), substeps=20, lanes=2),
-    "adaptive": ScanEngine(diffrax.Tsit5(), lanes=2, tolerance=Tolerance(1e-11, 1e-11)),
-    "diffrax": ReferenceEngine(adaptive(1e-11, 1e-11, diffrax.Tsit5()), width=2),
+    "scan": ScanEngine(FixedStepper(), 2),
+    "adaptive": ScanEngine(AdaptiveStepper(tolerance=Tolerance(1e-11, 1e-11)), 2),
+    "diffrax": ReferenceEngine(adaptive(1e-11, 1e-11, diffrax.Tsit5()), batch_size=2),
     "direct": ReferenceEngine(
         Method(diffrax.Tsit5(), diffrax.ConstantStepSize(), jnp.array(0.02), 400),
         2,

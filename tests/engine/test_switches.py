@@ -11,7 +11,14 @@ from engine.relay import Relays, exact_relay, relay
 from engine.test_engines import Kicked
 from jaxsat.attitude import WZ
 from jaxsat.dynamics import PlantState
-from jaxsat.engine import AbstractCopies, RunningCost, ScanEngine, Tolerance, program_of
+from jaxsat.engine import (
+    AbstractCaseFactory,
+    AdaptiveStepper,
+    RunningCost,
+    ScanEngine,
+    Tolerance,
+    program_of,
+)
 from jaxsat.scenario import load
 from jaxsat.scenario.study import build_study
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, Outcome
@@ -22,9 +29,9 @@ STARTS = np.array([[1.0, 0.0], [0.3, 1.0], [-2.0, 0.5], [0.7, -0.4]])
 POSITION = RunningCost(w=0.0, z=1.0, relative_rate=0.0, torque=0.0, attitude="wz")
 
 
-def engine(tolerance, lanes=4, solver=None, **options):
+def engine(tolerance, batch_size=4, solver=None, **options):
     judged = Tolerance(tolerance, tolerance, **options)
-    return ScanEngine(solver or diffrax.Tsit5(), lanes=lanes, tolerance=judged)
+    return ScanEngine(AdaptiveStepper(solver or diffrax.Tsit5(), judged), batch_size)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +97,7 @@ def test_a_surface_just_left_does_not_hide_the_next_one():
     """
     scenario = load("benchmark-three-axis", ["simulation.duration_s=50"])
     study = build_study(scenario, 256, seed=1, engine="scan")
-    bounded = engine(3e-8, lanes=256, max_steps=200)
+    bounded = engine(3e-8, batch_size=256, max_steps=200)
     found = bounded.evaluate(study.program, study.cases(np.arange(256)))
     assert np.all(found.code == int(Outcome.SUCCESS))
 
@@ -111,7 +118,7 @@ CASE = {**PAPER_THREE_AXIS, "amplitude": (0.015, 0.01, 0.0), "phase": (1.0, 2.0,
 KICKS = np.array([[0.0, 0, 0], [0.02, -0.01, 0], [-0.03, 0.02, 0], [0.01, 0.03, 0]])
 
 
-class Gained(AbstractCopies):
+class Gained(AbstractCaseFactory):
     """Kicked cases with all four gains of the three-axis law."""
 
     loop: AbstractLoop
@@ -174,7 +181,7 @@ def test_the_rate_law_through_a_zero_of_the_third_rate(tolerance):
     """
     loop = rate_loop(PAPER_RATE)
     program = program_of(Kicked(loop, rate_start(PAPER_RATE)), loop, 40.0)
-    found = engine(tolerance, lanes=1).replay(program, np.zeros(3))
+    found = engine(tolerance, batch_size=1).replay(program, np.zeros(3))
     run = simulate_rate_law(found.times, **PAPER_RATE)
     assert len(run.crossings) == 1
     before = found.times < run.crossings[0]

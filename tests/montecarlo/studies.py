@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxsat.attitude import Quaternion
 from jaxsat.control import Coast
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.engine import ScanEngine, program_of
+from jaxsat.engine import FixedStepper, ScanEngine, program_of
 from jaxsat.environment import ExactOrbit, PeriodicTorque
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import (
@@ -29,7 +29,7 @@ def tumbling_loop():
     return ContinuousLoop(plant, Coast(), Actuators.of(Thrusters(jnp.eye(3)).without([3])))
 
 
-def tumbling(count=100, chunk=16, design=None, seed=4, lanes=8, duration=20.0, **also):
+def tumbling(count=100, chunk=16, design=None, seed=4, batch_size=8, duration=20.0, **also):
     loop = tumbling_loop()
     begin = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.0, 0.0, 0.0])
     dispersions = Dispersions(
@@ -44,7 +44,7 @@ def tumbling(count=100, chunk=16, design=None, seed=4, lanes=8, duration=20.0, *
     tolerances = Tolerances(0.2, 0.2, 0.1)
     program = program_of(copies, loop, duration, tolerances=tolerances)
     design = Independent(seed) if design is None else design
-    engine = ScanEngine(substeps=2, lanes=lanes)
+    engine = ScanEngine(FixedStepper(substeps=2), batch_size)
     return Study(program, design, engine, count, chunk)
 
 

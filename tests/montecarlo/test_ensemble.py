@@ -87,7 +87,7 @@ def test_a_smaller_study_grows_into_a_larger(tmp_path, whole):
 
 def test_another_study_is_not_mixed_in(tmp_path):
     run_study(tumbling(count=8), tmp_path / "s")
-    for other in ({"seed": 5}, {"lanes": 4}, {"duration": 21.0}, {"design": Sobol(4)}):
+    for other in ({"seed": 5}, {"batch_size": 4}, {"duration": 21.0}, {"design": Sobol(4)}):
         with pytest.raises(OutputError, match="another study"):
             run_study(tumbling(count=8, **other), tmp_path / "s")
 
@@ -150,7 +150,7 @@ def test_what_fails_is_kept_and_counted_and_changes_nothing_else(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("engine", [ScanEngine(lanes=4), ReferenceEngine(width=4)])
+@pytest.mark.parametrize("engine", [ScanEngine(batch_size=4), ReferenceEngine(batch_size=4)])
 def test_an_impossible_body_is_coded(engine):
     """Moments that break the triangle inequality however often they are drawn."""
     flat = Uniform([-0.9, -0.9, 0.0], [-0.8, -0.8, 0.1])

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.engine import NativeEngine, ReferenceEngine, ScanEngine
+from jaxsat.engine import FixedStepper, NativeEngine, ReferenceEngine, ScanEngine
 from jaxsat.metrics import Tolerances, within
 from jaxsat.montecarlo import run_study
 from jaxsat.results import OutputError, open_study
@@ -77,9 +77,9 @@ def test_settling_can_be_judged_again_from_a_history(tmp_path):
 @pytest.mark.parametrize(
     "engine",
     [
-        NativeEngine(substeps=2),
-        pytest.param(ReferenceEngine(width=8), marks=pytest.mark.slow),
-        pytest.param(ScanEngine(substeps=2, lanes=3), marks=pytest.mark.slow),
+        NativeEngine(FixedStepper(substeps=2)),
+        pytest.param(ReferenceEngine(batch_size=8), marks=pytest.mark.slow),
+        pytest.param(ScanEngine(FixedStepper(substeps=2), 3), marks=pytest.mark.slow),
     ],
     ids=["native", "diffrax", "scan"],
 )

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from jaxsat.engine import NativeEngine
+from jaxsat.engine import FixedStepper, NativeEngine
 from jaxsat.engine.native import kernel, threads
 from jaxsat.montecarlo import Threads, run_study
 from jaxsat.montecarlo.ensemble import _by_column
@@ -22,7 +22,7 @@ COUNT, CHUNK = 600, 150
 
 def compiled(**options):
     study = tumbling(COUNT, CHUNK, **options)
-    return dataclasses.replace(study, engine=NativeEngine(substeps=2))
+    return dataclasses.replace(study, engine=NativeEngine(FixedStepper(substeps=2)))
 
 
 @pytest.fixture(scope="module")

@@ -177,7 +177,7 @@ from jaxsat.montecarlo import Threads, run_study
 from montecarlo.studies import tumbling
 
 for count in (4_000, 80_000):
-    study = tumbling(count, chunk=2000, lanes=250, duration=2.0)
+    study = tumbling(count, chunk=2000, batch_size=250, duration=2.0)
     run_study(study, f"{sys.argv[1]}/{count}", executor=Threads(2))
     print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """

@@ -24,7 +24,7 @@ def test_work_of_a_study():
     study = build_study(scenario, 10**8, engine="scan", chunk=100, width=8)
     work = study_work(study)
     assert work.trajectories == 10**8
-    assert work.steps == 10**8 * study.program.intervals * study.copies.loop.substeps
+    assert work.steps == 10**8 * study.program.intervals * study.case_factory.loop.substeps
     assert work.disk > 10**8 * 100
     assert work.memory > 10**9
     some = study_work(study, StopRule(0.2), workers=2)

@@ -142,8 +142,8 @@ def test_only_vectors_without_gaps_are_made(lanes):
     with pytest.raises(ValueError, match="`lanes` must be 1, 2, 4, 8 or 16, but got"):
         Mapped(lambda x, _: x, 0.0, lanes=lanes)
     if lanes > 0:
-        with pytest.raises(ValueError, match="`lanes` must be"):
-            NativeEngine(lanes=lanes)
+        with pytest.raises(ValueError, match="`simd_lanes` must be"):
+            NativeEngine(simd_lanes=lanes)
 
 
 @pytest.mark.slow

@@ -7,18 +7,17 @@ import numpy as np
 import pytest
 
 from engine.test_engines import EXAMPLES, KICKS, program, same_bits
-from jaxsat.engine import NativeEngine, Outputs
+from jaxsat.engine import AdaptiveStepper, NativeEngine, Outputs
 from jaxsat.simulation import Outcome
 
 
 def native(example, **options) -> NativeEngine:
-    scan = example.scan
-    return NativeEngine(scan.solver, scan.substeps, scan.tolerance, **options)
+    return NativeEngine(example.scan.stepper, **options)
 
 
 def tolerance_of(example, fixed: float) -> float:
     """Fixed steps differ by rounding, adaptive ones by what their tolerance allows."""
-    return fixed if example.scan.tolerance is None else 1e-7
+    return 1e-7 if isinstance(example.scan.stepper, AdaptiveStepper) else fixed
 
 
 @pytest.fixture(
@@ -100,7 +99,7 @@ def test_a_replay_has_the_same_bits(example, found):
 def test_other_numbers_need_no_new_machine_code(example, found):
     prog, engine = program(example), native(example)
     kernel = engine.kernel(prog, KICKS)
-    stiffer = eqx.tree_at(lambda p: p.copies.loop.plant.orbit.rate, prog, jnp.array(0.002))
+    stiffer = eqx.tree_at(lambda p: p.case_factory.loop.plant.orbit.rate, prog, jnp.array(0.002))
     assert engine.kernel(stiffer, KICKS) is kernel
     other = engine.evaluate(stiffer, KICKS)
     assert np.abs(other.omega - found.omega).max() > 1e-9

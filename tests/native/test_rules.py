@@ -7,6 +7,7 @@ import pytest
 from jax import lax
 
 from engine.test_engines import EXAMPLES, KICKS, program
+from jaxsat.engine import FixedStepper
 from jaxsat.engine.native import CannotLower, Mapped, native_obstacle
 from jaxsat.engine.native.ir import NativeBug
 from jaxsat.engine.native.lowering import RULES
@@ -294,9 +295,10 @@ def test_a_rule_that_breaks_down_is_told_as_a_bug():
 def test_a_rule_that_breaks_down_is_no_obstacle_to_fall_back_for():
     """Engine `auto` asks for the obstacle, and takes another engine where there is one."""
     one = EXAMPLES["corners"]()
-    method = (one.scan.solver, 1237, None)  # steps that no other test has made a kernel for
+    # steps that no other test has made a kernel for
+    stepper = FixedStepper(one.scan.stepper.solver, 1237)
     with pytest.raises(NativeBug):
-        native_obstacle(method, program(one), KICKS)
+        native_obstacle(stepper, program(one), KICKS)
 
 
 @pytest.mark.parametrize("part", ["merge_cold_branches", "schedule", "parameter_locations"])
@@ -314,7 +316,7 @@ def test_what_goes_wrong_after_the_rules_is_told_as_a_bug(monkeypatch, part):
 @pytest.mark.parametrize("error", [NativeBug("a rule", "what"), RuntimeError("of LLVM")])
 def test_only_what_has_no_rule_is_an_obstacle(monkeypatch, error):
     one = EXAMPLES["corners"]()
-    arguments = (one.scan.solver, 20, None), program(one), KICKS
+    arguments = FixedStepper(one.scan.stepper.solver), program(one), KICKS
 
     def failing(error):
         def fail(*_):

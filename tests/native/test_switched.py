@@ -1,12 +1,11 @@
 """Located switches in the compiled engine: the scan engine's numbers, and exact derivatives."""
 
-import diffrax
 import jax
 import numpy as np
 import pytest
 
 from engine.test_engines import same_bits
-from jaxsat.engine import NativeEngine, ScanEngine, Tolerance
+from jaxsat.engine import AdaptiveStepper, NativeEngine, ScanEngine, Tolerance
 from jaxsat.montecarlo import Study
 from jaxsat.scenario import load
 from jaxsat.scenario.study import build_study
@@ -29,7 +28,7 @@ def study(name: str) -> Study:
 
 
 def native(tolerance: float) -> NativeEngine:
-    return NativeEngine(diffrax.Tsit5(), tolerance=Tolerance(tolerance, tolerance), workers=1)
+    return NativeEngine(AdaptiveStepper(tolerance=Tolerance(tolerance, tolerance)), workers=1)
 
 
 @pytest.mark.slow
@@ -39,7 +38,7 @@ def native(tolerance: float) -> NativeEngine:
 def test_it_agrees_with_the_scan_engine_to_the_tolerance(name):
     work = study(name)
     cases, engine = work.cases(np.arange(COUNT)), native(1e-9)
-    scan = ScanEngine(engine.solver, lanes=COUNT, tolerance=engine.tolerance)
+    scan = ScanEngine(engine.stepper, COUNT)
     found, expected = (one.evaluate(work.program, cases, GAINS) for one in (engine, scan))
     assert found.code.tolist() == [0] * COUNT
     for name in ("cost", "effort", "peak_rate", "w", "z", "quaternion", "omega"):

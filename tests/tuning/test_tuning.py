@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.engine import AbstractCopies, CannotLower, Program, RunningCost
+from jaxsat.engine import AbstractCaseFactory, CannotLower, Program, RunningCost
 from jaxsat.engine.native.ir import NativeBug
 from jaxsat.results import OutputError
 from jaxsat.scenario import build, dump, load
@@ -107,7 +107,7 @@ def test_derivatives_along_the_search_are_those_of_the_cost(plan):
 
 def test_differences_agree_with_automatic_differentiation(plan):
     numbers = np.arange(3)
-    trials = dataclasses.replace(plan.smooth, way="differences", half_width=1e-4)
+    trials = dataclasses.replace(plan.smooth, gradient="differences", half_width=1e-4)
     found, expected = (t.differentiate(points(plan), numbers) for t in (trials, plan.smooth))
     scale = np.abs(expected.derivatives).max()
     np.testing.assert_allclose(found.derivatives, expected.derivatives, atol=1e-6 * scale)
@@ -276,10 +276,10 @@ def test_a_sound_gradient_has_a_clean_receipt(receipt):
     assert receipt.failed == receipt.masked == 0
 
 
-class Blind(AbstractCopies):
+class Blind(AbstractCaseFactory):
     """Copies that hide one gain from automatic differentiation, as a switch would."""
 
-    inner: AbstractCopies
+    inner: AbstractCaseFactory
 
     def __call__(self, case, gains=None):
         return self.inner(case, {**gains, "k2": jax.lax.stop_gradient(gains["k2"])})
@@ -288,14 +288,13 @@ class Blind(AbstractCopies):
 @pytest.mark.slow
 def test_a_wrong_gradient_is_told_at_the_top(plan, final, receipt, monkeypatch):
     program = plan.smooth.program
-    copies = eqx.tree_at(lambda p: p.copies, program, program.copies)
+    copies = eqx.tree_at(lambda p: p.case_factory, program, program.case_factory)
     blind = dataclasses.replace(plan.smooth, program=copies)
     inner = type(plan.smooth)._program
 
     def hidden(trials, intervals):
         whole: Program = inner(trials, intervals)
-        gained = whole.copies
-        return eqx.tree_at(lambda p: p.copies.copies, whole, Blind(gained.copies))
+        return eqx.tree_at(lambda p: p.case_factory.inner, whole, Blind(whole.case_factory.inner))
 
     monkeypatch.setattr(type(plan.smooth), "_program", hidden)
     comparison = compare(blind, final.best_point, np.arange(3))
@@ -346,7 +345,7 @@ def test_the_part_of_a_singular_cost_is_known(plan):
     held = plan.held_out
     cost = RunningCost(z=0.0, relative_rate=0.0, torque=0.0, limit=np.inf, attitude="wz")
     program = dataclasses.replace(held.program, cost=cost)
-    program = eqx.tree_at(lambda p: p.copies.start.attitude.w, program, jnp.array([20.0, 0.0]))
+    program = eqx.tree_at(lambda p: p.case_factory.start.attitude.w, program, jnp.array([20.0, 0.0]))
     turned = dataclasses.replace(held, program=program)
     settings = dataclasses.replace(plan.settings, held_out_cases=2)
     plan = dataclasses.replace(plan, held_out=turned, settings=settings)

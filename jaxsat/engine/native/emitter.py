@@ -33,10 +33,10 @@ LANES = (1, 2, 4, 8, 16)
 """Numbers of cases in a vector: its cells have no gaps between them, and are aligned."""
 
 
-def require_lanes(lanes: int) -> None:
+def require_lanes(lanes: int, name: str = "lanes") -> None:
     """Raise `ValueError` for a number of lanes that no vector has."""
     if lanes not in LANES:
-        raise ValueError(f"Argument `lanes` must be 1, 2, 4, 8 or 16, but got {lanes}.")
+        raise ValueError(f"Argument `{name}` must be 1, 2, 4, 8 or 16, but got {lanes}.")
 
 
 class Module:

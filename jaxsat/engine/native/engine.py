@@ -3,30 +3,26 @@
 import threading
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxsat.engine.adaptive import Tolerance
-from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay, count_of
+from jaxsat.checks import require_counts
+from jaxsat.engine.fixed import FixedStepper
+from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, count_of
 from jaxsat.engine.native import target
 from jaxsat.engine.native.arguments import as_numbers
 from jaxsat.engine.native.emitter import require_lanes
 from jaxsat.engine.native.kernel import Kernel
 from jaxsat.engine.native.lowering import CannotLower
-from jaxsat.engine.native.phases import ForwardModePhases, PrimalPhases, any_length
+from jaxsat.engine.native.phases import ForwardModePhases, PrimalPhases
 from jaxsat.engine.native.trajectory import lower_trajectory, numbers_of
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
-from jaxsat.engine.runge_kutta import tableau_of
-from jaxsat.engine.scan import ScanEngine
+from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.processors import processors
 from jaxsat.simulation import Signals
-
-Method = tuple[diffrax.AbstractSolver, int, Tolerance | None]
-"""Solver, substeps and tolerance."""
 
 _kernels: dict[Any, Kernel] = {}
 _making = threading.Lock()
@@ -40,54 +36,32 @@ NO_64_BITS = "the compiled engine must have 64-bit numbers; switch jax_enable_x6
 class NativeEngine(AbstractEngine):
     """Runs a program as machine code made for it, each vector lane one case.
 
-    Steps are those of `ScanEngine` with the same solver, `substeps` and tolerance. `lanes` is the
-    number of cases in a vector (1, 2, 4, 8 or 16), by default what suits the processor; `workers`
-    the number of threads, by default as many as there are processors. Neither changes a bit of any
-    case. `width` is the number of cases whose histories can be had at once. Arrays are copied:
-    what happens to the caller's own during a run changes nothing.
+    Steps are those of `ScanEngine` with the same stepper. `simd_lanes` is the number of cases in a
+    vector (1, 2, 4, 8 or 16), by default what suits the processor; `workers` the number of threads,
+    by default as many as there are processors. Neither changes a bit of any case. Arrays are
+    copied: what happens to the caller's own during a run changes nothing.
 
     Raises `CannotLower` where the program holds something that has no rule, and `RuntimeError`
     without llvmlite or without 64-bit numbers.
     """
 
-    solver: diffrax.AbstractSolver = diffrax.Tsit5()
-    substeps: int = eqx.field(static=True, default=20)
-    tolerance: Tolerance | None = None
-    lanes: int | None = eqx.field(static=True, default=None)
+    stepper: AbstractStepper = eqx.field(default_factory=FixedStepper)
+    simd_lanes: int | None = eqx.field(static=True, default=None)
     workers: int | None = eqx.field(static=True, default=None)
-    width: int = eqx.field(static=True, default=64)
+    batch_size: int = eqx.field(static=True, default=64)
 
     def __check_init__(self):
-        tableau_of(self.solver)
-        for name in ("substeps", "lanes", "workers", "width"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise ValueError(f"Argument `{name}` must be at least 1, but got {value}.")
-        if self.lanes is not None:
-            require_lanes(self.lanes)
+        require_counts(simd_lanes=self.simd_lanes, workers=self.workers, batch_size=self.batch_size)
+        if self.simd_lanes is not None:
+            require_lanes(self.simd_lanes, "simd_lanes")
         obstacle = _llvmlite_obstacle()
         if obstacle is not None:
             raise RuntimeError(obstacle)
 
     def identity(self) -> dict[str, Any]:
-        """Solver and steps, and the processor, whose instructions round as they do."""
-        host = target.host()
-        fixed = {
-            "name": "native",
-            "solver": type(self.solver).__name__,
-            "substeps": self.substeps,
-            "llvm": target.version(),
-            "vector": host.register * 8,
-        }
-        if self.tolerance is None:
-            return fixed
-        numbers = [float(x) for x in jax.tree.leaves(self.tolerance)]
-        return fixed | {"tolerance": [*numbers, self.tolerance.max_steps]}
-
-    @property
-    def method(self) -> Method:
-        """What kernels are made from."""
-        return self.solver, self.substeps, self.tolerance
+        """Steps, and the processor, whose instructions round as they do."""
+        processor = {"llvm": target.version(), "vector": target.host().register * 8}
+        return {"name": "native", **self.stepper.identity(), **processor}
 
     def kernel(
         self, program: Program, cases: PyTree, gains: PyTree = None, *, derivatives: bool = False
@@ -98,8 +72,8 @@ class NativeEngine(AbstractEngine):
         what are no numbers.
         """
         cases, gains = _numbers(cases, gains)
-        lanes = self.lanes or target.host().lanes
-        return _kernel(self.method, program, cases, gains, lanes, derivatives)
+        lanes = self.simd_lanes or target.host().lanes
+        return _kernel(self.stepper, program, cases, gains, lanes, derivatives)
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
         """Outputs of all cases, in as many threads as there are workers."""
@@ -107,30 +81,12 @@ class NativeEngine(AbstractEngine):
         trees = self._trees(cases, program, gains)
         return kernel.run(trees, program.intervals, self.workers or processors())
 
-    def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
-        """Outputs of one block."""
-        return self.evaluate(program, cases, gains)
-
-    def replay_block(
-        self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
-    ) -> tuple[Outputs, Signals]:
-        """Outputs and signals of one block."""
-        kernel = self.kernel(program, cases, gains)
-        return kernel.replay(self._trees(cases, program, gains), instants.tolist())
-
     def observed(
         self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
-        """All cases as one block, in one thread."""
-        return self.replay_block(program, cases, gains, instants)
-
-    def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
-        """One case (no leading axis) again, with its history and the same bits as before."""
-        cases = jax.tree.map(lambda x: np.asarray(x)[None], case)
-        found = self.replay_block(program, cases, gains, program.instants())
-        outputs, signals = jax.tree.map(lambda x: x[0], found)
-        times = np.arange(program.intervals + 1) * float(program.interval)
-        return Replay(outputs, times, signals)
+        """`evaluate`, to the same bits, and signals at `instants`; in one thread."""
+        kernel = self.kernel(program, cases, gains)
+        return kernel.replay(self._trees(cases, program, gains), instants.tolist())
 
     def gradient(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode = "forward"
@@ -147,19 +103,13 @@ class NativeEngine(AbstractEngine):
         found = kernel.run(trees, program.intervals, self.workers or processors())
         return CostGradient(found.outputs, _by_gain(found.derivatives, gains))
 
-    def block_gradient(
-        self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
-    ) -> CostGradient:
-        """Outputs of one block and the derivatives of its costs."""
-        return self.gradient(program, cases, gains, mode)
-
     def _trees(self, cases: PyTree, program: Program, gains: PyTree) -> dict[str, PyTree]:
-        numbers = jax.tree.leaves(numbers_of(_as_scan(self.method), program))
+        numbers = jax.tree.leaves(numbers_of(self.stepper, program))
         return {"cases": cases, "numbers": numbers, "gains": gains}
 
 
 def native_obstacle(
-    method: Method, program: Program, cases: PyTree, gains: PyTree = None
+    stepper: AbstractStepper, program: Program, cases: PyTree, gains: PyTree = None
 ) -> str | None:
     """Why the native engine cannot run a program for such cases; None if it can.
 
@@ -169,7 +119,7 @@ def native_obstacle(
     if obstacle is not None:
         return obstacle
     try:
-        _kernel(method, program, cases, gains, target.host().lanes, False)
+        _kernel(stepper, program, cases, gains, target.host().lanes, False)
     except CannotLower as error:
         return str(error)
     return None
@@ -195,31 +145,27 @@ def _llvmlite_obstacle() -> str | None:
 
 
 def _kernel(
-    method: Method, program: Program, cases: PyTree, gains: PyTree, lanes: int, derivatives: bool
+    stepper: AbstractStepper,
+    program: Program,
+    cases: PyTree,
+    gains: PyTree,
+    lanes: int,
+    derivatives: bool,
 ) -> Kernel:
     obstacle = process_obstacle()
     if obstacle is not None:
         raise RuntimeError(obstacle)
     case = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), cases)
     gains = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), np.asarray(x).dtype), gains)
-    scan = _as_scan(method)
-    key = (_kind((scan, any_length(program))), _kind(case), _kind(gains), lanes, derivatives)
+    whole = (stepper, program.of_any_length())
+    key = (_kind(whole), _kind(case), _kind(gains), lanes, derivatives)
     with _making:
         if key not in _kernels:
-            phases = PrimalPhases(scan, program)
+            phases = PrimalPhases(stepper, program)
             chosen = ForwardModePhases(phases) if derivatives else phases
-            trajectory = lower_trajectory(
-                chosen, numbers_of(scan, any_length(program)), case, gains, lanes
-            )
+            trajectory = lower_trajectory(chosen, numbers_of(*whole), case, gains, lanes)
             _kernels[key] = Kernel(trajectory, lanes)
         return _kernels[key]
-
-
-def _as_scan(method: Method) -> ScanEngine:
-    solver, substeps, tolerance = method
-    return ScanEngine(  # pyright: ignore[reportCallIssue]  (width is a property)
-        solver=solver, substeps=substeps, lanes=1, tolerance=tolerance
-    )
 
 
 def _by_gain(derivatives: np.ndarray, gains: PyTree) -> PyTree:

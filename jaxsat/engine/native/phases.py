@@ -16,27 +16,15 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, PyTree
 
-from jaxsat.engine import adaptive
+from jaxsat.engine.adaptive import AdaptiveStepper
+from jaxsat.engine.fixed import stepper_for
 from jaxsat.engine.interface import CostGradient
-from jaxsat.engine.program import AbstractCopies, Copy, Program
-from jaxsat.engine.scan import advance_one, begin_one, finish_one, observe_one
-from jaxsat.engine.walk import Course
-from jaxsat.simulation import SampledLoop
-
-
-class Made(AbstractCopies):
-    """The one copy that has been made already."""
-
-    copy: Copy
-
-    def __call__(self, case: PyTree, gains: PyTree) -> Copy:
-        """The copy, whatever the case."""
-        del case, gains
-        return self.copy
+from jaxsat.engine.program import Case, Program
+from jaxsat.engine.stepper import AbstractStepper
 
 
 class AbstractPhases(abc.ABC):
-    """The functions of which a trajectory is made; `numbers` are those of engine and program."""
+    """The functions of which a trajectory is made; `numbers` are those of stepper and program."""
 
     @abc.abstractmethod
     def begin(self, case: PyTree, numbers: PyTree, gains: PyTree) -> tuple[PyTree, PyTree]:
@@ -75,61 +63,59 @@ class AbstractPhases(abc.ABC):
         """Told, after `begin`, which leaves of what is fixed are nothing but zeros."""
 
 
-def any_length(program: Program) -> Program:
-    """The program with a length that says nothing."""
-    rest = (program.interval, 1, program.tolerances, program.cost, program.state_limit)
-    return Program(program.copies, *rest)
-
-
 class PrimalPhases(AbstractPhases):
-    """A program as an engine with the numbers of `ScanEngine` runs it."""
+    """A program by a stepper."""
 
-    def __init__(self, engine: Any, program: Program):
-        self.static = eqx.partition((engine, any_length(program)), eqx.is_array)[1]
+    def __init__(self, stepper: AbstractStepper, program: Program):
+        self.static = eqx.partition((stepper, program.of_any_length()), eqx.is_array)[1]
         self._rest: Any = None
 
     def begin(self, case, numbers, gains):
-        """The copy's arrays and the progress."""
-        copy = eqx.combine(numbers, self.static)[1].copies(case, gains)
-        arrays, self._rest = eqx.partition(copy, eqx.is_array)
-        return arrays, begin_one(*self._with(arrays, numbers), None, None)
+        """The case's arrays and the progress."""
+        made = eqx.combine(numbers, self.static)[1].case_factory(case, gains)
+        arrays, self._rest = eqx.partition(made, eqx.is_array)
+        stepper, program, case = self._with(arrays, numbers)
+        return arrays, stepper.begin(program, case)
 
     def advance(self, fixed, moving, numbers, first, count):
         """The progress further on."""
-        return advance_one(*self._with(fixed, numbers), None, None, moving, first, count)
+        stepper, program, case = self._with(fixed, numbers)
+        return stepper.advance(program, case, moving, first, count)
 
     @property
     def paced(self) -> bool:
         """Whether steps are adaptive."""
-        adapts = self.static[0].tolerance is not None
-        return adapts and not isinstance(self._rest.loop, SampledLoop)
+        return isinstance(stepper_for(self.static[0], self._rest.loop), AdaptiveStepper)
 
     def attempt(self, fixed, moving, numbers, first, count):
         """The progress after one step tried."""
-        engine, program = self._with(fixed, numbers)
-        course = Course.of(engine.solver, program, program.copies(None, None))
-        return adaptive.iterate(engine.solver, engine.tolerance, course, first + count, moving)
+        stepper, program, case = self._with(fixed, numbers)
+        assert isinstance(stepper, AdaptiveStepper)
+        return stepper.attempt(program, case, moving, first + count)
 
     def going(self, fixed, moving, numbers, first, count):
         """Whether the trajectory is to go on."""
-        program = self._with(fixed, numbers)[1]
-        return adaptive.unfinished(program, first + count, moving)
+        stepper, program, _ = self._with(fixed, numbers)
+        assert isinstance(stepper, AdaptiveStepper)
+        return stepper.unfinished(program, moving, first + count)
 
     def finish(self, fixed, moving, numbers, first, count):
         """Outputs."""
-        return finish_one(*self._with(fixed, numbers), None, None, moving, first + count)
+        stepper, program, case = self._with(fixed, numbers)
+        return stepper.finish(program, case, moving, first + count)
 
     def observe(self, fixed, moving, numbers, number):
         """Signals."""
-        return observe_one(*self._with(fixed, numbers), None, None, moving, number)
+        stepper, program, case = self._with(fixed, numbers)
+        return stepper.observe(program, case, moving, number)
 
     def learn(self, zero: list[bool]) -> None:
         """All the same to it."""
 
-    def _with(self, arrays, numbers) -> tuple[Any, Program]:
-        engine, program = eqx.combine(numbers, self.static)
-        made = Made(eqx.combine(arrays, self._rest))
-        return engine, eqx.tree_at(lambda program: program.copies, program, made)
+    def _with(self, arrays, numbers) -> tuple[AbstractStepper, Program, Case]:
+        stepper, program = eqx.combine(numbers, self.static)
+        case = eqx.combine(arrays, self._rest)
+        return stepper_for(stepper, case.loop), program, case
 
 
 class ForwardModePhases(AbstractPhases):

@@ -106,9 +106,9 @@ def lower_trajectory(
     )
 
 
-def numbers_of(method: PyTree, program: PyTree) -> PyTree:
-    """All numbers of an engine's method and of a program."""
-    return eqx.filter((method, program), eqx.is_array)
+def numbers_of(stepper: PyTree, program: PyTree) -> PyTree:
+    """All numbers of a stepper and of a program."""
+    return eqx.filter((stepper, program), eqx.is_array)
 
 
 class _State:

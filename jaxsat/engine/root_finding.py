@@ -19,7 +19,7 @@ SECANTS, NEWTON_STEPS = 2, 2
 
 
 class Bracket(NamedTuple):
-    """Parts of a step with the function at most zero at `low` and positive at `high`."""
+    """Fractions of a step with the function at most zero at `low` and positive at `high`."""
 
     low: Float[Array, ""]
     low_value: Float[Array, ""]
@@ -35,20 +35,20 @@ class _Search(NamedTuple):
     tried: Int[Array, ""]
 
 
-def located(
+def find_root(
     function: Callable[[Float[Array, ""]], Float[Array, ""]],
     bracket: Bracket,
-    wanted: Bool[Array, ""],
+    needed: Bool[Array, ""],
 ) -> Float[Array, ""]:
-    """The part of the step at which the function becomes positive, to `CLOSE_ENOUGH`.
+    """The fraction of the step at which the function becomes positive, to `CLOSE_ENOUGH`.
 
     Secants with the Illinois rule; every third point, and every point while the lower end is next
     to zero (a step that begins on a surface, from which a secant would not come away), halves the
-    bracket. A step for which it is not `wanted` takes no iteration.
+    bracket. A step for which it is not `needed` takes no iteration.
     """
 
     def unfinished(search: _Search):
-        return wanted & (search.moved > CLOSE_ENOUGH) & (search.tried < ITERATIONS)
+        return needed & (search.moved > CLOSE_ENOUGH) & (search.tried < ITERATIONS)
 
     def improve(search: _Search) -> _Search:
         low, low_value, high, high_value = search.bracket
@@ -93,19 +93,19 @@ def ends_of_parts(parts: int) -> Float[np.ndarray, "parts 1"]:
 
 
 def sign_changes(
-    growth: Float[Array, "degree n"],
+    coefficients: Float[Array, "degree n"],
     parts: int,
     end: Float[Array, ""],
-    wanted: Bool[Array, ""],
-    seldom: Callable,
+    needed: Bool[Array, ""],
+    cold_branch: Callable,
 ) -> Float[Array, "parts n"]:
-    """Where the derivative of Σ_p θ^p growth[p - 1] changes its sign before `end`.
+    """Where the derivative of Σ_p θ^p coefficients[p - 1] changes its sign before `end`.
 
     One change in each of equal `parts` of a step; the end of that part where there is none. A fixed
     number of secants with the Illinois rule, and of Newton's steps inside the bracket; none where
-    no sign changes, or where it is not `wanted`.
+    no sign changes, or where it is not `needed`.
     """
-    first, *others = growth[:, None]
+    first, *others = coefficients[:, None]
     slopes = [p * row for p, row in enumerate(others, 2)]
     curves = [p * row for p, row in enumerate(slopes, 1)]
 
@@ -127,7 +127,7 @@ def sign_changes(
         bracket = Bracket(low, low_value, high, high_value)
         return jnp.where(changes, _sign_change(slope, curve, changes, bracket), nowhere)
 
-    return seldom(wanted & jnp.any(changes), search, nowhere)
+    return cold_branch(needed & jnp.any(changes), search, nowhere)
 
 
 def _sign_change(slope, curve, changes, bracket: Bracket) -> Float[Array, "parts n"]:
