@@ -1,6 +1,7 @@
 """Engines: how many copies of a closed loop are run at once, and what comes out of each."""
 
 from jaxsat.engine.adaptive import Tolerance
+from jaxsat.engine.fingerprint import program_identity
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
 from jaxsat.engine.native import CannotLower, NativeEngine, native_obstacle
 from jaxsat.engine.program import AbstractCopies, Copy, Program, program_of
@@ -26,5 +27,6 @@ __all__ = [
     "Tolerance",
     "Unsettled",
     "native_obstacle",
+    "program_identity",
     "program_of",
 ]

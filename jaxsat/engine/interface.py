@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import ClosedJaxpr
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.engine.program import Program
@@ -59,6 +60,15 @@ class AbstractEngine(eqx.Module):
     @abc.abstractmethod
     def identity(self) -> dict[str, Any]:
         """What of the engine the bits of a case depend on, as plain data."""
+
+    @abc.abstractmethod
+    def traced(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> dict[str, ClosedJaxpr]:
+        """The operations that are compiled for such cases, part by part; see `fingerprint`.
+
+        With a `mode` they are those of `gradient`. The numbers of the program are inputs.
+        """
 
     @abc.abstractmethod
     def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:

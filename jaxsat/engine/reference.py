@@ -7,9 +7,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
 from jaxsat.dynamics import PlantState
+from jaxsat.engine.fingerprint import traced_block
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Copy, Program
 from jaxsat.engine.progress import Integrals, Outputs, judged_at
@@ -57,6 +59,12 @@ class ReferenceEngine(AbstractEngine):
             "max_steps": self.method.max_steps,
         }
         return {"name": "diffrax", "width": self.width, "method": method}
+
+    def traced(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> dict[str, ClosedJaxpr]:
+        """The operations of a block."""
+        return traced_block(self, program, cases, gains, mode)
 
     def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
         """Outputs of one block."""

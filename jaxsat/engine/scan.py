@@ -13,11 +13,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import ClosedJaxpr
 from jaxtyping import Array, Int, PyTree
 
 from jaxsat.engine import adaptive
 from jaxsat.engine.adaptive import Tolerance
 from jaxsat.engine.dense_output import dense_output
+from jaxsat.engine.fingerprint import traced_block
 from jaxsat.engine.fixed import advance_in_equal_steps, advance_with_drawn_noise
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode
 from jaxsat.engine.program import Program
@@ -77,6 +79,12 @@ class ScanEngine(AbstractEngine):
             return fixed
         numbers = [float(x) for x in jax.tree.leaves(self.tolerance)]
         return fixed | {"tolerance": [*numbers, self.tolerance.max_steps]}
+
+    def traced(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> dict[str, ClosedJaxpr]:
+        """The operations of a block."""
+        return traced_block(self, program, cases, gains, mode)
 
     def run_block(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
         """Outputs of one block."""

@@ -7,6 +7,7 @@ import diffrax
 import equinox as eqx
 import jax
 import numpy as np
+from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
 from jaxsat.engine.adaptive import Tolerance
@@ -83,6 +84,13 @@ class NativeEngine(AbstractEngine):
             return fixed
         numbers = [float(x) for x in jax.tree.leaves(self.tolerance)]
         return fixed | {"tolerance": [*numbers, self.tolerance.max_steps]}
+
+    def traced(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> dict[str, ClosedJaxpr]:
+        """The operations that the machine code is made from, stage by stage."""
+        kernel = self.kernel(program, cases, gains, derivatives=mode is not None)
+        return kernel.stages.jaxprs
 
     @property
     def method(self) -> Method:
