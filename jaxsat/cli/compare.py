@@ -93,7 +93,8 @@ def compare(
     yes
         Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
-        Go on with stores that were begun with other versions or on another processor.
+        Go on with stores that were begun with other versions or on another processor, if the
+        program is the same.
     quiet
         Print nothing but mistakes.
     """
@@ -251,17 +252,20 @@ def _verdicts(rows: Sequence["Row"]) -> list["Verdict"]:
 
 def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> dict[str, Any]:
     """Least time and effort from the paper's start; kept in the output folder once found."""
+    import numpy as np
+
     from jaxsat.bounds import Objective, manoeuvre_of
     from jaxsat.comparison import Setting, horizon, scenario_of
     from jaxsat.scenario import build
 
     name = f"{BOUNDS}/{limit:g}.json"
-    wanted = {"torque_limit": limit, "starts": starts, "seed": seed}
+    run = build(scenario_of(Setting("nominal", limit, "rate")))
+    manoeuvre = manoeuvre_of(run.loop, run.start)
+    numbers = {name: np.asarray(value).tolist() for name, value in vars(manoeuvre).items()}
+    wanted = {"torque_limit": limit, "starts": starts, "seed": seed, "manoeuvre": numbers}
     kept = _kept_bounds(folder.read(name), wanted)
     if kept is not None:
         return kept
-    run = build(scenario_of(Setting("nominal", limit, "rate")))
-    manoeuvre = manoeuvre_of(run.loop, run.start)
     found: dict[str, Any] = dict(wanted)
     for objective in Objective:
         what = f"least {objective.value}, {limit:g} N m"

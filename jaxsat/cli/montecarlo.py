@@ -116,7 +116,8 @@ def montecarlo(
     yes
         Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
-        Go on with a store that was begun with other versions or on another processor.
+        Go on with a store that was begun with other versions or on another processor, if the
+        program is the same.
     quiet
         Print nothing unless something is wrong.
     """

@@ -78,7 +78,8 @@ def tune(
     yes
         Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
-        Go on with a run that was begun with other versions or on another processor.
+        Go on with a run that was begun with other versions or on another processor, if the
+        program is the same.
     quiet
         Print nothing unless something is wrong.
     """

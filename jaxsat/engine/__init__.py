@@ -1,6 +1,7 @@
 """Engines: how the cases of a closed loop are run together, and what comes out of each."""
 
 from jaxsat.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.engine.fingerprint import program_identity
 from jaxsat.engine.fixed import FixedStepper, SampledStepper
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
 from jaxsat.engine.native import CannotLower, NativeEngine, native_obstacle
@@ -32,5 +33,6 @@ __all__ = [
     "Tolerance",
     "Unsettled",
     "native_obstacle",
+    "program_identity",
     "program_of",
 ]

@@ -5,8 +5,10 @@ import abc
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import ClosedJaxpr
 from jaxtyping import Array, PyTree
 
+from jaxsat.engine.fingerprint import traced_batch
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, count_of
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
@@ -52,6 +54,12 @@ class AbstractBatchEngine(AbstractEngine):
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
     ) -> CostGradient:
         """Outputs of a padded batch and the derivatives of its costs."""
+
+    def traced(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> dict[str, ClosedJaxpr]:
+        """The operations of a batch."""
+        return traced_batch(self, program, cases, gains, mode)
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
         """Outputs of all cases."""

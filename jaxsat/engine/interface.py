@@ -6,6 +6,7 @@ from typing import Any, Literal, NamedTuple
 import equinox as eqx
 import jax
 import numpy as np
+from jax.extend.core import ClosedJaxpr
 from jaxtyping import Float, PyTree
 
 from jaxsat.engine.program import Program
@@ -46,6 +47,15 @@ class AbstractEngine(eqx.Module):
     @abc.abstractmethod
     def identity(self) -> dict[str, Any]:
         """What of the engine the bits of a case depend on, as plain data."""
+
+    @abc.abstractmethod
+    def traced(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> dict[str, ClosedJaxpr]:
+        """The operations that are compiled for such cases, part by part; see `fingerprint`.
+
+        With a `mode` they are those of `gradient`. The numbers of the program are inputs.
+        """
 
     @abc.abstractmethod
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:

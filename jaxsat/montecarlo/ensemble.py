@@ -1,10 +1,10 @@
 """A study: n dispersed copies of a closed loop, computed in chunks into a store."""
 
-import hashlib
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, cast
 
@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.checks import require_counts
-from jaxsat.engine import AbstractEngine, Outputs, Program, Replay
+from jaxsat.engine import AbstractEngine, Outputs, Program, Replay, program_identity
 from jaxsat.montecarlo.designs import AbstractDesign, LatinHypercube
 from jaxsat.montecarlo.dispersions import Dispersed, StudyCase
 from jaxsat.montecarlo.executors import AbstractExecutor, Serial
@@ -138,6 +138,13 @@ class Study:
         }
         return COLUMNS | drawn | histories
 
+    def program_identity(self) -> dict[str, Any]:
+        """What tells the program that computes the cases from others.
+
+        It is traced for that, once for this and the first chunk.
+        """
+        return program_identity(self.engine, self.program, self.cases(np.arange(1)), self.gains)
+
     def identity(self) -> dict[str, Any]:
         """All that the numbers of a case depend on. The count is part of it only where it must."""
         times = None
@@ -151,7 +158,7 @@ class Study:
             "seed": self.design.seed,
             "size": self.count if self.has_fixed_size else None,
             "engine": self.engine.identity(),
-            "program": _plain(self.program),
+            "program": self.program_identity(),
             "gains": {name: np.asarray(g).tolist() for name, g in (self.gains or {}).items()},
         }
 
@@ -212,7 +219,8 @@ def run_study(
         ledger = _Ledger(store, study.count, until)
         begin, before = time.perf_counter(), ledger.done
         here = None if elsewhere else machine()
-        results = executor.run(_ChunkWork(study, store.chunk, store.count, here), ledger.wanted())
+        work = _ChunkWork(study, store.chunk, store.count, here, identity["program"])
+        results = executor.run(work, ledger.wanted())
         for chunk, values in results:
             store.write(chunk, values)
             ledger.add(chunk, values["settling_time"])
@@ -224,12 +232,16 @@ def run_study(
 
 @dataclass(frozen=True)
 class _ChunkWork:
-    """Computes the chunks of a study, in any process; on the machine `where` if one is given."""
+    """Computes the chunks of a study, in any process where the program is the same.
+
+    On the machine `where` if one is given.
+    """
 
     study: Study
     chunk: int
     count: int
     where: Mapping[str, Any] | None
+    program: Mapping[str, Any]
 
     def __call__(self, chunk: int) -> dict[str, np.ndarray]:
         if self.where is not None:
@@ -239,8 +251,16 @@ class _ChunkWork:
                     f"A worker computes under other conditions ({'; '.join(other)}), so its "
                     "results may differ in their last bits; allow that explicitly."
                 )
+        other = differences({"program": self.program}, {"program": self._program_here})
+        if other:
+            raise OutputError(f"A worker computes another study ({'; '.join(other)}).")
         numbers = chunk_numbers(chunk, self.chunk, self.count)
         return self.study.values(numbers)
+
+    @cached_property
+    def _program_here(self) -> dict[str, Any]:
+        """What the program is in this process, whose law or libraries may be others."""
+        return self.study.program_identity()
 
 
 class _Ledger:
@@ -285,12 +305,3 @@ def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
     named = outputs._asdict()
     drawn = named.pop("drawn")
     return {**named, **{DRAWN + name: values for name, values in drawn.items()}}
-
-
-def _plain(tree: Any) -> Any:
-    """Numbers and kinds of a module as plain data, for telling studies apart."""
-    arrays, structure = jax.tree.flatten(tree)
-    return {
-        "numbers": [np.asarray(array).tolist() for array in arrays],
-        "structure": hashlib.sha256(str(structure).encode()).hexdigest(),
-    }

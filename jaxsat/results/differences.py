@@ -7,16 +7,28 @@ from typing import Any
 SHOWN = 6
 """Differences between two studies that are told."""
 
-PROGRAM = ("program",)
+PROGRAM = "program"
 """What of an identity is told last: numbers without names, most of which a scenario names."""
+
+OPERATIONS = "operations"
+"""What of a program is a hash of its traced operations, told where nothing else explains it."""
+
+OTHER_PROGRAM = "the program differs, as after a change of the law, of another part or of a library"
 
 
 def differences(old: Any, new: Any) -> list[str]:
     """Where two nests of plain data differ, one clause for each place; of many the first few."""
-    found = sorted(_differences(old, new), key=lambda place: (place[0][:1] == PROGRAM, place[0]))
-    clauses = [f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in found]
+    found = sorted(_differences(old, new), key=lambda place: (place[0][:1] == (PROGRAM,), place[0]))
+    told = [place for place in found if not _is_operations(place[0])]
+    clauses = [f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in told]
+    if found and not told:
+        clauses = [OTHER_PROGRAM]
     more = len(clauses) - SHOWN
     return [*clauses[:SHOWN], f"and {more} more"] if more > 0 else clauses
+
+
+def _is_operations(path: tuple[str, ...]) -> bool:
+    return path[0] == PROGRAM and path[-1] == OPERATIONS
 
 
 def _differences(old: Any, new: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
@@ -27,7 +39,7 @@ def _differences(old: Any, new: Any, *path: str) -> Iterator[tuple[tuple[str, ..
     elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
         for number, (x, y) in enumerate(zip(old, new, strict=True), 1):
             yield from _differences(x, y, *path, str(number))
-    elif old != new:
+    elif old != new and (old == old or new == new):  # NaN is NaN
         yield path, old, new
 
 

@@ -29,7 +29,7 @@ from jaxsat.results.chunks import (
     differs_in_rows_alone,
     encoded,
 )
-from jaxsat.results.differences import differences
+from jaxsat.results.differences import OTHER_PROGRAM, differences
 from jaxsat.results.errors import OutputError, reason, system_failure
 from jaxsat.results.files import from_json, new_token, partial_name, read_file, write_file
 from jaxsat.results.header import Header, read_header, run_record
@@ -211,6 +211,8 @@ class StudyStore:
         header = read_header(self.path)
         other = differences(header.identity, wanted.identity)
         other += differences(_plain(header.columns), _plain(wanted.columns))
+        if other == [OTHER_PROGRAM]:  # versions may tell why
+            other += differences(header.runs[-1]["machine"], machine())
         if other:
             raise OutputError(
                 f"{self.path} holds another study ({'; '.join(other)}); give another folder."

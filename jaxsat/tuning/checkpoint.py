@@ -122,8 +122,15 @@ class TuningFolder:
 
 
 def plan_identity(plan: TuningPlan) -> dict[str, Any]:
-    """What tells runs apart."""
-    return {**plan.description, "parameters": list(plan.space.labels)}
+    """What tells runs apart. Programs are traced for it, once for this and the first step."""
+    return {
+        **plan.description,
+        "parameters": list(plan.space.labels),
+        "program": {
+            "smooth": plan.smooth.program_identity(differentiated=True),
+            "exact": plan.exact.program_identity(),
+        },
+    }
 
 
 def _to_arrays(state: DescentState) -> dict[str, np.ndarray]:

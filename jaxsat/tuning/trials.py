@@ -11,7 +11,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.engine import AbstractCaseFactory, AbstractEngine, Case, Outputs, Program
+from jaxsat.engine import (
+    AbstractCaseFactory,
+    AbstractEngine,
+    Case,
+    Outputs,
+    Program,
+    program_identity,
+)
 from jaxsat.montecarlo import AbstractDesign, Dispersed, StudyCase
 from jaxsat.tuning.parameters import SearchSpace, Values
 
@@ -103,8 +110,7 @@ class Trials:
         if self.gradient == "differences":
             return self._differences(points, numbers, intervals)
         mode = self.gradient
-        program, space = self._program(intervals), self.space
-        zero = jax.tree.map(jnp.asarray, space.gains(np.zeros(space.size)))
+        program, space, zero = self._program(intervals), self.space, self._zero()
 
         def run(cases: CaseWithGains) -> Any:
             return self.engine.gradient(program, cases, zero, mode)
@@ -131,11 +137,25 @@ class Trials:
         middle = jax.tree.map(lambda x: x[2 * size :: 2 * size + 1], outputs)
         return Slopes(middle, np.moveaxis(slopes, 1, 2))
 
+    def program_identity(self, *, differentiated: bool = False) -> dict[str, Any]:
+        """What tells the program from others, that of the derivatives where they are by a mode."""
+        gains = self.space.gains(np.zeros((1, self.space.size)))
+        example = CaseWithGains(self.drawn(np.arange(1)), gains)
+        if not differentiated or self.gradient == "differences":
+            return program_identity(self.engine, self._program(None), example)
+        return program_identity(
+            self.engine, self._program(None), example, self._zero(), self.gradient
+        )
+
     def drawn(self, numbers: np.ndarray) -> StudyCase:
         """The cases of these numbers."""
         factory: Dispersed = self.program.case_factory  # pyright: ignore[reportAssignmentType]
         points = self.design.points(numbers, factory.dimensions())
         return StudyCase(np.asarray(numbers).astype(np.uint32), points)
+
+    def _zero(self) -> dict[str, Array]:
+        """What derivatives are taken by."""
+        return jax.tree.map(jnp.asarray, self.space.gains(np.zeros(self.space.size)))
 
     def _program(self, intervals: int | None) -> Program:
         return dataclasses.replace(

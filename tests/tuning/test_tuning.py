@@ -13,8 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.control import RateLaw
 from jaxsat.engine import AbstractCaseFactory, CannotLower, Program, RunningCost
 from jaxsat.engine.native.ir import NativeBug
+from jaxsat.montecarlo.changes import controller_of
 from jaxsat.results import OutputError
 from jaxsat.scenario import build, dump, load
 from jaxsat.scenario.tuning import build_plan, tuned_scenario
@@ -185,6 +187,32 @@ def test_a_folder_holds_one_run(plan, tmp_path):
         TuningFolder(tmp_path / "run", {"steps": 4})
 
 
+class Flipped(RateLaw):
+    """With a sign that is another."""
+
+    def feedback(self, state, rate_error, memory):
+        return -RateLaw.feedback(self, state, rate_error, memory)
+
+
+@pytest.mark.parametrize("changed", ["smooth", "exact"])
+def test_a_run_of_another_law_is_refused(scenario, tmp_path, changed):
+    plan = build_plan(scenario, width=4, engine="scan")
+    with TuningFolder(tmp_path / "run", plan_identity(plan)):
+        pass
+    trials = getattr(plan, changed)
+    law = controller_of(trials.program.copies.loop)
+    flipped = Flipped(**{field.name: getattr(law, field.name) for field in dataclasses.fields(law)})
+    program = eqx.tree_at(
+        lambda program: controller_of(program.copies.loop),
+        trials.program,
+        flipped,
+        is_leaf=lambda x: x is law,
+    )
+    other = dataclasses.replace(plan, **{changed: dataclasses.replace(trials, program=program)})
+    with pytest.raises(OutputError, match=r"another run \(the program differs, as after a change"):
+        TuningFolder(tmp_path / "run", plan_identity(other), elsewhere=True)
+
+
 def outcome(folder, plan, final):
     """What becomes of a run whose folder was damaged."""
     try:
@@ -345,7 +373,9 @@ def test_the_part_of_a_singular_cost_is_known(plan):
     held = plan.held_out
     cost = RunningCost(z=0.0, relative_rate=0.0, torque=0.0, limit=np.inf, attitude="wz")
     program = dataclasses.replace(held.program, cost=cost)
-    program = eqx.tree_at(lambda p: p.case_factory.start.attitude.w, program, jnp.array([20.0, 0.0]))
+    program = eqx.tree_at(
+        lambda p: p.case_factory.start.attitude.w, program, jnp.array([20.0, 0.0])
+    )
     turned = dataclasses.replace(held, program=program)
     settings = dataclasses.replace(plan.settings, held_out_cases=2)
     plan = dataclasses.replace(plan, held_out=turned, settings=settings)

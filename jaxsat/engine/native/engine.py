@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
+from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
 from jaxsat.checks import require_counts
@@ -62,6 +63,12 @@ class NativeEngine(AbstractEngine):
         """Steps, and the processor, whose instructions round as they do."""
         processor = {"llvm": target.version(), "vector": target.host().register * 8}
         return {"name": "native", **self.stepper.identity(), **processor}
+
+    def traced(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> dict[str, ClosedJaxpr]:
+        """The operations that the machine code is made from, phase by phase."""
+        return self.kernel(program, cases, gains, derivatives=mode is not None).trajectory.jaxprs
 
     def kernel(
         self, program: Program, cases: PyTree, gains: PyTree = None, *, derivatives: bool = False

@@ -1,0 +1,192 @@
+"""What tells traced programs apart: a hash of their operations and of the numbers baked into them.
+
+Names, comments and places in the source are no part of a trace, and neither are a program's inputs.
+What does not tell what is computed is left out: what no result needs, names of compiled functions,
+wishes to XLA.
+"""
+
+import dataclasses
+import enum
+import functools
+import hashlib
+import inspect
+import operator
+import re
+from collections.abc import Callable, Mapping
+from types import CodeType
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+from jaxtyping import PyTree
+
+from jaxsat.collection import no_collection
+
+if TYPE_CHECKING:
+    from jaxsat.engine.batches import AbstractBatchEngine
+    from jaxsat.engine.interface import AbstractEngine, Mode
+    from jaxsat.engine.program import Program
+
+OPERATIONS = "operations"
+"""Key of the hash in what tells programs apart."""
+
+COMPILATION = {
+    *("name", "inline", "keep_unused", "donated_invars", "compiler_options_kvs", "ctx_mesh"),
+    *("in_shardings", "out_shardings", "in_layouts", "out_layouts", "sharding", "out_sharding"),
+}
+"""Parameters of operations that say how they are compiled."""
+
+RULES = {"jvp_jaxpr_fun", "fwd_jaxpr_thunk", "bwd", "out_trees", "symbolic_zeros"}
+"""Parameters for derivatives; where one is taken, the rule's operations are in the trace."""
+
+WISHES = {"xla_metadata_value"}
+"""Operations that give what they take, with a wish to XLA."""
+
+LIBRARIES = {"jax", "equinox"}
+"""Told by their versions: the machine code of their Python functions differs with Python's."""
+
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
+
+
+def program_identity(
+    engine: "AbstractEngine",
+    program: "Program",
+    cases: PyTree,
+    gains: PyTree = None,
+    mode: "Mode | None" = None,
+) -> dict[str, Any]:
+    """What tells programs apart, as plain data: numbers, length, and a hash of the operations.
+
+    `cases` are examples; with a `mode` the operations are those of the costs' derivatives by
+    `gains`.
+    """
+    numbers = [leaf for leaf in jax.tree.leaves(program) if eqx.is_array_like(leaf)]
+    return {
+        "numbers": [np.asarray(number).tolist() for number in numbers],
+        "intervals": program.intervals,
+        OPERATIONS: fingerprint(engine.traced(program, cases, gains, mode)),
+    }
+
+
+@no_collection()
+def traced_batch(
+    engine: "AbstractBatchEngine",
+    program: "Program",
+    cases: PyTree,
+    gains: PyTree,
+    mode: "Mode | None",
+) -> dict[str, ClosedJaxpr]:
+    """The operations of one batch of an engine that is compiled by XLA.
+
+    The numbers of engine and program are inputs. JAX keeps the traces of compiled functions, so
+    the first run of such a batch is not traced again.
+    """
+    numbers, rest = eqx.partition((engine, program), eqx.is_array)
+
+    def of_batch(array: Any) -> jax.ShapeDtypeStruct:
+        kind = jax.dtypes.canonicalize_dtype(array.dtype)
+        return jax.ShapeDtypeStruct((engine.padded_size, *array.shape[1:]), kind)
+
+    def run(numbers, cases, gains):
+        engine, program = eqx.combine(numbers, rest)
+        if mode is None:
+            return engine.run_batch(program, cases, gains)
+        return engine.differentiate_batch(program, cases, gains, mode)
+
+    return {"batch": jax.make_jaxpr(run)(numbers, jax.tree.map(of_batch, cases), gains)}
+
+
+def fingerprint(traces: Mapping[str, ClosedJaxpr]) -> str:
+    """A hash of traced programs; the same in every process and on every machine."""
+    known: dict[int, str] = {}
+    return _hash(*(f"{name} {_told(trace, known)}" for name, trace in sorted(traces.items())))
+
+
+def _hash(*texts: str) -> str:
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()
+
+
+def _of_jaxpr(jaxpr: Jaxpr, known: dict[int, str]) -> str:
+    """The hash of how the results come from the inputs."""
+    if id(jaxpr) not in known:
+        inputs = [*jaxpr.constvars, *jaxpr.invars]
+        kinds = [_kind(variable.aval) for variable in inputs]
+        found: dict[Any, str] = {variable: f"input {i}" for i, variable in enumerate(inputs)}
+
+        def read(atom: Any) -> str:
+            return _of_array(atom.val, atom.aval) if isinstance(atom, Literal) else found[atom]
+
+        for equation in jaxpr.eqns:
+            taken = [read(atom) for atom in equation.invars]
+            if equation.primitive.name in WISHES:
+                found.update(zip(equation.outvars, taken, strict=True))
+                continue
+            made = _hash(equation.primitive.name, _told(_params(equation), known), *taken)
+            found.update((variable, f"{i} {made}") for i, variable in enumerate(equation.outvars))
+        known[id(jaxpr)] = _hash(*kinds, "->", *map(read, jaxpr.outvars))
+    return known[id(jaxpr)]
+
+
+def _params(equation: Any) -> dict[str, Any]:
+    ignored = COMPILATION | RULES
+    return {key: value for key, value in equation.params.items() if key not in ignored}
+
+
+def _kind(aval: Any) -> str:
+    dtype = getattr(aval, "dtype", None)  # none of a token, which orders effects
+    return type(aval).__name__ if dtype is None else f"{_name(dtype)}{list(aval.shape)}"
+
+
+_name = functools.cache(str)  # NumPy takes its time for the name of a type
+
+
+def _of_array(value: Any, aval: Any = None) -> str:
+    if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key):
+        value, aval = jax.random.key_data(value), None
+    array = np.asarray(value, None if aval is None else aval.dtype)
+    data = array.tobytes()
+    shown = data.hex() if len(data) <= 64 else hashlib.sha256(data).hexdigest()
+    return f"{_name(array.dtype)}{list(array.shape)}{shown}"
+
+
+def _told(value: Any, known: dict[int, str]) -> str:
+    """A parameter of an operation as text that depends on nothing but what it says."""
+    match value:
+        case ClosedJaxpr():
+            constants = [_of_array(constant) for constant in value.consts]
+            return " ".join([_of_jaxpr(value.jaxpr, known), *constants])
+        case Jaxpr():
+            return _of_jaxpr(value, known)
+        case None | bool() | str() | bytes() | float() | complex() | np.dtype():
+            return repr(value)
+        case enum.Enum():
+            return f"{type(value).__name__}.{value.name}"
+        case int() | np.integer():
+            return str(operator.index(value))
+        case np.ndarray() | np.generic() | jax.Array():
+            return _of_array(value)
+        case Mapping():
+            told = sorted(f"{_told(key, known)}:{_told(value[key], known)}" for key in value)
+            return f"{{{','.join(told)}}}"
+        case set() | frozenset():
+            return f"{{{','.join(sorted(_told(item, known) for item in value))}}}"
+        case tuple() | list():
+            return f"({','.join(_told(item, known) for item in value)})"
+        case CodeType():
+            return _told((value.co_code, value.co_names, value.co_consts), known)
+    if inspect.isfunction(value):
+        return _of_function(value, known)
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        return f"{type(value).__qualname__}{_told(fields, known)}"
+    return _ADDRESS.sub("", repr(value))
+
+
+def _of_function(function: Callable, known: dict[int, str]) -> str:
+    """A function that is called back; what it closes over is not followed."""
+    told = f"{function.__module__}.{function.__qualname__}"
+    inside = function.__module__.split(".")[0] in LIBRARIES
+    return told if inside else f"{told}{_told(function.__code__, known)}"
