@@ -5,24 +5,20 @@ scheduler can run code as those who use it; see `scheduler_at`.
 """
 
 import logging
-import platform
 import threading
 import time
 import uuid
-import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
-from concurrent.futures import Future as Answer
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from typing import Any, TypeVar, cast
 
 from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker, wait
 from distributed.utils import silence_logging_cmgr
-from distributed.versions import VersionMismatchWarning
 
 from jaxsat.montecarlo.addresses import scheduler_address
+from jaxsat.montecarlo.connection import ANSWER_S, PARTING_S, connected, in_time, reason
 from jaxsat.montecarlo.executors import POLL_S, AbstractExecutor, ClusterError, Stop, Work
 from jaxsat.montecarlo.shipping import Done, Failed, Packed, computed, packed
 
@@ -38,14 +34,8 @@ WITHOUT_WORKERS_S = 3600.0
 SHIPPED_S = 300.0
 """How long the workers that are there may take to import what a study needs."""
 
-ANSWER_S = 30.0
-"""How long a scheduler may take for any other answer."""
-
 LOOK_S = 5.0
 """How often a run asks whether the scheduler and its workers are still there."""
-
-PARTING_S = 3.0
-"""How long taking leave of a scheduler may take."""
 
 T = TypeVar("T")
 
@@ -108,7 +98,7 @@ class _Link:
     @contextmanager
     def to(scheduler: Scheduler) -> Iterator["_Link"]:
         with silence_logging_cmgr(logging.CRITICAL):  # what counts is raised here
-            link = _Link(scheduler, _connected(scheduler.address, scheduler.timeout))
+            link = _Link(scheduler, connected(scheduler.address, scheduler.timeout))
             try:
                 yield link
             finally:
@@ -192,7 +182,7 @@ class _Link:
     def _ask(self, question: Callable[[], T], limit: float) -> T:
         with self._lasting():
             try:
-                return _in_time(question, limit)
+                return in_time(question, limit)
             except TimeoutError:
                 raise OSError(f"no answer within {limit:g} s") from None
 
@@ -204,91 +194,19 @@ class _Link:
         except (ClusterError, KilledWorker, TimeoutError):
             raise
         except (OSError, CancelledError) as error:
-            raise ClusterError(f"the scheduler is gone: {_reason(error)}") from error
+            raise ClusterError(f"the scheduler is gone: {reason(error)}") from error
         except Exception as error:  # their own are sent as `Failed`
-            raise ClusterError(f"the workers cannot compute: {_reason(error)}") from error
+            raise ClusterError(f"the workers cannot compute: {reason(error)}") from error
 
     def _leave(self) -> None:
         for parting in (self._take_back, self._client.close):
             with suppress(Exception):  # of a scheduler that is gone
-                _in_time(parting, PARTING_S)
+                in_time(parting, PARTING_S)
 
     def _take_back(self) -> None:
         if self._client.status == "running":
             self._client.cancel(list(self._running))
             self._client.unregister_worker_plugin(self._name)
-
-
-def _connected(address: str, timeout: float) -> Client:
-    def connect() -> Client:
-        with warnings.catch_warnings():  # versions are compared below
-            warnings.simplefilter("ignore", VersionMismatchWarning)
-            return Client(address, timeout=timeout, set_as_default=False)
-
-    try:
-        client = _in_time(connect, timeout + 1.0)
-    except (OSError, ValueError) as error:
-        raise ClusterError(f"no scheduler answers at {address}: {_reason(error)}") from error
-    except Exception as error:  # whatever dask makes of what is there
-        raise ClusterError(
-            f"no scheduler at {address} can be used by dask {version('dask')}: {_reason(error)}"
-        ) from error
-    loop = cast(Any, client.loop).asyncio_loop
-    loop.set_exception_handler(lambda *_: None)  # of tasks that nobody waits for any longer
-    try:
-        _require_same_versions(client, address)
-    except BaseException:
-        with suppress(Exception):
-            _in_time(client.close, PARTING_S)
-        raise
-    return client
-
-
-def _require_same_versions(client: Client, address: str) -> None:
-    """Raise `ClusterError` where a scheduler has other versions, with which it may not answer."""
-    here = {name: version(name) for name in ("dask", "distributed")}
-    here["python"] = platform.python_version()
-    try:
-        ask = cast(Any, client.scheduler).versions
-        told = _in_time(lambda: cast(Any, client.sync(ask)), ANSWER_S)
-        there = {name: str(told["packages"][name]) for name in here}
-    except Exception as error:
-        reason = _reason(error)
-        raise ClusterError(f"the scheduler at {address} tells no versions: {reason}") from error
-    other = [
-        f"{name}: {there[name]} there, {here[name]} here"
-        for name in here
-        if _release(name, there[name]) != _release(name, here[name])
-    ]
-    if other:
-        raise ClusterError(
-            f"the scheduler at {address} must have the same versions ({'; '.join(other)})"
-        )
-
-
-def _release(name: str, number: str) -> str:
-    """Of Python 3.11.7 the 3.11, of others all."""
-    return ".".join(number.split(".")[:2]) if name == "python" else number
-
-
-def _in_time(question: Callable[[], T], limit: float) -> T:
-    """An answer within a number of seconds, or `TimeoutError`; not all of dask's own have one."""
-    answer = Answer[T]()
-
-    def target() -> None:
-        try:
-            answer.set_result(question())
-        except BaseException as error:
-            answer.set_exception(error)
-
-    threading.Thread(target=target, daemon=True).start()
-    return answer.result(limit)
-
-
-def _reason(error: BaseException) -> str:
-    """What an error says, in one line."""
-    silent = "no answer in time" if isinstance(error, TimeoutError) else type(error).__name__
-    return " ".join(str(error).split()) or silent
 
 
 class _Shipped(WorkerPlugin):

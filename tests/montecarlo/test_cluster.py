@@ -18,7 +18,7 @@ from montecarlo.studies import tumbling
 from montecarlo.test_ensemble import contents, same, without_status
 
 distributed = pytest.importorskip("distributed")
-from jaxsat.montecarlo import cluster  # noqa: E402
+from jaxsat.montecarlo import cluster, connection  # noqa: E402
 from jaxsat.montecarlo.cluster import ClusterError, scheduler_at  # noqa: E402
 
 
@@ -99,7 +99,7 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path):
 
 
 def test_a_scheduler_of_another_version_is_told(tmp_path, threads, monkeypatch):
-    monkeypatch.setattr(cluster, "version", lambda name: "1.2.3")
+    monkeypatch.setattr(connection, "version", lambda name: "1.2.3")
     there = distributed.__version__
     told = f"must have the same versions .*; distributed: {there} there, 1.2.3 here"
     with pytest.raises(ClusterError, match=told):

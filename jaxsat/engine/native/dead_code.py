@@ -28,7 +28,7 @@ class DeadCodeElimination:
         self.used.update(s.number for s in scalars if isinstance(s, Value))
 
     def block(self, block: Block) -> None:
-        """DeadCodeElimination a block whose own results are marked already."""
+        """Remove the dead code of a block whose own results are marked already."""
         kept: list[Step] = []
         for step in reversed(block.steps):
             if self._wanted(step):
