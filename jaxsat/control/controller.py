@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.dynamics import PlantState, RigidBody
 
 Memory = PyTree
@@ -47,27 +48,9 @@ class AbstractController(eqx.Module):
         del signs
         return self
 
-    def turn(self, t: Float[Array, ""]) -> PyTree:
-        """What the memory's own motion, if it is known exactly, has done by time `t` (s).
-
-        It goes with `turned`, `turned_back` and `turned_back_rate`; here there is none.
-        """
+    def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
+        """What at time `t` (s) the memory's own motion has done, if it is known; here, None."""
         del t
-
-    def turned(self, turn: PyTree, memory: Memory) -> Memory:
-        """The memory as it is, from one without its own motion since time zero."""
-        del turn
-        return memory
-
-    def turned_back(self, turn: PyTree, memory: Memory) -> Memory:
-        """The memory without its own motion since time zero: what an integrator follows."""
-        del turn
-        return memory
-
-    def turned_back_rate(self, turn: PyTree, rate_error: Float[Array, "2"], rate: Memory) -> Memory:
-        """Time derivative of the memory turned back, where that of the memory is `rate`."""
-        del turn, rate_error
-        return rate
 
     @abc.abstractmethod
     def rate_error(self, state: PlantState) -> Float[Array, "2"]:

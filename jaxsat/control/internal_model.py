@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.trigonometry import cos, sin
 
 
@@ -17,11 +18,34 @@ class OscillatorState(NamedTuple):
     velocity: Float[Array, "2"]
 
 
-class Turn(NamedTuple):
-    """cos Ωt and sin Ωt: how far oscillators have turned by themselves since time zero."""
+class Rotation(AbstractIntegratingFactor):
+    """Turns (Ωα, dα/dt) by Ωt, as the oscillators by themselves do from time zero to t.
+
+    `cosine` and `sine` are those of Ωt, `frequency` is Ω (rad/s).
+    """
 
     cosine: Float[Array, "2"]
     sine: Float[Array, "2"]
+    frequency: Float[Array, "2"]
+
+    def into_frame(self, memory: OscillatorState) -> OscillatorState:
+        """Ωα and dα/dt at time zero from which the oscillators by themselves come to a state."""
+        cosine, sine, scaled = self.cosine, self.sine, self.frequency * memory.position
+        return OscillatorState(
+            scaled * cosine - memory.velocity * sine, memory.velocity * cosine + scaled * sine
+        )
+
+    def out_of_frame(self, framed: OscillatorState) -> OscillatorState:
+        """α and dα/dt from those at time zero."""
+        cosine, sine = self.cosine, self.sine
+        return OscillatorState(
+            (framed.position * cosine + framed.velocity * sine) / self.frequency,
+            framed.velocity * cosine - framed.position * sine,
+        )
+
+    def rate_in_frame(self, rate_error: Float[Array, "2"]) -> OscillatorState:
+        """The rate error, turned."""
+        return OscillatorState(-rate_error * self.sine, rate_error * self.cosine)
 
 
 class InternalModel(eqx.Module):
@@ -57,30 +81,7 @@ class InternalModel(eqx.Module):
             -offset * self.frequency * s + state.velocity * c,
         )
 
-    def turn(self, t: Float[Array, ""]) -> Turn:
-        """How far the oscillators turn by themselves from time zero to `t` (s)."""
+    def integrating_factor(self, t: Float[Array, ""]) -> Rotation:
+        """How far the oscillators have turned by themselves at time `t` (s)."""
         angle = self.frequency * t
-        return Turn(cos(angle), sin(angle))
-
-    def turned(self, turn: Turn, back: OscillatorState) -> OscillatorState:
-        """What a state turned back has become by the oscillators' own motion."""
-        cosine, sine = turn
-        return OscillatorState(
-            (back.position * cosine + back.velocity * sine) / self.frequency,
-            back.velocity * cosine - back.position * sine,
-        )
-
-    def turned_back(self, turn: Turn, state: OscillatorState) -> OscillatorState:
-        """Ωα and dα/dt at time zero from which the oscillators by themselves come to a state.
-
-        It changes by the rate error alone, so an integrator need not follow the oscillation.
-        """
-        cosine, sine = turn
-        scaled = self.frequency * state.position
-        return OscillatorState(
-            scaled * cosine - state.velocity * sine, state.velocity * cosine + scaled * sine
-        )
-
-    def turned_back_rate(self, turn: Turn, rate_error: Float[Array, "2"]) -> OscillatorState:
-        """Time derivative of the state turned back."""
-        return OscillatorState(-rate_error * turn.sine, rate_error * turn.cosine)
+        return Rotation(cos(angle), sin(angle), self.frequency)

@@ -8,7 +8,8 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import all_positive, as_float, require_positive
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
-from jaxsat.control.internal_model import InternalModel, Turn
+from jaxsat.control.integrating_factor import AbstractIntegratingFactor
+from jaxsat.control.internal_model import InternalModel
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.quotients import quotient, reciprocal
 from jaxsat.smooth import Width, as_width, sat
@@ -105,29 +106,9 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         """The internal model of (42)."""
         return None if self.internal_model is None else self.internal_model.rate(memory, rate_error)
 
-    def turn(self, t: Float[Array, ""]) -> Turn | None:
-        """How far the internal model has turned by itself."""
-        return None if self.internal_model is None else self.internal_model.turn(t)
-
-    def turned(self, turn: Turn | None, memory: Memory) -> Memory:
-        """The internal model as it is."""
-        if self.internal_model is None or turn is None:
-            return memory
-        return self.internal_model.turned(turn, memory)
-
-    def turned_back(self, turn: Turn | None, memory: Memory) -> Memory:
-        """The internal model without its own oscillation."""
-        if self.internal_model is None or turn is None:
-            return memory
-        return self.internal_model.turned_back(turn, memory)
-
-    def turned_back_rate(
-        self, turn: Turn | None, rate_error: Float[Array, "2"], rate: Memory
-    ) -> Memory:
-        """What the rate error alone does to the internal model."""
-        if self.internal_model is None or turn is None:
-            return rate
-        return self.internal_model.turned_back_rate(turn, rate_error)
+    def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
+        """That of the internal model."""
+        return None if self.internal_model is None else self.internal_model.integrating_factor(t)
 
     def advance(
         self, rate_error: Float[Array, "2"], memory: Memory, period: Float[Array, ""]

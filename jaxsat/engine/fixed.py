@@ -86,6 +86,9 @@ class SampledStepper(AbstractStepper):
 
     solver: diffrax.AbstractSolver = diffrax.Tsit5()
 
+    def __check_init__(self):
+        tableau_of(self.solver)
+
     def identity(self):
         """The solver."""
         return {"solver": type(self.solver).__name__}

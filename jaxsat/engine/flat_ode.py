@@ -17,6 +17,7 @@ from jaxsat.engine.program import Case, Program
 from jaxsat.engine.rates import continuous_loop, running_cost
 from jaxsat.engine.root_finding import ends_of_parts, polynomial
 from jaxsat.simulation import AbstractContinuousLoop
+from jaxsat.simulation.rotating_frame import into_frame, motion_in_frame, out_of_frame
 
 
 class DenseStep(NamedTuple):
@@ -102,7 +103,7 @@ class FlatODE(NamedTuple):
 
     def state(self, t: Float[Array, ""], flat: Float[Array, " n"]) -> PyTree:
         """The loop's state in a flat one."""
-        return self.loop.turned(t, self.restore(flat)[0])
+        return out_of_frame(self.loop, t, self.restore(flat)[0])
 
     def increments(self, step, rates, increment) -> Float[Array, "rows n"]:
         """The rows of a step's dense output."""
@@ -142,8 +143,8 @@ class FlatODE(NamedTuple):
         piece = self.loop.smooth_piece(signs)
 
         @eqx.filter_jit  # traced once for all stages
-        def rate(piece, cost, t, back):
-            motion = piece.turned_back_motion(t, back)
+        def rate(piece, cost, t, framed):
+            motion = motion_in_frame(piece, t, framed)
             torque = motion.torque[: self.torque_count]
             return motion.rate, running_cost(cost, motion), torque
 
@@ -167,8 +168,8 @@ def initial_state(case: Case) -> Float[Array, " n"]:
 def _initial_parts(case: Case) -> PyTree:
     zero = jnp.zeros((), case.start.omega.dtype)
     loop = continuous_loop(case)
-    back = loop.turned_back(zero, loop.start(case.start))
-    return back, zero, jnp.zeros(loop.torque_count, zero.dtype)
+    framed = into_frame(loop, zero, loop.start(case.start))
+    return framed, zero, jnp.zeros(loop.torque_count, zero.dtype)
 
 
 def _flat(tree: PyTree) -> Float[Array, " n"]:

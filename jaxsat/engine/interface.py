@@ -86,7 +86,7 @@ class AbstractEngine(eqx.Module):
         """One case (no leading axis) again, with its history and the same bits as before."""
         cases = jax.tree.map(lambda x: np.asarray(x)[None], case)
         found = self.observed(program, cases, gains, program.instants())
-        outputs, signals = jax.tree.map(lambda x: x[0], found)
+        outputs, signals = jax.tree.map(lambda x: np.asarray(x[0]), found)
         times = np.arange(program.intervals + 1) * float(program.interval)
         return Replay(outputs, times, signals)
 

@@ -14,12 +14,11 @@ from jaxsat.dynamics import PlantState
 from jaxsat.engine.batches import AbstractBatchEngine
 from jaxsat.engine.interface import CostGradient, Mode
 from jaxsat.engine.program import Case, Program
-from jaxsat.engine.progress import Integrals, Outputs, settled_at
+from jaxsat.engine.progress import Integrals, Outputs, initial_progress, outputs_of, settled_at
 from jaxsat.engine.rates import augmented_rate, continuous_loop, held_rate, plant_state
 from jaxsat.metrics import Since
 from jaxsat.simulation import (
     Method,
-    Outcome,
     SampledLoop,
     Signals,
     default_method,
@@ -207,26 +206,14 @@ def _over_hold(program, loop, solver, adjoint, begin, hold, plant, carry):
 
 
 def _outputs(program, case, plant, integrals, signals, settled: Since, code) -> Outputs:
-    code = jnp.where(case.possible, code, int(Outcome.IMPOSSIBLE_CASE))
-    success = code == int(Outcome.SUCCESS)
-    rates = jnp.sqrt(jnp.sum(signals.omega**2, axis=1))
-    reached = jnp.maximum(jnp.sum(jnp.isfinite(rates)) - 1, 0)  # even the start may be none
-
-    def kept(value):
-        return jnp.where(success, value, jnp.nan)
-
-    ended_at = jnp.where(case.possible, reached * program.interval, 0.0)
-    whole = program.cost.whole(integrals.cost, success, program.duration - ended_at)
-    return Outputs(
-        code=code,
-        settling_time=jnp.where(success, settled.settled(program.duration), jnp.inf),
-        effort=kept(integrals.effort),
-        cost=jnp.where(case.possible, whole, jnp.nan),
-        peak_rate=kept(jnp.max(rates)),
-        ended_at=ended_at,
-        w=kept(plant.attitude.as_wz().w),
-        z=kept(plant.attitude.as_wz().z),
-        quaternion=kept(plant.attitude.as_quaternion().q),
-        omega=kept(plant.omega),
-        drawn=case.drawn,
+    squares = jnp.sum(signals.omega**2, axis=1)
+    reached = jnp.maximum(jnp.sum(jnp.isfinite(squares)) - 1, 0)  # even the start may be none
+    progress = initial_progress(None, case.start.omega, case.possible)
+    progress = progress._replace(
+        integrals=integrals,
+        peak_square=jnp.max(squares),
+        settled=settled,
+        ended_at=jnp.where(case.possible, reached * program.interval, 0.0),
+        code=jnp.where(case.possible, code, progress.code),
     )
+    return outputs_of(progress, plant, program.duration, case.drawn, program.cost)

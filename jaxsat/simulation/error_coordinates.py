@@ -1,5 +1,6 @@
 """The loop of (43): rate errors in place of rates, so that a law with corners has no jumps."""
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -12,13 +13,13 @@ from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import concrete
 from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.control.controller import Memory
+from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.quotients import reciprocal
 from jaxsat.simulation.loops import (
     AbstractContinuousLoop,
     Motion,
     continuous_signals,
-    motion_turned_back,
 )
 from jaxsat.simulation.trajectory import Signals
 
@@ -122,19 +123,11 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ErrorCoordinateLoop":
         """With the law held in one of its pieces."""
-        return eqx.tree_at(lambda loop: loop.law, self, self.law.smooth_piece(signs))
+        return dataclasses.replace(self, law=self.law.smooth_piece(signs))
 
-    def turned_back(self, t: Float[Array, ""], state: ErrorState) -> ErrorState:
-        """With the law's memory turned back."""
-        return state._replace(memory=self.law.turned_back(self.law.turn(t), state.memory))
-
-    def turned(self, t: Float[Array, ""], back: ErrorState) -> ErrorState:
-        """With the law's memory as it is."""
-        return back._replace(memory=self.law.turned(self.law.turn(t), back.memory))
-
-    def turned_back_motion(self, t: Float[Array, ""], back: ErrorState) -> Motion:
-        """`motion` for a state turned back."""
-        return motion_turned_back(self, self.law, t, back)
+    def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
+        """That of the law."""
+        return self.law.integrating_factor(t)
 
     def _probe(self, attitude: AbstractAttitude, omega3: Float[Array, ""]) -> PlantState:
         zero = jnp.zeros_like(omega3)

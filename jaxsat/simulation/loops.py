@@ -15,9 +15,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_optional_float, concrete, require_counts, require_positive
-from jaxsat.compiler import apart
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController, AbstractSampledController
 from jaxsat.control.controller import Memory
+from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.vehicle import Actuators, DrawnSensors, Sensors
@@ -47,9 +47,7 @@ class Motion(NamedTuple):
 class AbstractContinuousLoop(AbstractLoop):
     """A loop that is one ordinary differential equation, smooth or in smooth pieces.
 
-    A loop in pieces tells its event functions; with the sign of each held it is smooth. What of
-    its state moves by itself in a way known exactly can be taken out: then the state turned back
-    is integrated, which changes by the rest alone.
+    A loop in pieces tells its event functions; with the sign of each held it is smooth.
     """
 
     @property
@@ -78,35 +76,12 @@ class AbstractContinuousLoop(AbstractLoop):
         """The smooth loop that this one is where its event functions have these signs."""
 
     @abc.abstractmethod
-    def turned_back(self, t: Float[Array, ""], state: PyTree) -> PyTree:
-        """The state without what it does by itself since time zero."""
-
-    @abc.abstractmethod
-    def turned(self, t: Float[Array, ""], back: PyTree) -> PyTree:
-        """The state at time `t` (s) from one turned back."""
-
-    @abc.abstractmethod
-    def turned_back_motion(self, t: Float[Array, ""], back: PyTree) -> Motion:
-        """`motion` for a state turned back, with the rate of that."""
+    def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
+        """That of the state's `memory` at time `t` (s), if there is one."""
 
     def __call__(self, t: Float[Array, ""], state: PyTree, args: None = None) -> PyTree:
         """Time derivative of the loop's state, in the form diffrax integrates."""
         return self.motion(t, state).rate
-
-
-def motion_turned_back(
-    loop: AbstractContinuousLoop, controller: AbstractController, t: Float[Array, ""], back: PyTree
-) -> Motion:
-    """`motion` for a state whose `memory` alone is turned back, as its controller tells."""
-    turn = apart(_turn, controller, t)
-    motion = loop.motion(t, back._replace(memory=controller.turned(turn, back.memory)))
-    rate = controller.turned_back_rate(turn, motion.rate_error, motion.rate.memory)
-    return motion._replace(rate=motion.rate._replace(memory=rate))
-
-
-@eqx.filter_jit
-def _turn(controller: AbstractController, t: Float[Array, ""]) -> PyTree:
-    return controller.turn(t)
 
 
 class LoopState(NamedTuple):
@@ -165,19 +140,9 @@ class ContinuousLoop(AbstractContinuousLoop):
         )
         return eqx.tree_at(lambda loop: (loop.controller, loop.actuators), self, held)
 
-    def turned_back(self, t: Float[Array, ""], state: LoopState) -> LoopState:
-        """With the controller's memory turned back."""
-        controller = self.controller
-        return state._replace(memory=controller.turned_back(controller.turn(t), state.memory))
-
-    def turned(self, t: Float[Array, ""], back: LoopState) -> LoopState:
-        """With the controller's memory as it is."""
-        controller = self.controller
-        return back._replace(memory=controller.turned(controller.turn(t), back.memory))
-
-    def turned_back_motion(self, t: Float[Array, ""], back: LoopState) -> Motion:
-        """`motion` for a state turned back."""
-        return motion_turned_back(self, self.controller, t, back)
+    def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
+        """That of the controller."""
+        return self.controller.integrating_factor(t)
 
 
 class SampledState(NamedTuple):

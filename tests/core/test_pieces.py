@@ -19,6 +19,7 @@ from core.cases import (
 from jaxsat.control import InternalModel, RateLaw
 from jaxsat.control.internal_model import OscillatorState
 from jaxsat.simulation import ContinuousLoop
+from jaxsat.simulation.rotating_frame import into_frame, motion_in_frame, out_of_frame
 from jaxsat.smooth import as_width, root_abs, sat, signed_root
 
 LOOPS = {
@@ -40,37 +41,38 @@ def same(one, other, tolerance=1e-12):
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_a_loop_is_its_piece_where_its_switches_say_so(name):
+def test_a_loop_is_its_smooth_piece_where_its_event_functions_say_so(name):
     loop, start = LOOPS[name]()
     state = loop.start(start)
-    switches = loop.event_functions(T, state)
-    assert switches.shape[0] == {"error": 2, "limited": 4, "rate": 3}[name]
-    sides = switches > 0
-    same(loop.smooth_piece(sides).motion(T, state), loop.motion(T, state))
+    events = loop.event_functions(T, state)
+    assert events.shape[0] == {"error": 2, "limited": 4, "rate": 3}[name]
+    signs = events > 0
+    same(loop.smooth_piece(signs).motion(T, state), loop.motion(T, state))
     # the other side of the first corner, or of a limit, which hides that one
     corner = 2 if name == "limited" else 0
-    flipped = sides.at[corner].set(~sides[corner])
+    flipped = signs.at[corner].set(~signs[corner])
     other = loop.smooth_piece(flipped).motion(T, state)
     assert np.abs(other.torque - loop.motion(T, state).torque).max() > 1e-3
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_a_state_turned_back_moves_as_the_state_does(name):
-    """Its rate is that of `turned_back` along the loop, by the chain rule."""
+def test_a_state_in_the_rotating_frame_moves_as_the_state_does(name):
+    """Its rate is that of `into_frame` along the loop, by the chain rule."""
     loop, start = LOOPS[name]()
     state = jax.tree.map(lambda x: x + 0.01, loop.start(start))
-    back = loop.turned_back(T, state)
-    same(loop.turned(T, back), state)
-    expected = jax.jvp(loop.turned_back, (T, state), (jnp.ones(()), loop(T, state)))[1]
-    same(loop.turned_back_motion(T, back).rate, expected, 1e-10)
+    framed = into_frame(loop, T, state)
+    same(out_of_frame(loop, T, framed), state)
+    moving = (jnp.ones(()), loop(T, state))
+    expected = jax.jvp(lambda t, x: into_frame(loop, t, x), (T, state), moving)[1]
+    same(motion_in_frame(loop, T, framed).rate, expected, 1e-10)
 
 
-def test_oscillators_left_alone_stand_still_turned_back():
+def test_oscillators_left_alone_stand_still_in_the_rotating_frame():
     model = InternalModel([0.7, 0.8])
     start = OscillatorState(jnp.array([1.0, -0.4]), jnp.array([0.2, 0.3]))
     later = model.advance(start, jnp.zeros(2), jnp.array(37.0))
-    back = model.turned_back(model.turn(jnp.array(37.0)), later)
-    same(back, OscillatorState(model.frequency * start.position, start.velocity), 1e-13)
+    framed = model.integrating_factor(jnp.array(37.0)).into_frame(later)
+    same(framed, OscillatorState(model.frequency * start.position, start.velocity), 1e-13)
 
 
 def test_a_width_of_zero_is_the_corner_itself():

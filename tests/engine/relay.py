@@ -73,14 +73,8 @@ class Relay(AbstractContinuousLoop):
     def smooth_piece(self, signs):
         return eqx.tree_at(lambda loop: loop.above, self, signs[0], is_leaf=lambda x: x is None)
 
-    def turned_back(self, t, state):
-        return state
-
-    def turned(self, t, back):
-        return back
-
-    def turned_back_motion(self, t, back):
-        return self.motion(t, back)
+    def integrating_factor(self, t):
+        return None
 
     def plant_state(self, state):
         return self.motion(jnp.zeros(()), state).plant

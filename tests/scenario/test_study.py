@@ -60,7 +60,7 @@ def test_sampling_and_design_reach_the_study():
 def test_engines_that_suit():
     benchmark = load("benchmark-three-axis")
     chosen = build_study(benchmark, 4).engine
-    assert isinstance(chosen.solver, diffrax.Dopri8)
+    assert isinstance(chosen.stepper.solver, diffrax.Dopri8)
     assert chosen.stepper.tolerance.rtol == ADAPTIVE_SOLVERS["dopri8"]
     assert isinstance(build_study(benchmark, 4, engine="diffrax").engine, ReferenceEngine)
     other = load("benchmark-three-axis", ["simulation.solver.name=bosh3"])
