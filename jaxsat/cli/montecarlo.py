@@ -228,7 +228,6 @@ def _run(
             )
         )
     except OutputError as error:
-        hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
-        raise output_problem(error, hint) from None
+        raise output_problem(error) from None
     except ClusterError as error:
         raise FailedRun(str(error)) from None

@@ -40,8 +40,9 @@ class UserMistake(Exception):
         self.located = located
 
 
-def output_problem(error: "OutputError", hint: str = "") -> UserMistake | FailedRun:
-    """What to raise for results that could not be written."""
+def output_problem(error: "OutputError") -> UserMistake | FailedRun:
+    """What to raise for results that could not be written, with the option that allows it."""
+    hint = " (--elsewhere)" if error.elsewhere else ""
     return (FailedRun if error.failure else UserMistake)(f"{error}{hint}")
 
 

@@ -111,8 +111,7 @@ def tune(
                 say("")
                 say(f"{'already ' if done else ''}written to {target}")
     except OutputError as error:
-        hint = " (--elsewhere)" if "allow that explicitly" in str(error) else ""
-        raise output_problem(error, hint) from None
+        raise output_problem(error) from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
     return SUCCESS

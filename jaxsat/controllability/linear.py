@@ -13,9 +13,10 @@ from jaxtyping import Float
 
 from jaxsat.control import reachable_rank
 from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
+from jaxsat.errors import JaxsatError
 
 
-class NoEquilibriumError(ValueError):
+class NoEquilibriumError(JaxsatError, ValueError):
     """The orbit frame is no equilibrium: the body y axis is not a principal axis."""
 
 

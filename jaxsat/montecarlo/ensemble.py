@@ -249,7 +249,8 @@ class _ChunkWork:
             if other:
                 raise OutputError(
                     f"A worker computes under other conditions ({'; '.join(other)}), so its "
-                    "results may differ in their last bits; allow that explicitly."
+                    "results may differ in their last bits; allow that explicitly.",
+                    elsewhere=True,
                 )
         other = differences({"program": self.program}, {"program": self._program_here})
         if other:

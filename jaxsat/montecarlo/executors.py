@@ -11,6 +11,8 @@ from typing import Any
 
 import jax
 
+from jaxsat.errors import JaxsatError
+
 Work = Callable[[int], Any]
 """Computes one chunk, given its number; can be pickled."""
 
@@ -21,7 +23,7 @@ PATIENCE_S = 10.0
 """How long a run that is to stop may take to let its workers go."""
 
 
-class ClusterError(Exception):
+class ClusterError(JaxsatError):
     """Workers that cannot be reached or do not live; the message says what happened."""
 
 

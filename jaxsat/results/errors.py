@@ -2,22 +2,27 @@
 
 import errno
 
+from jaxsat.errors import JaxsatError
+
 FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 """System errors of a disk that is full or broken, which no other command would have avoided."""
 
 
-class OutputError(Exception):
+class OutputError(JaxsatError):
     """A place that cannot be written or read; the message says why and what to do.
 
     `failure` is true where the disk failed, or another process is in the way, and false where
-    something else should have been asked for.
+    something else should have been asked for. `elsewhere` is true where only versions or processor
+    are others, which the argument `elsewhere` allows.
     """
 
     failure: bool
+    elsewhere: bool
 
-    def __init__(self, message: str, *, failure: bool = False):
+    def __init__(self, message: str, *, failure: bool = False, elsewhere: bool = False):
         super().__init__(message)
         self.failure = failure
+        self.elsewhere = elsewhere
 
 
 def system_failure(message: str, error: OSError) -> OutputError:

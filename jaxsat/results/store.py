@@ -224,7 +224,8 @@ class StudyStore:
             raise OutputError(
                 f"{self.path} was written under other conditions ({'; '.join(other)}), so its "
                 "results may differ in their last bits from those to come; allow that explicitly "
-                "or give another folder."
+                "or give another folder.",
+                elsewhere=True,
             )
         header = header._replace(runs=[*header.runs, *wanted.runs])
         with self._writing():

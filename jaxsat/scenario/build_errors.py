@@ -9,12 +9,13 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
+from jaxsat.errors import JaxsatError
 from jaxsat.scenario.errors import Issue, key_of
 
 Made = TypeVar("Made", bound=PyTree)
 
 
-class BuildError(ValueError):
+class BuildError(JaxsatError, ValueError):
     """What a scenario asks for cannot be built; `issue` says which key is to blame and why."""
 
     issue: Issue

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from jaxsat.errors import JaxsatError
 from jaxsat.text import clean
 
 Location = tuple[str | int, ...]
@@ -45,7 +46,7 @@ class Problem:
         return f"{place}: {key}{clean(self.message, LONGEST_MESSAGE)}"
 
 
-class ScenarioError(Exception):
+class ScenarioError(JaxsatError):
     """A scenario that cannot be used; `problems` holds everything that is wrong with it.
 
     Its text lists the first of them, one on a line.

@@ -6,6 +6,8 @@ depth, and a parser takes time and memory for them that grows faster than the fi
 
 import re
 
+from jaxsat.errors import JaxsatError
+
 LARGEST_FILE = 1_000_000
 """Bytes. No scenario comes near; a file larger than this is something else."""
 
@@ -41,7 +43,7 @@ _TOKEN = re.compile(
 )
 
 
-class Excess(ValueError):
+class Excess(JaxsatError, ValueError):
     """More of something than a scenario may have; `line` counts from 1."""
 
     line: int

@@ -111,7 +111,9 @@ class TuningFolder:
         if other and not elsewhere:
             raise OutputError(
                 f"{self.path} was written under other conditions ({'; '.join(other)}), so the run "
-                "would not be the one that was begun; allow that explicitly or give another folder."
+                "would not be the one that was begun; allow that explicitly or give another "
+                "folder.",
+                elsewhere=True,
             )
         return arrays
 

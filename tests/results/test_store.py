@@ -127,8 +127,11 @@ def test_other_conditions_are_told_and_must_be_allowed(tmp_path, monkeypatch):
     here = store_module.machine()
     there = {**here, "processor": "another", "versions": {**here["versions"], "jax": "0.0.1"}}
     monkeypatch.setattr(store_module, "machine", lambda: there)
-    with pytest.raises(OutputError, match=r"processor: .* there, \"another\" here.*versions.jax"):
+    with pytest.raises(
+        OutputError, match=r"processor: .* there, \"another\" here.*versions.jax"
+    ) as told:
         made(tmp_path / "s")
+    assert told.value.elsewhere
     made(tmp_path / "s", elsewhere=True).close()
     runs = json.loads(open_study(tmp_path / "s").attrs["runs"])
     assert [run["machine"]["processor"] for run in runs] == [here["processor"], "another"]

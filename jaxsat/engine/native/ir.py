@@ -13,10 +13,12 @@ from itertools import count
 
 import numpy as np
 
+from jaxsat.errors import JaxsatError
+
 _numbers = count()
 
 
-class NativeBug(Exception):
+class NativeBug(JaxsatError):
     """The compiled engine itself broke down, which no program must bring about."""
 
     def __init__(self, where: str, what: object):

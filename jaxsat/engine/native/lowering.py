@@ -20,6 +20,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 from jaxsat.engine.native.builder import Builder, is_uniform
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value
+from jaxsat.errors import JaxsatError
 
 if TYPE_CHECKING:
     Elements = Any  # type checkers know no arrays of values
@@ -44,7 +45,7 @@ KEYS = np.dtype(np.uint64)
 """A typed random key is one number: its first word above its second one."""
 
 
-class CannotLower(Exception):
+class CannotLower(JaxsatError):
     """A program holds what the compiled engine does not know; the message says what and where."""
 
     def __init__(self, what: str, place: str = ""):
