@@ -1,10 +1,15 @@
 """How rules across keys are declared and applied."""
 
+import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from jaxsat import declaration
+from jaxsat.control import Law
 from jaxsat.scenario.coordinates import Values
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.plugins import known_law
+from jaxsat.scenario.wording import shown
 
 Check = Callable[..., Iterator[Issue]]
 
@@ -54,13 +59,34 @@ def rule_over(*keys: str) -> Callable[[Check], Check]:
 def broken_rules(values: Values, law: bool = True) -> list[Issue]:
     """Issues from every rule whose keys all have valid values; without those on the law if told."""
     found: list[Issue] = []
-    for entry in RULES:
+    chosen = known_law(values.get("control.law"))
+    for entry in (*RULES, *(() if chosen is None else _rules_of(chosen))):
         wanted = law or not any(key.startswith(OF_THE_LAW) for key in entry.keys)
         if wanted and all(key in values for key in entry.keys):
             involved = tuple(tuple(key.split(".")) for key in entry.keys)
             for issue in entry.check(values):
                 found.append(Issue(issue.location, issue.message, involved, issue.missing))
     return found
+
+
+def _rules_of(law: Law) -> Iterator[Rule]:
+    """What the law declares, as rules of a scenario."""
+    for declared in law.declaration.rules:
+        yield Rule(declared.keys, functools.partial(_findings, declared))
+    for low, high in law.declaration.ordered:
+        keys = (f"control.{low}", f"control.{high}")
+        yield Rule(keys, functools.partial(_in_order, low, high))
+
+
+def _findings(declared: declaration.Rule, values: Values) -> Iterator[Issue]:
+    for found in declared.check(*(values[key] for key in declared.keys)):
+        yield at(*found)
+
+
+def _in_order(low: str, high: str, values: Values) -> Iterator[Issue]:
+    one, other = values[f"control.{low}"], values[f"control.{high}"]
+    if one > other:
+        yield at(f"control.{low}", f"must not exceed {high} = {shown(other)}, got {shown(one)}")
 
 
 def at(key: str, message: str, missing: bool = False) -> Issue:
