@@ -56,6 +56,8 @@ class Key:
     def __post_init__(self):
         if not self.name.isidentifier():
             raise ValueError(f"Argument `name` must be an identifier, but got {self.name!r}.")
+        if isinstance(self.default, list):
+            object.__setattr__(self, "default", tuple(self.default))
 
 
 def number(

@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
-from pydantic import Field, SerializeAsAny, WrapValidator, create_model
+from pydantic import ConfigDict, Field, SerializeAsAny, WrapValidator, create_model
 
 from jaxsat.control import LAWS, Law
 from jaxsat.ranges import ORBIT_RATE
@@ -31,6 +31,8 @@ class ModelTable(Table):
 
 class LawTable(Table):
     """`[control]`, whatever the law."""
+
+    model_config = ConfigDict(validate_default=True)  # whoever declares a default may err
 
     law: str = choice("The control law")
 

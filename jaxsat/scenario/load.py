@@ -24,10 +24,11 @@ from jaxsat.scenario.errors import (
 from jaxsat.scenario.limits import LARGEST_FILE, MOST_OVERRIDES, Excess, require_modest
 from jaxsat.scenario.lines import line_map, nearest_line
 from jaxsat.scenario.overrides import Override, apply_overrides, parse_override
-from jaxsat.scenario.plugins import PluginError, make_importable
+from jaxsat.scenario.plugins import PluginError, require_not_hidden
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.trial import Purpose, what_cannot_be_built
 from jaxsat.scenario.wording import suggestion
+from jaxsat.search_path import add_folders
 
 
 def library() -> dict[str, Traversable]:
@@ -88,8 +89,12 @@ def _look_beside(
     control = data.get("control")
     laws = [control.get("law")] if isinstance(control, dict) else []
     laws += [one.value for one in overrides if one.key == "control.law"]
-    if laws and isinstance(laws[-1], str) and ":" in laws[-1]:
-        make_importable(laws[-1], (Path(name_or_path).resolve().parent, Path.cwd()))
+    modules = [law for law in laws if isinstance(law, str) and ":" in law]
+    folders = (Path(name_or_path).resolve().parent, Path.cwd())
+    if modules:
+        add_folders(map(str, folders))
+    if modules and modules[-1] is laws[-1]:
+        require_not_hidden(modules[-1], folders)
 
 
 def _overrides(texts: Iterable[str]) -> list[Override | Problem]:

@@ -143,7 +143,9 @@ def _void_law_keys(data: Mapping[str, Any], given: Mapping[str, Any]) -> set[str
     control = data.get("control")
     if law is None or not isinstance(control, Mapping):
         return set()
-    others = {key for other in LAWS.values() for key in table_of(other).model_fields}
+    before = known_law(control.get("law"))
+    laws = (*LAWS.values(), *([] if before is None else [before]))
+    others = {key for other in laws for key in table_of(other).model_fields}
     others -= table_of(law).model_fields.keys()
     return {f"control.{key}" for key in control if key in others}
 

@@ -25,7 +25,6 @@ from jaxsat.control import (
     LawDeclaration,
     law_of,
 )
-from jaxsat.search_path import add_folders
 
 GROUP = "jaxsat.laws"
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
@@ -76,13 +75,8 @@ def known_law(name: Any) -> Law | None:
         return None
 
 
-def make_importable(name: str, folders: Iterable[Path]) -> None:
-    """Let the module of a law "module:Class" be found in these folders too, the first first.
-
-    Raises `PluginError` where one of them has the module and another one of that name hides it.
-    """
-    folders = tuple(folders)
-    add_folders(map(str, folders))
+def require_not_hidden(name: str, folders: Iterable[Path]) -> None:
+    """Raise `PluginError` where a folder has the module of a law and another one hides it."""
     package = name.partition(":")[0].partition(".")[0]
     file = next((path for folder in folders for path in _files(folder, package)), None)
     try:

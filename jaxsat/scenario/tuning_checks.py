@@ -119,8 +119,9 @@ def _widths_are_those_of_the_law(values):
 
 @rule_over("control.law", "tuning.steps")
 def _widths_are_not_tuned_as_well(values):
+    widths = find_law(values["control.law"]).declaration.widths
     for name in _given(values, "smoothing"):
-        if name in _tuned(values):
+        if name in widths and name in _tuned(values):
             yield at(
                 f"tuning.smoothing.{name}",
                 f"must be left out where tuning.parameters.{name} is given, "
