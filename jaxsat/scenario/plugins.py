@@ -147,4 +147,9 @@ def _checked(name: str, module: ModuleType, attribute: str) -> Law:
         raise PluginError(
             f"must name a sampled law that declares the key period_s, got {name} without"
         )
-    return law_of(name, controller)
+    law = law_of(name, controller)
+    try:
+        hash(law)  # its table is made once
+    except TypeError as error:
+        raise PluginError(f"must name a law that declares constants, got {name}: {error}") from None
+    return law

@@ -52,6 +52,16 @@ class PD(AbstractFeedbackLaw):
         return -self.kp * state.attitude.as_quaternion().q[1:] - self.kd * state.omega
 
 
+def _raises(kd):
+    yield kd + None
+
+
+class BrokenRule(PD):
+    declaration = LawDeclaration(
+        summary="", keys=PD.declaration.keys, rules=(Rule(("control.kd",), _raises),)
+    )
+
+
 class NoDeclaration(PD):
     declaration = None
 
@@ -179,6 +189,7 @@ def test_a_law_beside_the_scenario_is_simulated_and_written_out_again(own):
         ("control.law=own_law:Other", "control.law", "gives the law, got int"),
         ("control.law=own_law:TwoTorques", "control.law", "shape (3,), got one of shape (2,)"),
         ("control.law=own_law:Broken", "control.law", "own_law.py:"),
+        ("control.law=own_law:BrokenRule", "control.law", "rule over control.kd can run, got Typ"),
     ],
 )
 def test_every_mistake_is_one_message_at_its_key(own, override, key, message):
