@@ -16,7 +16,10 @@ from jaxsat.comparison import (
 )
 from jaxsat.control import (
     AbstractController as AbstractController,
+    AbstractFeedbackLaw as AbstractFeedbackLaw,
     AbstractSampledController as AbstractSampledController,
+    LawContext as LawContext,
+    LawDeclaration as LawDeclaration,
 )
 from jaxsat.controllability import (
     Analysis as Analysis,
@@ -29,12 +32,15 @@ from jaxsat.dynamics import (
     RigidBody as RigidBody,
 )
 from jaxsat.engine import (
+    AdaptiveStepper as AdaptiveStepper,
     CannotLower as CannotLower,
+    FixedStepper as FixedStepper,
     NativeEngine as NativeEngine,
     Outputs as Outputs,
     Program as Program,
     ReferenceEngine as ReferenceEngine,
     ScanEngine as ScanEngine,
+    Tolerance as Tolerance,
     program_of as program_of,
 )
 from jaxsat.environment import (

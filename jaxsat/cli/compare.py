@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from jaxsat.results import ResumableFolder
 
 Level = Literal["nominal", "mc", "hard", "all"]
-Law = Literal["three-slew", "oscillatory", "switching", "three-axis", "rate", "all"]
 
 STUDIES = "studies"
 """Folder of the stores inside the output folder."""
@@ -52,7 +52,7 @@ def compare(
     *,
     level: Annotated[tuple[Level, ...], Parameter(negative="")] = ("hard",),
     torque_limit: Annotated[tuple[str, ...], Parameter(negative="")] = ("5",),
-    law: Annotated[tuple[Law, ...], Parameter(negative="")] = ("all",),
+    law: Annotated[tuple[str, ...], Parameter(negative="")] = ("all",),
     count: Cases = 200,
     seed: Seed,
     out: Place = Path("jaxsat-comparison"),
@@ -76,7 +76,9 @@ def compare(
     torque_limit
         Largest torque of each thruster in N m, or all for 1, 5 and 20; may be given several times.
     law
-        Laws to compare; may be given several times.
+        Laws to compare: three-slew, oscillatory, switching, three-axis, rate, all for these, a law
+        of one's own as module:Class, an installed law, or a scenario file, whose [control] is
+        taken; may be given several times.
     count
         Random starts for each law, limit and level.
     seed
@@ -103,12 +105,14 @@ def compare(
     from jaxsat.comparison import LAWS, LEVELS, Setting
     from jaxsat.results import OutputError, ResumableFolder
 
+    others = list(dict.fromkeys(one for one in law if one not in (*LAWS, "all")))
     settings = [
         Setting(one_level, limit, one_law)
         for limit in limits
         for one_level in _chosen(level, LEVELS)
-        for one_law in _chosen(law, LAWS)
+        for one_law in (*_chosen(law, LAWS), *others)
     ]
+    _require_laws([one for one in settings if one.law in others])
     _tell_of_untuned(limits)
     approve([_work(one, count) for one in settings], out, yes=yes, quiet=quiet)
     executor = chosen_executor(workers, None, None, None)
@@ -171,7 +175,8 @@ class _Runner:
             report(study.remark, "")
         self._told = study.remark
         level, limit, law = setting
-        target = self._out / STUDIES / f"{level}-{limit:g}-{law}-{start.value}.zarr"
+        name = re.sub(r"[^\w.-]+", "-", law)  # of a module or a file
+        target = self._out / STUDIES / f"{level}-{limit:g}-{name}-{start.value}.zarr"
         self._run(study, target, f"{law}, {limit:g} N m, {level}, {start.value} start")
         columns = study_columns(target)
         names = ("settling_time", "effort", "peak_rate", "code")
@@ -207,6 +212,20 @@ def _work(setting: "Setting", count: int) -> "Work":
 
     steps = round(horizon(setting.torque_limit) / PERIOD)
     return Work(count + 1, (count + 1) * steps, count * CASE, count * CASE)
+
+
+def _require_laws(settings: Sequence["Setting"]) -> None:
+    """Raise `UserMistake` for laws that do not come with the set and that it cannot fly."""
+    from jaxsat.comparison import scenario_of
+    from jaxsat.scenario import ScenarioError, build
+
+    for setting in settings:
+        try:
+            build(scenario_of(setting))
+        except ScenarioError as error:
+            raise UserMistake(str(error), located=True) from None
+        except ValueError as error:
+            raise UserMistake(f"--law: {error}") from None
 
 
 def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:

@@ -54,14 +54,15 @@ def print_summary(
 
 
 def settling_text(dataset: "xr.Dataset", law: str) -> str:
-    """When the spacecraft settled, and what that means: rates alone under the rate law."""
+    """When the spacecraft settled, and what that means: by rates alone under some laws."""
     import math
 
     from jaxsat.metrics import Tolerances
     from jaxsat.results import time_at_rest, time_to_settle
+    from jaxsat.scenario.plugins import find_law
 
     limits = Tolerances()
-    if law == "rate":
+    if not find_law(law).declaration.regulates_attitude:
         time = time_at_rest(dataset)
         meaning = f"|omega| < {float(limits.relative_rate):g} rad/s to the end"
     else:

@@ -6,12 +6,17 @@ Here is what differs between the laws: their tables, and how long they are given
 
 import warnings
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import ValidationError
 
-from jaxsat.scenario import Scenario, ScenarioWarning, load
+from jaxsat.scenario import Problem, Scenario, ScenarioError, ScenarioWarning, load
+from jaxsat.scenario.errors import key_of
+from jaxsat.scenario.plugins import is_plugin
+from jaxsat.search_path import add_folders
 
 LEVELS = ("nominal", "mc", "hard")
 """Of dispersions, each a scenario `acceptance-LEVEL`."""
@@ -36,6 +41,9 @@ PERIOD = 0.1
 
 _NEVER, _ALWAYS = 1e6, 1e-12
 """Thresholds on |ω3| (rad/s) at which the switching law never or always takes the rate law."""
+
+
+FILE = ".toml"
 
 
 class Setting(NamedTuple):
@@ -64,15 +72,19 @@ def scenario_of(setting: Setting) -> Scenario:
 
     The paper's laws run as the others do: ten times a second on what the sensors say, their torque
     held, dω_d/dt by a backward difference. A switching law that never switches is the three-axis or
-    the rate law alone. Raises `ValueError` for a level or law that there is not, and
-    `ScenarioError` for a torque limit that no scenario can have.
+    the rate law alone. Besides those of `LAWS` the law may be one that does not come with jaxsat,
+    with the defaults of its keys, or the name of a scenario file, whose `[control]` is taken.
+    Raises `ValueError` for a level or law that there is not, and `ScenarioError` for a torque limit
+    that no scenario can have and for a law that does not suit the set.
     """
-    for name, known in (("level", LEVELS), ("law", tuple(LAWS))):
-        if getattr(setting, name) not in known:
-            raise ValueError(
-                f"Argument `{name}` must be one of {', '.join(known)}, "
-                f"but got {getattr(setting, name)}."
-            )
+    if setting.level not in LEVELS:
+        levels = ", ".join(LEVELS)
+        raise ValueError(f"Argument `level` must be one of {levels}, but got {setting.level}.")
+    if not (setting.law in LAWS or is_plugin(setting.law) or setting.law.endswith(FILE)):
+        raise ValueError(
+            f"Argument `law` must be one of {', '.join(LAWS)}, an installed law, a law of the form "
+            f'"module:Class" or the name of a {FILE} file, but got {setting.law}.'
+        )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ScenarioWarning)  # the table tells of untuned limits once
         base = load(
@@ -85,10 +97,23 @@ def scenario_of(setting: Setting) -> Scenario:
     data = base.model_dump(exclude_none=True)
     data["title"] = f"{base.title}: {setting.law}, {setting.torque_limit:g} N m"
     data["control"] = _control(setting.law)
-    return Scenario.model_validate(data)
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
+        source = f"{base.title}: {setting.law}"
+        raise ScenarioError(
+            [Problem(source, issue.message, key_of(issue.location)) for issue in issues]
+        ) from None
 
 
 def _control(law: str) -> dict[str, Any]:
+    if law.endswith(FILE):
+        return load(law, purpose="text").control.model_dump(exclude_none=True)
+    if law not in LAWS:
+        if ":" in law:
+            add_folders([str(Path.cwd())])
+        return {"law": law}
     if law in ("three-slew", "oscillatory"):
         return {"law": law, "period_s": PERIOD}
     tuned = load("switching").control.model_dump(exclude_none=True)

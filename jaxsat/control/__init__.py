@@ -1,10 +1,17 @@
 """Control laws: which torque to command, given the state."""
 
-from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractController, Coast
+from jaxsat.control.controller import (
+    AbstractBacksteppingLaw,
+    AbstractController,
+    AbstractFeedbackLaw,
+    Coast,
+)
+from jaxsat.control.declaration import LawContext, LawDeclaration, UnsuitableModel
 from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
 from jaxsat.control.internal_model import InternalModel, OscillatorState
+from jaxsat.control.laws import LAWS, Law, law_of
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.oscillatory import (
     AbstractDemand,
@@ -25,15 +32,18 @@ from jaxsat.control.riccati import reachable_rank, regulator_gain
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, RippleObserver
 from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.control.switching import AbstractSampledController, SwitchingLaw
+from jaxsat.control.switching import ONE_MODE, AbstractSampledController, ModeNames, SwitchingLaw
 from jaxsat.control.terminal import OrbitalRegulator, linear_model
 from jaxsat.control.three_axis import ThreeAxisLaw
 
 __all__ = [
+    "LAWS",
+    "ONE_MODE",
     "TUNED_LIMITS",
     "AbstractBacksteppingLaw",
     "AbstractController",
     "AbstractDemand",
+    "AbstractFeedbackLaw",
     "AbstractRippleEstimator",
     "AbstractSampledController",
     "Coast",
@@ -42,6 +52,10 @@ __all__ = [
     "FiniteTimeRateLaw",
     "Handover",
     "InternalModel",
+    "Law",
+    "LawContext",
+    "LawDeclaration",
+    "ModeNames",
     "MorinSamson",
     "OrbitalRegulator",
     "Oscillator",
@@ -60,7 +74,9 @@ __all__ = [
     "ThreeSlewLaw",
     "ThreeSlewSettling",
     "TwoChannel",
+    "UnsuitableModel",
     "equivalent_limit",
+    "law_of",
     "linear_model",
     "oscillatory_settling",
     "reachable_rank",

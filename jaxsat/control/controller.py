@@ -1,17 +1,21 @@
 """What a controller is, and the part that all backstepping laws share.
 
 A controller turns time, the measured plant state and its own memory into a commanded torque
-(u1, u2) about the first two body axes. Continuous controllers also give the rate of their memory;
-sampled ones (`jaxsat.control.switching`) give its next value instead.
+(u1, u2) about the first two body axes, or into a torque about each of the three. Continuous
+controllers also give the rate of their memory; sampled ones (`jaxsat.control.switching`) give its
+next value instead.
 """
 
 import abc
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.control.declaration import LawContext, LawDeclaration
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.dynamics import PlantState, RigidBody
 
@@ -29,8 +33,8 @@ class AbstractController(eqx.Module):
     @abc.abstractmethod
     def __call__(
         self, t: Float[Array, ""], state: PlantState, memory: Memory
-    ) -> tuple[Float[Array, "2"], Memory]:
-        """The commanded torque (u1, u2), N m, and the time derivative of the memory."""
+    ) -> tuple[Float[Array, " torques"], Memory]:
+        """The commanded torque, N m, and the time derivative of the memory."""
 
     @abc.abstractmethod
     def is_smooth(self) -> bool:
@@ -71,8 +75,12 @@ class AbstractController(eqx.Module):
         """
 
 
-class Coast(AbstractController):
-    """No control: the drift of the plant alone."""
+class AbstractFeedbackLaw(AbstractController):
+    """A smooth law without a memory: the torque is a function of time and state alone."""
+
+    @abc.abstractmethod
+    def torque(self, t: Float[Array, ""], state: PlantState) -> Float[Array, " torques"]:
+        """The commanded torque, N m: (u1, u2), or one about each body axis."""
 
     def init(self, state: PlantState) -> Memory:
         """Nothing to remember."""
@@ -81,10 +89,9 @@ class Coast(AbstractController):
 
     def __call__(
         self, t: Float[Array, ""], state: PlantState, memory: Memory
-    ) -> tuple[Float[Array, "2"], Memory]:
-        """Zero torque."""
-        del t
-        return jnp.zeros(2, state.omega.dtype), memory
+    ) -> tuple[Float[Array, " torques"], Memory]:
+        """The torque of this instant."""
+        return self.torque(t, state), memory
 
     def is_smooth(self) -> bool:
         """It is."""
@@ -104,6 +111,25 @@ class Coast(AbstractController):
         """NaN: there is no proof."""
         del memory, unmodelled, unmodelled_rate
         return jnp.full((), jnp.nan, state.omega.dtype)
+
+
+class Coast(AbstractFeedbackLaw):
+    """No control: the drift of the plant alone."""
+
+    declaration: ClassVar[LawDeclaration] = LawDeclaration(
+        summary="no control", torques=0, has_model=False
+    )
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "Coast":
+        """There is nothing to set."""
+        del values, context
+        return cls()
+
+    def torque(self, t: Float[Array, ""], state: PlantState) -> Float[Array, "2"]:
+        """Zero torque."""
+        del t
+        return jnp.zeros(2, state.omega.dtype)
 
 
 class AbstractBacksteppingLaw(AbstractController):

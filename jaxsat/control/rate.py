@@ -1,6 +1,8 @@
 """Angular-velocity stabilisation with two torques: equations (38) and (39)."""
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,8 +10,23 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
+from jaxsat.control.declaration import LawContext, LawDeclaration
+from jaxsat.declaration import number
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.smooth import Width, as_width, root_abs, signed_root
+
+RATE_GAINS = (
+    number("k1", "Gain of the reference (38)", "√(rad/s)", above=0, tunable=True),
+    number("k2", "Gain of the torque (39)", "1/s", above=0, tunable=True),
+)
+OMEGA3_WIDTH = number(
+    "omega3_width_rad_s",
+    "Rounds √|ω3| of (38) near zero; 0 is the printed law",
+    "rad/s",
+    at_least=0,
+    default=0.0,
+    width=True,
+)
 
 
 class RateLaw(AbstractBacksteppingLaw):
@@ -20,6 +37,14 @@ class RateLaw(AbstractBacksteppingLaw):
     rounds √|ω3| near zero; without one it is the printed law, whose reference has no derivative
     at ω3 = 0. `turning_right` holds that law on one side of ω3 = 0, see `smooth_piece`.
     """
+
+    declaration: ClassVar[LawDeclaration] = LawDeclaration(
+        summary="angular-velocity stabilisation, (38) and (39)",
+        keys=(*RATE_GAINS, OMEGA3_WIDTH),
+        measures_disturbance=True,
+        needs_unequal_moments=True,
+        regulates_attitude=False,
+    )
 
     model: RigidBody
     k1: Float[Array, ""] = eqx.field(converter=as_float)
@@ -32,6 +57,11 @@ class RateLaw(AbstractBacksteppingLaw):
         require_positive("k2", self.k2)
         if self.width is not None:
             require_positive("width", self.width)
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "RateLaw":
+        """The law of a table of a scenario."""
+        return cls(context.model, values["k1"], values["k2"], values["omega3_width_rad_s"])
 
     def init(self, state: PlantState) -> Memory:
         """Nothing to remember."""

@@ -8,13 +8,16 @@ import jax
 
 from jaxsat.montecarlo.executors import Work
 from jaxsat.processors import share_of
+from jaxsat.search_path import add_folders, added_folders
 
 
 class Packed(NamedTuple):
-    """Work as bytes, and whether the sender computes with 64-bit floats."""
+    """Work as bytes, whether the sender computes with 64-bit floats, and where a user's modules
+    are."""
 
     work: bytes
     double_precision: bool
+    folders: tuple[str, ...] = ()
 
     def unpacked(self) -> Work:
         """The work, once JAX is in the sender's precision.
@@ -22,6 +25,7 @@ class Packed(NamedTuple):
         Unpacking before would round arrays to the precision of the moment.
         """
         jax.config.update("jax_enable_x64", self.double_precision)
+        add_folders(self.folders)
         return cloudpickle.loads(self.work)
 
 
@@ -43,7 +47,7 @@ def packed(work: Work) -> Packed:
 
     What the running program or a notebook defines goes along; modules are imported there.
     """
-    return Packed(cloudpickle.dumps(work), bool(jax.config.read("jax_enable_x64")))
+    return Packed(cloudpickle.dumps(work), bool(jax.config.read("jax_enable_x64")), added_folders())
 
 
 def computed(work: Work, chunk: int) -> Done | Failed:

@@ -4,7 +4,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import diffrax
 import jax.numpy as jnp
@@ -14,29 +14,22 @@ from jaxtyping import Array, Float
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_array, as_float
 from jaxsat.control import (
+    AbstractBacksteppingLaw,
     AbstractController,
     AbstractSampledController,
     Coast,
-    RateLaw,
-    ThreeAxisLaw,
 )
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.noise import key_of_seed
 from jaxsat.scenario.build_control import build_controller
 from jaxsat.scenario.build_errors import BuildError, at_key, made_of_numbers
 from jaxsat.scenario.build_plant import build_plant
-from jaxsat.scenario.control_tables import (
-    CoastTable,
-    OscillatoryTable,
-    RateTable,
-    SwitchingTable,
-    ThreeAxisTable,
-    ThreeSlewTable,
-)
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.law_trial import require_runs
 from jaxsat.scenario.layout import working_thrusters
+from jaxsat.scenario.plugins import find_law, is_plugin
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MOST_SAMPLED_STEPS, MOST_STEPS, SolverTable
 from jaxsat.simulation import (
@@ -95,6 +88,12 @@ def build(scenario: Scenario) -> Run:
     loop = build_loop(scenario)
     with at_key("initial"):
         start = made_of_numbers(build_start(scenario))
+    law = find_law(scenario.control.law)
+    if is_plugin(law.name):
+        controller = (
+            loop.law if isinstance(loop, ErrorCoordinateLoop) else cast(Any, loop).controller
+        )
+        require_runs(law, controller, start)
     return Run(loop, start, build_times(scenario), build_method(scenario, loop))
 
 
@@ -103,9 +102,8 @@ def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
 
     Raises `BuildError` as `build` does.
     """
-    coasting = scenario.model_copy(update={"control": CoastTable(law="coast")})
     with at_key("spacecraft"):
-        loop = ContinuousLoop(build_plant(coasting), Coast(), build_actuators(coasting))
+        loop = ContinuousLoop(build_plant(scenario), Coast(), _actuators(scenario, torques=0))
     simulation = scenario.simulation.model_copy(update={"attitude": "quaternion"})
     with at_key("initial"):
         start = build_start(scenario.model_copy(update={"simulation": simulation}))
@@ -134,18 +132,23 @@ def _closed(
         sensors, delay = build_sampling(scenario)
         return SampledLoop(plant, controller, build_actuators(scenario), substeps, sensors, delay)
     if uses_error_coordinates(flattened(scenario)):
-        return ErrorCoordinateLoop(plant, cast(RateLaw | ThreeAxisLaw, controller))
+        return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
     return ContinuousLoop(plant, controller, build_actuators(scenario))
 
 
 def build_actuators(scenario: Scenario) -> Actuators:
-    """The thrusters left; under `law = "coast"` any will do, as no torque is commanded."""
+    """The thrusters left, and how they share the torque that the law commands."""
+    return _actuators(scenario, find_law(scenario.control.law).declaration.torques)
+
+
+def _actuators(scenario: Scenario, torques: int) -> Actuators:
+    """The thrusters left; any will do where no torque is commanded."""
     table = scenario.spacecraft
     thrusters = working_thrusters(table.thruster_torque_axes, table.failed_thrusters)
     limit = math.inf if table.torque_limit_N_m is None else table.torque_limit_N_m
-    if scenario.control.law == "coast":
+    if not torques:
         return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
-    return Actuators.of(thrusters, limit)
+    return Actuators.of(thrusters, limit, torques)
 
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
@@ -181,9 +184,9 @@ def build_times(scenario: Scenario) -> Float[Array, " times"]:
     """Times to save at from zero to the end, s; on the samples of a sampled law."""
     table = scenario.simulation
     unit, count = table.save_every_s, round(table.duration_s / table.save_every_s)
-    if not isinstance(scenario.control, SwitchingTable | OscillatoryTable | ThreeSlewTable):
+    if not find_law(scenario.control.law).sampled:
         return as_array(np.arange(count + 1) * unit)
-    period = scenario.control.period_s
+    period = cast(Any, scenario.control).period_s
     return as_array(np.arange(count + 1) * round(unit / period) * period)
 
 
@@ -215,12 +218,10 @@ def _method(table: SolverTable, loop: AbstractLoop) -> Method:
 
 
 def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -> None:
-    table, control = scenario.simulation, scenario.control
-    most = MOST_STEPS
+    table, most = scenario.simulation, MOST_STEPS
     if isinstance(loop, SampledLoop):
         most = MOST_SAMPLED_STEPS
-        assert not isinstance(control, CoastTable | RateTable | ThreeAxisTable)
-        step = control.period_s / loop.substeps
+        step = cast(Any, scenario.control).period_s / loop.substeps
         key = "control.period_s" if table.solver.substeps is None else "simulation.solver.substeps"
     elif method.first_step is None:
         return  # adaptive steps, which have a number of their own

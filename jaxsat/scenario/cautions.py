@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from jaxsat.control import TUNED_LIMITS, equivalent_limit
-from jaxsat.scenario.control_tables import SETTLING_LAWS
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.plugins import find_law
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
 
@@ -59,8 +58,8 @@ def _obeys_triangle_inequality(inertia: tuple) -> bool:
 
 
 def _law_cautions(scenario: Scenario) -> list[Issue]:
-    """The rate law moves ω3 through the gyroscopic torque (J1 - J2) ω1 ω2 alone."""
-    if scenario.control.law in ("coast", "three-axis"):
+    """Some laws move ω3 through the gyroscopic torque (J1 - J2) ω1 ω2 alone."""
+    if not find_law(scenario.control.law).declaration.needs_unequal_moments:
         return []
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     if inertia[0, 0] != inertia[1, 1]:
@@ -74,14 +73,15 @@ def _law_cautions(scenario: Scenario) -> list[Issue]:
 
 def _limit_cautions(scenario: Scenario) -> list[Issue]:
     limit = scenario.spacecraft.torque_limit_N_m
-    if scenario.control.law not in SETTLING_LAWS or limit is None:
+    limits_of = find_law(scenario.control.law).declaration.tuned_limits
+    if limits_of is None or limit is None:
         return []
     believed = getattr(scenario.control, "model", None)
     inertia = getattr(believed, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
-    scale = equivalent_limit(np.diag(inertia_matrix(inertia)), 1.0)
-    if any(np.isclose(scale * limit, one, rtol=1e-9) for one in TUNED_LIMITS):
+    limits = limits_of(tuple(np.diag(inertia_matrix(inertia))))
+    if any(np.isclose(limit, one, rtol=1e-9) for one in limits):
         return []
-    tuned = ", ".join(f"{one / scale:.4g}" for one in TUNED_LIMITS)
+    tuned = ", ".join(f"{one:.4g}" for one in limits)
     message = (
         f'should be one of {tuned} N m under the law "{scenario.control.law}", whose gains are '
         "tuned for these, interpolated between them and beyond them those of the nearest, "

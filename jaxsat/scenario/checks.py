@@ -4,16 +4,17 @@ Every rule names the keys that it reads and is applied wherever all of these are
 themselves, so that one mistake hides no other.
 """
 
-from jaxsat.scenario.control_tables import SAMPLED_LAWS, SETTLING_LAWS
+from jaxsat.control import LAWS
 from jaxsat.scenario.coordinates import (
     ERROR_COORDINATE_KEYS,
     error_coordinate_obstacle,
-    is_printed_three_axis,
     is_upside_down,
+    torque_jumps,
     uses_error_coordinates,
 )
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.layout import working_thrusters
+from jaxsat.scenario.plugins import find_law
 from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.wording import shown
 from jaxsat.simulation.solve import STATE_LIMIT
@@ -38,11 +39,12 @@ def _failed_thrusters_exist(axes, failed):
 
 
 @rule("control.law", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")
-def _law_has_two_torques(law, axes, failed):
-    if law == "coast" or any(number > len(axes) for number in failed):
+def _law_has_its_torques(law, axes, failed):
+    torques = find_law(law).declaration.torques
+    if not torques or any(number > len(axes) for number in failed):
         return
     try:
-        allocation(working_thrusters(axes, failed))
+        allocation(working_thrusters(axes, failed), torques)
     except ValueError as error:
         key = "failed_thrusters" if failed else "thruster_torque_axes"
         yield at(
@@ -99,7 +101,8 @@ def _state_below_its_limit(w, omega, z):
 def _not_upside_down(quaternion, attitude, law):
     if quaternion is None:
         return
-    if is_upside_down(quaternion) and (attitude == "wz" or law in ("three-axis", "switching")):
+    works_in_wz = find_law(law).declaration.works_in_wz
+    if is_upside_down(quaternion) and (attitude == "wz" or works_in_wz):
         by = "simulation.attitude" if attitude == "wz" else "control.law"
         yield at(
             "initial.quaternion",
@@ -107,48 +110,6 @@ def _not_upside_down(quaternion, attitude, law):
             f"{by} = {shown(attitude if attitude == 'wz' else law)} works in are singular, "
             f"got {shown(quaternion)}",
         )
-
-
-@rule(
-    "control.internal_model",
-    "control.internal_model_frequency_rad_s",
-    "disturbance.frequency_rad_s",
-)
-def _internal_model_has_a_frequency(on, frequency, disturbance):
-    if on and frequency is None and min(disturbance[:2]) <= 0:
-        yield at(
-            "control.internal_model_frequency_rad_s",
-            "must be given in rad/s while internal_model is true and disturbance.frequency_rad_s "
-            f"is not positive about x and y, got nothing beside {shown(disturbance)}",
-            True,
-        )
-
-
-@rule("control.lower_threshold_rad_s", "control.upper_threshold_rad_s")
-def _thresholds_in_order(lower, upper):
-    if lower > upper:
-        yield at(
-            "control.lower_threshold_rad_s",
-            f"must not exceed upper_threshold_rad_s = {shown(upper)}, got {shown(lower)}",
-        )
-
-
-@rule(
-    "spacecraft.torque_limit_N_m",
-    "control.rate_slope_limit_rad_s2",
-    "control.three_axis_slope_limit_rad_s2",
-)
-def _slopes_are_limited(limit, rate, three_axis):
-    if limit is not None:
-        return
-    for name, value in (("rate", rate), ("three_axis", three_axis)):
-        if value is None:
-            yield at(
-                f"control.{name}_slope_limit_rad_s2",
-                "must be given in rad/s² while spacecraft.torque_limit_N_m is left out, "
-                "got nothing",
-                True,
-            )
 
 
 @rule("simulation.duration_s", "simulation.save_every_s")
@@ -198,7 +159,7 @@ def _error_coordinates_hold(values):
 
 @rule("control.law", "spacecraft.torque_limit_N_m")
 def _gains_need_a_limit(law, limit):
-    if law in SETTLING_LAWS and limit is None:
+    if find_law(law).declaration.needs_torque_limit and limit is None:
         yield at(
             "spacecraft.torque_limit_N_m",
             f'must be given in N m under the law "{law}", whose gains depend on it, got nothing',
@@ -216,7 +177,7 @@ def _solver_keys_fit(values):
     law = values["control.law"]
     solver = {key: values.get(f"simulation.solver.{key}") for key in SOLVER_KEYS}
     given = [key for key in SOLVER_KEYS if solver[key] is not None]
-    sampled = law in SAMPLED_LAWS
+    sampled = find_law(law).sampled
     fixed = solver["steps"] == "fixed" or (solver["steps"] is None and "step_s" in given)
     if sampled:
         misfits = [key for key in given if key != "substeps"]
@@ -240,7 +201,7 @@ def _solver_keys_fit(values):
 )
 def _euler_has_no_error_estimate(name, steps, step, law):
     adaptive = steps == "adaptive" or (steps is None and step is None)
-    if name == "euler" and adaptive and law not in SAMPLED_LAWS:
+    if name == "euler" and adaptive and not find_law(law).sampled:
         yield at(
             "simulation.solver.name",
             'must be a solver with an error estimate while steps are adaptive, got "euler"',
@@ -251,29 +212,28 @@ def _euler_has_no_error_estimate(name, steps, step, law):
     "simulation.coordinates",
     "simulation.solver.steps",
     "simulation.solver.step_s",
-    "control.saturation_width",
-    "control.tilt_width",
     *ERROR_COORDINATE_KEYS,
 )
 def _no_fixed_steps_across_jumps(values):
     steps, step = values["simulation.solver.steps"], values["simulation.solver.step_s"]
     if steps != "fixed" and (steps == "adaptive" or step is None):
         return
-    if is_printed_three_axis(values) and not uses_error_coordinates(values):
+    law = find_law(values["control.law"])
+    if torque_jumps(values) and not uses_error_coordinates(values):
         yield at(
             f"simulation.solver.{'steps' if steps == 'fixed' else 'step_s'}",
-            "must be left to adaptive steps: at torque level the printed law (42) holds the "
+            f'must be left to adaptive steps: at torque level the law "{law.name}" holds the '
             "derivative of a saturation that jumps, and fixed steps of any size give errors as "
-            "large as the state; round it (saturation_width and tilt_width above 0) or leave the "
-            f"torque unlimited, got {shown(steps if steps == 'fixed' else step)}",
+            f"large as the state; round it ({' and '.join(law.declaration.jumps_without)} above "
+            f"0) or leave the torque unlimited, got {shown(steps if steps == 'fixed' else step)}",
         )
 
 
 @rule("control.law", "sampling.delay_s")
 def _sampling_has_a_sampled_law(law, delay):
     del delay
-    if law not in SAMPLED_LAWS:
-        allowed = ", ".join(f'"{name}"' for name in SAMPLED_LAWS)
+    if not find_law(law).sampled:
+        allowed = ", ".join(f'"{name}"' for name, known in LAWS.items() if known.sampled)
         yield at("sampling", f'must belong to a sampled law ({allowed}), got "{law}"')
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxsat.scenario.layout import command_map
+from jaxsat.scenario.plugins import find_law
 from jaxsat.simulation.solve import STATE_LIMIT
 
 Values = Mapping[str, Any]
@@ -24,15 +25,15 @@ ERROR_COORDINATE_KEYS = (
 """Keys that `error_coordinate_obstacle` reads of every scenario (and `[control.model]`)."""
 
 
-def is_printed_three_axis(values: Values) -> bool:
-    """Whether the law is (41)-(42) with a corner left in it."""
-    smooth = values.get("control.saturation_width", 0) and values.get("control.tilt_width", 0)
-    return values["control.law"] == "three-axis" and not smooth
+def torque_jumps(values: Values) -> bool:
+    """Whether the law's torque jumps, as that of the printed (42), for want of a width."""
+    widths = find_law(values["control.law"]).declaration.jumps_without
+    return any(not values.get(f"control.{width}", 0) for width in widths)
 
 
 def error_coordinate_obstacle(values: Values) -> str | None:
     """Why error coordinates do not hold, as a clause; None where they do."""
-    if values["control.law"] not in ("rate", "three-axis"):
+    if not find_law(values["control.law"]).tracks_rates:
         return f'the law is "{values["control.law"]}"'
     if values["spacecraft.torque_limit_N_m"] is not None:
         return "the torque is limited"
@@ -54,7 +55,7 @@ def uses_error_coordinates(values: Values) -> bool:
     asked = values["simulation.coordinates"]
     if asked != "auto":
         return asked == "error"
-    return is_printed_three_axis(values) and error_coordinate_obstacle(values) is None
+    return torque_jumps(values) and error_coordinate_obstacle(values) is None
 
 
 def is_upside_down(quaternion: tuple[float, ...]) -> bool:

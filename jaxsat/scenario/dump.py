@@ -2,8 +2,16 @@
 
 from typing import Any
 
+from jaxsat.control import LAWS
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.toml_text import toml_document
+
+_OTHER_LAW = {
+    "type": "object",
+    "description": 'A law that does not come with jaxsat: "module:Class", or an installed one',
+    "properties": {"law": {"type": "string", "not": {"enum": list(LAWS)}}},
+    "required": ["law"],
+}
 
 
 def dump(scenario: Scenario) -> str:
@@ -14,4 +22,5 @@ def dump(scenario: Scenario) -> str:
 def json_schema() -> dict[str, Any]:
     """The JSON Schema of scenario files; quantities carry their unit under "unit"."""
     schema = Scenario.model_json_schema()
+    schema["properties"]["control"]["oneOf"].append(_OTHER_LAW)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -24,9 +24,11 @@ from jaxsat.scenario.errors import (
 from jaxsat.scenario.limits import LARGEST_FILE, MOST_OVERRIDES, Excess, require_modest
 from jaxsat.scenario.lines import line_map, nearest_line
 from jaxsat.scenario.overrides import Override, apply_overrides, parse_override
+from jaxsat.scenario.plugins import PluginError, require_not_hidden
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.trial import Purpose, what_cannot_be_built
 from jaxsat.scenario.wording import suggestion
+from jaxsat.search_path import add_folders
 
 
 def library() -> dict[str, Traversable]:
@@ -56,9 +58,13 @@ def load(
     parsed = _overrides(overrides)
     problems = [entry for entry in parsed if isinstance(entry, Problem)]
     applied = [entry for entry in parsed if isinstance(entry, Override)]
+    places = _Places(source, applied)
+    try:
+        _look_beside(name_or_path, source.data, applied)
+    except PluginError as error:
+        raise ScenarioError([places.problem(Issue(("control", "law"), str(error)))]) from None
     data, blocked = apply_overrides(source.data, applied)
     problems += blocked
-    places = _Places(source, applied)
     scenario, law = None, purpose != "motion"
     try:
         scenario = Scenario.model_validate(data, context={"law": law})
@@ -71,6 +77,24 @@ def load(
     for issue in cautions(scenario, law):
         warnings.warn(str(places.problem(issue)), ScenarioWarning, stacklevel=2)
     return scenario
+
+
+def _look_beside(
+    name_or_path: str | Path, data: dict[str, Any], overrides: Sequence[Override]
+) -> None:
+    """Let the module of a law be found beside the file and in the current folder.
+
+    Raises `PluginError` where another module of that name hides it.
+    """
+    control = data.get("control")
+    laws = [control.get("law")] if isinstance(control, dict) else []
+    laws += [one.value for one in overrides if one.key == "control.law"]
+    modules = [law for law in laws if isinstance(law, str) and ":" in law]
+    folders = (Path(name_or_path).resolve().parent, Path.cwd())
+    if modules:
+        add_folders(map(str, folders))
+    if modules and modules[-1] is laws[-1]:
+        require_not_hidden(modules[-1], folders)
 
 
 def _overrides(texts: Iterable[str]) -> list[Override | Problem]:

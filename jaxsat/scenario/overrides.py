@@ -5,9 +5,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from jaxsat.scenario.control_tables import LAWS
+from jaxsat.control import LAWS
+from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Problem
 from jaxsat.scenario.limits import LONGEST_OVERRIDE, Excess, require_modest
+from jaxsat.scenario.plugins import known_law
 from jaxsat.scenario.wording import shown
 
 ALTERNATIVES: tuple[tuple[frozenset[str], frozenset[str]], ...] = (
@@ -137,12 +139,14 @@ def _void_solver_keys(given: Mapping[str, Any]) -> set[str]:
 
 def _void_law_keys(data: Mapping[str, Any], given: Mapping[str, Any]) -> set[str]:
     """Keys that only other laws have, where the law itself is overridden."""
-    law = given.get("control.law")
+    law = known_law(given.get("control.law"))
     control = data.get("control")
-    if not isinstance(law, str) or law not in LAWS or not isinstance(control, Mapping):
+    if law is None or not isinstance(control, Mapping):
         return set()
-    known = LAWS[law].model_fields
-    others = {key for table in LAWS.values() for key in table.model_fields} - set(known)
+    before = known_law(control.get("law"))
+    laws = (*LAWS.values(), *([] if before is None else [before]))
+    others = {key for other in laws for key in table_of(other).model_fields}
+    others -= table_of(law).model_fields.keys()
     return {f"control.{key}" for key in control if key in others}
 
 

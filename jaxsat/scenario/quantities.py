@@ -50,16 +50,16 @@ Vector3 = Annotated[tuple[Number, ...], Len(3, 3)]
 Vector4 = Annotated[tuple[Number, ...], Len(4, 4)]
 Products3 = Annotated[tuple[Annotated[Number, within(PRODUCT)], ...], Len(3, 3)]
 Matrix3 = Annotated[tuple[Products3, ...], Len(3, 3)]
-PositivePair = Annotated[tuple[Positive, ...], Len(2, 2)]
 Switches3 = Annotated[tuple[Switch, ...], Len(3, 3)]
 
 
-def _is_list(value: Any) -> bool:
+def is_list(value: Any) -> bool:
+    """Whether a value of a file is a list."""
     return isinstance(value, list | tuple)
 
 
 def _inertia_form(value: Any) -> str:
-    return "matrix" if _is_list(value) and any(map(_is_list, value)) else "moments"
+    return "matrix" if is_list(value) and any(map(is_list, value)) else "moments"
 
 
 LEAST_SHARE = 1e-9
@@ -87,10 +87,6 @@ Inertia = Annotated[
     Annotated[Products3, Tag("moments")] | Annotated[Matrix3, Tag("matrix")],
     Discriminator(_inertia_form),
     AfterValidator(_sound_inertia),
-]
-PositiveOrPair = Annotated[
-    Annotated[Positive, Tag("one")] | Annotated[PositivePair, Tag("each")],
-    Discriminator(lambda value: "each" if _is_list(value) else "one"),
 ]
 
 

@@ -1,10 +1,16 @@
 """How rules across keys are declared and applied."""
 
+import functools
+import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from jaxsat import declaration
+from jaxsat.control import Law
 from jaxsat.scenario.coordinates import Values
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.plugins import is_plugin, known_law, place_in
+from jaxsat.scenario.wording import shown
 
 Check = Callable[..., Iterator[Issue]]
 
@@ -54,13 +60,41 @@ def rule_over(*keys: str) -> Callable[[Check], Check]:
 def broken_rules(values: Values, law: bool = True) -> list[Issue]:
     """Issues from every rule whose keys all have valid values; without those on the law if told."""
     found: list[Issue] = []
-    for entry in RULES:
+    chosen = known_law(values.get("control.law"))
+    for entry in (*RULES, *(() if chosen is None else _rules_of(chosen))):
         wanted = law or not any(key.startswith(OF_THE_LAW) for key in entry.keys)
         if wanted and all(key in values for key in entry.keys):
             involved = tuple(tuple(key.split(".")) for key in entry.keys)
             for issue in entry.check(values):
                 found.append(Issue(issue.location, issue.message, involved, issue.missing))
     return found
+
+
+def _rules_of(law: Law) -> Iterator[Rule]:
+    """What the law declares, as rules of a scenario."""
+    for declared in law.declaration.rules:
+        yield Rule(declared.keys, functools.partial(_findings, law, declared))
+    for low, high in law.declaration.ordered:
+        keys = (f"control.{low}", f"control.{high}")
+        yield Rule(keys, functools.partial(_in_order, low, high))
+
+
+def _findings(law: Law, declared: declaration.Rule, values: Values) -> Iterator[Issue]:
+    try:
+        found = [at(*one) for one in declared.check(*(values[key] for key in declared.keys))]
+    except Exception as error:
+        if not is_plugin(law.name):
+            raise
+        what = f"{type(error).__name__}: {error}{place_in(inspect.getfile(law.controller), error)}"
+        keys = ", ".join(declared.keys)
+        found = [at("control.law", f"must name a law whose rule over {keys} can run, got {what}")]
+    yield from found
+
+
+def _in_order(low: str, high: str, values: Values) -> Iterator[Issue]:
+    one, other = values[f"control.{low}"], values[f"control.{high}"]
+    if None not in (one, other) and one > other:
+        yield at(f"control.{low}", f"must not exceed {high} = {shown(other)}, got {shown(one)}")
 
 
 def at(key: str, message: str, missing: bool = False) -> Issue:

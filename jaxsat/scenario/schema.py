@@ -6,8 +6,10 @@ from typing import Any
 from pydantic import (
     BaseModel,
     ValidationError,
+    create_model,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
@@ -25,7 +27,7 @@ from jaxsat.scenario.tables import (
     SpacecraftTable,
 )
 from jaxsat.scenario.tuning_tables import TuningTable
-from jaxsat.scenario.wording import issue_of, table_at, validated
+from jaxsat.scenario.wording import issue_of, item_kind, table_at, validated
 
 
 class Scenario(Table):
@@ -74,11 +76,19 @@ def flattened(table: BaseModel, prefix: str = "") -> dict[str, Any]:
     """Values by dotted key, those of tables inside tables included."""
     values: dict[str, Any] = {}
     for name in type(table).model_fields:
-        value = getattr(table, name)
-        if isinstance(value, BaseModel):
-            values.update(flattened(value, f"{prefix}{name}."))
-        else:
-            values[prefix + name] = value
+        values.update(_flattened(getattr(table, name), prefix + name))
+    return values
+
+
+def _flattened(value: Any, key: str) -> dict[str, Any]:
+    """A value by its dotted key; those inside it where it is a table that is not empty."""
+    if isinstance(value, BaseModel):
+        return flattened(value, f"{key}.")
+    if not isinstance(value, dict) or not value:
+        return {key: value}
+    values: dict[str, Any] = {}
+    for name, inner in value.items():
+        values.update(_flattened(inner, f"{key}.{name}"))
     return values
 
 
@@ -92,15 +102,23 @@ def readable_values(table: type[BaseModel], data: Any, prefix: str = "") -> dict
         try:
             value = validated(field, data[name]) if present else field.get_default()
         except ValidationError:
-            inner = table_at(table, data, (name,))
+            inner = _as_a_class(table_at(table, data, (name,)), field, data[name])
             if inner is not None and isinstance(data[name], Mapping):
                 values.update(readable_values(inner, data[name], f"{prefix}{name}."))
             continue
-        if isinstance(value, BaseModel):
-            values.update(flattened(value, f"{prefix}{name}."))
-        else:
-            values[prefix + name] = value
+        values.update(_flattened(value, prefix + name))
     return values
+
+
+def _as_a_class(
+    table: type[BaseModel] | None, field: FieldInfo, data: Any
+) -> type[BaseModel] | None:
+    """The table class of a field; one made for the keys that are there where any may be."""
+    kind = item_kind(field.annotation)
+    if table is not None or kind is None or not isinstance(data, Mapping):
+        return table
+    fields: dict[str, Any] = {str(name): (kind, ...) for name in data}
+    return create_model("Items", **fields)
 
 
 def _error_details(issue: Issue) -> InitErrorDetails:

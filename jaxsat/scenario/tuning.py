@@ -17,12 +17,12 @@ from jaxsat.montecarlo.changes import controller_of
 from jaxsat.scenario.build import DEFAULT_SUBSTEPS, build, build_loop
 from jaxsat.scenario.build_errors import BuildError, at_key
 from jaxsat.scenario.build_plant import orbit_rate
-from jaxsat.scenario.control_tables import SAMPLED_LAWS
 from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.plugins import find_law
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.study import EngineName, build_study
-from jaxsat.scenario.tuning_tables import TUNABLE, CostTable, ParametersTable, TuningTable
+from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
 from jaxsat.scenario.wording import shown
 from jaxsat.tuning import (
     AbstractAggregate,
@@ -122,7 +122,7 @@ class _Prepared(NamedTuple):
 def _prepared(scenario: Scenario, table: TuningTable) -> _Prepared:
     scenario = _in_one_form(scenario, table)
     space, start = _search(scenario, table.parameters)
-    widths = {k: v for k, v in table.smoothing.model_dump().items() if v is not None}
+    widths = dict(table.smoothing)
     smooth = _with_control(scenario, widths)
     return _Prepared(scenario, smooth, _refined(smooth), widths, space, start)
 
@@ -140,9 +140,9 @@ def try_tuning(scenario: Scenario) -> None:
 def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> Scenario:
     """The scenario with the gains of a point of the search in `[control]`."""
     gains = plan.space.gains(plan.space.to_values(point))
-    law = scenario.control.law
+    tunable = find_law(scenario.control.law).declaration.tunable
     numbers: dict[str, Any] = {}
-    for key, place in TUNABLE[law].items():
+    for key, place in tunable.items():
         if place in gains:
             value = gains[place]
             numbers[key] = float(value) if value.ndim == 0 else tuple(map(float, value))
@@ -190,7 +190,7 @@ def _native(trials: Trials) -> Trials:
 def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
     """Coordinates and steps written out, so that the smooth law runs as the exact one does."""
     simulation, solver = scenario.simulation, scenario.simulation.solver
-    if scenario.control.law in SAMPLED_LAWS:
+    if find_law(scenario.control.law).sampled:
         return scenario
     error = uses_error_coordinates(flattened(scenario))
     if solver.step_s is None and solver.steps != "fixed":
@@ -207,7 +207,7 @@ def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
 def _refined(scenario: Scenario) -> Scenario:
     """The scenario in finer steps."""
     solver = scenario.simulation.solver
-    if scenario.control.law in SAMPLED_LAWS:
+    if find_law(scenario.control.law).sampled:
         changes: dict[str, Any] = {"substeps": 2 * (solver.substeps or DEFAULT_SUBSTEPS)}
     elif solver.step_s is not None:
         changes = {"step_s": solver.step_s / 2}
@@ -223,11 +223,11 @@ def _with_control(scenario: Scenario, numbers: Mapping[str, Any]) -> Scenario:
     return scenario.model_copy(update={"control": control})
 
 
-def _search(scenario: Scenario, table: ParametersTable) -> tuple[SearchSpace, np.ndarray]:
+def _search(scenario: Scenario, table: Mapping[str, BoundsTable]) -> tuple[SearchSpace, np.ndarray]:
     controller = controller_of(build_loop(scenario))
     parameters, values = [], []
-    for key, place in TUNABLE[scenario.control.law].items():
-        bounds = getattr(table, key)
+    for key, place in find_law(scenario.control.law).declaration.tunable.items():
+        bounds = table.get(key)
         if bounds is None:
             continue
         value = np.asarray(number_at(controller, place))
@@ -255,10 +255,10 @@ def _plain(cost: RunningCost) -> RunningCost:
 
 
 def _tolerances(scenario: Scenario) -> Tolerances:
-    """When a case counts as settled: under the rate law, which has no attitude to go to, by its
-    rate alone, which at rest is that of the orbit."""
+    """When a case counts as settled: under a law that has no attitude to go to by its rate alone,
+    which at rest is that of the orbit."""
     usual = Tolerances()
-    if scenario.control.law != "rate":
+    if find_law(scenario.control.law).declaration.regulates_attitude:
         return usual
     return Tolerances(np.inf, np.inf, usual.relative_rate + orbit_rate(scenario))
 

@@ -1,11 +1,11 @@
 """Rules of the `[tuning]` table."""
 
 from jaxsat.scenario.checks import is_multiple
-from jaxsat.scenario.control_tables import LAWS
+from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.plugins import find_law
 from jaxsat.scenario.rules import at, rule, rule_over
-from jaxsat.scenario.tuning_tables import SMOOTHABLE, TUNABLE, ParametersTable, SmoothingTable
-from jaxsat.scenario.wording import refusal, shown
+from jaxsat.scenario.wording import refusal, shown, suggestion
 
 USUAL_OPTIMISERS = ("adam", "adamw", "lion", "rmsprop", "sgd")
 """Known to be optimisers that will do, so that optax, which takes its time, is not asked."""
@@ -13,36 +13,47 @@ USUAL_OPTIMISERS = ("adam", "adamw", "lion", "rmsprop", "sgd")
 MOST_CASES = 2**29
 """Of all steps; the numbers from there on are those of the validation cases."""
 
-THRESHOLDS = ("lower_threshold_rad_s", "upper_threshold_rad_s")
 
-
-def _bounds(values, name):
-    """low, high of a tuned key, or None where it is not tuned or not readable."""
-    ends = [values.get(f"tuning.parameters.{name}.{end}") for end in ("low", "high")]
-    return None if None in ends else ends
+def _given(values, table):
+    """Names and valid values of the keys of `[tuning.parameters]` or `[tuning.smoothing]`."""
+    prefix = f"tuning.{table}."
+    found = {}
+    for key, value in values.items():
+        if key.startswith(prefix):
+            name, _, part = key.removeprefix(prefix).partition(".")
+            found.setdefault(name, {})[part] = value
+    return found
 
 
 def _tuned(values):
-    """Tuned keys with their readable bounds."""
-    found = {name: _bounds(values, name) for name in ParametersTable.model_fields}
-    return {name: ends for name, ends in found.items() if ends is not None}
+    """Tuned keys with their bounds where these are valid."""
+    found = {
+        name: (e.get("low"), e.get("high")) for name, e in _given(values, "parameters").items()
+    }
+    return {name: ends for name, ends in found.items() if None not in ends}
+
+
+def _foreign(values, table, known):
+    """What stands in a table by the keys of the law and is none of those that may."""
+    law = values["control.law"]
+    for name in _given(values, table):
+        if name not in known:
+            what = f"one of {', '.join(known)}" if known else "left out"
+            message = f'must be {what} under the law "{law}", got {shown(name)}'
+            yield at(f"tuning.{table}.{name}", message + suggestion(name, known))
 
 
 @rule_over("control.law", "tuning.steps")
 def _gains_are_those_of_the_law(values):
     law = values["control.law"]
-    known, tuned = TUNABLE.get(law, {}), _tuned(values)
-    for name in tuned:
-        if name not in known:
-            what = f"one of {', '.join(known)}" if known else "left out"
-            yield at(
-                f"tuning.parameters.{name}",
-                f'must be {what} under the law "{law}", got {shown(name)}',
-            )
-    # tables that are invalid in themselves have no readable bounds and their own message
-    if not tuned and all(
-        values.get(f"tuning.parameters.{name}", 0) is None for name in ParametersTable.model_fields
-    ):
+    known = find_law(law).declaration.tunable
+    yield from _foreign(values, "parameters", known)
+    if not known:
+        yield at(
+            "tuning",
+            f'must be left out under the law "{law}", which has no gains to tune, got a table',
+        )
+    elif values.get("tuning.parameters") == {}:
         yield at("tuning.parameters", f"must name at least one of {', '.join(known)}, got nothing")
 
 
@@ -71,51 +82,50 @@ def _bounds_hold_the_gain(values):
 
 def _outside_its_range(law, name, low, high):
     """Bounds that the key itself would not take."""
-    if name in LAWS[law].model_fields:
+    table = table_of(find_law(law))
+    if name in table.model_fields:
         for end, value in (("low", low), ("high", high)):
-            message = refusal(LAWS[law], name, value)
+            message = refusal(table, name, value)
             if message is not None:
                 yield at(f"tuning.parameters.{name}.{end}", message)
 
 
 @rule_over("control.law", "tuning.steps")
-def _thresholds_cannot_cross(values):
+def _ordered_gains_cannot_cross(values):
     tuned = _tuned(values)
-    if not any(name in tuned for name in THRESHOLDS):
-        return
-    given = [values.get(f"control.{name}") for name in THRESHOLDS]
-    highest = tuned[THRESHOLDS[0]][1] if THRESHOLDS[0] in tuned else given[0]
-    lowest = tuned[THRESHOLDS[1]][0] if THRESHOLDS[1] in tuned else given[1]
-    if highest is not None and lowest is not None and highest > lowest:
-        name = next(name for name in THRESHOLDS if name in tuned)
-        yield at(
-            f"tuning.parameters.{name}",
-            "must keep lower_threshold_rad_s below upper_threshold_rad_s, got bounds that let "
-            f"{shown(highest)} meet {shown(lowest)}",
-        )
-
-
-@rule_over("control.law", "tuning.steps")
-def _widths_are_those_of_the_law(values):
-    law = values["control.law"]
-    known = SMOOTHABLE.get(law, ())
-    for name in SmoothingTable.model_fields:
-        if values.get(f"tuning.smoothing.{name}") is not None and name not in known:
-            what = f"one of {', '.join(known)}" if known else "left out"
+    for lower, upper in find_law(values["control.law"]).declaration.ordered:
+        if lower not in tuned and upper not in tuned:
+            continue
+        highest = tuned[lower][1] if lower in tuned else values.get(f"control.{lower}")
+        lowest = tuned[upper][0] if upper in tuned else values.get(f"control.{upper}")
+        if highest is not None and lowest is not None and highest > lowest:
             yield at(
-                f"tuning.smoothing.{name}",
-                f'must be {what} under the law "{law}", got {shown(name)}',
+                f"tuning.parameters.{lower if lower in tuned else upper}",
+                f"must keep {lower} below {upper}, got bounds that let {shown(highest)} meet "
+                f"{shown(lowest)}",
             )
 
 
 @rule_over("control.law", "tuning.steps")
-def _widths_are_not_tuned_as_well(values):
-    for name in SmoothingTable.model_fields:
+def _widths_are_those_of_the_law(values):
+    law = find_law(values["control.law"])
+    yield from _foreign(values, "smoothing", law.declaration.widths)
+    for name in law.declaration.widths:
         width = values.get(f"tuning.smoothing.{name}")
-        if width is not None and name in _tuned(values):
+        message = None if width is None else refusal(table_of(law), name, width)
+        if message is not None:
+            yield at(f"tuning.smoothing.{name}", message)
+
+
+@rule_over("control.law", "tuning.steps")
+def _widths_are_not_tuned_as_well(values):
+    widths = find_law(values["control.law"]).declaration.widths
+    for name in _given(values, "smoothing"):
+        if name in widths and name in _tuned(values):
             yield at(
                 f"tuning.smoothing.{name}",
-                f"must be left out where tuning.parameters.{name} is given, got {shown(width)}",
+                f"must be left out where tuning.parameters.{name} is given, "
+                f"got {shown(values[f'tuning.smoothing.{name}'])}",
             )
 
 

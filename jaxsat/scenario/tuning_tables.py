@@ -1,6 +1,6 @@
 """The `[tuning]` table: which gains are tuned, for what, and how."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Le, Len, Lt
 
@@ -18,48 +18,6 @@ from jaxsat.scenario.quantities import (
 
 Count = Annotated[Whole, Ge(1), Le(10**6)]
 Unit = Annotated[Positive, Lt(1)]
-Width = Annotated[Positive, Le(1)]
-
-TUNABLE: dict[str, dict[str, str]] = {
-    "rate": {"k1": "k1", "k2": "k2"},
-    "three-axis": {
-        "k3": "k3",
-        "mu": "mu",
-        "a": "a",
-        "k4": "k4",
-        "attitude_weight_N_m": "attitude_weight",
-        "tilt_width": "tilt_width",
-    },
-    "switching": {
-        "k1": "rate_law.k1",
-        "k2": "rate_law.k2",
-        "k3": "three_axis_law.k3",
-        "mu": "three_axis_law.mu",
-        "a": "three_axis_law.a",
-        "k4": "three_axis_law.k4",
-        "attitude_weight_N_m": "three_axis_law.attitude_weight",
-        "tilt_width": "three_axis_law.tilt_width",
-        "upper_threshold_rad_s": "upper_threshold",
-        "lower_threshold_rad_s": "lower_threshold",
-    },
-    "oscillatory": {
-        "frequency_rad_s": "fine.oscillator.frequency",
-        "tilt_gain": "fine.oscillator.tilt_gain",
-        "rate_gain": "fine.oscillator.rate_gain",
-        "largest_amplitude_rad_s": "fine.oscillator.largest_amplitude",
-        "ratio": "fine.oscillator.ratio",
-        "k3": "fine.oscillator.demand.k3",
-        "damping": "fine.oscillator.demand.damping",
-    },
-}
-"""For each law the keys of `[control]` that can be tuned, and their place in the controller."""
-
-SMOOTHABLE: dict[str, tuple[str, ...]] = {
-    "rate": ("omega3_width_rad_s",),
-    "three-axis": ("saturation_width", "tilt_width"),
-    "switching": ("saturation_width", "tilt_width", "omega3_width_rad_s"),
-}
-"""For each law the keys of `[control]` that round its corners."""
 
 
 class BoundsTable(Table):
@@ -70,34 +28,6 @@ class BoundsTable(Table):
     scale: Literal["log", "logit"] = choice(
         'Searched in its logarithm ("log") or in the logit of its place between the bounds', "log"
     )
-
-
-Bounds = BoundsTable | None
-
-
-def _tuned(key: str) -> Any:
-    return choice(f"Bounds of control.{key}; left out, it is not tuned", None)
-
-
-class ParametersTable(Table):
-    """`[tuning.parameters]`: what is tuned, by the keys of `[control]`."""
-
-    k1: Bounds = _tuned("k1")
-    k2: Bounds = _tuned("k2")
-    k3: Bounds = _tuned("k3")
-    mu: Bounds = _tuned("mu")
-    a: Bounds = _tuned("a")
-    k4: Bounds = _tuned("k4")
-    attitude_weight_N_m: Bounds = _tuned("attitude_weight_N_m")
-    tilt_width: Bounds = _tuned("tilt_width")
-    upper_threshold_rad_s: Bounds = _tuned("upper_threshold_rad_s")
-    lower_threshold_rad_s: Bounds = _tuned("lower_threshold_rad_s")
-    frequency_rad_s: Bounds = _tuned("frequency_rad_s")
-    tilt_gain: Bounds = _tuned("tilt_gain")
-    rate_gain: Bounds = _tuned("rate_gain")
-    largest_amplitude_rad_s: Bounds = _tuned("largest_amplitude_rad_s")
-    ratio: Bounds = _tuned("ratio")
-    damping: Bounds = _tuned("damping")
 
 
 class CostTable(Table):
@@ -121,20 +51,16 @@ class CostTable(Table):
     )
 
 
-class SmoothingTable(Table):
-    """`[tuning.smoothing]`: widths in place of those in `[control]` while gradients are taken."""
-
-    saturation_width: Width | None = quantity("control.saturation_width", "1", None)
-    tilt_width: Positive | None = quantity("control.tilt_width", "1", None)
-    omega3_width_rad_s: Positive | None = quantity("control.omega3_width_rad_s", "rad/s", None)
-
-
 class TuningTable(Table):
     """`[tuning]`: gain tuning by gradient descent over the dispersed cases."""
 
-    parameters: ParametersTable = choice("Bounds of the gains that are tuned")
+    parameters: dict[str, BoundsTable] = choice(
+        "Bounds of the gains that are tuned, by the keys of [control]"
+    )
     cost: CostTable = choice("What is integrated over time", CostTable())
-    smoothing: SmoothingTable = choice("How the law is rounded for gradients", SmoothingTable())
+    smoothing: dict[str, Positive] = choice(
+        "Widths in place of those in [control] while gradients are taken", {}
+    )
     aggregate: Literal["mean", "cvar", "quantile", "worst"] = choice(
         "From the cases' costs to one number; cvar is the mean of the worst", "mean"
     )

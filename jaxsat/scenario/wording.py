@@ -4,13 +4,15 @@ import difflib
 import functools
 import re
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from jaxsat.scenario.control_tables import LAWS
+from jaxsat.control import LAWS
+from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue, Location, entry_of
+from jaxsat.scenario.plugins import PluginError, known_law, law_names
 from jaxsat.scenario.toml_text import toml_value
 from jaxsat.text import clean
 
@@ -36,25 +38,37 @@ def suggestion(word: str, choices: Iterable[str]) -> str:
 
 def table_at(root: type[BaseModel], data: Any, location: Location) -> type[BaseModel] | None:
     """The table class that a location names, following `control.law`."""
-    table: type[BaseModel] | None = root
+    kind: Any = root
     for part in location:
-        field = table.model_fields.get(part) if table and isinstance(part, str) else None
+        if get_origin(kind) is dict:
+            kind = item_kind(kind)
+        else:
+            table = _table_class(kind, data)
+            field = table.model_fields.get(part) if table and isinstance(part, str) else None
+            kind = field.annotation if field else None
         data = data.get(part) if isinstance(data, Mapping) else None
-        table = _table_class(field.annotation, data) if field else None
-    return table
+    return _table_class(kind, data)
+
+
+def item_kind(annotation: Any) -> Any:
+    """What the values of a table with keys of any name are; None for any other annotation."""
+    return get_args(annotation)[1] if get_origin(annotation) is dict else None
 
 
 def _table_class(annotation: Any, data: Any) -> type[BaseModel] | None:
-    options = [annotation, *get_args(annotation)]
-    tables = [option for option in options if _is_table(option)]
+    tables = _tables_in(annotation)
     if len(tables) > 1:  # the laws, told apart by their name
-        law = data.get("law") if isinstance(data, Mapping) else None
-        return LAWS.get(law) if isinstance(law, str) else None
+        law = known_law(data.get("law") if isinstance(data, Mapping) else None)
+        return None if law is None else table_of(law)
     return tables[0] if tables else None
 
 
-def _is_table(option: Any) -> bool:
-    return isinstance(option, type) and issubclass(option, BaseModel)
+def _tables_in(annotation: Any) -> list[type[BaseModel]]:
+    """The table classes that an annotation, or one of its alternatives, names."""
+    if get_origin(annotation) is dict:
+        return []
+    options = [annotation, *get_args(annotation)]
+    return [one for one in options if isinstance(one, type) and issubclass(one, BaseModel)]
 
 
 def known_location(data: Any, raw: Location, missing: bool) -> Location:
@@ -88,14 +102,18 @@ def issue_of(root: type[BaseModel], data: Any, error: Mapping[str, Any]) -> Issu
     missing = kind == "missing"
     location = known_location(data, error["loc"], missing)
     if kind == "union_tag_not_found":
-        return Issue((*location, "law"), f"must be one of {_listed(LAWS)}, got nothing", (), True)
+        return Issue(
+            (*location, "law"), f"must be one of {_listed(law_names())}, got nothing", (), True
+        )
     if kind == "union_tag_invalid":
-        return Issue((*location, "law"), _choice_message(value.get("law"), LAWS))
+        return Issue((*location, "law"), _choice_message(value.get("law"), law_names()))
     if kind == "extra_forbidden":
         return Issue(location, _unknown_key(root, data, location))
     if kind == "literal_error":
         choices = re.findall(r"'([^']*)'", bounds["expected"])
         return Issue(location, _choice_message(value, choices))
+    if kind == "value_error" and isinstance(bounds["error"], PluginError):
+        return Issue((*location, "law"), str(bounds["error"]))
     if kind == "value_error":
         return Issue(location, from_core(str(bounds["error"]), value))
     unit = _unit(root, data, location)
@@ -208,7 +226,7 @@ def _unknown_key(root: type[BaseModel], data: Any, location: Location) -> str:
 
 def _elsewhere(root: type[BaseModel], name: str, parents: list[str]) -> str:
     if parents[:1] == ["control"]:
-        laws = [law for law, table in LAWS.items() if name in table.model_fields]
+        laws = [law for law, known in LAWS.items() if name in table_of(known).model_fields]
         if laws:
             return f" (a key of the law {_listed(laws)})"
     places = [".".join(path) for path in dotted_keys(root) if path[-1] == name and len(path) > 1]
@@ -221,7 +239,6 @@ def dotted_keys(root: type[BaseModel]) -> list[tuple[str, ...]]:
     found: dict[tuple[str, ...], None] = {}
     for name, field in root.model_fields.items():
         found[(name,)] = None
-        for option in [field.annotation, *get_args(field.annotation)]:
-            if _is_table(option):
-                found.update({(name, *rest): None for rest in dotted_keys(option)})
+        for option in _tables_in(field.annotation):
+            found.update({(name, *rest): None for rest in dotted_keys(option)})
     return list(found)

@@ -12,16 +12,17 @@ from jaxsat.vehicle.thrusters import Thrusters, allocation
 
 
 class Actuators(eqx.Module):
-    """Thrusters that turn a commanded torque (u1, u2) about body x and y into a body torque.
+    """Thrusters that turn a commanded torque into a body torque.
 
-    `torque_axes` (3, m) are the directions of the working thrusters' torques, `thrust_map` (m, 2)
+    The command is (u1, u2) about body x and y, or a torque about each body axis. `torque_axes`
+    (3, m) are the directions of the working thrusters' torques, `thrust_map` (m, 2) or (m, 3)
     shares the command among them, and `limit` (N m, may be infinite) bounds each thruster. The
     map belongs to whoever allocates: `misaligned` changes the true axes and leaves it as it is.
     `saturated` holds each thruster on one side of its limit, see `smooth_piece`.
     """
 
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
-    thrust_map: Float[Array, "m 2"] = eqx.field(converter=as_float)
+    thrust_map: Float[Array, "m torques"] = eqx.field(converter=as_float)
     limit: Float[Array, ""] = eqx.field(converter=as_float, default=jnp.inf)
     saturated: Bool[Array, " m"] | None = None
 
@@ -29,12 +30,14 @@ class Actuators(eqx.Module):
         require_positive("limit", self.limit)
 
     @staticmethod
-    def of(thrusters: Thrusters, limit: float | Float[Array, ""] = jnp.inf) -> "Actuators":
+    def of(
+        thrusters: Thrusters, limit: float | Float[Array, ""] = jnp.inf, torques: int = 2
+    ) -> "Actuators":
         """Actuators made of working thrusters, each limited to `limit` N m.
 
-        Raises `ValueError` where they cannot make torques about body x and y independently.
+        Raises `ValueError` where they cannot make the first `torques` torques independently.
         """
-        return Actuators(thrusters.torque_axes, allocation(thrusters), limit)
+        return Actuators(thrusters.torque_axes, allocation(thrusters, torques), limit)
 
     def misaligned(
         self, angles: Float[Array, "m 2"], gain_errors: Float[Array, " m"]
@@ -49,12 +52,12 @@ class Actuators(eqx.Module):
         axes = axes / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))
         return Actuators((axes * (1 + gain_errors[:, None])).T, self.thrust_map, self.limit)
 
-    def __call__(self, command: Float[Array, "2"]) -> Float[Array, "3"]:
+    def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
         """The body torque, N m, each thruster clipped at its limit: T of equation (5)."""
         thrust = sat(self.thrust_map @ command, self.limit, None, self.saturated)
         return self.torque_axes @ thrust
 
-    def event_functions(self, command: Float[Array, "2"]) -> Float[Array, " m"]:
+    def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
         """Positive for each thruster of which more than its limit is asked."""
         return ((self.thrust_map @ command) / self.limit) ** 2 - 1
 

@@ -91,20 +91,23 @@ def one_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
     return axis[1:] / axis[0]
 
 
-def allocation(thrusters: Thrusters) -> Float[Array, "m 2"]:
-    """Thrusts that make a commanded torque (u1, u2) about the first two body axes.
+def allocation(thrusters: Thrusters, torques: int = 2) -> Float[Array, "m torques"]:
+    """Thrusts that make a torque commanded about the first two body axes, or about all three.
 
-    With two thrusters the third torque is then b1 u1 + b2 u2, equation (5); with more it is zero.
-    Raises `ValueError` where the thrusters cannot make the two torques independently.
+    With two torques and two thrusters the third torque is then b1 u1 + b2 u2, equation (5); with
+    more thrusters it is zero. Raises `ValueError` where the thrusters cannot make the torques
+    independently.
     """
     axes = np.asarray(thrusters.torque_axes)
-    rows = axes[:2] if thrusters.count == 2 else axes
-    if np.linalg.matrix_rank(rows, tol=NORMALISER_FLOOR) < rows.shape[0] or thrusters.count < 2:
+    rows = axes[:2] if thrusters.count == torques == 2 else axes
+    rank = np.linalg.matrix_rank(rows, tol=NORMALISER_FLOOR)
+    if rank < rows.shape[0] or thrusters.count < torques:
+        which = "x and y" if torques == 2 else "x, y and z"
         raise ValueError(
-            "The thrusters left must make independent torques about body axes x and y, "
+            f"The thrusters left must make independent torques about body axes {which}, "
             f"but their torque axes are the columns of {axes.round(6).tolist()}."
         )
-    return as_array(np.linalg.pinv(rows)[:, :2])
+    return as_array(np.linalg.pinv(rows)[:, :torques])
 
 
 def _require_normaliser(value: Float[Array, ""], rule: str) -> None:

@@ -2,9 +2,12 @@
 
 import functools
 import json
+import sys
 
 import numpy as np
 import pytest
+
+from jaxsat import search_path
 
 QUICK = [
     *("--law", "switching", "--law", "rate", "--level", "nominal", "--torque-limit", "20"),
@@ -46,6 +49,65 @@ def test_table_record_and_figure_and_going_on(jaxsat, tmp_path):
     assert "another study" in err
 
 
+OWN_LAW = """
+import jax.numpy as jnp
+from jaxsat.control import (
+    ONE_MODE, AbstractFeedbackLaw, AbstractSampledController, LawDeclaration)
+from jaxsat.declaration import number
+
+class Sampled(AbstractSampledController):
+    mode_names = ONE_MODE
+    declaration = LawDeclaration(
+        summary="damps two rates", keys=(number("period_s", "Period", "s", above=0, default=0.5),))
+    period: jnp.ndarray
+
+    @classmethod
+    def from_table(cls, values, context):
+        return cls(jnp.asarray(values["period_s"]))
+
+    def init(self, state):
+        return None
+
+    def step(self, t, state, memory):
+        return -50 * state.omega[:2], None
+
+    def rate_error(self, state, memory):
+        return state.omega[:2]
+
+    def mode(self, memory):
+        return jnp.array(0)
+
+class Own(AbstractFeedbackLaw):
+    declaration = LawDeclaration(summary="damps two rates")
+
+    @classmethod
+    def from_table(cls, values, context):
+        return cls()
+
+    def torque(self, t, state):
+        return -50 * state.omega[:2]
+"""
+
+
+@pytest.fixture
+def own_law(tmp_path, monkeypatch):
+    """A law in the current folder, which is gone from Python afterwards."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(search_path, "_ADDED", [])
+    (tmp_path / "my_compared_law.py").write_text(OWN_LAW)
+    yield
+    sys.modules.pop("my_compared_law", None)
+
+
+@pytest.mark.slow
+def test_a_law_of_ones_own_flies_beside_the_others(jaxsat, own_law, tmp_path):
+    laws = ["--law", "my_compared_law:Sampled", "--law", "rate", "--level", "nominal"]
+    status, _, err = jaxsat(*laws, "--torque-limit", "20", "--seed", "3", "-n", "2", "--out", "c")
+    assert status == 0, err
+    record = json.loads((tmp_path / "c" / "comparison.json").read_text())
+    assert [row["law"] for row in record["rows"]] == ["rate", "my_compared_law:Sampled"]
+
+
 @pytest.mark.slow
 def test_a_law_that_settles_is_taken(jaxsat):
     laws = ["--law", "three-slew", "--law", "rate", "--level", "nominal"]
@@ -68,9 +130,12 @@ def test_a_law_that_settles_is_taken(jaxsat):
         ),
         (["-n", "0"], "-n: must be a whole number from 1"),
         (["--level", "soft"], "--level"),
+        (["--law", "coast"], "must be one of three-slew, oscillatory"),
+        (["--law", "no_such_law:X"], "there is no module no_such_law"),
+        (["--law", "my_compared_law:Own", "--level", "mc"], "must belong to a sampled law"),
     ],
 )
-def test_mistakes_exit_with_two(jaxsat, tokens, message):
+def test_mistakes_exit_with_two(jaxsat, own_law, tokens, message):
     status, _, err = jaxsat("--seed", "3", *tokens)
     assert status == 2
     assert message in err

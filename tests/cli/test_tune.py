@@ -59,7 +59,7 @@ def test_a_run_leaves_everything_in_its_folder(jaxsat, tmp_path):
         ("tuning.parameters.k1={low=2, high=1}", "must be above low = 2"),
         ("tuning.parameters.k1={low=1, high=2}", "must be bounds around control.k1 = 0.5"),
         ("tuning.parameters.k1={low=-1, high=2}", "must be greater than 0"),
-        ("tuning.parameters.k9={low=1, high=2}", "must be one of the keys of [tuning.parameters]"),
+        ("tuning.parameters.k9={low=1, high=2}", 'under the law "rate", got "k9"'),
         ("tuning.optimiser=adma", "must be an optimiser of optax"),
         ("tuning.aggregate=median", 'must be one of "mean", "cvar", "quantile", "worst"'),
         ("tuning.smoothing.tilt_width=0.1", "must be one of omega3_width_rad_s"),

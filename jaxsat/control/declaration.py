@@ -1,0 +1,90 @@
+"""What a control law declares about itself, and what it is built from."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from jaxsat.declaration import Key, Rule
+from jaxsat.dynamics import RigidBody
+
+OF_ALL_LAWS = ("law", "model", "measured_disturbance")
+"""Keys of `[control]` that mean the same under every law."""
+
+
+class LawContext(NamedTuple):
+    """What a scenario tells a law besides the law's own keys.
+
+    `model` is what the controller believes of the plant, with the disturbance that it measures.
+    `torque_limit` (N m) is that of each thruster, None if unlimited. The periodic disturbance has
+    `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z.
+    """
+
+    model: RigidBody
+    torque_limit: float | None
+    disturbance_amplitude: tuple[float, ...]
+    disturbance_frequency: tuple[float, ...]
+
+
+class UnsuitableModel(ValueError):
+    """A law cannot be built for what it believes of `about`, its inertia or its orbit's rate."""
+
+    about: Literal["inertia", "orbit_rate"]
+
+    def __init__(self, about: Literal["inertia", "orbit_rate"], message: str):
+        super().__init__(message)
+        self.about = about
+
+
+@dataclass(frozen=True)
+class LawDeclaration:
+    """All that a scenario, its checks, tuning and the commands need to know of a law.
+
+    - `summary`: one line, what the law does.
+    - `keys`: the law's own keys of `[control]`. A law that is sampled has `period_s` among them.
+    - `torques`: 2 for a law that commands (u1, u2) about body x and y, 3 for one that commands a
+      torque about each body axis, which takes three independent thrusters, 0 for none.
+    - `has_model`: whether the table `[control.model]` may say what the controller believes.
+    - `measures_disturbance`: whether the key `measured_disturbance` may add the periodic
+      disturbance to the model.
+    - `ordered`: pairs of keys of which the first must not exceed the second.
+    - `rules`: further rules across keys.
+    - `needs_torque_limit`: the thrusters must be limited.
+    - `needs_unequal_moments`: the law moves ω3 through (J1 - J2) ω1 ω2 alone.
+    - `works_in_wz`: the law uses (w, z), which are singular upside down.
+    - `regulates_attitude`: a case counts as settled by attitude and rate, else by rate alone.
+    - `jumps_without`: widths above 0 without which the commanded torque jumps, so that fixed steps
+      do not suit it.
+    - `tuned_limits`: from principal moments (kg m²) to the torque limits (N m) that gains are
+      tuned for.
+    """
+
+    summary: str
+    keys: tuple[Key, ...] = ()
+    torques: Literal[0, 2, 3] = 2
+    has_model: bool = True
+    measures_disturbance: bool = False
+    ordered: tuple[tuple[str, str], ...] = ()
+    rules: tuple[Rule, ...] = ()
+    needs_torque_limit: bool = False
+    needs_unequal_moments: bool = False
+    works_in_wz: bool = False
+    regulates_attitude: bool = True
+    jumps_without: tuple[str, ...] = ()
+    tuned_limits: Callable[[tuple[float, ...]], tuple[float, ...]] | None = None
+
+    def __post_init__(self):
+        names = [key.name for key in self.keys]
+        for name in names:
+            if name in OF_ALL_LAWS or names.count(name) > 1:
+                what = "a key of every law" if name in OF_ALL_LAWS else "one of them twice"
+                raise ValueError(f"Argument `keys` must be the law's own, but got {name}, {what}.")
+
+    @property
+    def tunable(self) -> dict[str, str]:
+        """The keys that can be tuned, and their place in the law."""
+        return {key.name: key.tunable for key in self.keys if key.tunable is not None}
+
+    @property
+    def widths(self) -> tuple[str, ...]:
+        """The keys that round corners."""
+        return tuple(key.name for key in self.keys if key.width)

@@ -1,0 +1,116 @@
+"""How a part that a scenario names, such as a control law, declares the keys of its table.
+
+Plain data, without any library: the scenario makes its checks, messages and schema of it, and
+tuning its search space.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+LARGEST = 1e12
+"""Size of a number whose declaration has no bound of its own."""
+
+
+@dataclass(frozen=True)
+class Numeric:
+    """Finite numbers within bounds: one, a list of `size`, or with `or_one` either of these."""
+
+    above: float | int | None = None
+    at_least: float | int | None = None
+    at_most: float | int = LARGEST
+    size: int | None = None
+    or_one: bool = False
+
+
+@dataclass(frozen=True)
+class Switch:
+    """True or false."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of some texts."""
+
+    among: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a table; `number`, `switch` and `choice` make one.
+
+    `unit` is None for what is no quantity. With the default `...` the key must be given, and with
+    None it may be left out. `tunable` is where the number stands in the object that is built, a
+    dotted path of attributes, or None where it is not tuned. A `width` rounds a corner and may be
+    replaced while gradients are taken.
+    """
+
+    name: str
+    meaning: str
+    unit: str | None
+    kind: Numeric | Switch | Choice
+    default: Any = ...
+    tunable: str | None = None
+    width: bool = False
+
+    def __post_init__(self):
+        if not self.name.isidentifier():
+            raise ValueError(f"Argument `name` must be an identifier, but got {self.name!r}.")
+        if isinstance(self.default, list):
+            object.__setattr__(self, "default", tuple(self.default))
+
+
+def number(
+    name: str,
+    meaning: str,
+    unit: str = "1",
+    *,
+    above: float | int | None = None,
+    at_least: float | int | None = None,
+    at_most: float | int = LARGEST,
+    size: int | None = None,
+    or_one: bool = False,
+    default: Any = ...,
+    tunable: bool | str = False,
+    width: bool = False,
+) -> Key:
+    """Declare a number, or a list of `size` of them, with its unit in SI ("1" for none).
+
+    `tunable=True` says that `jaxsat tune` may change it and that the attribute of the built object
+    has the name of the key; a text is its dotted path. Only numbers above 0 are tuned.
+    """
+    kind = Numeric(above, at_least, at_most, size, or_one)
+    path = name if tunable is True else tunable or None
+    return Key(name, meaning, unit, kind, default, path, width)
+
+
+def switch(name: str, meaning: str, default: Any = ...) -> Key:
+    """Declare a key that is true or false."""
+    return Key(name, meaning, None, Switch(), default)
+
+
+def choice(name: str, meaning: str, among: tuple[str, ...], default: Any = ...) -> Key:
+    """Declare a key that is one of some texts."""
+    return Key(name, meaning, None, Choice(among), default)
+
+
+class Finding(NamedTuple):
+    """What breaks a rule: a dotted key of the scenario, and "must …, got …" about it.
+
+    `missing` tells that the key is not given.
+    """
+
+    key: str
+    message: str
+    missing: bool = False
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule across keys: `check` takes the values of `keys`, dotted keys of the scenario.
+
+    It is applied where all of them are valid in themselves.
+    """
+
+    keys: tuple[str, ...]
+    check: Callable[..., Iterator[Finding]]

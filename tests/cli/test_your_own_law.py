@@ -1,0 +1,55 @@
+"""The page docs/your-own-law.md, done as it says."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from jaxsat import search_path
+
+PAGE = Path(__file__).parents[2] / "docs" / "your-own-law.md"
+
+
+@pytest.fixture(autouse=True)
+def _files(tmp_path, monkeypatch):
+    """The two files of the page in the current folder."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(search_path, "_ADDED", [])
+    text = PAGE.read_text(encoding="utf-8")
+    for name, kind in (("quaternion_pd.py", "python"), ("mine.toml", "toml")):
+        (tmp_path / name).write_text(blocks(text, kind)[0], encoding="utf-8")
+    yield
+    sys.modules.pop("quaternion_pd", None)
+
+
+def blocks(text, kind):
+    return re.findall(rf"^```{kind}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def commands():
+    return re.findall(r"^    jaxsat (.*)$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_the_law_takes_at_most_forty_lines_and_is_all_right(command_line):
+    code = blocks(PAGE.read_text(encoding="utf-8"), "python")[0]
+    assert len([line for line in code.splitlines() if line.strip()]) <= 40
+    status, out, err = command_line(*commands()[0].split())
+    assert (status, out) == (0, "mine.toml: all right (Quaternion feedback)\n"), err
+
+
+@pytest.mark.slow
+def test_its_commands_simulate_disperse_and_tune(command_line, tmp_path):
+    for command in commands()[1:5]:
+        tokens = command.replace("-n 1000", "-n 8").split()
+        if tokens[0] == "tune":
+            tokens += ["--set", "tuning.steps=2", "--set", "tuning.held_out_cases=4"]
+        status, out, err = command_line(*tokens)
+        assert status == 0, err
+        assert "not the native engine" not in err
+        if tokens[0] == "montecarlo":
+            assert "8 settled, 0 unsettled" in out
+    assert 'law = "quaternion_pd:QuaternionPD"' in (tmp_path / "tuned" / "tuned.toml").read_text()
+    case = ("montecarlo", "mine.toml", "-n", "8", "--seed", "3", "--case", "2", "--out", "case")
+    status, out, err = command_line(*case)
+    assert status == 0, err

@@ -1,0 +1,313 @@
+"""Laws that do not come with jaxsat: from a module beside the scenario and from a package."""
+
+import shutil
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxsat import search_path
+from jaxsat.montecarlo import Processes, Serial, run_study
+from jaxsat.results import study_columns
+from jaxsat.scenario import ScenarioError, build, dump, load, plugins
+from jaxsat.scenario.study import build_study
+
+PACKAGE = Path(__file__).parents[1] / "plugin_package"
+
+LAW = """
+import jax
+import jax.numpy as jnp
+from jaxsat.control import AbstractController, AbstractFeedbackLaw, LawDeclaration
+from jaxsat.declaration import Finding, Rule, choice, number, switch
+
+
+def _kd_is_large(kp, kd):
+    if kd < kp:
+        yield Finding("control.kd", f"must be at least kp = {kp}, got {kd}")
+
+
+class PD(AbstractFeedbackLaw):
+    declaration = LawDeclaration(
+        summary="quaternion feedback",
+        keys=(
+            number("kp", "Gain on the attitude", "N m", above=0, tunable=True),
+            number("kd", "Gain on the rate", "N m s", above=0, tunable=True),
+            number("bias_N_m", "Torque added", "N m", size=3, default=[0.0, 0.0, 0.0]),
+            switch("shortest", "Whether to turn the shorter way", True),
+            choice("frame", "What is tracked", ("orbit", "inertial"), "orbit"),
+        ),
+        torques=3,
+        rules=(Rule(("control.kp", "control.kd"), _kd_is_large),),
+    )
+    kp: jax.Array
+    kd: jax.Array
+
+    @classmethod
+    def from_table(cls, values, context):
+        return cls(jnp.asarray(values["kp"]), jnp.asarray(values["kd"]))
+
+    def torque(self, t, state):
+        return -self.kp * state.attitude.as_quaternion().q[1:] - self.kd * state.omega
+
+
+def _raises(kd):
+    yield kd + None
+
+
+class BrokenRule(PD):
+    declaration = LawDeclaration(
+        summary="", keys=PD.declaration.keys, rules=(Rule(("control.kd",), _raises),)
+    )
+
+
+class NoDeclaration(PD):
+    declaration = None
+
+
+class Abstract(AbstractController):
+    declaration = PD.declaration
+
+
+class Unbuildable(PD):
+    @classmethod
+    def from_table(cls, values, context):
+        return cls(values["kq"], 0)
+
+
+class Other(PD):
+    @classmethod
+    def from_table(cls, values, context):
+        return 3
+
+
+class TwoTorques(PD):
+    def torque(self, t, state):
+        return super().torque(t, state)[:2]
+
+
+class Broken(PD):
+    def torque(self, t, state):
+        return self.kp @ state.omega
+
+
+class Linear(PD):
+    def torque(self, t, state):
+        size = jnp.linalg.eigvalsh(jnp.eye(3) + jnp.outer(state.omega, state.omega))
+        return super().torque(t, state) / size
+
+
+def not_a_class():
+    pass
+"""
+
+SCENARIO = """
+title = "Own law"
+[spacecraft]
+inertia_kg_m2 = [4.0, 5.0, 6.0]
+thruster_torque_axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+[orbit]
+rate_rad_s = 0.0
+[initial]
+quaternion = [0.8, 0.6, 0.0, 0.0]
+omega_rad_s = [0.0, 0.1, -0.2]
+[control]
+law = "own_law:PD"
+kp = 1.0
+kd = 3.0
+[simulation]
+duration_s = 4
+[dispersion.omega_rad_s]
+distribution = "uniform"
+low = -0.1
+high = 0.1
+[tuning]
+[tuning.parameters.kd]
+low = 1.0
+high = 10.0
+"""
+
+
+@pytest.fixture(autouse=True)
+def _nothing_stays(monkeypatch):
+    """No module or folder of a test is there in the next."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(search_path, "_ADDED", [])
+    plugins.installed.cache_clear()
+    yield
+    sys.modules.pop("own_law", None)
+    plugins.installed.cache_clear()
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A scenario with its law beside it."""
+    (tmp_path / "own_law.py").write_text(LAW, encoding="utf-8")
+    (tmp_path / "own.toml").write_text(SCENARIO, encoding="utf-8")
+    return tmp_path / "own.toml"
+
+
+def refused(path, *overrides):
+    with pytest.raises(ScenarioError) as caught:
+        load(path, overrides, purpose="study")
+    return str(caught.value)
+
+
+def test_a_law_beside_the_scenario_is_simulated_and_written_out_again(own):
+    scenario = load(own, ["simulation.duration_s=60"], purpose="study")
+    run = build(scenario)
+    trajectory = run.simulate()
+    assert run.loop.actuators.thrust_map.shape == (3, 3)
+    assert np.abs(np.asarray(trajectory.signals.omega)[-1]).max() < 1e-6
+    copy = own.with_name("copy.toml")
+    copy.write_text(dump(scenario), encoding="utf-8")
+    assert load(copy) == scenario
+
+
+@pytest.mark.parametrize(
+    ("override", "key", "message"),
+    [
+        ("control.kd=-1", "control.kd", "must be greater than 0 N m s, got -1"),
+        ("control.kdd=1", "control.kdd", "did you mean kd?"),
+        ("control.bias_N_m=[1,2]", "control.bias_N_m", "must have 3 entries in N m"),
+        ("control.frame=body", "control.frame", 'one of "orbit", "inertial", got "body"'),
+        ("control.kp=4", "control.kd", "must be at least kp = 4.0, got 3.0"),
+        ("control.model.orbit_rat=1", "control.model.orbit_rat", "did you mean orbit_rate_rad_s?"),
+        ("spacecraft.failed_thrusters=[3]", "failed_thrusters", "body axes x, y and z"),
+        ("tuning.parameters.kp={low=2,high=1}", "tuning.parameters.kp.high", "above low = 2"),
+        ("tuning.parameters.k={low=2,high=3}", "tuning.parameters.k", "must be one of kp, kd"),
+        ("tuning.smoothing.kd=1", "tuning.smoothing.kd", "must be left out under the law"),
+        ("control.law=own_law:QD", "control.law", "must name a class of own_law"),
+        ("control.law=own_law:not_a_class", "control.law", "must name a class of own_law"),
+        ("control.law=own_law:Rule", "control.law", "a subclass of AbstractController or"),
+        ("control.law=own_law:Abstract", "control.law", "must name a law that has __call__"),
+        ("control.law=own_law:NoDeclaration", "control.law", "that is a LawDeclaration"),
+        ("control.law=own-law:PD", "control.law", 'the form "module:Class"'),
+        ("control.law=no_such_law:PD", "control.law", "there is no module no_such_law beside"),
+        ("control.law=own_law:Unbuildable", "control.law", "can be built, got KeyError: 'kq' ("),
+        ("control.law=own_law:Other", "control.law", "gives the law, got int"),
+        ("control.law=own_law:TwoTorques", "control.law", "shape (3,), got one of shape (2,)"),
+        ("control.law=own_law:Broken", "control.law", "own_law.py:"),
+        ("control.law=own_law:BrokenRule", "control.law", "rule over control.kd can run, got Typ"),
+    ],
+)
+def test_every_mistake_is_one_message_at_its_key(own, override, key, message):
+    found = refused(own, override)
+    assert message in found, found
+    assert f"key {key}" in found or f".{key}" in found
+    assert len(found.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = ", "SyntaxError"),
+        ("\n1 / 0", "ZeroDivisionError: division by zero ("),
+        ("import no_such_thing", "ModuleNotFoundError: No module named 'no_such_thing'"),
+    ],
+)
+def test_a_module_that_cannot_be_imported_is_told_with_its_line(own, text, message):
+    own.with_name("own_law.py").write_text(text, encoding="utf-8")
+    found = refused(own)
+    assert message in found
+    assert "own_law.py" in found
+    assert f"{own}:12: key control.law: must name a module that can be imported" in found
+
+
+def test_a_module_that_another_hides_is_refused(own, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    shutil.copy(own.with_name("own_law.py"), other)
+    shutil.copy(own, other)
+    load(own)
+    assert "must name a module that no other hides" in refused(other / "own.toml")
+
+
+def test_an_override_takes_the_other_laws_gains_away(own):
+    own.write_text(SCENARIO[: SCENARIO.index("[tuning]")], encoding="utf-8")
+    assert load(own, ["control.law=coast"]).control.law == "coast"
+    text = own.read_text(encoding="utf-8").replace("own_law:PD", "rate").replace("kp", "k1")
+    own.write_text(text.replace("kd", "k2"), encoding="utf-8")
+    changed = load(own, ["control.law=own_law:PD", "control.kp=1", "control.kd=2"])
+    assert changed.control.law == "own_law:PD"
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """The package as an installer leaves it: its module, and a record of its entry points."""
+    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    site = tmp_path / "site"
+    shutil.copytree(PACKAGE / "tsiotras_luo", site / "tsiotras_luo")
+    record = site / f"tsiotras_luo-{project['version']}.dist-info"
+    record.mkdir()
+    (record / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    )
+    lines = []
+    for group, points in project["entry-points"].items():
+        lines += [f"[{group}]", *(f"{name} = {place}" for name, place in points.items())]
+    (record / "entry_points.txt").write_text("\n".join(lines) + "\n")
+    monkeypatch.syspath_prepend(site)
+    yield PACKAGE / "reduced-effort.toml"
+    sys.modules.pop("tsiotras_luo", None)
+
+
+def test_the_law_of_a_package_flies_as_published(installed):
+    """Tsiotras and Luo (Automatica 36, 2000), section 5: the numbers of an own simulation."""
+    trajectory = build(load(installed)).simulate()
+    signals, times = trajectory.signals, np.asarray(trajectory.times)
+    tilt = np.hypot(*np.asarray(signals.w).T)
+    turn, torque = np.asarray(signals.z), np.abs(np.asarray(signals.torque))
+    outside = np.flatnonzero((tilt >= 0.05) | (np.abs(turn) >= 0.05))
+    assert np.asarray(signals.w)[0] == pytest.approx([-0.05882, -0.23529], abs=5e-6)
+    assert turn[0] == pytest.approx(2.06075, abs=5e-6)
+    assert times[outside[-1]] == pytest.approx(88.0)
+    assert torque.max() == pytest.approx(0.58675, abs=1e-5)
+    assert torque[:-1].sum() * 0.05 == pytest.approx(3.4994, abs=5e-5)
+    assert tilt[-1] == pytest.approx(0.012214, abs=5e-7)
+    assert turn[-1] == pytest.approx(1.75e-9, abs=5e-12)
+
+
+def test_the_law_of_a_package_has_its_name_in_messages(installed):
+    assert '"reduced-effort"' in refused(installed, "control.law=reduced_effort")
+    assert "must be given in 1/s" in refused("paper-rate", "control.law=reduced-effort")
+    assert "independent torques" in refused(installed, "spacecraft.failed_thrusters=[1]")
+    upside_down = "initial.quaternion=[0, 1, 0, 0]"
+    assert "must not be upside down" in refused(installed, upside_down)
+
+
+def test_what_has_no_native_rule_is_named_with_its_place_and_runs_on_scan(own):
+    scenario = load(own, ["control.law=own_law:Linear"])
+    made = study(scenario, "auto")
+    line = next(n for n, text in enumerate(LAW.split("\n"), 1) if "linalg.eigvalsh" in text)
+    assert type(made.engine).__name__ == "ScanEngine"
+    assert f"own_law.py:{line}" in made.remark
+
+
+def study(scenario, engine, count=6):
+    return build_study(scenario, count, engine=engine, width=4, chunk=3)
+
+
+def columns(made, target, executor=None):
+    run_study(made, target, executor=executor or Serial())
+    found = study_columns(target)
+    return {name: np.asarray(found[name]) for name in ("cost", "effort")}
+
+
+def test_every_engine_gives_the_same(own, tmp_path):
+    scenario = load(own, purpose="study")
+    found = {
+        name: columns(study(scenario, name), tmp_path / f"{name}.zarr")
+        for name in ("native", "scan", "diffrax")
+    }
+    for name in ("native", "diffrax"):
+        np.testing.assert_allclose(found[name]["cost"], found["scan"]["cost"], rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_worker_processes_find_the_module(own, tmp_path):
+    made = study(load(own, purpose="study"), "scan")
+    here = columns(made, tmp_path / "here.zarr")
+    there = columns(made, tmp_path / "there.zarr", Processes(2))
+    np.testing.assert_array_equal(here["cost"], there["cost"])
