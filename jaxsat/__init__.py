@@ -1,21 +1,38 @@
 """Differentiable simulator and gain tuner for spacecraft that have lost thrusters.
 
-Rooms are imported when first used: `import jaxsat; jaxsat.controllability.analyse(...)`.
+The names for users are those of `__init__.pyi`, each imported when it is first used, so that
+`import jaxsat` takes no time and imports no JAX. Modules come the same way:
+`jaxsat.controllability.analyse(...)`.
 """
 
+import ast
 import importlib
-import pkgutil
-from types import ModuleType
+import importlib.util
+from pathlib import Path
+from typing import Any
 
 __version__ = "0.1.0"
 
 
-def __getattr__(name: str) -> ModuleType:
-    if name in __dir__():
-        return importlib.import_module(f"jaxsat.{name}")
+def _homes() -> dict[str, str]:
+    """The module of each name for users, as type checkers read it."""
+    stub = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imports = (node for node in stub.body if isinstance(node, ast.ImportFrom))
+    return {alias.name: str(node.module) for node in imports for alias in node.names}
+
+
+_HOMES = _homes()
+__all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    place = f"jaxsat.{name}"
+    if not name.startswith("_") and importlib.util.find_spec(place) is not None:
+        return importlib.import_module(place)
     raise AttributeError(f"module 'jaxsat' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    found = (module.name for module in pkgutil.iter_modules(__path__))
-    return sorted(name for name in found if not name.startswith("_"))
+    return sorted(__all__)

@@ -2,8 +2,10 @@
 
 import importlib
 import pkgutil
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -46,3 +48,28 @@ def test_all_errors_that_users_may_meet_have_one_base():
     }
     assert {one.__name__ for one in found if not issubclass(one, JaxsatError)} == {"NotPrivate"}
     assert {"OutputError", "ScenarioError", "CannotLower"} <= {one.__name__ for one in found}
+
+
+def test_the_reference_has_every_public_name_and_no_other():
+    text = (Path(__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
+    told = re.findall(r"(?m)^\.\. auto(?:function|class|exception):: jaxsat\.(\S+)$", text)
+    public = set(dir(jaxsat)) - {"__version__"}
+    assert sorted(name for name in told if "." not in name) == sorted(public)
+    for name in told:
+        assert pkgutil.resolve_name(f"jaxsat.{name}").__doc__
+
+
+def test_nothing_but_public_names_is_shown():
+    assert set(dir(jaxsat)) == set(jaxsat.__all__)
+    assert jaxsat.simulate is jaxsat.simulation.simulate
+    assert not [name for name in dir(jaxsat) if name.startswith("_") and name != "__version__"]
+    assert all(hasattr(jaxsat, name) for name in dir(jaxsat))
+
+
+@pytest.mark.slow
+def test_type_checkers_see_the_public_names(tmp_path):
+    program = tmp_path / "program.py"
+    program.write_text("import jaxsat\nreveal_type(jaxsat.simulate)\njaxsat.no_such_name\n")
+    done = subprocess.run(["basedpyright", program], capture_output=True, text=True, check=False)
+    assert "-> Trajectory" in done.stdout
+    assert '"no_such_name" is not a known attribute' in done.stdout

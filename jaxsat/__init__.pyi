@@ -1,0 +1,105 @@
+# The names for users; `__init__.py` imports each from here when it is first used.
+from jaxsat.attitude import (
+    DCM as DCM,
+    WZ as WZ,
+    Quaternion as Quaternion,
+)
+from jaxsat.comparison import (
+    Row as Row,
+    Setting as Setting,
+    Start as Start,
+    Verdict as Verdict,
+    row_of as row_of,
+    scenario_of as scenario_of,
+    study_of as study_of,
+    verdict as verdict,
+)
+from jaxsat.control import (
+    AbstractController as AbstractController,
+    AbstractSampledController as AbstractSampledController,
+)
+from jaxsat.controllability import (
+    Analysis as Analysis,
+    NoEquilibriumError as NoEquilibriumError,
+    analyse as analyse,
+    failure_table as failure_table,
+)
+from jaxsat.dynamics import (
+    PlantState as PlantState,
+    RigidBody as RigidBody,
+)
+from jaxsat.engine import (
+    CannotLower as CannotLower,
+    NativeEngine as NativeEngine,
+    Outputs as Outputs,
+    Program as Program,
+    ReferenceEngine as ReferenceEngine,
+    ScanEngine as ScanEngine,
+    program_of as program_of,
+)
+from jaxsat.environment import (
+    AbstractDisturbance as AbstractDisturbance,
+    ExactOrbit as ExactOrbit,
+)
+from jaxsat.errors import (
+    JaxsatError as JaxsatError,
+)
+from jaxsat.montecarlo import (
+    ClusterError as ClusterError,
+    Dispersed as Dispersed,
+    Dispersions as Dispersions,
+    Study as Study,
+    Summary as Summary,
+    run_study as run_study,
+    summarise as summarise,
+)
+from jaxsat.results import (
+    OutputError as OutputError,
+    open_study as open_study,
+    open_trajectory as open_trajectory,
+)
+from jaxsat.scenario import (
+    Run as Run,
+    Scenario as Scenario,
+    ScenarioError as ScenarioError,
+    ScenarioWarning as ScenarioWarning,
+    build as build,
+    dump as dump,
+    library as library,
+    load as load,
+)
+from jaxsat.scenario.build_errors import (
+    BuildError as BuildError,
+)
+from jaxsat.scenario.study import (
+    build_study as build_study,
+)
+from jaxsat.scenario.tuning import (
+    build_plan as build_plan,
+    tuned_scenario as tuned_scenario,
+)
+from jaxsat.simulation import (
+    ContinuousLoop as ContinuousLoop,
+    ErrorCoordinateLoop as ErrorCoordinateLoop,
+    Outcome as Outcome,
+    SampledLoop as SampledLoop,
+    Signals as Signals,
+    Trajectory as Trajectory,
+    adaptive as adaptive,
+    fixed as fixed,
+    simulate as simulate,
+)
+from jaxsat.tuning import (
+    TuningPlan as TuningPlan,
+    begin as begin,
+    descend as descend,
+    make_receipt as make_receipt,
+    make_verdict as make_verdict,
+)
+from jaxsat.vehicle import (
+    Actuators as Actuators,
+    Spacecraft as Spacecraft,
+    Thrusters as Thrusters,
+)
+
+__version__: str
