@@ -15,9 +15,11 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 
 install_import_hook("jaxsat", "beartype.beartype")
 
+# In a shell's background job or under nohup, programs started by tests would ignore these as well.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    # As in a shell's background job: programs started by tests would ignore Ctrl-C as well.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 MOST_MEMORY = 2 * 2**30
 """Bytes of a process of tests; compiled programs of tests past fill many times that."""

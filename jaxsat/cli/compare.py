@@ -124,7 +124,7 @@ def compare(
             verdicts = _verdicts(rows)
             _write(folder, rows, verdicts, least, seed)
     except OutputError as error:
-        raise output_problem(error) from None
+        raise output_problem(error, "--elsewhere") from None
     except (KeyboardInterrupt, Terminated) as stop:
         kept = f"what is done is in {out}; the same command goes on from there"
         raise type(stop)(kept) from None

@@ -228,6 +228,6 @@ def _run(
             )
         )
     except OutputError as error:
-        raise output_problem(error) from None
+        raise output_problem(error, "--elsewhere") from None
     except ClusterError as error:
         raise FailedRun(str(error)) from None

@@ -40,9 +40,12 @@ class UserMistake(Exception):
         self.located = located
 
 
-def output_problem(error: "OutputError") -> UserMistake | FailedRun:
-    """What to raise for results that could not be written, with the option that allows it."""
-    hint = " (--elsewhere)" if error.elsewhere else ""
+def output_problem(error: "OutputError", option: str = "") -> UserMistake | FailedRun:
+    """What to raise for results that could not be written.
+
+    `option` is that of the command which allows other versions or another processor.
+    """
+    hint = f" ({option})" if option and error.elsewhere else ""
     return (FailedRun if error.failure else UserMistake)(f"{error}{hint}")
 
 

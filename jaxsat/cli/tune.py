@@ -111,7 +111,7 @@ def tune(
                 say("")
                 say(f"{'already ' if done else ''}written to {target}")
     except OutputError as error:
-        raise output_problem(error) from None
+        raise output_problem(error, "--elsewhere") from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
     return SUCCESS
