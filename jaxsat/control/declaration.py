@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple
 
 from jaxsat.declaration import Key, Rule
 from jaxsat.dynamics import RigidBody
+from jaxsat.errors import JaxsatError
 
 OF_ALL_LAWS = ("law", "model", "measured_disturbance")
 """Keys of `[control]` that mean the same under every law."""
@@ -25,7 +26,7 @@ class LawContext(NamedTuple):
     disturbance_frequency: tuple[float, ...]
 
 
-class UnsuitableModel(ValueError):
+class UnsuitableModel(JaxsatError, ValueError):
     """A law cannot be built for what it believes of `about`, its inertia or its orbit's rate."""
 
     about: Literal["inertia", "orbit_rate"]

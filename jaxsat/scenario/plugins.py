@@ -12,7 +12,7 @@ import inspect
 import re
 import traceback
 from collections.abc import Iterable, Mapping
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -25,18 +25,22 @@ from jaxsat.control import (
     LawDeclaration,
     law_of,
 )
+from jaxsat.errors import JaxsatError
 
 GROUP = "jaxsat.laws"
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
 
-class PluginError(ValueError):
+class PluginError(JaxsatError, ValueError):
     """A law that does not come with jaxsat cannot be used; the text is "must …, got …"."""
 
 
 @functools.cache
-def installed() -> Mapping[str, EntryPoint]:
-    """Laws of installed packages by name, not imported yet; none by a name of jaxsat's own."""
+def installed() -> Mapping[str, Any]:
+    """Laws of installed packages by name, not imported yet; none by a name of jaxsat's own.
+
+    They are entry points of `importlib.metadata` or of the backport that other packages bring.
+    """
     return {entry.name: entry for entry in entry_points(group=GROUP) if entry.name not in LAWS}
 
 

@@ -233,12 +233,14 @@ def test_terminal_that_knows_only_ascii(tmp_path):
     json.loads(done.stdout.decode("ascii"))
 
 
+@pytest.mark.slow
 def test_plain_text_where_there_is_no_terminal():
     done = in_a_process("scenarios", "list", FORCE_COLOR="", COLUMNS="20")
     assert b"\x1b" not in done.stdout
     assert len(done.stdout.splitlines()) == len(library())
 
 
+@pytest.mark.slow
 def test_reader_that_goes_away():
     pipeline = f"{' '.join(command('scenarios', 'schema'))} | head -1"
     done = subprocess.run(

@@ -35,6 +35,7 @@ def test_controllability_writes_tables_maps_and_a_page(capsys, tmp_path):
     assert {"controllability.md", "inertia-map.png", "angle-map.svg", "energy.png"} <= names
 
 
+@pytest.mark.slow
 def test_controllability_says_no_and_maybe(capsys):
     command = ["controllability", "paper-three-axis", "--set"]
     status, out, _ = run(capsys, *command, "spacecraft.inertia_kg_m2=[300, 300, 200]")

@@ -132,6 +132,7 @@ def shell(command):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only on Linux")
 @pytest.mark.parametrize(
     ("command", "status"),
@@ -172,6 +173,7 @@ main(["scenarios", "show", "switching"])
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("numbers", "status"),
     [
@@ -196,6 +198,7 @@ def test_signals_while_starting_and_while_the_first_is_told(numbers, status):
     assert done.stderr or len(numbers) > 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["numpy.lib", "jax._src.config", "pydantic", "diffrax"])
 def test_signals_while_jax_is_imported(module):
     """Inside jaxlib an exception of a signal would become a traceback and an ImportError."""

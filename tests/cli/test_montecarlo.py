@@ -26,6 +26,7 @@ def jaxsat(command_line):
     return functools.partial(command_line, "montecarlo")
 
 
+@pytest.mark.slow
 def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     status, out, _ = jaxsat(*SHORT, "-n", "6", "--seed", "3", "--out", "s", "--figures", "f")
     assert status == 0
@@ -54,6 +55,7 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     assert "another study (design" in err or "seed: 3 there, 4 here" in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tokens", "message"),
     [

@@ -126,6 +126,7 @@ def test_options_given_twice_are_refused(command_line, tokens):
     assert "multiple times" in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tokens", "message"),
     [

@@ -74,6 +74,7 @@ def test_narrow_terminals(columns):
     assert text.endswith(progress.ERASE + "x: all right (done)\r\n")
 
 
+@pytest.mark.slow
 def test_plain_lines_on_a_dumb_terminal_and_in_a_pipe():
     text, _ = in_a_terminal(TERM="dumb")
     assert "\x1b" not in text
@@ -97,6 +98,7 @@ def test_plain_lines_come_less_and_less_often():
     assert gaps[-1] == progress.LONGEST
 
 
+@pytest.mark.slow
 def test_nothing_with_quiet(command_line, monkeypatch):
     monkeypatch.setattr(progress, "FIRST", (0.0, 0.0))
     short = ("--set", "simulation.duration_s=1", "--out")

@@ -32,6 +32,7 @@ def test_cases_are_the_same_for_every_law():
         jax.tree.map(np.testing.assert_array_equal, other, first)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("level", "widths"),
     [
@@ -54,6 +55,7 @@ def test_nothing_but_the_start_is_drawn_in_the_nominal_level():
     assert drawn(Setting("nominal", 5.0, "rate"), Start.PAPER, [0]) == {}
 
 
+@pytest.mark.slow
 def test_the_papers_start_is_the_papers():
     study = study_of(Setting("hard", 5.0, "rate"), Start.PAPER, 1, 7, engine="scan")
     case = jax.tree.map(lambda x: x[0], study.cases(np.array([0])))

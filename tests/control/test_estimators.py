@@ -189,6 +189,7 @@ def test_estimator_without_parts_believes_the_model():
     assert third.rate_ripple == third.turn_ripple == 0
 
 
+@pytest.mark.slow
 def test_forgetting():
     estimator = ThirdAxisEstimator(body(), RippleObserver(0.1))
     _, memory = _run_once(estimator)

@@ -23,6 +23,7 @@ def known(omega3, c=C):
     return ThirdAxis(jnp.array(omega3), jnp.zeros(2), jnp.array(c), zero, zero)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("omega3", [0.1, -0.03])
 def test_tracked_references_bring_the_third_rate_to_the_dead_zone_in_the_time_said(omega3):
     """dω3/dt = c ω1d ω2d by SciPy, to 1e-5 of the dead zone after the time and not before."""
@@ -74,6 +75,7 @@ def test_signs_are_those_nearer_to_the_present_rates_and_stay():
         assert crossed.sigma[0] * crossed.sigma[1] == np.sign(omega[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inertia", [INERTIA, INERTIA[[1, 0, 2]]])
 def test_flight_stops_all_rates(inertia):
     """Either sign of c, 5 N m, d1 and d2 unknown: within the bound plus the time to catch up."""

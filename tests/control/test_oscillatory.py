@@ -112,6 +112,7 @@ def test_averaged_equations(alpha, beta, orbit_rate, begin):
     assert np.abs(found.turn - turn).max() < 0.02 * moved + 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("demand", list(DEMANDS))
 def test_closed_loop_follows_the_averaged_equations(demand):
     """A free body from z = 0.05: ẑ(t) by the whole loop against the linear equation solved."""

@@ -62,6 +62,7 @@ def test_two_slews_leave_the_least_rotation(order, along_x, rotation):
     assert left([b, c]) <= best + 1e-9
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(rotation=rotations())
 def test_one_slew_leaves_the_least_rotation(rotation):
@@ -129,6 +130,7 @@ def test_profile_is_smooth_and_its_deceleration_is_the_share():
             np.testing.assert_allclose(rate * slope, sign * acceleration, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_flight_from_rest_ends_in_the_orbit_frame(seed):
     """From rest in a random attitude, thrusters of 5 N m, in about the time planned."""

@@ -90,6 +90,7 @@ def test_margin_derivative_equals_finite_differences():
         assert float(gradient[k, 0]) == pytest.approx(float(up - down) / 2e-6, rel=1e-5, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_single_precision_margin_is_close():
     inertia, axes = random_layout(2, 2)
     double = controllability_margin(jnp.asarray(inertia), jnp.asarray(axes))

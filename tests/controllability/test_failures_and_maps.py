@@ -113,6 +113,7 @@ def test_angle_map_equals_analysis():
         assert pair[i, j] == pytest.approx(both.margin, abs=1e-13)
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_points_in_seconds():
     _, moments = physical_inertias(450)
     assert len(moments) > 100_000

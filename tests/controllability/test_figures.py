@@ -29,6 +29,7 @@ def texts(figure):
     return "\n".join(found)
 
 
+@pytest.mark.slow
 def test_inertia_map_shows_the_uncontrollable_line():
     points, moments = physical_inertias(20)
     margins = np.asarray(margins_over_inertias(moments, np.eye(3)[:, :2]))
@@ -42,6 +43,7 @@ def test_inertia_map_shows_the_uncontrollable_line():
     assert "uncontrollable" in texts(figure)
 
 
+@pytest.mark.slow
 def test_angle_map_is_in_degrees_and_draws_the_curves():
     azimuths, elevations = angle_grid(37, 19)
     inertia = np.diag(PAPER)

@@ -111,6 +111,7 @@ def two_charts(state):
     return to_tangent(state, ours(state)), jnp.concatenate([4.0 * value[:3], value[3:]])
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=25, deadline=None)
 def test_invariance_under_a_change_of_coordinates(seed):
@@ -156,6 +157,7 @@ def test_brackets_equal_sympy(seed):
         np.testing.assert_allclose(ours[name](point), exact, rtol=1e-11, atol=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at_rest", [True, False])
 @pytest.mark.parametrize("seed", range(3))
 def test_printed_formulas_with_the_inverse_inertia_restored(seed, at_rest):

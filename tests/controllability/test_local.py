@@ -174,6 +174,7 @@ def test_gramian_equals_quadrature():
         )
 
 
+@pytest.mark.slow
 def test_time_scales_have_their_exact_value_for_a_double_integrator():
     """At ω0 = 0 an angle e needs ∫u² = 12 J² e²/T³, so T = (12 J² e² / rms²)^(1/4)."""
     linear = linear_controllability(PAPER, XY, 0.0)
@@ -184,6 +185,7 @@ def test_time_scales_have_their_exact_value_for_a_double_integrator():
     assert np.all(np.isnan(times[[2, 5]]))
 
 
+@pytest.mark.slow
 def test_time_scales_equal_a_discretised_least_squares_problem():
     """Least mean-square command over 400 held steps, all six states brought to zero."""
     linear = linear_controllability(PAPER, XY, ORBIT)

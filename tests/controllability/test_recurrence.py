@@ -60,6 +60,7 @@ def test_divergence_sees_damping_and_attitude_feedback():
     assert abs(float(divergence(pointing, state))) == pytest.approx(abs(expected), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_flow_keeps_volume():
     """Determinant of the flow map by finite differences of SciPy trajectories, in body turns."""
     from scipy.spatial.transform import Rotation

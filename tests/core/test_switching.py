@@ -69,6 +69,7 @@ def test_sampled_switching_against_the_oracle(relation, attitude):
     assert 0 < run.mode.mean() < 1
 
 
+@pytest.mark.slow
 def test_switching_keeps_oscillating():
     """With a free third rate the attitude comes near and the rates never stay small."""
     run = simulate(switching_loop(CASE), start(), jnp.linspace(0, 2000, 2001)).signals

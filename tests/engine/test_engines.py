@@ -246,6 +246,7 @@ def test_a_replay_has_the_same_bits_and_the_history_of_simulate(example, found):
     np.testing.assert_array_equal(replay.signals.omega[-1], found.omega[3])
 
 
+@pytest.mark.slow
 def test_effort_of_a_sampled_loop_is_that_of_its_held_torques():
     """Every period's torque is held 0.07 s, and 0.03 s of the next."""
     example = sampled_example()

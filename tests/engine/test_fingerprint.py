@@ -173,6 +173,7 @@ print([tests.of(program(1.0)) for program in tests.NESTED])
 """
 
 
+@pytest.mark.slow
 def test_every_process_comes_to_the_same():
     told = set()
     for seed in ("1", "2"):

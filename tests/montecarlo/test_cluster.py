@@ -131,6 +131,7 @@ def test_a_scheduler_that_does_not_answer_is_told(tmp_path, threads, monkeypatch
     deaf.set()
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_goes_away_is_told(tmp_path, whole):
     """What is done stays, and the study goes on elsewhere."""
     leaving = distributed.LocalCluster(

@@ -85,6 +85,7 @@ def test_a_smaller_study_grows_into_a_larger(tmp_path, whole):
     same(without_status(contents(tmp_path / "s")), whole)
 
 
+@pytest.mark.slow
 def test_another_study_is_not_mixed_in(tmp_path):
     run_study(tumbling(count=8), tmp_path / "s")
     for other in ({"seed": 5}, {"batch_size": 4}, {"duration": 21.0}, {"design": Sobol(4)}):
@@ -130,6 +131,7 @@ def test_summary(tmp_path, whole):
     assert summarise(open_study(tmp_path / "s"), 10).cases == 10
 
 
+@pytest.mark.slow
 def test_what_fails_is_kept_and_counted_and_changes_nothing_else(tmp_path):
     """Some spin beyond the limit of the state from the start; the rest is as if alone."""
     study = tumbling(omega=Discrete([0.01, 1e6], [3.0, 1.0]))

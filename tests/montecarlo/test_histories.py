@@ -55,6 +55,7 @@ def test_other_columns_keep_their_bits(stored, tmp_path):
         assert plain[name].values.tobytes() == kept[name].values.tobytes(), name
 
 
+@pytest.mark.slow
 def test_settling_can_be_judged_again_from_a_history(tmp_path):
     """With every instant kept, to the same number."""
     whole = study(history=21)
@@ -96,6 +97,7 @@ def test_engines_agree(stored, engine):
         assert found[name].tobytes() == values.tobytes(), name
 
 
+@pytest.mark.slow
 def test_a_store_goes_on_with_its_histories_alone(stored, tmp_path):
     broken = tmp_path / "s.zarr"
     half = study()

@@ -74,6 +74,7 @@ def study_of(source, engine=SCAN, gain=30.0, **options):
     return dataclasses.replace(study, program=program, engine=engine)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_another_law_is_refused_and_a_comment_or_another_name_is_not(tmp_path, engine):
     run_study(study_of(LAW, engine), tmp_path / "s", **NOBODY)
@@ -86,6 +87,7 @@ def test_another_law_is_refused_and_a_comment_or_another_name_is_not(tmp_path, e
         run_study(study_of(LAW, engine, 31.0), tmp_path / "s", **NOBODY)
 
 
+@pytest.mark.slow
 def test_the_program_is_the_same_for_other_numbers_chunks_and_counts():
     first = study_of(LAW).program_identity()
     assert study_of(LAW, gain=31.0).program_identity()["operations"] == first["operations"]
@@ -96,6 +98,7 @@ def test_the_program_is_the_same_for_other_numbers_chunks_and_counts():
         assert study_of(source).program_identity()["operations"] != first["operations"]
 
 
+@pytest.mark.slow
 def test_other_versions_are_told_as_a_reason(tmp_path, monkeypatch):
     run_study(study_of(LAW), tmp_path / "s", **NOBODY)
     here = store.machine()
@@ -107,6 +110,7 @@ def test_other_versions_are_told_as_a_reason(tmp_path, monkeypatch):
         run_study(study_of(FLIPPED), tmp_path / "s", **NOBODY)
 
 
+@pytest.mark.slow
 def test_a_worker_with_another_program_computes_nothing(monkeypatch):
     """As one whose plug-in is of another version."""
     program = study_of(LAW).program_identity()

@@ -106,6 +106,7 @@ def test_other_numbers_need_no_new_machine_code(example, found):
     close(other, example.scan.evaluate(stiffer, KICKS), tolerance_of(example, 1e-9))
 
 
+@pytest.mark.slow
 def test_machine_code_is_given_no_arrays_but_those_it_was_made_for(example):
     prog, engine = program(example), native(example)
     kernel, trees = engine.kernel(prog, KICKS), engine._trees(KICKS, prog, None)

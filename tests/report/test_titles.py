@@ -51,6 +51,7 @@ def test_titles_and_labels_are_drawn_as_they_are(text):
     drawn(figure)
 
 
+@pytest.mark.slow
 def test_every_kind_of_figure_takes_any_title():
     text = " ".join(UGLY)[:300]
     times = np.array([1.0, 20.0, np.inf])

@@ -224,6 +224,7 @@ with made(sys.argv[1], 10**6) as store:
 """
 
 
+@pytest.mark.slow
 def test_what_a_killed_writer_left_in_a_store_is_removed(tmp_path):
     command = [sys.executable, "-c", KILLED, str(tmp_path / "s"), *sys.path]
     environment = {**os.environ, "JAX_ENABLE_X64": "1"}

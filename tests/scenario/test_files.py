@@ -288,6 +288,7 @@ def test_attitude_is_integrated_in_the_parameters_asked_for():
     np.testing.assert_allclose(wz.as_dcm().matrix, quaternion.as_dcm().matrix, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_coasting_needs_no_thrusters():
     changes = ["spacecraft.failed_thrusters=[1,2,3]", "control.law=coast",
                "simulation.duration_s=10"]  # fmt: skip
@@ -322,6 +323,7 @@ def test_long_runs_with_fixed_steps_have_steps_enough():
     assert run.method.max_steps >= 50000 / float(run.method.first_step)
 
 
+@pytest.mark.slow
 def test_other_numbers_compile_nothing_anew():
     traces = []
 

@@ -103,6 +103,7 @@ def test_free_third_rate_winds_up():
     assert 10 < z[-1] < 14
 
 
+@pytest.mark.slow
 def test_switching_makes_two_transitions_and_ends_in_a_limit_cycle():
     changes = ["simulation.duration_s=1000", "simulation.save_every_s=0.1"]
     trajectory = build(load("switching", changes)).simulate()

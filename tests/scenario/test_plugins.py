@@ -154,6 +154,7 @@ def refused(path, *overrides):
     return str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_law_beside_the_scenario_is_simulated_and_written_out_again(own):
     scenario = load(own, ["simulation.duration_s=60"], purpose="study")
     run = build(scenario)
@@ -295,6 +296,7 @@ def columns(made, target, executor=None):
     return {name: np.asarray(found[name]) for name in ("cost", "effort")}
 
 
+@pytest.mark.slow
 def test_every_engine_gives_the_same(own, tmp_path):
     scenario = load(own, purpose="study")
     found = {

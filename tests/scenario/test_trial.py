@@ -154,6 +154,7 @@ NAMES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_whatever_is_loaded_can_be_built(seed):
     """Values of every kind under keys of every table; what is refused is refused with its place."""

@@ -49,6 +49,7 @@ def test_the_saved_times_do_not_matter(run):
             np.testing.assert_allclose(one, same, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_instant_is_that_of_an_independent_program():
     """The instant is that of the rate's fall by 0.6 of its tolerance within 6 ms, by DOP853."""
     times = np.union1d(np.linspace(0, 20, 201), np.linspace(11.77, 11.78, 1001))
@@ -108,6 +109,7 @@ def test_effort_is_the_change_of_momentum():
     np.testing.assert_allclose(whole.assessment.constraint_effort, held, rtol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("general", [False, True])
 def test_the_constraint_torque_is_what_euler_lacks(general):
     """e3 · (J dω/dt + ω × Jω - T - T_d) for the rate that the plant itself gives."""

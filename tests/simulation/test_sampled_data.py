@@ -58,6 +58,7 @@ SPIN = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.3, 0.0, 0.0])
 TIMES = np.arange(21) * 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [None, 0.0, 0.2, 0.35, 0.5])
 def test_delayed_rate_damping_has_its_exact_solution(delay):
     """J1 ω1(k+1) = J1 ω1(k) - gain (d ω1(k-1) + (T - d) ω1(k)) with no torque before the start."""
@@ -129,6 +130,7 @@ def test_a_measured_turn_stays_near_the_true_one():
         assert abs(float(found.z) - z) < 1e-3
 
 
+@pytest.mark.slow
 def test_noise_drawn_together_is_that_of_one_sample_after_the_other():
     """For several bodies at once, from any sample on, and what the sensors make of it."""
     keys = jnp.stack([key_of_seed(seed) for seed in range(3)])

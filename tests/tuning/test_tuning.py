@@ -200,10 +200,10 @@ def test_a_run_of_another_law_is_refused(scenario, tmp_path, changed):
     with TuningFolder(tmp_path / "run", plan_identity(plan)):
         pass
     trials = getattr(plan, changed)
-    law = controller_of(trials.program.copies.loop)
+    law = controller_of(trials.program.case_factory.loop)
     flipped = Flipped(**{field.name: getattr(law, field.name) for field in dataclasses.fields(law)})
     program = eqx.tree_at(
-        lambda program: controller_of(program.copies.loop),
+        lambda program: controller_of(program.case_factory.loop),
         trials.program,
         flipped,
         is_leaf=lambda x: x is law,
