@@ -1,12 +1,15 @@
 """What goes between this process and a worker: work there, results and failures back."""
 
+import io
+import pkgutil
 import traceback
 from typing import Any, NamedTuple
 
 import cloudpickle
+import equinox as eqx
 import jax
 
-from jaxsat.montecarlo.executors import Work
+from jaxsat.montecarlo.executors import ClusterError, Work
 from jaxsat.processors import share_of
 from jaxsat.search_path import add_folders, added_folders
 
@@ -45,9 +48,33 @@ class Failed(NamedTuple):
 def packed(work: Work) -> Packed:
     """Work for another process.
 
-    What the running program or a notebook defines goes along; modules are imported there.
+    Functions that the running program or a notebook defines go along; modules are imported there.
+    Raises `ClusterError` for an equinox module of such a program, which would lose its fields.
     """
-    return Packed(cloudpickle.dumps(work), bool(jax.config.read("jax_enable_x64")), added_folders())
+    file = io.BytesIO()
+    _Pickler(file).dump(work)
+    return Packed(file.getvalue(), bool(jax.config.read("jax_enable_x64")), added_folders())
+
+
+class _Pickler(cloudpickle.Pickler):
+    def reducer_override(self, obj: Any) -> Any:
+        """As cloudpickle has it, but for what it cannot rebuild."""
+        if isinstance(obj, type) and issubclass(obj, eqx.Module) and not _is_found(obj):
+            raise ClusterError(
+                "what worker processes compute must be defined in a module that they can import, "
+                f"got {obj.__qualname__} of {obj.__module__}; put it into a file of its own"
+            )
+        return cloudpickle.Pickler.reducer_override(self, obj)
+
+
+def _is_found(kind: type) -> bool:
+    """Whether a worker finds a class where it says that it is."""
+    if kind.__module__ == "__main__":
+        return False
+    try:
+        return pkgutil.resolve_name(f"{kind.__module__}:{kind.__qualname__}") is kind
+    except (ImportError, AttributeError, ValueError):  # a class inside of a function
+        return False
 
 
 def computed(work: Work, chunk: int) -> Done | Failed:

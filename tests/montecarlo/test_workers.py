@@ -11,12 +11,14 @@ import time
 from contextlib import closing, suppress
 from pathlib import Path
 
+import equinox as eqx
 import numpy as np
 import pytest
 
 from jaxsat.montecarlo import ClusterError, Processes, run_study
 from jaxsat.montecarlo import processes as module
 from jaxsat.montecarlo.ensemble import _by_column
+from jaxsat.montecarlo.shipping import packed
 from montecarlo.studies import tumbling
 from montecarlo.test_ensemble import contents, same, without_status
 from montecarlo.workloads import Deadly, EndsAtOnce, NotHere, deaf, fails, told
@@ -208,3 +210,16 @@ def test_counts_are_checked(options):
 def test_no_more_processes_are_started_than_there_are_chunks():
     assert len({answer[0] for _, answer in Processes(10**9).run(told, [0])}) == 1
     assert list(Processes(10**9).run(told, [])) == []
+
+
+def test_a_module_of_a_program_is_refused_as_its_fields_would_be_lost():
+    class Gain(eqx.Module):
+        gain: float
+
+        def __call__(self, chunk):
+            return self.gain * chunk
+
+    with pytest.raises(ClusterError, match=r"can import, got .*Gain of montecarlo.test_workers"):
+        packed(Gain(2.0))
+    offset = 3
+    assert packed(lambda chunk: chunk + offset).unpacked()(4) == 7
