@@ -70,6 +70,8 @@ def test_nothing_but_public_names_is_shown():
 def test_type_checkers_see_the_public_names(tmp_path):
     program = tmp_path / "program.py"
     program.write_text("import jaxsat\nreveal_type(jaxsat.simulate)\njaxsat.no_such_name\n")
-    done = subprocess.run(["basedpyright", program], capture_output=True, text=True, check=False)
+    checker = Path(sys.executable).with_name("basedpyright")
+    command = [checker, "--pythonpath", sys.executable, program]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert "-> Trajectory" in done.stdout
     assert '"no_such_name" is not a known attribute' in done.stdout
