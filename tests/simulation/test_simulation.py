@@ -241,15 +241,16 @@ def smooth_rate(gains):
     return rate_loop({**PAPER_RATE, **dict(zip(RATE_GAINS, gains, strict=True))}, width=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("loop_of", "gains", "end", "tolerance"),
     [
         (smooth_three_axis, {**THREE_AXIS_GAINS, "tilt_width": 0.1}, 60.0, 1e-6),
-        pytest.param(smooth_rate, RATE_GAINS, 5.0, 1e-6, marks=pytest.mark.slow),
-        pytest.param(printed_three_axis, THREE_AXIS_GAINS, 10.0, 1e-6, marks=pytest.mark.slow),
+        (smooth_rate, RATE_GAINS, 5.0, 1e-6),
+        (printed_three_axis, THREE_AXIS_GAINS, 10.0, 1e-6),
         # From here on sat has switched next to w = 0, and a step that straddles the corner costs
         # derivatives more than it costs the state.
-        pytest.param(printed_three_axis, THREE_AXIS_GAINS, 60.0, 1e-2, marks=pytest.mark.slow),
+        (printed_three_axis, THREE_AXIS_GAINS, 60.0, 1e-2),
         (printed_rate, RATE_GAINS, 1.0, 1e-6),
     ],
 )
