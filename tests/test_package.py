@@ -1,5 +1,6 @@
 """The package itself: light to import, rooms on demand."""
 
+import doctest
 import importlib
 import pkgutil
 import re
@@ -57,6 +58,10 @@ def test_the_reference_has_every_public_name_and_no_other():
     assert sorted(name for name in told if "." not in name) == sorted(public)
     for name in told:
         assert pkgutil.resolve_name(f"jaxsat.{name}").__doc__
+
+
+def test_the_example_of_the_base_class_is_right():
+    assert doctest.testmod(jaxsat.errors) == (0, 2)
 
 
 def test_nothing_but_public_names_is_shown():
