@@ -34,11 +34,11 @@ from contenders import all_contenders
 from contenders.contender import Contender, Run
 from contenders.scipy_dop853 import truth
 from contenders.work import errors, final_state, starts
+from jaxsat.assembly.load import load
+from jaxsat.assembly.study import build_study
 from jaxsat.montecarlo import Study
 from jaxsat.processors import processors
 from jaxsat.results import machine
-from jaxsat.scenario import load
-from jaxsat.scenario.study import build_study
 
 WANTED = 1e-6
 PERCENT = 95.0

@@ -1,4 +1,21 @@
 # The names for users; `__init__.py` imports each from here when it is first used.
+from jaxsat.assembly.errors import (
+    BuildError as BuildError,
+)
+from jaxsat.assembly.load import (
+    load as load,
+)
+from jaxsat.assembly.run import (
+    Run as Run,
+    build as build,
+)
+from jaxsat.assembly.study import (
+    build_study as build_study,
+)
+from jaxsat.assembly.tuning import (
+    build_plan as build_plan,
+    tuned_scenario as tuned_scenario,
+)
 from jaxsat.attitude import (
     DCM as DCM,
     WZ as WZ,
@@ -18,14 +35,16 @@ from jaxsat.control import (
     AbstractController as AbstractController,
     AbstractFeedbackLaw as AbstractFeedbackLaw,
     AbstractSampledController as AbstractSampledController,
-    LawContext as LawContext,
-    LawDeclaration as LawDeclaration,
 )
 from jaxsat.controllability import (
     Analysis as Analysis,
     NoEquilibriumError as NoEquilibriumError,
     analyse as analyse,
     failure_table as failure_table,
+)
+from jaxsat.declaration import (
+    LawContext as LawContext,
+    LawDeclaration as LawDeclaration,
 )
 from jaxsat.dynamics import (
     PlantState as PlantState,
@@ -65,24 +84,11 @@ from jaxsat.results import (
     open_trajectory as open_trajectory,
 )
 from jaxsat.scenario import (
-    Run as Run,
     Scenario as Scenario,
     ScenarioError as ScenarioError,
     ScenarioWarning as ScenarioWarning,
-    build as build,
     dump as dump,
     library as library,
-    load as load,
-)
-from jaxsat.scenario.build_errors import (
-    BuildError as BuildError,
-)
-from jaxsat.scenario.study import (
-    build_study as build_study,
-)
-from jaxsat.scenario.tuning import (
-    build_plan as build_plan,
-    tuned_scenario as tuned_scenario,
 )
 from jaxsat.simulation import (
     ContinuousLoop as ContinuousLoop,

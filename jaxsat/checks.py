@@ -6,6 +6,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Inexact
 
+from jaxsat.inertia import require_known_inertia
+
 
 def as_array(known: np.ndarray) -> Array:
     """A NumPy array as a JAX array of the default precision, without compiling a copy for it."""
@@ -64,19 +66,8 @@ def require_counts(**counts: int | None) -> None:
 def require_inertia(name: str, inertia: Float[Array | np.ndarray, "3 3"]) -> None:
     """Raise `ValueError` unless the matrix is symmetric and positive definite."""
     known = concrete(inertia)
-    if known is None:
-        return
-    if not np.all(np.isfinite(known)):
-        raise ValueError(f"Argument `{name}` must be finite, but got {known.tolist()}.")
-    scale = np.abs(known).max()
-    if np.abs(known - known.T).max() > 1e-6 * scale:
-        raise ValueError(f"Argument `{name}` must be symmetric, but got {known.tolist()}.")
-    smallest = np.linalg.eigvalsh(known)[0]
-    if not smallest > 0:
-        raise ValueError(
-            f"Argument `{name}` must be positive definite, but its smallest principal moment is "
-            f"{smallest:.6g} kg m²."
-        )
+    if known is not None:
+        require_known_inertia(name, known)
 
 
 def all_positive(*values: ArrayLike) -> bool:

@@ -8,11 +8,11 @@ import jax
 import numpy as np
 from hand_written import POINTER, WHOLE, address, library
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.study import build_study
 from jaxsat.engine import NativeEngine, SampledStepper
 from jaxsat.engine.native.functions import error_function
 from jaxsat.montecarlo import Study
-from jaxsat.scenario import load
-from jaxsat.scenario.study import build_study
 
 COLUMNS = 11
 

@@ -79,8 +79,8 @@ def bound(
             "no time, got nothing; give it with --set"
         )
     use_double_precision()
+    from jaxsat.assembly.run import build_uncontrolled
     from jaxsat.bounds import Objective, manoeuvre_of
-    from jaxsat.scenario.build import build_uncontrolled
 
     try:
         manoeuvre = manoeuvre_of(*build_uncontrolled(chosen))

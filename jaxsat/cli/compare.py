@@ -216,8 +216,9 @@ def _work(setting: "Setting", count: int) -> "Work":
 
 def _require_laws(settings: Sequence["Setting"]) -> None:
     """Raise `UserMistake` for laws that do not come with the set and that it cannot fly."""
+    from jaxsat.assembly.run import build
     from jaxsat.comparison import scenario_of
-    from jaxsat.scenario import ScenarioError, build
+    from jaxsat.scenario import ScenarioError
 
     for setting in settings:
         try:
@@ -249,7 +250,7 @@ def _limits(given: Sequence[str]) -> list[float]:
 
 
 def _tell_of_untuned(limits: Sequence[float]) -> None:
-    from jaxsat.control import TUNED_LIMITS
+    from jaxsat.declaration.settling import TUNED_LIMITS
 
     tuned = ", ".join(f"{one:g}" for one in TUNED_LIMITS)
     for limit in limits:
@@ -272,9 +273,9 @@ def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> d
     """Least time and effort from the paper's start; kept in the output folder once found."""
     import numpy as np
 
+    from jaxsat.assembly.run import build
     from jaxsat.bounds import Objective, manoeuvre_of
     from jaxsat.comparison import Setting, horizon, scenario_of
-    from jaxsat.scenario import build
 
     name = f"{BOUNDS}/{limit:g}.json"
     run = build(scenario_of(Setting("nominal", limit, "rate")))

@@ -3,6 +3,8 @@
 import contextlib
 import gc
 import importlib
+import os
+import sys
 import threading
 from collections.abc import Callable
 from typing import TypeVar
@@ -11,10 +13,13 @@ Result = TypeVar("Result")
 
 
 def use_double_precision() -> None:
-    """Switch JAX to 64-bit floats, as every command that computes does first."""
-    import jax
+    """Switch JAX to 64-bit floats, as every command that computes does first.
 
-    jax.config.update("jax_enable_x64", True)
+    JAX is not imported for it: a mistake in a scenario is told before.
+    """
+    os.environ["JAX_ENABLE_X64"] = "1"
+    if "jax" in sys.modules:
+        sys.modules["jax"].config.update("jax_enable_x64", True)
 
 
 def interruptibly(work: Callable[[], Result]) -> Result:

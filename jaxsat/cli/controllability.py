@@ -83,8 +83,8 @@ def controllability(
 def _analyse(scenario: "Scenario", tolerance: float) -> "tuple[Analysis, tuple[FailureCase, ...]]":
     import numpy as np
 
+    from jaxsat.assembly.plant import orbit_rate
     from jaxsat.controllability import analyse, failure_table
-    from jaxsat.scenario.build_plant import orbit_rate
 
     table = scenario.spacecraft
     axes = np.array(table.thruster_torque_axes, float).T  # as given: exact numbers stay exact
@@ -113,6 +113,7 @@ def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]"
     import jax.numpy as jnp
     import numpy as np
 
+    from jaxsat.assembly.plant import build_plant
     from jaxsat.controllability import (
         DriftField,
         energy_bound,
@@ -121,7 +122,6 @@ def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]"
         recurrence,
     )
     from jaxsat.report.controllability_figures import energy_chart, recurrence_chart
-    from jaxsat.scenario.build_plant import build_plant
 
     plant = build_plant(scenario)
     inertia, omega = plant.spacecraft.inertia, jnp.asarray(scenario.initial.omega_rad_s)

@@ -9,8 +9,8 @@ from jaxsat.cli.progress import tell
 from jaxsat.cli.terminal import UserMistake, report
 
 if TYPE_CHECKING:
+    from jaxsat.assembly.load import Purpose
     from jaxsat.scenario import Scenario
-    from jaxsat.scenario.trial import Purpose
 
 
 def load_or_explain(
@@ -19,7 +19,8 @@ def load_or_explain(
     """The scenario, which can be built for the purpose; raises `UserMistake` with every problem."""
     tell(f"reading {name_or_path}")
     use_double_precision()
-    from jaxsat.scenario import ScenarioError, ScenarioWarning, load
+    from jaxsat.assembly.load import load
+    from jaxsat.scenario import ScenarioError, ScenarioWarning
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ScenarioWarning)

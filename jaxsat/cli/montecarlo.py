@@ -135,8 +135,8 @@ def montecarlo(
     rule = None if until_ci is None else _stop_rule(until_ci)
     use_double_precision()
     try:
+        from jaxsat.assembly.study import build_study
         from jaxsat.montecarlo import study_work
-        from jaxsat.scenario.study import build_study
 
         tell("compiling")
         study = interruptibly(

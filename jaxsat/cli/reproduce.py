@@ -59,9 +59,10 @@ def reproduce(
 
 def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
     """Every run the claims need, by name, with a line a run."""
+    from jaxsat.assembly.run import build
     from jaxsat.reproduction import RUNS
     from jaxsat.results import trajectory_dataset
-    from jaxsat.scenario import build, dump
+    from jaxsat.scenario import dump
 
     datasets = {}
     for number, (name, run) in enumerate(RUNS.items(), start=1):

@@ -70,8 +70,9 @@ def simulate(
 
 def _run(scenario: "Scenario") -> tuple["xr.Dataset", float]:
     """The trajectory as a dataset, and the seconds that it took."""
+    from jaxsat.assembly.run import build
     from jaxsat.results import trajectory_dataset
-    from jaxsat.scenario import build, dump
+    from jaxsat.scenario import dump
 
     begin = time.perf_counter()
     run = build(scenario)

@@ -87,8 +87,8 @@ def tune(
     use_double_precision()
     target = Path(f"jaxsat-{Path(scenario).stem}-tuned") if out is None else out
 
+    from jaxsat.assembly.tuning import build_plan
     from jaxsat.results import OutputError
-    from jaxsat.scenario.tuning import build_plan
     from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
 
     try:
@@ -136,8 +136,8 @@ def _work(plan: "TuningPlan", baselines: bool) -> "Work":
 
 def _descended(plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder") -> "DescentState":
     """The last state; every state on the way is kept, with the best gains so far."""
+    from jaxsat.assembly.tuning import tuned_scenario
     from jaxsat.scenario import dump
-    from jaxsat.scenario.tuning import tuned_scenario
     from jaxsat.tuning import descend
 
     tell("compiling; trying the starts")

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from jaxsat.scenario import Problem, Scenario, ScenarioError, ScenarioWarning, load
+from jaxsat.assembly.load import load
+from jaxsat.scenario import Problem, Scenario, ScenarioError, ScenarioWarning
 from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.plugins import is_plugin
 from jaxsat.search_path import add_folders

@@ -2,10 +2,10 @@
 
 import enum
 
+from jaxsat.assembly.study import EngineName, build_study
 from jaxsat.comparison.acceptance import Setting, scenario_of
 from jaxsat.montecarlo import Study
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.study import EngineName, build_study
 
 
 class Start(enum.Enum):

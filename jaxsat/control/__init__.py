@@ -6,12 +6,10 @@ from jaxsat.control.controller import (
     AbstractFeedbackLaw,
     Coast,
 )
-from jaxsat.control.declaration import LawContext, LawDeclaration, UnsuitableModel
 from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
 from jaxsat.control.internal_model import InternalModel, OscillatorState
-from jaxsat.control.laws import LAWS, Law, law_of
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.oscillatory import (
     AbstractDemand,
@@ -21,8 +19,6 @@ from jaxsat.control.oscillatory import (
     TwoChannel,
 )
 from jaxsat.control.presets import (
-    TUNED_LIMITS,
-    equivalent_limit,
     oscillatory_settling,
     ripple_filter,
     three_slew_settling,
@@ -30,16 +26,15 @@ from jaxsat.control.presets import (
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.riccati import reachable_rank, regulator_gain
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, RippleObserver
+from jaxsat.control.sampled import ONE_MODE, AbstractSampledController, ModeNames
 from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.control.switching import ONE_MODE, AbstractSampledController, ModeNames, SwitchingLaw
+from jaxsat.control.switching import SwitchingLaw
 from jaxsat.control.terminal import OrbitalRegulator, linear_model
 from jaxsat.control.three_axis import ThreeAxisLaw
 
 __all__ = [
-    "LAWS",
     "ONE_MODE",
-    "TUNED_LIMITS",
     "AbstractBacksteppingLaw",
     "AbstractController",
     "AbstractDemand",
@@ -52,9 +47,6 @@ __all__ = [
     "FiniteTimeRateLaw",
     "Handover",
     "InternalModel",
-    "Law",
-    "LawContext",
-    "LawDeclaration",
     "ModeNames",
     "MorinSamson",
     "OrbitalRegulator",
@@ -74,9 +66,6 @@ __all__ = [
     "ThreeSlewLaw",
     "ThreeSlewSettling",
     "TwoChannel",
-    "UnsuitableModel",
-    "equivalent_limit",
-    "law_of",
     "linear_model",
     "oscillatory_settling",
     "reachable_rank",

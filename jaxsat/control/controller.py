@@ -15,8 +15,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.control.declaration import LawContext, LawDeclaration
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
+from jaxsat.declaration import LawContext, LawDeclaration
+from jaxsat.declaration.laws import COAST
 from jaxsat.dynamics import PlantState, RigidBody
 
 Memory = PyTree
@@ -116,9 +117,7 @@ class AbstractFeedbackLaw(AbstractController):
 class Coast(AbstractFeedbackLaw):
     """No control: the drift of the plant alone."""
 
-    declaration: ClassVar[LawDeclaration] = LawDeclaration(
-        summary="no control", torques=0, has_model=False
-    )
+    declaration: ClassVar[LawDeclaration] = COAST
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "Coast":

@@ -12,7 +12,7 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.rate_tracking import clipped
-from jaxsat.control.switching import AbstractSampledController, ModeNames
+from jaxsat.control.sampled import AbstractSampledController, ModeNames
 from jaxsat.control.terminal import OrbitalRegulator
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState

@@ -16,7 +16,7 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.oscillatory import Tracking
 from jaxsat.control.rate_tracking import clipped, tracking_torque
-from jaxsat.control.switching import ONE_MODE, AbstractSampledController, ModeNames
+from jaxsat.control.sampled import ONE_MODE, AbstractSampledController, ModeNames
 from jaxsat.dynamics import PlantState, RigidBody
 
 RealScalar = Float[Array, ""]

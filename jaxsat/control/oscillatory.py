@@ -20,7 +20,7 @@ from jaxtyping import Array, Float, Int
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.rate_tracking import clipped, tracking_torque
-from jaxsat.control.switching import ONE_MODE, AbstractSampledController, ModeNames
+from jaxsat.control.sampled import ONE_MODE, AbstractSampledController, ModeNames
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState, RigidBody
 

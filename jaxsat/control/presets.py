@@ -15,7 +15,6 @@ from typing import NamedTuple, TypeVar
 
 import jax
 import numpy as np
-from jaxtyping import Float
 
 from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
@@ -26,6 +25,7 @@ from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.terminal import OrbitalRegulator
+from jaxsat.declaration.settling import TUNED_MOMENTS, TUNED_PERIOD, equivalent_limit
 from jaxsat.dynamics import RigidBody
 
 
@@ -74,20 +74,11 @@ _APPROACH = {
     20.0: _Approach((0.881, 0.795, 5e-5), 2.7e-3, (0.825, 7.32, 2.33, 2.0e-3, 6.4e-4)),
 }
 
-TUNED_MOMENTS = (449.5, 264.6, 312.5)
-"""Principal moments (kg m²) for which the gains are tuned."""
-
 TUNED_RIPPLE = (0.001, 0.1)
 """Amplitude (N m) and frequency (rad/s) of the d3 for which the gains are tuned."""
 
 RIPPLE_EXPECTED = 3e-5
 """Ripple of ω3 (rad/s) that the filter expects of that d3 on that body."""
-
-TUNED_PERIOD = 0.1
-"""Control period (s) for which the gains are tuned."""
-
-TUNED_LIMITS = tuple(_APPROACH)
-"""Torque limits (N m) for which the gains are tuned."""
 
 
 def oscillatory_settling(
@@ -155,18 +146,6 @@ def ripple_filter(
     return RippleFilter(frequency=frequency, amplitude=RIPPLE_EXPECTED * max(1.0, size))
 
 
-def equivalent_limit(
-    moments: Float[np.ndarray | jax.Array, "3"] | tuple[float, ...], torque_limit: float
-) -> float:
-    """The limit (N m) that turns the body of the tuned gains as fast as `torque_limit` this one.
-
-    By the mean of J1 and J2 (kg m²), the geometric one.
-    """
-    j1, j2, _ = np.asarray(moments, float)
-    tuned = np.sqrt(TUNED_MOMENTS[0] * TUNED_MOMENTS[1])
-    return float(torque_limit * (tuned / np.sqrt(j1 * j2)))
-
-
 Gains = TypeVar("Gains", bound=tuple)
 
 
@@ -177,7 +156,7 @@ def _gains(table: Mapping[float, Gains], model: RigidBody, torque_limit: float |
         raise ValueError(
             f"Argument `torque_limit` must be positive and finite, but got {torque_limit} N m."
         )
-    limit = equivalent_limit(model.spacecraft.moments, limit)
+    limit = equivalent_limit(_moments(model), limit)
     known = sorted(table)
     limit = min(max(limit, known[0]), known[-1])
     if limit in table:
@@ -201,7 +180,7 @@ def _fine_stage(model, demand, gains: _Oscillation, *, fade_lean: bool) -> FineS
         ratio=gains.ratio,
         dead_zone=DEAD_ZONE,
     )
-    torque_scale = TORQUE_SCALE / equivalent_limit(model.spacecraft.moments, 1.0)
+    torque_scale = TORQUE_SCALE / equivalent_limit(_moments(model), 1.0)
     regulator = OrbitalRegulator.design(model, STATE_SCALE, torque_scale)
     handover = Handover(gains.enter_slow_rate, gains.enter_rate)
     return FineStage(oscillator, regulator, handover, fade_lean)
@@ -212,3 +191,7 @@ def _estimator(
 ) -> ThirdAxisEstimator:
     observer = (ripple or ripple_filter(model)) if observe else None
     return ThirdAxisEstimator(model, observer, RecursiveLeastSquares() if estimate else None)
+
+
+def _moments(model: RigidBody) -> list[float]:
+    return np.asarray(model.spacecraft.moments).tolist()

@@ -10,23 +10,10 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
-from jaxsat.control.declaration import LawContext, LawDeclaration
-from jaxsat.declaration import number
+from jaxsat.declaration import LawContext, LawDeclaration
+from jaxsat.declaration.rate import RATE
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.smooth import Width, as_width, root_abs, signed_root
-
-RATE_GAINS = (
-    number("k1", "Gain of the reference (38)", "√(rad/s)", above=0, tunable=True),
-    number("k2", "Gain of the torque (39)", "1/s", above=0, tunable=True),
-)
-OMEGA3_WIDTH = number(
-    "omega3_width_rad_s",
-    "Rounds √|ω3| of (38) near zero; 0 is the printed law",
-    "rad/s",
-    at_least=0,
-    default=0.0,
-    width=True,
-)
 
 
 class RateLaw(AbstractBacksteppingLaw):
@@ -38,13 +25,7 @@ class RateLaw(AbstractBacksteppingLaw):
     at ω3 = 0. `turning_right` holds that law on one side of ω3 = 0, see `smooth_piece`.
     """
 
-    declaration: ClassVar[LawDeclaration] = LawDeclaration(
-        summary="angular-velocity stabilisation, (38) and (39)",
-        keys=(*RATE_GAINS, OMEGA3_WIDTH),
-        measures_disturbance=True,
-        needs_unequal_moments=True,
-        regulates_attitude=False,
-    )
+    declaration: ClassVar[LawDeclaration] = RATE
 
     model: RigidBody
     k1: Float[Array, ""] = eqx.field(converter=as_float)

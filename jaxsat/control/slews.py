@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.rate_tracking import clipped, gyroscopic_torque
-from jaxsat.control.switching import AbstractSampledController, ModeNames
+from jaxsat.control.sampled import AbstractSampledController, ModeNames
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.metrics import wrapped
 

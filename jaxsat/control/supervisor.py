@@ -13,8 +13,8 @@ from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstim
 from jaxsat.control.fine import FINE_MODES, OSCILLATING, REGULATING, FineMemory, FineStage
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
 from jaxsat.control.rate_tracking import clipped
+from jaxsat.control.sampled import AbstractSampledController, ModeNames
 from jaxsat.control.slews import Slewing, SlewPlanner
-from jaxsat.control.switching import AbstractSampledController, ModeNames
 from jaxsat.control.tilt import tilt_of
 from jaxsat.dynamics import PlantState
 

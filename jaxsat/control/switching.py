@@ -5,10 +5,8 @@ is active is memory, so this controller is a sampled one: it looks at the state 
 the torque is held in between.
 """
 
-import abc
-import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -19,114 +17,12 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, concrete, require_positive
 from jaxsat.control.controller import Memory
-from jaxsat.control.declaration import LawContext, LawDeclaration
-from jaxsat.control.rate import OMEGA3_WIDTH, RATE_GAINS, RateLaw
-from jaxsat.control.three_axis import (
-    INTERNAL_MODEL_HAS_A_FREQUENCY,
-    THREE_AXIS_GAINS,
-    THREE_AXIS_OPTIONS,
-    ThreeAxisLaw,
-)
-from jaxsat.declaration import Finding, Key, Rule, number
+from jaxsat.control.rate import RateLaw
+from jaxsat.control.sampled import AbstractSampledController, ModeNames
+from jaxsat.control.three_axis import ThreeAxisLaw
+from jaxsat.declaration import LawContext, LawDeclaration
+from jaxsat.declaration.switching import SLOPE_LIMITS, SWITCHING
 from jaxsat.dynamics import PlantState
-from jaxsat.ranges import SECONDS
-
-ModeNames = Mapping[int, str]
-"""What the numbers of a controller's modes mean."""
-
-ONE_MODE: ModeNames = MappingProxyType({0: "one law"})
-
-
-class AbstractSampledController(eqx.Module):
-    """A controller that runs once every `period` seconds; its torque is held in between."""
-
-    period: eqx.AbstractVar[Float[Array, ""]]
-    mode_names: ClassVar[ModeNames]
-
-    @abc.abstractmethod
-    def init(self, state: PlantState) -> Memory:
-        """The memory before the first sample."""
-
-    @abc.abstractmethod
-    def step(
-        self, t: Float[Array, ""], state: PlantState, memory: Memory
-    ) -> tuple[Float[Array, " torques"], Memory]:
-        """The torque to hold, N m, and the memory for the next sample."""
-
-    @abc.abstractmethod
-    def rate_error(self, state: PlantState, memory: Memory) -> Float[Array, "2"]:
-        """How far the rates are from the reference of the law that is active, rad/s."""
-
-    @abc.abstractmethod
-    def mode(self, memory: Memory) -> Int[Array, ""]:
-        """Which part of the controller is at work, by a number that the controller explains."""
-
-
-_THRESHOLDS = ("lower_threshold_rad_s", "upper_threshold_rad_s")
-_SLOPE_LIMITS = ("rate_slope_limit_rad_s2", "three_axis_slope_limit_rad_s2")
-
-
-def _within(part: str, keys: tuple[Key, ...]) -> tuple[Key, ...]:
-    """Keys of a law that is a part of this one."""
-    return tuple(
-        dataclasses.replace(key, tunable=key.tunable and f"{part}.{key.tunable}") for key in keys
-    )
-
-
-def _slopes_are_limited(limit: float | None, *slopes: tuple | None) -> Iterator[Finding]:
-    for name, value in zip(_SLOPE_LIMITS, slopes, strict=True):
-        if limit is None and value is None:
-            yield Finding(
-                f"control.{name}",
-                "must be given in rad/s² while spacecraft.torque_limit_N_m is left out, "
-                "got nothing",
-                True,
-            )
-
-
-_KEYS = (
-    *_within("rate_law", RATE_GAINS),
-    *_within("three_axis_law", THREE_AXIS_GAINS),
-    number(
-        "upper_threshold_rad_s",
-        "The rate law takes over when |ω3| exceeds this",
-        "rad/s",
-        above=0,
-        tunable="upper_threshold",
-    ),
-    number(
-        "lower_threshold_rad_s",
-        "The three-axis law takes over again when |ω3| falls below this",
-        "rad/s",
-        above=0,
-        tunable="lower_threshold",
-    ),
-    number(
-        "period_s",
-        "Time between two runs of the controller",
-        "s",
-        at_least=SECONDS.low,
-        at_most=SECONDS.high,
-    ),
-    number(
-        _SLOPE_LIMITS[0],
-        "Bounds of the rate law's reference derivative; left out, torque limit / J_i",
-        "rad/s²",
-        above=0,
-        size=2,
-        default=None,
-    ),
-    number(
-        _SLOPE_LIMITS[1],
-        "Bounds of the three-axis law's reference derivative; left out, 5 torque limit / J_i",
-        "rad/s²",
-        above=0,
-        size=2,
-        default=None,
-    ),
-    OMEGA3_WIDTH,
-    *_within("three_axis_law", THREE_AXIS_OPTIONS),
-)
 
 
 class SwitchingMemory(NamedTuple):
@@ -148,24 +44,7 @@ class SwitchingLaw(AbstractSampledController):
     reference jumps in slope where sat switches.
     """
 
-    declaration: ClassVar[LawDeclaration] = LawDeclaration(
-        summary="the rate law while |ω3| is large, else the three-axis law",
-        keys=_KEYS,
-        measures_disturbance=True,
-        ordered=(_THRESHOLDS,),
-        rules=(
-            INTERNAL_MODEL_HAS_A_FREQUENCY,
-            Rule(
-                (
-                    "spacecraft.torque_limit_N_m",
-                    *(f"control.{name}" for name in _SLOPE_LIMITS),
-                ),
-                _slopes_are_limited,
-            ),
-        ),
-        needs_unequal_moments=True,
-        works_in_wz=True,
-    )
+    declaration: ClassVar[LawDeclaration] = SWITCHING
     mode_names: ClassVar[ModeNames] = MappingProxyType({0: "three-axis law", 1: "rate law"})
 
     rate_law: RateLaw
@@ -197,7 +76,7 @@ class SwitchingLaw(AbstractSampledController):
         """The law of a table of a scenario."""
         limit = math.inf if context.torque_limit is None else context.torque_limit
         usual = limit / np.diag(np.asarray(context.model.spacecraft.inertia))[:2]
-        rate_limit, three_axis_limit = (values[name] for name in _SLOPE_LIMITS)
+        rate_limit, three_axis_limit = (values[name] for name in SLOPE_LIMITS)
         return cls(
             rate_law=RateLaw.from_table(values, context),
             three_axis_law=ThreeAxisLaw.from_table(values, context),

@@ -1,7 +1,7 @@
 """Three-axis stabilisation with two torques: equations (40), (41) and (42)."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -10,87 +10,13 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import all_positive, as_float, require_positive
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
-from jaxsat.control.declaration import LawContext, LawDeclaration
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.control.internal_model import InternalModel
-from jaxsat.declaration import Finding, Rule, number, switch
+from jaxsat.declaration import LawContext, LawDeclaration
+from jaxsat.declaration.three_axis import THREE_AXIS
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.quotients import quotient, reciprocal
-from jaxsat.ranges import KNOWN_FREQUENCY
 from jaxsat.smooth import Width, as_width, sat
-
-THREE_AXIS_GAINS = (
-    number("k3", "Gain of the reference (40) on the tilt", "1/s", above=0, tunable=True),
-    number("mu", "Gain μ of the reference (40) on the turn", "1/s", above=0, tunable=True),
-    number("a", "Bound a of the saturation in (41)", "1", above=0, tunable=True),
-    number(
-        "k4",
-        "Gain of (42) on the rate errors: one number, or one for each axis",
-        "N m s",
-        above=0,
-        size=2,
-        or_one=True,
-        tunable=True,
-    ),
-)
-THREE_AXIS_OPTIONS = (
-    switch("internal_model", "Whether the internal model of the disturbance, in (42), is on", True),
-    number(
-        "internal_model_frequency_rad_s",
-        "Frequencies of the internal model; left out, those of the disturbance about x and y",
-        "rad/s",
-        at_least=KNOWN_FREQUENCY.low,
-        at_most=KNOWN_FREQUENCY.high,
-        size=2,
-        default=None,
-    ),
-    number(
-        "attitude_weight_N_m",
-        "Factor on the attitude terms of (42); 1 as printed",
-        "N m",
-        at_least=0,
-        default=1.0,
-        tunable="attitude_weight",
-    ),
-    number(
-        "saturation_width",
-        "Part of the bound a over which the corner of sat is rounded, 0 (printed) to 1",
-        "1",
-        at_least=0,
-        at_most=1,
-        default=0.0,
-        width=True,
-    ),
-    number(
-        "tilt_width",
-        "δ in |w|² + δ² under the fraction of (41); 0 as printed",
-        "1",
-        at_least=0,
-        default=0.0,
-        tunable=True,
-        width=True,
-    ),
-)
-
-
-def _has_a_frequency(on: bool, frequency: Any, disturbance: tuple[float, ...]) -> Iterator[Finding]:
-    if on and frequency is None and min(disturbance[:2]) <= 0:
-        yield Finding(
-            "control.internal_model_frequency_rad_s",
-            "must be given in rad/s while internal_model is true and disturbance.frequency_rad_s "
-            f"is not positive about x and y, got nothing beside {list(disturbance)}",
-            True,
-        )
-
-
-INTERNAL_MODEL_HAS_A_FREQUENCY = Rule(
-    (
-        "control.internal_model",
-        "control.internal_model_frequency_rad_s",
-        "disturbance.frequency_rad_s",
-    ),
-    _has_a_frequency,
-)
 
 
 class ThreeAxisLaw(AbstractBacksteppingLaw):
@@ -104,14 +30,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
     the sharp sat on one side of each corner, see `smooth_piece`.
     """
 
-    declaration: ClassVar[LawDeclaration] = LawDeclaration(
-        summary="three-axis stabilisation, (40) to (42)",
-        keys=(*THREE_AXIS_GAINS, *THREE_AXIS_OPTIONS),
-        measures_disturbance=True,
-        rules=(INTERNAL_MODEL_HAS_A_FREQUENCY,),
-        works_in_wz=True,
-        jumps_without=("saturation_width", "tilt_width"),
-    )
+    declaration: ClassVar[LawDeclaration] = THREE_AXIS
 
     model: RigidBody
     k3: Float[Array, ""] = eqx.field(converter=as_float)

@@ -12,8 +12,8 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.progress import RunningCost
 from jaxsat.metrics import Tolerances
+from jaxsat.ranges import STATE_LIMIT
 from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.simulation.solve import STATE_LIMIT
 
 
 class Case(NamedTuple):

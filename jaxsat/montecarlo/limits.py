@@ -15,9 +15,8 @@ from jaxsat import ranges
 from jaxsat.checks import as_float, concrete
 from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
 from jaxsat.montecarlo.changes import controller_of, parts_of
-from jaxsat.ranges import Range
+from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.simulation.solve import STATE_LIMIT
 from jaxsat.vehicle import Spacecraft
 
 

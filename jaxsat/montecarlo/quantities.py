@@ -9,9 +9,8 @@ from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.environment import AbstractOrbit, PeriodicTorque
 from jaxsat.montecarlo import changes, limits
 from jaxsat.montecarlo.changes import Setting, Values, controller_of, parts_of, with_thrusters
-from jaxsat.ranges import Range
+from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.simulation.solve import STATE_LIMIT
 from jaxsat.vehicle import Sensors, Spacecraft
 
 

@@ -4,7 +4,9 @@ Every rule names the keys that it reads and is applied wherever all of these are
 themselves, so that one mistake hides no other.
 """
 
-from jaxsat.control import LAWS
+from jaxsat.allocation import allocation_matrix
+from jaxsat.declaration.laws import LAWS
+from jaxsat.ranges import STATE_LIMIT
 from jaxsat.scenario.coordinates import (
     ERROR_COORDINATE_KEYS,
     error_coordinate_obstacle,
@@ -13,12 +15,10 @@ from jaxsat.scenario.coordinates import (
     uses_error_coordinates,
 )
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.layout import working_thrusters
+from jaxsat.scenario.layout import working_axes
 from jaxsat.scenario.plugins import find_law
 from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.wording import shown
-from jaxsat.simulation.solve import STATE_LIMIT
-from jaxsat.vehicle import allocation
 
 MAX_SAMPLES = 2_000_000
 """Of one run; their signals take a third of a gigabyte."""
@@ -44,7 +44,7 @@ def _law_has_its_torques(law, axes, failed):
     if not torques or any(number > len(axes) for number in failed):
         return
     try:
-        allocation(working_thrusters(axes, failed), torques)
+        allocation_matrix(working_axes(axes, failed), torques)
     except ValueError as error:
         key = "failed_thrusters" if failed else "thruster_torque_axes"
         yield at(
@@ -177,7 +177,7 @@ def _solver_keys_fit(values):
     law = values["control.law"]
     solver = {key: values.get(f"simulation.solver.{key}") for key in SOLVER_KEYS}
     given = [key for key in SOLVER_KEYS if solver[key] is not None]
-    sampled = find_law(law).sampled
+    sampled = find_law(law).declaration.sampled
     fixed = solver["steps"] == "fixed" or (solver["steps"] is None and "step_s" in given)
     if sampled:
         misfits = [key for key in given if key != "substeps"]
@@ -201,7 +201,7 @@ def _solver_keys_fit(values):
 )
 def _euler_has_no_error_estimate(name, steps, step, law):
     adaptive = steps == "adaptive" or (steps is None and step is None)
-    if name == "euler" and adaptive and not find_law(law).sampled:
+    if name == "euler" and adaptive and not find_law(law).declaration.sampled:
         yield at(
             "simulation.solver.name",
             'must be a solver with an error estimate while steps are adaptive, got "euler"',
@@ -232,8 +232,10 @@ def _no_fixed_steps_across_jumps(values):
 @rule("control.law", "sampling.delay_s")
 def _sampling_has_a_sampled_law(law, delay):
     del delay
-    if not find_law(law).sampled:
-        allowed = ", ".join(f'"{name}"' for name, known in LAWS.items() if known.sampled)
+    if not find_law(law).declaration.sampled:
+        allowed = ", ".join(
+            f'"{name}"' for name, known in LAWS.items() if known.declaration.sampled
+        )
         yield at("sampling", f'must belong to a sampled law ({allowed}), got "{law}"')
 
 

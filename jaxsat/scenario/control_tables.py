@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import ConfigDict, Field, SerializeAsAny, WrapValidator, create_model
 
-from jaxsat.control import LAWS, Law
+from jaxsat.declaration.laws import LAWS, Law
 from jaxsat.ranges import ORBIT_RATE
 from jaxsat.scenario.declared import fields_of
 from jaxsat.scenario.plugins import find_law, is_plugin

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from jaxsat.ranges import STATE_LIMIT
 from jaxsat.scenario.layout import command_map
 from jaxsat.scenario.plugins import find_law
-from jaxsat.simulation.solve import STATE_LIMIT
 
 Values = Mapping[str, Any]
 """Scenario values by dotted key."""
@@ -33,7 +33,7 @@ def torque_jumps(values: Values) -> bool:
 
 def error_coordinate_obstacle(values: Values) -> str | None:
     """Why error coordinates do not hold, as a clause; None where they do."""
-    if not find_law(values["control.law"]).tracks_rates:
+    if not find_law(values["control.law"]).declaration.tracks_rates:
         return f'the law is "{values["control.law"]}"'
     if values["spacecraft.torque_limit_N_m"] is not None:
         return "the torque is limited"

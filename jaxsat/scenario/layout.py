@@ -1,22 +1,25 @@
-"""The thrusters of a scenario as the objects of `jaxsat.vehicle`."""
+"""The torque axes of a scenario's thrusters after failures."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
-from jaxsat.vehicle import Thrusters, allocation
+from jaxsat.allocation import allocation_matrix, unit_columns
 
 
-def working_thrusters(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> Thrusters:
-    """What the failures leave of thrusters given as one row of direction cosines each."""
-    return Thrusters(np.array(axes, dtype=float).T).without(failed)
+def working_axes(
+    axes: tuple[tuple[float, ...], ...], failed: Sequence[int]
+) -> Float[np.ndarray, "3 m"]:
+    """A unit column for each thruster left, of one row of direction cosines for each thruster."""
+    kept = [row for number, row in enumerate(axes, 1) if number not in failed]
+    return unit_columns(np.array(kept, dtype=float).reshape(-1, 3).T)
 
 
 def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> np.ndarray | None:
     """Body torque for each unit of commanded torque, (3, 2); None where there is no such map."""
+    working = working_axes(axes, failed)
     try:
-        thrusters = working_thrusters(axes, failed)
-        thrust_map = allocation(thrusters)
+        return working @ allocation_matrix(working)
     except ValueError:
         return None
-    return np.asarray(thrusters.torque_axes) @ np.asarray(thrust_map)

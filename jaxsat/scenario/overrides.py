@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from jaxsat.control import LAWS
+from jaxsat.declaration.laws import LAWS
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Problem
 from jaxsat.scenario.limits import LONGEST_OVERRIDE, Excess, require_modest

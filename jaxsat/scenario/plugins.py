@@ -17,14 +17,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from jaxsat.control import (
-    LAWS,
-    AbstractController,
-    AbstractSampledController,
-    Law,
-    LawDeclaration,
-    law_of,
-)
+from jaxsat.declaration import LawDeclaration
+from jaxsat.declaration.laws import LAWS, Law
 from jaxsat.errors import JaxsatError
 
 GROUP = "jaxsat.laws"
@@ -129,6 +123,12 @@ def _of_their_code(name: str, module: str, error: Exception) -> PluginError:
 
 def _checked(name: str, module: ModuleType, attribute: str) -> Law:
     """The law of a class, once it is one that a scenario can use."""
+    from jaxsat.control import (
+        AbstractBacksteppingLaw,
+        AbstractController,
+        AbstractSampledController,
+    )
+
     controller = getattr(module, attribute, None)
     if not inspect.isclass(controller):
         raise PluginError(f"must name a class of {module.__name__}, got {name}, which is none")
@@ -147,11 +147,21 @@ def _checked(name: str, module: ModuleType, attribute: str) -> Law:
     if not callable(getattr(controller, "from_table", None)):
         raise PluginError(f"must name a law with a class method `from_table`, got {name} without")
     sampled = issubclass(controller, AbstractSampledController)
-    if sampled and "period_s" not in {key.name for key in declaration.keys}:
+    if sampled and not declaration.sampled:
         raise PluginError(
             f"must name a sampled law that declares the key period_s, got {name} without"
         )
-    law = law_of(name, controller)
+    if declaration.sampled and not sampled:
+        raise PluginError(
+            "must name a law that declares the key period_s only if it is a subclass of "
+            f"AbstractSampledController, got {name} with it"
+        )
+    if declaration.tracks_rates and not issubclass(controller, AbstractBacksteppingLaw):
+        raise PluginError(
+            "must name a law that declares tracks_rates only if it is a subclass of "
+            f"AbstractBacksteppingLaw, got {name} with it"
+        )
+    law = Law(name, declaration, f"{module.__name__}:{attribute}")
     try:
         hash(law)  # its table is made once
     except TypeError as error:

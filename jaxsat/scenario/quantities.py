@@ -8,7 +8,7 @@ from annotated_types import Ge, Gt, Interval, Le, Len
 from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Discriminator, Field, Tag
 from pydantic.types import Strict
 
-from jaxsat.checks import require_inertia
+from jaxsat.inertia import require_known_inertia
 from jaxsat.ranges import MOMENT, PRODUCT, Range
 
 _UNPRINTABLE = re.compile(
@@ -69,7 +69,7 @@ LEAST_SHARE = 1e-9
 def _sound_inertia(value: tuple) -> tuple:
     array = np.array(value, dtype=float)
     matrix = np.diag(array) if array.ndim == 1 else array
-    require_inertia("inertia", matrix)
+    require_known_inertia("inertia", matrix)
     moments = np.linalg.eigvalsh(matrix)
     if not MOMENT.low <= moments[0] <= moments[-1] <= MOMENT.high:
         raise ValueError(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from jaxsat import declaration
-from jaxsat.control import Law
+from jaxsat.declaration.laws import Law
 from jaxsat.scenario.coordinates import Values
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.plugins import is_plugin, known_law, place_in

@@ -34,7 +34,7 @@ class Scenario(Table):
     """One spacecraft, its control law and one run of them.
 
     Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries
-    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.load` turns them into lines of the file.
+    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.read` turns them into lines of the file.
     With the validation context `{"law": False}` rules that concern the control law are left out.
     """
 

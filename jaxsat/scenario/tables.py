@@ -7,6 +7,7 @@ from annotated_types import Ge, Gt, Le, Len
 from jaxsat.ranges import (
     ANGLE,
     FREQUENCY,
+    MOST_FIXED_STEPS,
     ORBIT_RATE,
     SECONDS,
     TORQUE,
@@ -27,7 +28,6 @@ from jaxsat.scenario.quantities import (
     quantity,
     within,
 )
-from jaxsat.simulation.methods import FIXED_MAX_STEPS
 
 Relation = Literal["exact", "small-angle"]
 SolverName = Literal["euler", "midpoint", "heun", "ralston", "bosh3", "tsit5", "dopri5", "dopri8"]
@@ -39,9 +39,6 @@ Seconds = Annotated[Number, within(SECONDS)]
 
 HIGHEST_ALTITUDE = 1.5e6
 """km; farther out the Earth does not hold an orbit."""
-
-MOST_STEPS = FIXED_MAX_STEPS
-"""Steps of one run, hours of work."""
 
 MOST_SAMPLED_STEPS = 2**26
 """The same where the law is sampled: a week at 0.1 s and four steps a period, and more."""
@@ -128,7 +125,7 @@ class SolverTable(Table):
     min_step_s: Annotated[Number, Gt(0), Le(SECONDS.high)] | None = quantity(
         "Smallest adaptive step, taken whatever the error there", "s", None
     )
-    max_steps: Annotated[Whole, Ge(1), Le(MOST_STEPS)] | None = quantity(
+    max_steps: Annotated[Whole, Ge(1), Le(MOST_FIXED_STEPS)] | None = quantity(
         "Most steps of a run with adaptive steps", "1", None
     )
     step_s: Seconds | None = quantity("Size of fixed steps", "s", None)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, get_args, get_origin
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from jaxsat.control import LAWS
+from jaxsat.declaration.laws import LAWS
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue, Location, entry_of
 from jaxsat.scenario.plugins import PluginError, known_law, law_names

@@ -12,6 +12,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 from jaxsat.checks import as_float, concrete
 from jaxsat.dynamics import PlantState
 from jaxsat.metrics import Since, Tolerances
+from jaxsat.ranges import STATE_LIMIT
 from jaxsat.simulation.assessment import (
     Monitor,
     MonitoredSolver,
@@ -31,9 +32,6 @@ from jaxsat.simulation.loops import (
 )
 from jaxsat.simulation.methods import Method, default_method
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
-
-STATE_LIMIT = 1e6
-"""A run ends when a state exceeds this: |w| then means upside down, a rate means divergence."""
 
 
 def simulate(

@@ -7,10 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jaxsat.allocation import NORMALISER_FLOOR, allocation_matrix, unit_columns
 from jaxsat.checks import as_array, as_float, concrete, require_finite
-
-NORMALISER_FLOOR = 1e-9
-"""Below this the normalisation of (5) or (8) divides by what counts as zero (unit columns)."""
 
 
 class Thrusters(eqx.Module):
@@ -34,10 +32,7 @@ class Thrusters(eqx.Module):
         if known is None:
             self.torque_axes = axes / jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
             return
-        lengths = np.sqrt(np.sum(known**2, axis=0, keepdims=True))
-        if not np.all(lengths > 0):
-            raise ValueError("Argument `torque_axes` must have no zero column, but one is zero.")
-        self.torque_axes = as_array(known / lengths)
+        self.torque_axes = as_array(unit_columns(known))
 
     @property
     def count(self) -> int:
@@ -92,22 +87,8 @@ def one_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
 
 
 def allocation(thrusters: Thrusters, torques: int = 2) -> Float[Array, "m torques"]:
-    """Thrusts that make a torque commanded about the first two body axes, or about all three.
-
-    With two torques and two thrusters the third torque is then b1 u1 + b2 u2, equation (5); with
-    more thrusters it is zero. Raises `ValueError` where the thrusters cannot make the torques
-    independently.
-    """
-    axes = np.asarray(thrusters.torque_axes)
-    rows = axes[:2] if thrusters.count == torques == 2 else axes
-    rank = np.linalg.matrix_rank(rows, tol=NORMALISER_FLOOR)
-    if rank < rows.shape[0] or thrusters.count < torques:
-        which = "x and y" if torques == 2 else "x, y and z"
-        raise ValueError(
-            f"The thrusters left must make independent torques about body axes {which}, "
-            f"but their torque axes are the columns of {axes.round(6).tolist()}."
-        )
-    return as_array(np.linalg.pinv(rows)[:, :torques])
+    """`jaxsat.allocation.allocation_matrix` of these thrusters."""
+    return as_array(allocation_matrix(np.asarray(thrusters.torque_axes), torques))
 
 
 def _require_normaliser(value: Float[Array, ""], rule: str) -> None:

@@ -8,12 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build, build_uncontrolled
 from jaxsat.bounds import Manoeuvre, Objective, Transcription, best_of_starts, fly, manoeuvre_of
 from jaxsat.cli import main
-from jaxsat.control.switching import ONE_MODE, AbstractSampledController
+from jaxsat.control.sampled import ONE_MODE, AbstractSampledController
 from jaxsat.environment import AbstractDisturbance
-from jaxsat.scenario import build, library, load
-from jaxsat.scenario.build import build_uncontrolled
+from jaxsat.scenario import library
 from jaxsat.simulation import SampledLoop, simulate
 
 pytest.importorskip("casadi")

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from jaxsat.assembly.load import load
 from jaxsat.results import open_trajectory
-from jaxsat.scenario import library, load
+from jaxsat.scenario import library
 
 ROOT = Path(__file__).parents[2]
 SHORT = ["--set", "simulation.duration_s=5"]

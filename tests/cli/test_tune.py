@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from jaxsat.scenario import load
+from jaxsat.assembly.load import load
 from tuning.scenarios import RATE
 
 FIGURES = ("loss", "gains", "before-after")

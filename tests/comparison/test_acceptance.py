@@ -4,10 +4,11 @@ import jax
 import numpy as np
 import pytest
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
 from jaxsat.comparison import LAWS, LEVELS, Setting, Start, horizon, scenario_of, study_of
 from jaxsat.control import SwitchingLaw
 from jaxsat.dynamics import PlantState
-from jaxsat.scenario import build, load
 
 
 def drawn(setting, start, numbers):

@@ -9,21 +9,22 @@ import numpy as np
 import pytest
 
 from control.cases import body
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build_loop
+from jaxsat.assembly.study import build_study
 from jaxsat.attitude import Quaternion
 from jaxsat.control import (
     RecursiveLeastSquares,
     RippleFilter,
     ThirdAxisEstimator,
-    equivalent_limit,
     ripple_filter,
     three_slew_settling,
 )
 from jaxsat.control.estimators import LEAST_COUPLING
+from jaxsat.declaration.settling import equivalent_limit
 from jaxsat.dynamics import PlantState
 from jaxsat.montecarlo.changes import controller_of, follow_frequency
-from jaxsat.scenario import ScenarioWarning, load
-from jaxsat.scenario.build import build_loop
-from jaxsat.scenario.study import build_study
+from jaxsat.scenario import ScenarioWarning
 
 INERTIA = (449.5, 264.6, 312.5)
 

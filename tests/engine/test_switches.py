@@ -9,6 +9,8 @@ import pytest
 from core.cases import PAPER_RATE, PAPER_THREE_AXIS, bodies, rate_loop, rate_start, three_axis_law
 from engine.relay import Relays, exact_relay, relay
 from engine.test_engines import Kicked
+from jaxsat.assembly.load import load
+from jaxsat.assembly.study import build_study
 from jaxsat.attitude import WZ
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import (
@@ -19,8 +21,6 @@ from jaxsat.engine import (
     Tolerance,
     program_of,
 )
-from jaxsat.scenario import load
-from jaxsat.scenario.study import build_study
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, Outcome
 from oracle.rate_law import simulate_rate_law
 from oracle.three_axis_law import simulate_three_axis

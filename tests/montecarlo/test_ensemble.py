@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.study import build_study
 from jaxsat.engine import ReferenceEngine, ScanEngine
 from jaxsat.montecarlo import (
     Discrete,
@@ -20,8 +22,6 @@ from jaxsat.montecarlo import (
 )
 from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.results import OutputError, open_study
-from jaxsat.scenario import load
-from jaxsat.scenario.study import build_study
 from jaxsat.simulation import Outcome, adaptive
 from montecarlo.studies import tumbling
 

@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.assembly.study import dispersion_key
 from jaxsat.montecarlo import (
     QUANTITIES,
     Dispersions,
     Normal,
     Uniform,
 )
-from jaxsat.scenario import ScenarioError, build, load
-from jaxsat.scenario.study import dispersion_key
+from jaxsat.scenario import ScenarioError
 from jaxsat.simulation import Outcome
 from montecarlo.studies import tumbling
 from montecarlo.test_dispersions import copies_of, sampled

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.study import build_study
 from jaxsat.montecarlo import Threads, run_study
 from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.results import open_study
-from jaxsat.scenario import load
-from jaxsat.scenario.study import build_study
 from montecarlo.studies import tumbling
 from montecarlo.test_ensemble import contents, same
 

@@ -12,8 +12,8 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 happened = []
 jax.monitoring.register_event_duration_secs_listener(lambda name, *_, **__: happened.append(name))
-from jaxsat.scenario import load
-from jaxsat.scenario.study import build_study
+from jaxsat.assembly.load import load
+from jaxsat.assembly.study import build_study
 from jaxsat.results import StudyStore
 study = build_study(load("benchmark-three-axis"), 100, engine="scan")
 study.cases(np.arange(100)), study.identity(), study.columns()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.study import build_study
 from jaxsat.montecarlo import StopRule, most_cases, study_work
-from jaxsat.scenario import load
-from jaxsat.scenario.study import build_study
 
 
 @pytest.mark.parametrize("half_width", [0.2, 0.03, 0.01])

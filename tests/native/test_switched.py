@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from engine.test_engines import same_bits
+from jaxsat.assembly.load import load
+from jaxsat.assembly.study import build_study
 from jaxsat.engine import AdaptiveStepper, NativeEngine, ScanEngine, Tolerance
 from jaxsat.montecarlo import Study
-from jaxsat.scenario import load
-from jaxsat.scenario.study import build_study
 
 COUNT, DURATION = 6, 30.0
 GAINS = {"k3": np.array(0.05), "mu": np.array(1.0), "a": np.array(0.1), "k4": np.array(0.01)}

@@ -4,9 +4,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
 from jaxsat.reproduction import RUNS, Verdict, judge, markdown_table, paper_figures
 from jaxsat.results import time_to_settle, trajectory_dataset
-from jaxsat.scenario import build, dump, load
+from jaxsat.scenario import dump
 
 pytestmark = pytest.mark.xdist_group("reproduction")  # one worker, so that all runs are made once
 

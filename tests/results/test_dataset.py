@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
 from jaxsat.results import (
     OutputError,
     OutputFolder,
@@ -18,7 +20,7 @@ from jaxsat.results import (
     trajectory_dataset,
 )
 from jaxsat.results.dataset import TOTALS, VARIABLES, dataset_bytes
-from jaxsat.scenario import build, dump, load
+from jaxsat.scenario import dump
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from corruption import KINDS

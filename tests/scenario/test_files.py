@@ -10,7 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from jaxsat.scenario import Scenario, build, dump, json_schema, load
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.scenario import Scenario, dump, json_schema
 from jaxsat.scenario.lines import line_map, nearest_line
 from jaxsat.scenario.toml_text import toml_document
 from jaxsat.simulation import adaptive, simulate

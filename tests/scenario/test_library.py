@@ -4,8 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
 from jaxsat.results import time_to_settle, trajectory_dataset
-from jaxsat.scenario import ScenarioError, ScenarioWarning, build, dump, library, load
+from jaxsat.scenario import ScenarioError, ScenarioWarning, dump, library
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, SampledLoop
 
 PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]

@@ -6,7 +6,8 @@ import tracemalloc
 
 import pytest
 
-from jaxsat.scenario import ScenarioError, library, load
+from jaxsat.assembly.load import load
+from jaxsat.scenario import ScenarioError, library
 from jaxsat.scenario.errors import LONGEST_MESSAGE, LONGEST_PLACE, MOST_TOLD
 from jaxsat.scenario.limits import LARGEST_FILE, Excess, require_modest
 

@@ -5,7 +5,8 @@ import warnings
 
 import pytest
 
-from jaxsat.scenario import ScenarioError, ScenarioWarning, load
+from jaxsat.assembly.load import load
+from jaxsat.scenario import ScenarioError, ScenarioWarning
 from jaxsat.scenario.tuning_checks import USUAL_OPTIMISERS
 from jaxsat.tuning.optimisers import Descent
 

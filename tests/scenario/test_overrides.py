@@ -2,7 +2,8 @@
 
 import pytest
 
-from jaxsat.scenario import ScenarioError, load
+from jaxsat.assembly.load import load
+from jaxsat.scenario import ScenarioError
 from jaxsat.text import clean
 
 

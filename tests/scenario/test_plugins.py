@@ -9,18 +9,20 @@ import numpy as np
 import pytest
 
 from jaxsat import search_path
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.assembly.study import build_study
 from jaxsat.montecarlo import Processes, Serial, run_study
 from jaxsat.results import study_columns
-from jaxsat.scenario import ScenarioError, build, dump, load, plugins
-from jaxsat.scenario.study import build_study
+from jaxsat.scenario import ScenarioError, dump, plugins
 
 PACKAGE = Path(__file__).parents[1] / "plugin_package"
 
 LAW = """
 import jax
 import jax.numpy as jnp
-from jaxsat.control import AbstractController, AbstractFeedbackLaw, LawDeclaration
-from jaxsat.declaration import Finding, Rule, choice, number, switch
+from jaxsat.control import AbstractController, AbstractFeedbackLaw
+from jaxsat.declaration import Finding, LawDeclaration, Rule, choice, number, switch
 
 
 def _kd_is_large(kp, kd):

@@ -4,17 +4,18 @@ import diffrax
 import numpy as np
 import pytest
 
-from jaxsat.engine import ReferenceEngine
-from jaxsat.montecarlo import QUANTITIES, LatinHypercube, Sobol
-from jaxsat.scenario import ScenarioError, dump, load
-from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
-from jaxsat.scenario.study import (
+from jaxsat.assembly.load import load
+from jaxsat.assembly.study import (
     _KINDS,
     ADAPTIVE_SOLVERS,
     build_dispersions,
     build_study,
     dispersion_key,
 )
+from jaxsat.engine import ReferenceEngine
+from jaxsat.montecarlo import QUANTITIES, LatinHypercube, Sobol
+from jaxsat.scenario import ScenarioError, dump
+from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
 
 OMEGA = "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=[0.1, 0.2, 0.3]}"
 

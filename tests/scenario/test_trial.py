@@ -6,9 +6,10 @@ import warnings
 import numpy as np
 import pytest
 
-from jaxsat.scenario import ScenarioError, ScenarioWarning, build, load
-from jaxsat.scenario.build import build_uncontrolled
-from jaxsat.scenario.study import build_study
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build, build_uncontrolled
+from jaxsat.assembly.study import build_study
+from jaxsat.scenario import ScenarioError, ScenarioWarning
 
 SETTLING = ["two-torque-free", "acceptance-mc"]
 

@@ -13,13 +13,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.assembly.tuning import build_plan, tuned_scenario
 from jaxsat.control import RateLaw
 from jaxsat.engine import AbstractCaseFactory, CannotLower, Program, RunningCost
 from jaxsat.engine.native.ir import NativeBug
 from jaxsat.montecarlo.changes import controller_of
 from jaxsat.results import OutputError
-from jaxsat.scenario import build, dump, load
-from jaxsat.scenario.tuning import build_plan, tuned_scenario
+from jaxsat.scenario import dump
 from jaxsat.tuning import advance, begin, compare, descend, make_receipt, make_verdict
 from jaxsat.tuning.baselines import METHODS, run_baselines
 from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
@@ -73,7 +75,7 @@ def test_only_what_has_no_rule_leads_to_another_engine(scenario, monkeypatch, er
         def fail(*_):
             raise error
 
-        monkeypatch.setattr("jaxsat.scenario.tuning._native", fail)
+        monkeypatch.setattr("jaxsat.assembly.tuning._native", fail)
 
     failing(CannotLower("No rule"))
     assert build_plan(scenario, width=4).remark == "not the native engine: No rule"

@@ -5,8 +5,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.control import ONE_MODE, AbstractSampledController, LawDeclaration
-from jaxsat.declaration import number
+from jaxsat.control import ONE_MODE, AbstractSampledController
+from jaxsat.declaration import LawDeclaration, number
 from jaxsat.dynamics import RigidBody
 
 Scalar = Float[Array, ""]

@@ -3,17 +3,17 @@
 import re
 from collections.abc import Iterator
 
+from jaxsat.assembly.errors import at_key
+from jaxsat.assembly.run import Run
+from jaxsat.assembly.study import dispersion_key, distribution_of, study_program
 from jaxsat.montecarlo import QUANTITIES, AbstractDistribution
 from jaxsat.montecarlo.dispersions import EXCLUSIVE
 from jaxsat.montecarlo.misfits import misfits
-from jaxsat.scenario.build import Run
-from jaxsat.scenario.build_errors import at_key
 from jaxsat.scenario.coordinates import is_upside_down
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.study import dispersion_key, distribution_of, study_program
 from jaxsat.scenario.wording import from_core, shown
 
 TURNING = {"attitude", "attitude_error"}

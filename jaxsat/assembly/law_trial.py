@@ -7,9 +7,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxsat.control import AbstractController, AbstractSampledController, Law
+from jaxsat.assembly.errors import BuildError
+from jaxsat.control import AbstractController, AbstractSampledController
+from jaxsat.declaration.laws import Law
 from jaxsat.dynamics import PlantState
-from jaxsat.scenario.build_errors import BuildError
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.plugins import place_in
 

@@ -4,24 +4,23 @@ from typing import Any, cast
 
 import numpy as np
 
+from jaxsat.assembly.errors import BuildError
+from jaxsat.assembly.law_trial import broken
+from jaxsat.assembly.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.checks import as_float
 from jaxsat.control import (
     AbstractController,
     AbstractSampledController,
-    Law,
-    LawContext,
-    UnsuitableModel,
 )
+from jaxsat.declaration import LawContext, UnsuitableModel
+from jaxsat.declaration.laws import Law
 from jaxsat.dynamics import RigidBody
 from jaxsat.environment import (
     AbstractDisturbance,
     NoDisturbance,
 )
-from jaxsat.scenario.build_errors import BuildError
-from jaxsat.scenario.build_plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.scenario.control_tables import ModelTable
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.law_trial import broken
 from jaxsat.scenario.plugins import find_law, is_plugin
 from jaxsat.scenario.schema import Scenario
 from jaxsat.vehicle import Spacecraft

@@ -3,7 +3,7 @@
 import re
 import tomllib
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -26,7 +26,6 @@ from jaxsat.scenario.lines import line_map, nearest_line
 from jaxsat.scenario.overrides import Override, apply_overrides, parse_override
 from jaxsat.scenario.plugins import PluginError, require_not_hidden
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.trial import Purpose, what_cannot_be_built
 from jaxsat.scenario.wording import suggestion
 from jaxsat.search_path import add_folders
 
@@ -39,8 +38,12 @@ def library() -> dict[str, Traversable]:
     return dict(sorted(named.items()))
 
 
-def load(
-    name_or_path: str | Path, overrides: Iterable[str] = (), *, purpose: Purpose = "run"
+def read(
+    name_or_path: str | Path,
+    overrides: Iterable[str] = (),
+    *,
+    law: bool = True,
+    trial: Callable[[Scenario], list[Issue]] = lambda scenario: [],
 ) -> Scenario:
     """The scenario of that name in the library, or of that TOML file.
 
@@ -48,11 +51,9 @@ def load(
     text), checked like the file. An override displaces what the file says to the contrary: the
     orbit's altitude its rate, another `control.law` the gains of the law before.
 
-    What is loaded can be built for the `purpose`: "run", for which everything is looked at;
-    "study", for which the dispersions must also be such as the loop has, and the gains to tune;
-    "motion", without the control law; "text", for which nothing is built. Raises `ScenarioError`
-    with every problem at once; warns with `ScenarioWarning` of what is allowed but likely a
-    mistake.
+    Without `law` the rules that concern the control law are left out. `trial` tells what else
+    stands against a scenario whose keys are all right. Raises `ScenarioError` with every problem at
+    once; warns with `ScenarioWarning` of what is allowed but likely a mistake.
     """
     source = _read(name_or_path)
     parsed = _overrides(overrides)
@@ -65,10 +66,10 @@ def load(
         raise ScenarioError([places.problem(Issue(("control", "law"), str(error)))]) from None
     data, blocked = apply_overrides(source.data, applied)
     problems += blocked
-    scenario, law = None, purpose != "motion"
+    scenario = None
     try:
         scenario = Scenario.model_validate(data, context={"law": law})
-        issues = [] if problems else what_cannot_be_built(scenario, purpose)
+        issues = [] if problems else trial(scenario)
     except ValidationError as error:
         issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
     problems += sorted((places.problem(issue) for issue in issues), key=_order)

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from jaxsat.declaration import Key, Rule
-from jaxsat.dynamics import RigidBody
+from jaxsat.declaration.keys import Key, Rule
 from jaxsat.errors import JaxsatError
+
+if TYPE_CHECKING:
+    from jaxsat.dynamics import RigidBody
 
 OF_ALL_LAWS = ("law", "model", "measured_disturbance")
 """Keys of `[control]` that mean the same under every law."""
@@ -20,7 +22,7 @@ class LawContext(NamedTuple):
     `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z.
     """
 
-    model: RigidBody
+    model: "RigidBody"
     torque_limit: float | None
     disturbance_amplitude: tuple[float, ...]
     disturbance_frequency: tuple[float, ...]
@@ -51,6 +53,8 @@ class LawDeclaration:
     - `rules`: further rules across keys.
     - `needs_torque_limit`: the thrusters must be limited.
     - `needs_unequal_moments`: the law moves ω3 through (J1 - J2) ω1 ω2 alone.
+    - `tracks_rates`: the law tracks reference rates as in (43), a subclass of
+      `AbstractBacksteppingLaw`, so that its loop may be integrated in error coordinates.
     - `works_in_wz`: the law uses (w, z), which are singular upside down.
     - `regulates_attitude`: a case counts as settled by attitude and rate, else by rate alone.
     - `jumps_without`: widths above 0 without which the commanded torque jumps, so that fixed steps
@@ -68,6 +72,7 @@ class LawDeclaration:
     rules: tuple[Rule, ...] = ()
     needs_torque_limit: bool = False
     needs_unequal_moments: bool = False
+    tracks_rates: bool = False
     works_in_wz: bool = False
     regulates_attitude: bool = True
     jumps_without: tuple[str, ...] = ()
@@ -79,6 +84,11 @@ class LawDeclaration:
             if name in OF_ALL_LAWS or names.count(name) > 1:
                 what = "a key of every law" if name in OF_ALL_LAWS else "one of them twice"
                 raise ValueError(f"Argument `keys` must be the law's own, but got {name}, {what}.")
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the law runs once a period and its torque is held in between."""
+        return any(key.name == "period_s" for key in self.keys)
 
     @property
     def tunable(self) -> dict[str, str]:

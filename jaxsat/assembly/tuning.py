@@ -8,20 +8,20 @@ from typing import Any, NamedTuple, cast
 import equinox as eqx
 import numpy as np
 
+from jaxsat.assembly.errors import BuildError, at_key
+from jaxsat.assembly.plant import orbit_rate
+from jaxsat.assembly.run import DEFAULT_SUBSTEPS, build, build_loop
+from jaxsat.assembly.study import EngineName, build_study
 from jaxsat.checks import as_float
 from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
 from jaxsat.engine.native import CannotLower, NativeEngine, process_obstacle
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.changes import controller_of
-from jaxsat.scenario.build import DEFAULT_SUBSTEPS, build, build_loop
-from jaxsat.scenario.build_errors import BuildError, at_key
-from jaxsat.scenario.build_plant import orbit_rate
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.plugins import find_law
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario, flattened
-from jaxsat.scenario.study import EngineName, build_study
 from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
 from jaxsat.scenario.wording import shown
 from jaxsat.tuning import (
@@ -190,7 +190,7 @@ def _native(trials: Trials) -> Trials:
 def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
     """Coordinates and steps written out, so that the smooth law runs as the exact one does."""
     simulation, solver = scenario.simulation, scenario.simulation.solver
-    if find_law(scenario.control.law).sampled:
+    if find_law(scenario.control.law).declaration.sampled:
         return scenario
     error = uses_error_coordinates(flattened(scenario))
     if solver.step_s is None and solver.steps != "fixed":
@@ -207,7 +207,7 @@ def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
 def _refined(scenario: Scenario) -> Scenario:
     """The scenario in finer steps."""
     solver = scenario.simulation.solver
-    if find_law(scenario.control.law).sampled:
+    if find_law(scenario.control.law).declaration.sampled:
         changes: dict[str, Any] = {"substeps": 2 * (solver.substeps or DEFAULT_SUBSTEPS)}
     elif solver.step_s is not None:
         changes = {"step_s": solver.step_s / 2}

@@ -1,14 +1,10 @@
 """Whether a scenario whose keys are all right can be built, found out by building it."""
 
-from typing import Literal
-
-from jaxsat.scenario.build import build, build_uncontrolled
-from jaxsat.scenario.build_errors import BuildError
+from jaxsat.assembly.errors import BuildError
+from jaxsat.assembly.load import Purpose
+from jaxsat.assembly.run import build, build_uncontrolled
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.schema import Scenario
-
-Purpose = Literal["text", "motion", "run", "study"]
-"""What a scenario is loaded for; see `jaxsat.scenario.load`."""
 
 
 def what_cannot_be_built(scenario: Scenario, purpose: Purpose) -> list[Issue]:
@@ -16,7 +12,7 @@ def what_cannot_be_built(scenario: Scenario, purpose: Purpose) -> list[Issue]:
     try:
         if purpose == "motion":
             build_uncontrolled(scenario)
-        elif purpose != "text":
+        else:
             return _of_a_run(scenario, purpose == "study")
     except BuildError as error:
         return [error.issue]
@@ -27,11 +23,11 @@ def _of_a_run(scenario: Scenario, study: bool) -> list[Issue]:
     run = build(scenario)
     if scenario.dispersion is None:
         return []
-    from jaxsat.scenario.dispersion_trial import dispersion_issues  # whose imports take their time
+    from jaxsat.assembly.dispersion_trial import dispersion_issues  # whose imports take their time
 
     issues = dispersion_issues(scenario, run, all_fit=study)
     if study and scenario.tuning is not None and not issues:
-        from jaxsat.scenario.tuning import try_tuning
+        from jaxsat.assembly.tuning import try_tuning
 
         try_tuning(scenario)
     return issues

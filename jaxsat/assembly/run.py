@@ -11,6 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.assembly.controller import build_controller
+from jaxsat.assembly.errors import BuildError, at_key, made_of_numbers
+from jaxsat.assembly.law_trial import require_runs
+from jaxsat.assembly.plant import build_plant
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_array, as_float
 from jaxsat.control import (
@@ -21,17 +25,13 @@ from jaxsat.control import (
 )
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.noise import key_of_seed
-from jaxsat.scenario.build_control import build_controller
-from jaxsat.scenario.build_errors import BuildError, at_key, made_of_numbers
-from jaxsat.scenario.build_plant import build_plant
+from jaxsat.ranges import MOST_FIXED_STEPS
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.law_trial import require_runs
-from jaxsat.scenario.layout import working_thrusters
 from jaxsat.scenario.plugins import find_law, is_plugin
 from jaxsat.scenario.schema import Scenario, flattened
-from jaxsat.scenario.tables import MOST_SAMPLED_STEPS, MOST_STEPS, SolverTable
+from jaxsat.scenario.tables import MOST_SAMPLED_STEPS, SolverTable
 from jaxsat.simulation import (
     AbstractLoop,
     ContinuousLoop,
@@ -45,7 +45,7 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import SMALLEST_STEP
-from jaxsat.vehicle import Actuators, Sensors
+from jaxsat.vehicle import Actuators, Sensors, Thrusters
 
 SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
     "euler": diffrax.Euler,
@@ -144,7 +144,8 @@ def build_actuators(scenario: Scenario) -> Actuators:
 def _actuators(scenario: Scenario, torques: int) -> Actuators:
     """The thrusters left; any will do where no torque is commanded."""
     table = scenario.spacecraft
-    thrusters = working_thrusters(table.thruster_torque_axes, table.failed_thrusters)
+    axes = np.array(table.thruster_torque_axes, dtype=float).T
+    thrusters = Thrusters(axes).without(table.failed_thrusters)
     limit = math.inf if table.torque_limit_N_m is None else table.torque_limit_N_m
     if not torques:
         return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
@@ -184,7 +185,7 @@ def build_times(scenario: Scenario) -> Float[Array, " times"]:
     """Times to save at from zero to the end, s; on the samples of a sampled law."""
     table = scenario.simulation
     unit, count = table.save_every_s, round(table.duration_s / table.save_every_s)
-    if not find_law(scenario.control.law).sampled:
+    if not find_law(scenario.control.law).declaration.sampled:
         return as_array(np.arange(count + 1) * unit)
     period = cast(Any, scenario.control).period_s
     return as_array(np.arange(count + 1) * round(unit / period) * period)
@@ -218,7 +219,7 @@ def _method(table: SolverTable, loop: AbstractLoop) -> Method:
 
 
 def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -> None:
-    table, most = scenario.simulation, MOST_STEPS
+    table, most = scenario.simulation, MOST_FIXED_STEPS
     if isinstance(loop, SampledLoop):
         most = MOST_SAMPLED_STEPS
         step = cast(Any, scenario.control).period_s / loop.substeps

@@ -5,6 +5,7 @@ from typing import Any, Literal, cast
 import jax
 import numpy as np
 
+from jaxsat.assembly.run import SOLVERS, Run, build
 from jaxsat.checks import as_float, require_counts
 from jaxsat.engine import (
     AbstractEngine,
@@ -36,7 +37,6 @@ from jaxsat.montecarlo import (
     TruncatedNormal,
     Uniform,
 )
-from jaxsat.scenario.build import SOLVERS, Run, build
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable

@@ -1,0 +1,33 @@
+"""Loading scenarios that can be built for what they are loaded for."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+from jaxsat.scenario import Scenario, read
+from jaxsat.scenario.errors import Issue
+
+Purpose = Literal["text", "motion", "run", "study"]
+"""What a scenario is loaded for; see `load`."""
+
+
+def load(
+    name_or_path: str | Path, overrides: Iterable[str] = (), *, purpose: Purpose = "run"
+) -> Scenario:
+    """The scenario of that name in the library, or of that TOML file, with overrides.
+
+    It is read as by `jaxsat.scenario.read`, and can be built for the `purpose`: "run", for which
+    everything is looked at; "study", for which the dispersions must also be such as the loop has,
+    and the gains to tune; "motion", without the control law; "text", for which nothing is built.
+    Raises `ScenarioError` with every problem at once; warns with `ScenarioWarning` of what is
+    allowed but likely a mistake. JAX is imported once all keys are right.
+    """
+
+    def trial(scenario: Scenario) -> list[Issue]:
+        if purpose == "text":
+            return []
+        from jaxsat.assembly.trial import what_cannot_be_built
+
+        return what_cannot_be_built(scenario, purpose)
+
+    return read(name_or_path, overrides, law=purpose != "motion", trial=trial)

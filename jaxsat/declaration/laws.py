@@ -1,0 +1,67 @@
+"""The control laws that a scenario can name."""
+
+import pkgutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from jaxsat.declaration.law import LawDeclaration
+from jaxsat.declaration.rate import RATE
+from jaxsat.declaration.settling import OSCILLATORY, THREE_SLEW
+from jaxsat.declaration.switching import SWITCHING
+from jaxsat.declaration.three_axis import THREE_AXIS
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law by its name: what it declares, and where its class stands ("module:Class").
+
+    `maker` is the function that makes it of a checked table, the class's `from_table` unless given.
+    Neither is imported before it is used.
+    """
+
+    name: str
+    declaration: LawDeclaration
+    place: str
+    maker: str | None = None
+
+    @property
+    def controller(self) -> type:
+        """The class of the law."""
+        return pkgutil.resolve_name(self.place)
+
+    @property
+    def from_table(self) -> Callable[[Mapping[str, Any], Any], Any]:
+        """What makes the law of a checked table and a `LawContext`."""
+        if self.maker is None:
+            return self.controller.from_table
+        return pkgutil.resolve_name(self.maker)
+
+
+COAST = LawDeclaration(summary="no control", torques=0, has_model=False)
+
+LAWS: Mapping[str, Law] = MappingProxyType(
+    {
+        law.name: law
+        for law in (
+            Law("coast", COAST, "jaxsat.control.controller:Coast"),
+            Law("rate", RATE, "jaxsat.control.rate:RateLaw"),
+            Law("three-axis", THREE_AXIS, "jaxsat.control.three_axis:ThreeAxisLaw"),
+            Law("switching", SWITCHING, "jaxsat.control.switching:SwitchingLaw"),
+            Law(
+                "oscillatory",
+                OSCILLATORY,
+                "jaxsat.control.fine:OscillatorySettling",
+                "jaxsat.control.settling_laws:build_oscillatory",
+            ),
+            Law(
+                "three-slew",
+                THREE_SLEW,
+                "jaxsat.control.supervisor:ThreeSlewSettling",
+                "jaxsat.control.settling_laws:build_three_slew",
+            ),
+        )
+    }
+)
+"""Those that come with jaxsat."""

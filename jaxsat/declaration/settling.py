@@ -1,0 +1,103 @@
+"""What the laws that settle declare, and what their gains are tuned for."""
+
+import math
+from collections.abc import Sequence
+
+from jaxsat.declaration.keys import number, switch
+from jaxsat.declaration.law import LawDeclaration
+from jaxsat.ranges import SECONDS
+
+TUNED_MOMENTS = (449.5, 264.6, 312.5)
+"""Principal moments (kg m²) for which the gains are tuned."""
+
+TUNED_PERIOD = 0.1
+"""Control period (s) for which the gains are tuned."""
+
+TUNED_LIMITS = (1.0, 5.0, 20.0)
+"""Torque limits (N m) for which the gains are tuned."""
+
+
+def equivalent_limit(moments: Sequence[float], torque_limit: float) -> float:
+    """The limit (N m) that turns the body of the tuned gains as fast as `torque_limit` this one.
+
+    By the mean of J1 and J2 (kg m²), the geometric one.
+    """
+    tuned = math.sqrt(TUNED_MOMENTS[0] * TUNED_MOMENTS[1])
+    return float(torque_limit) * (tuned / math.sqrt(float(moments[0]) * float(moments[1])))
+
+
+def tuned_limits(moments: Sequence[float]) -> tuple[float, ...]:
+    """The torque limits (N m) that the gains are tuned for, for a body of these moments (kg m²)."""
+    scale = equivalent_limit(moments, 1.0)
+    return tuple(one / scale for one in TUNED_LIMITS)
+
+
+_COMMON_KEYS = (
+    switch(
+        "observe_ripple", "Whether the ripple of d3 is observed and left out of the feedback", True
+    ),
+    number(
+        "ripple_frequency_rad_s",
+        "Frequency of d3 that the controller believes; left out, that of the disturbance",
+        "rad/s",
+        above=0,
+        default=None,
+    ),
+    number(
+        "ripple_amplitude_N_m",
+        "Amplitude of d3 that the controller expects; left out, that of the disturbance",
+        "N m",
+        at_least=0,
+        default=None,
+    ),
+    switch(
+        "estimate_axes", "Whether leaning thruster axes and the inertia ratio are estimated", True
+    ),
+    number(
+        "period_s",
+        "Time between two runs of the controller; the gains are tuned for 0.1",
+        "s",
+        at_least=SECONDS.low,
+        at_most=SECONDS.high,
+        default=TUNED_PERIOD,
+    ),
+)
+
+
+def _gain(name: str, meaning: str, unit: str, place: str):
+    place = f"fine.oscillator.{place}"
+    return number(name, meaning, unit, above=0, default=None, tunable=place)
+
+
+OSCILLATORY = LawDeclaration(
+    summary="oscillate about the driven axes until all is small, then regulate.\n\n"
+    "Gains that are left out are those tuned for torque limits of 1, 5 and 20 N m, interpolated in "
+    "between",
+    keys=(
+        _gain("frequency_rad_s", "Frequency ν of the oscillation", "rad/s", "frequency"),
+        _gain("tilt_gain", "Gain k on the tilt", "1/s", "tilt_gain"),
+        _gain("rate_gain", "Gain kω on the rate errors", "1/s", "rate_gain"),
+        _gain(
+            "largest_amplitude_rad_s",
+            "Largest amplitude ρm of the oscillation",
+            "rad/s",
+            "largest_amplitude",
+        ),
+        _gain("ratio", "How the oscillation is shared out, r", "1", "ratio"),
+        _gain("k3", "Gain of the slow motion about the third axis", "1/s", "demand.k3"),
+        _gain("damping", "Damping ratio ζ of that motion", "1", "demand.damping"),
+        *_COMMON_KEYS,
+    ),
+    needs_torque_limit=True,
+    needs_unequal_moments=True,
+    tuned_limits=tuned_limits,
+)
+
+THREE_SLEW = LawDeclaration(
+    summary="stop, three slews about the driven axes, oscillate, regulate.\n\n"
+    "The gains are tuned for torque limits of 1, 5 and 20 N m and interpolated in between",
+    keys=_COMMON_KEYS,
+    needs_torque_limit=True,
+    needs_unequal_moments=True,
+    tuned_limits=tuned_limits,
+)
