@@ -6,13 +6,13 @@ import sys
 PROGRAM = """
 import sys
 from jaxsat.assembly.load import load
-from jaxsat.scenario import dump, json_schema, library
+from jaxsat.scenario import ScenarioError, dump, json_schema, library
 for name in library():
     dump(load(name, purpose="text"))
 json_schema()
 try:
     load("rate-limited", ["control.k1=-1", "control.law_=x"])
-except ValueError as error:
+except ScenarioError as error:
     print(len(error.problems))
 print(sorted({"jax", "diffrax", "equinox", "optax", "scipy"} & set(sys.modules)))
 """
