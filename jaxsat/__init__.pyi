@@ -43,8 +43,11 @@ from jaxsat.controllability import (
     failure_table as failure_table,
 )
 from jaxsat.declaration import (
+    ActuatorContext as ActuatorContext,
+    DisturbanceContext as DisturbanceContext,
     LawContext as LawContext,
     LawDeclaration as LawDeclaration,
+    PartDeclaration as PartDeclaration,
 )
 from jaxsat.dynamics import (
     PlantState as PlantState,
@@ -109,6 +112,8 @@ from jaxsat.tuning import (
     make_verdict as make_verdict,
 )
 from jaxsat.vehicle import (
+    AbstractActuators as AbstractActuators,
+    AbstractSmoothActuators as AbstractSmoothActuators,
     Actuators as Actuators,
     Spacecraft as Spacecraft,
     Thrusters as Thrusters,

@@ -5,8 +5,8 @@ from typing import Any, cast
 import numpy as np
 
 from jaxsat.assembly.errors import BuildError
-from jaxsat.assembly.law_trial import broken
 from jaxsat.assembly.plant import orbit_of, orbit_rate, periodic_torque
+from jaxsat.assembly.plugin_trial import broken
 from jaxsat.checks import as_float
 from jaxsat.control import (
     AbstractController,
@@ -21,7 +21,7 @@ from jaxsat.environment import (
 )
 from jaxsat.scenario.control_tables import ModelTable
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.plugins import find_law, is_plugin
+from jaxsat.scenario.laws import find_law, is_plugin
 from jaxsat.scenario.schema import Scenario
 from jaxsat.vehicle import Spacecraft
 

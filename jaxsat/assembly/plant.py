@@ -1,24 +1,28 @@
 """From a scenario to the plant."""
 
+import pkgutil
 from typing import cast
 
 import numpy as np
 
+from jaxsat.assembly.plugin_trial import made_part, require_torque
+from jaxsat.attitude import Quaternion
 from jaxsat.checks import as_float
+from jaxsat.declaration import DisturbanceContext
+from jaxsat.declaration.disturbances import DISTURBANCES
 from jaxsat.dynamics import RigidBody
 from jaxsat.environment import (
     AbstractDisturbance,
     AbstractOrbit,
-    ConstantTorque,
     ExactOrbit,
-    GravityGradient,
     PeriodicTorque,
     SmallAngleOrbit,
     SumOfDisturbances,
     circular_orbit_rate,
 )
+from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
+from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.tables import DisturbanceTable
 from jaxsat.vehicle import Spacecraft
 
 
@@ -28,7 +32,8 @@ def build_plant(scenario: Scenario) -> RigidBody:
     spacecraft = Spacecraft(as_float(table.inertia_kg_m2))
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     held = table.third_rate == "held"
-    return RigidBody(spacecraft, orbit, _disturbance(scenario), held)
+    disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
+    return RigidBody(spacecraft, orbit, disturbance, held)
 
 
 def orbit_rate(scenario: Scenario) -> float:
@@ -51,11 +56,25 @@ def periodic_torque(
     )
 
 
-def _disturbance(scenario: Scenario) -> AbstractDisturbance:
+def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
+    """All torques that are asked for; that of (2) is always there."""
     table = scenario.disturbance
-    terms: list[AbstractDisturbance] = [periodic_torque(table.amplitude_N_m, table)]
-    if any(table.constant_N_m):
-        terms.append(ConstantTorque(as_float(table.constant_N_m)))
-    if table.gravity_gradient:
-        terms.append(GravityGradient(as_float(orbit_rate(scenario))))
+    context = DisturbanceContext(inertia, orbit_rate(scenario))
+    terms: list[AbstractDisturbance] = []
+    for place, declaration in DISTURBANCES.items():
+        values = {key.name: getattr(table, key.name) for key in declaration.keys}
+        made = pkgutil.resolve_name(place).from_table(values, context)
+        terms += [] if made is None else [made]
+    terms += [_other(name, other, context) for name, other in table.torques.items()]
     return terms[0] if len(terms) == 1 else SumOfDisturbances(tuple(terms))
+
+
+def _other(name: str, table: PartTable, context: DisturbanceContext) -> AbstractDisturbance:
+    """A disturbance that does not come with jaxsat."""
+    part = find_part(DISTURBANCE, table.kind)
+    location = ("disturbance", "torques", name, "kind")
+    values = {key.name: getattr(table, key.name) for key in part.declaration.keys}
+    made = made_part(part, location, values, context)
+    attitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))
+    require_torque(part, location, made, as_float(0.0), attitude, as_float(context.inertia))
+    return made

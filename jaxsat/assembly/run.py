@@ -13,8 +13,8 @@ from jaxtyping import Array, Float
 
 from jaxsat.assembly.controller import build_controller
 from jaxsat.assembly.errors import BuildError, at_key, made_of_numbers
-from jaxsat.assembly.law_trial import require_runs
 from jaxsat.assembly.plant import build_plant
+from jaxsat.assembly.plugin_trial import made_part, require_runs, require_torque
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_array, as_float
 from jaxsat.control import (
@@ -23,13 +23,15 @@ from jaxsat.control import (
     AbstractSampledController,
     Coast,
 )
+from jaxsat.declaration import ActuatorContext
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.noise import key_of_seed
 from jaxsat.ranges import MOST_FIXED_STEPS
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.plugins import find_law, is_plugin
+from jaxsat.scenario.laws import find_law, is_plugin
+from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MOST_SAMPLED_STEPS, SolverTable
 from jaxsat.simulation import (
@@ -45,7 +47,7 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import SMALLEST_STEP
-from jaxsat.vehicle import Actuators, Sensors, Thrusters
+from jaxsat.vehicle import AbstractActuators, Actuators, Sensors, Thrusters
 
 SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
     "euler": diffrax.Euler,
@@ -103,7 +105,7 @@ def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
     Raises `BuildError` as `build` does.
     """
     with at_key("spacecraft"):
-        loop = ContinuousLoop(build_plant(scenario), Coast(), _actuators(scenario, torques=0))
+        loop = ContinuousLoop(build_plant(scenario), Coast(), _thrusters(scenario, torques=0))
     simulation = scenario.simulation.model_copy(update={"attitude": "quaternion"})
     with at_key("initial"):
         start = build_start(scenario.model_copy(update={"simulation": simulation}))
@@ -136,12 +138,23 @@ def _closed(
     return ContinuousLoop(plant, controller, build_actuators(scenario))
 
 
-def build_actuators(scenario: Scenario) -> Actuators:
-    """The thrusters left, and how they share the torque that the law commands."""
-    return _actuators(scenario, find_law(scenario.control.law).declaration.torques)
+def build_actuators(scenario: Scenario) -> AbstractActuators:
+    """The thrusters left, and how they share the torque that the law commands.
+
+    Or what the scenario has in place of thrusters that make that torque exactly.
+    """
+    torques = find_law(scenario.control.law).declaration.torques
+    ideal, table = _thrusters(scenario, torques), scenario.actuators
+    if table is None:
+        return ideal
+    part, location = find_part(ACTUATORS, table.kind), ("actuators", "kind")
+    values = {key.name: getattr(table, key.name) for key in part.declaration.keys}
+    made = made_part(part, location, values, ActuatorContext(ideal, torques))
+    require_torque(part, location, made, jnp.zeros(torques or 2))
+    return made
 
 
-def _actuators(scenario: Scenario, torques: int) -> Actuators:
+def _thrusters(scenario: Scenario, torques: int) -> Actuators:
     """The thrusters left; any will do where no torque is commanded."""
     table = scenario.spacecraft
     axes = np.array(table.thruster_torque_axes, dtype=float).T

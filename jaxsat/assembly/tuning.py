@@ -19,7 +19,7 @@ from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.changes import controller_of
 from jaxsat.scenario.coordinates import uses_error_coordinates
-from jaxsat.scenario.plugins import find_law
+from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable

@@ -17,6 +17,7 @@ from jaxsat.environment import (
     SumOfDisturbances,
 )
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
+from jaxsat.vehicle import Actuators
 
 Vector = Float[np.ndarray, "3"]
 
@@ -73,6 +74,10 @@ def manoeuvre_of(loop: AbstractLoop, start: PlantState) -> Manoeuvre:
     plant = loop.plant
     if not isinstance(loop, ContinuousLoop | SampledLoop):
         raise ValueError("Bounds need thrusters with a limit, but the loop has ideal ones.")
+    thrusters = loop.actuators
+    if not isinstance(thrusters, Actuators):
+        name = type(thrusters).__name__
+        raise ValueError(f"Bounds need thrusters that make their torque exactly, but got {name}.")
     periodic, constant, gradients = _torques(plant.disturbance)
     zero = np.zeros(3)
 
@@ -81,8 +86,8 @@ def manoeuvre_of(loop: AbstractLoop, start: PlantState) -> Manoeuvre:
 
     return Manoeuvre(
         inertia=np.asarray(plant.spacecraft.inertia, float),
-        torque_axes=np.asarray(loop.actuators.torque_axes, float),
-        limit=float(loop.actuators.limit),
+        torque_axes=np.asarray(thrusters.torque_axes, float),
+        limit=float(thrusters.limit),
         orbit_rate=float(plant.orbit.rate),
         quaternion=np.asarray(start.attitude.as_quaternion().q, float),
         omega=np.asarray(start.omega, float),

@@ -78,6 +78,11 @@ def bound(
             "spacecraft.torque_limit_N_m: must be given in N m, as thrusters without a limit need "
             "no time, got nothing; give it with --set"
         )
+    if chosen.actuators is not None:
+        raise UserMistake(
+            "actuators: must be left out for a bound, which knows thrusters that make their torque "
+            f"exactly, got {chosen.actuators.kind}"
+        )
     use_double_precision()
     from jaxsat.assembly.run import build_uncontrolled
     from jaxsat.bounds import Objective, manoeuvre_of

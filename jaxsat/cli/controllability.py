@@ -68,6 +68,9 @@ def controllability(
 
     torque = chosen.spacecraft.torque_limit_N_m or 1.0
     lines = controllability_lines(analysis, torque=torque)
+    if chosen.disturbance.torques:
+        names = ", ".join(chosen.disturbance.torques)
+        lines.append(f"Disturbances that are left out of it: {names}.")
     tell("following the drift")
     found = interruptibly(lambda: _follow_drift(chosen)) if drift else ([], {})
     if out is not None:

@@ -59,7 +59,7 @@ def settling_text(dataset: "xr.Dataset", law: str) -> str:
 
     from jaxsat.metrics import Tolerances
     from jaxsat.results import time_at_rest, time_to_settle
-    from jaxsat.scenario.plugins import find_law
+    from jaxsat.scenario.laws import find_law
 
     limits = Tolerances()
     if not find_law(law).declaration.regulates_attitude:

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from jaxsat.assembly.load import load
 from jaxsat.scenario import Problem, Scenario, ScenarioError, ScenarioWarning
 from jaxsat.scenario.errors import key_of
-from jaxsat.scenario.plugins import is_plugin
+from jaxsat.scenario.laws import is_plugin
 from jaxsat.search_path import add_folders
 
 LEVELS = ("nominal", "mc", "hard")

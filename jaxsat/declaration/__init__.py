@@ -13,15 +13,19 @@ from jaxsat.declaration.keys import (
     switch,
 )
 from jaxsat.declaration.law import LawContext, LawDeclaration, UnsuitableModel
+from jaxsat.declaration.part import ActuatorContext, DisturbanceContext, PartDeclaration
 
 __all__ = [
     "LARGEST",
+    "ActuatorContext",
     "Choice",
+    "DisturbanceContext",
     "Finding",
     "Key",
     "LawContext",
     "LawDeclaration",
     "Numeric",
+    "PartDeclaration",
     "Rule",
     "Switch",
     "UnsuitableModel",

@@ -1,6 +1,8 @@
 """Torques on the body that no thruster makes, in body axes, N m."""
 
 import abc
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,13 +10,20 @@ from jaxtyping import Array, Float
 
 from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, require_finite
+from jaxsat.declaration import DisturbanceContext, PartDeclaration
+from jaxsat.declaration.disturbances import CONSTANT, GRAVITY_GRADIENT, PERIODIC
 from jaxsat.trigonometry import sin
 
 RealScalar = Float[Array, ""]
 
 
 class AbstractDisturbance(eqx.Module):
-    """A disturbance torque T_d in body axes."""
+    """A disturbance torque T_d in body axes.
+
+    One that a scenario can name also has a `declaration`, a `PartDeclaration`, and a class method
+    `from_table(values, context)`: `values` has every declared key, `context` is a
+    `DisturbanceContext`. An array that it holds is a number that may change without compiling anew.
+    """
 
     @abc.abstractmethod
     def __call__(
@@ -41,6 +50,8 @@ class PeriodicTorque(AbstractDisturbance):
     phase and prints Ω3 where it means Ω2 in d2.
     """
 
+    declaration: ClassVar[PartDeclaration] = PERIODIC
+
     amplitude: Float[Array, "3"] = eqx.field(converter=as_float)
     frequency: Float[Array, "3"] = eqx.field(converter=as_float)
     phase: Float[Array, "3"] = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
@@ -48,6 +59,12 @@ class PeriodicTorque(AbstractDisturbance):
     def __check_init__(self):
         for name in ("amplitude", "frequency", "phase"):
             require_finite(name, getattr(self, name))
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], context: DisturbanceContext) -> "PeriodicTorque":
+        """The torque of a table of a scenario, of zeros where it has none."""
+        del context
+        return cls(values["amplitude_N_m"], values["frequency_rad_s"], values["phase_rad"])
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
@@ -64,10 +81,20 @@ class PeriodicTorque(AbstractDisturbance):
 class ConstantTorque(AbstractDisturbance):
     """A torque fixed in body axes (shape (3,), N m), such as that of a leaking valve."""
 
+    declaration: ClassVar[PartDeclaration] = CONSTANT
+
     torque: Float[Array, "3"] = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_finite("torque", self.torque)
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "ConstantTorque | None":
+        """The torque of a table of a scenario; None where it is zero."""
+        del context
+        return cls(values["constant_N_m"]) if any(values["constant_N_m"]) else None
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
@@ -83,10 +110,19 @@ class GravityGradient(AbstractDisturbance):
     `orbit_rate` is ω0 in rad/s. Hughes, Spacecraft Attitude Dynamics, 1986, section 8.1.
     """
 
+    declaration: ClassVar[PartDeclaration] = GRAVITY_GRADIENT
+
     orbit_rate: Float[Array, ""] = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_finite("orbit_rate", self.orbit_rate)
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "GravityGradient | None":
+        """The torque of a table of a scenario; None where it does not act."""
+        return cls(context.orbit_rate) if values["gravity_gradient"] else None
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]

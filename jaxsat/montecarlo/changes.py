@@ -18,7 +18,7 @@ from jaxsat.environment import (
     SumOfDisturbances,
 )
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.vehicle import Spacecraft
+from jaxsat.vehicle import Actuators, Spacecraft
 from jaxsat.vehicle.sensors import turned_slightly
 
 
@@ -92,16 +92,30 @@ def set_products(setting: Setting, share: Values) -> Setting:
 
 def set_misalignment(setting: Setting, angles: Values) -> Setting:
     """Torque axes turned; the thrust map stays the nominal one."""
-    actuators = with_thrusters(setting.loop).actuators
-    count = actuators.torque_axes.shape[1]
-    turned = actuators.misaligned(angles.reshape(count, 2), jnp.zeros(count, angles.dtype))
-    return _in_loop(setting, lambda loop: loop.actuators, turned)
+
+    def turned(thrusters: Actuators) -> Actuators:
+        count = thrusters.torque_axes.shape[1]
+        return thrusters.misaligned(angles.reshape(count, 2), jnp.zeros(count, angles.dtype))
+
+    return _with_thrusters_changed(setting, turned)
 
 
 def set_torque_gain(setting: Setting, change: Values) -> Setting:
     """Torque axes lengthened by relative changes."""
-    axes = with_thrusters(setting.loop).actuators.torque_axes * (1 + change)[None, :]
-    return _in_loop(setting, lambda loop: loop.actuators.torque_axes, axes)
+
+    def stronger(thrusters: Actuators) -> Actuators:
+        axes = thrusters.torque_axes * (1 + change)[None, :]
+        return eqx.tree_at(lambda one: one.torque_axes, thrusters, axes)
+
+    return _with_thrusters_changed(setting, stronger)
+
+
+def _with_thrusters_changed(setting: Setting, change: Callable[[Actuators], Actuators]) -> Setting:
+    def changed(part):
+        return change(part) if isinstance(part, Actuators) else part
+
+    actuators = _map(changed, Actuators, with_thrusters(setting.loop).actuators)
+    return _in_loop(setting, lambda loop: loop.actuators, actuators)
 
 
 def set_periodic(field: str, new: Callable[[Array, Values], Array]):

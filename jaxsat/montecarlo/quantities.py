@@ -11,7 +11,7 @@ from jaxsat.montecarlo import changes, limits
 from jaxsat.montecarlo.changes import Setting, Values, controller_of, parts_of, with_thrusters
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.vehicle import Sensors, Spacecraft
+from jaxsat.vehicle import Actuators, Sensors, Spacecraft
 
 
 class Quantity(NamedTuple):
@@ -74,8 +74,19 @@ def _fixed(size: int) -> Callable[[AbstractLoop], int]:
     return lambda loop: size
 
 
+def _needs_thrusters(loop: AbstractLoop) -> str | None:
+    obstacle = _needs_torque_level(loop)
+    if obstacle is None and len(parts_of(Actuators, with_thrusters(loop).actuators)) != 1:
+        return "the actuators are no thrusters"
+    return obstacle
+
+
 def _thrusters(each: int) -> Callable[[AbstractLoop], int]:
-    return lambda loop: each * with_thrusters(loop).actuators.torque_axes.shape[1]
+    def size(loop: AbstractLoop) -> int:
+        (thrusters,) = parts_of(Actuators, with_thrusters(loop).actuators)
+        return each * thrusters.torque_axes.shape[1]
+
+    return size
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -100,7 +111,7 @@ QUANTITIES: dict[str, Quantity] = {
         "turn of each torque axis towards two directions across it",
         _thrusters(2),
         changes.set_misalignment,
-        _needs_torque_level,
+        _needs_thrusters,
         limits.between(ranges.MISALIGNMENT),
     ),
     "torque_gain": Quantity(
@@ -108,7 +119,7 @@ QUANTITIES: dict[str, Quantity] = {
         "relative change of each thruster's torque",
         _thrusters(1),
         changes.set_torque_gain,
-        _needs_torque_level,
+        _needs_thrusters,
         limits.between(ranges.CHANGE_OF_TORQUE),
     ),
     "disturbance_amplitude": Quantity(

@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.plugins import find_law
+from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
 

@@ -15,8 +15,8 @@ from jaxsat.scenario.coordinates import (
     uses_error_coordinates,
 )
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import working_axes
-from jaxsat.scenario.plugins import find_law
 from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.wording import shown
 

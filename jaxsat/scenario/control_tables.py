@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field, SerializeAsAny, WrapValidator, create_mo
 from jaxsat.declaration.laws import LAWS, Law
 from jaxsat.ranges import ORBIT_RATE
 from jaxsat.scenario.declared import fields_of
-from jaxsat.scenario.plugins import find_law, is_plugin
+from jaxsat.scenario.laws import find_law, is_plugin
 from jaxsat.scenario.quantities import Inertia, Number, Switches3, Table, choice, quantity, within
 from jaxsat.scenario.tables import Relation
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from jaxsat.ranges import STATE_LIMIT
+from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import command_map
-from jaxsat.scenario.plugins import find_law
 
 Values = Mapping[str, Any]
 """Scenario values by dotted key."""

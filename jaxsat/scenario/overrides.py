@@ -8,8 +8,8 @@ from typing import Any
 from jaxsat.declaration.laws import LAWS
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Problem
+from jaxsat.scenario.laws import known_law
 from jaxsat.scenario.limits import LONGEST_OVERRIDE, Excess, require_modest
-from jaxsat.scenario.plugins import known_law
 from jaxsat.scenario.wording import shown
 
 ALTERNATIVES: tuple[tuple[frozenset[str], frozenset[str]], ...] = (

@@ -1,80 +1,149 @@
-"""Control laws that do not come with jaxsat: installed packages and a user's own modules.
+"""Parts that do not come with jaxsat: of installed packages and a user's own modules.
 
-A scenario names them by the name of an entry point of the group `jaxsat.laws`, or as
-"module:Class". Modules are looked for in the folder of the scenario file and the current folder
-too, but only where a scenario asks for a module.
+A scenario names them by the name of an entry point, or as "module:Class". Modules are looked for in
+the folder of the scenario file and the current folder too, but only where a scenario asks for one.
 """
 
 import functools
 import importlib
 import importlib.util
 import inspect
+import pkgutil
 import re
 import traceback
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from jaxsat.declaration import LawDeclaration
-from jaxsat.declaration.laws import LAWS, Law
+from jaxsat.declaration import LawDeclaration, PartDeclaration
 from jaxsat.errors import JaxsatError
 
-GROUP = "jaxsat.laws"
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
 
+@dataclass(frozen=True)
+class PluginKind:
+    """A kind of part: its name in messages, group of entry points, base classes and declaration.
+
+    `key` is the key of a table that names the part.
+    """
+
+    what: str
+    group: str
+    bases: tuple[str, ...]
+    declaration: type
+    key: str = "kind"
+
+    def resolved(self) -> tuple[type, ...]:
+        """The base classes, which import JAX."""
+        return tuple(pkgutil.resolve_name(base) for base in self.bases)
+
+
+LAW = PluginKind(
+    "a law",
+    "jaxsat.laws",
+    ("jaxsat.control:AbstractController", "jaxsat.control:AbstractSampledController"),
+    LawDeclaration,
+    "law",
+)
+DISTURBANCE = PluginKind(
+    "a disturbance",
+    "jaxsat.disturbances",
+    ("jaxsat.environment:AbstractDisturbance",),
+    PartDeclaration,
+)
+ACTUATORS = PluginKind(
+    "actuators", "jaxsat.actuators", ("jaxsat.vehicle:AbstractActuators",), PartDeclaration
+)
+
+
 class PluginError(JaxsatError, ValueError):
-    """A law that does not come with jaxsat cannot be used; the text is "must …, got …"."""
+    """A part that does not come with jaxsat cannot be used; the text is "must …, got …".
+
+    `key` is the key that names it.
+    """
+
+    key: str
+
+    def __init__(self, kind: PluginKind, message: str):
+        super().__init__(message)
+        self.key = kind.key
 
 
 @functools.cache
-def installed() -> Mapping[str, Any]:
-    """Laws of installed packages by name, not imported yet; none by a name of jaxsat's own.
+def installed(kind: PluginKind) -> Mapping[str, Any]:
+    """Parts of installed packages by name, not imported yet.
 
     They are entry points of `importlib.metadata` or of the backport that other packages bring.
     """
-    return {entry.name: entry for entry in entry_points(group=GROUP) if entry.name not in LAWS}
+    return {entry.name: entry for entry in entry_points(group=kind.group)}
 
 
-def law_names() -> tuple[str, ...]:
-    """The laws that have a name of their own."""
-    return (*LAWS, *sorted(installed()))
+@dataclass(frozen=True)
+class Part:
+    """A disturbance or actuators by the name in a scenario, and where the class is."""
+
+    name: str
+    kind: PluginKind
+    declaration: PartDeclaration
+    place: str
+
+    @property
+    def made(self) -> Any:
+        """The class."""
+        return pkgutil.resolve_name(self.place)
 
 
-def is_plugin(name: str) -> bool:
-    """Whether this is the name of a law that does not come with jaxsat."""
-    return name not in LAWS and (":" in name or name in installed())
+def find_part(kind: PluginKind, name: str) -> Part:
+    """The disturbance or actuators that a scenario names; raises `PluginError` for others."""
+    made, place = find_class(kind, name)
+    part = Part(name, kind, made.declaration, place)
+    require_constants(kind, part)
+    return part
 
 
-def find_law(name: str) -> Law:
-    """The law that a scenario names.
-
-    Raises `PluginError` for one that does not come with jaxsat and cannot be used, and `KeyError`
-    for a name that there is not.
-    """
-    if name in LAWS:
-        return LAWS[name]
-    if ":" not in name:
-        entry = installed()[name]
-        return _checked(name, _imported(name, entry.module), entry.attr)
-    if not _MODULE_AND_CLASS.fullmatch(name):
-        raise PluginError('must have the form "module:Class", got one that has not')
-    module, attribute = name.split(":")
-    return _checked(name, _imported(name, module), attribute)
-
-
-def known_law(name: Any) -> Law | None:
-    """The law of that name; None where there is none that can be used."""
+def known_part(kind: PluginKind, name: Any) -> Part | None:
+    """The part of that name; None where there is none that can be used."""
     try:
-        return find_law(name) if isinstance(name, str) else None
-    except (KeyError, PluginError):
+        return find_part(kind, name) if isinstance(name, str) else None
+    except PluginError:
         return None
 
 
-def require_not_hidden(name: str, folders: Iterable[Path]) -> None:
-    """Raise `PluginError` where a folder has the module of a law and another one hides it."""
+def find_class(kind: PluginKind, name: str) -> tuple[Any, str]:
+    """The class of that name and its place, once it is one that a scenario can use.
+
+    Raises `PluginError`.
+    """
+    if ":" in name:
+        if not _MODULE_AND_CLASS.fullmatch(name):
+            raise PluginError(kind, 'must have the form "module:Class", got one that has not')
+        place = name
+    elif name in installed(kind):
+        entry = installed(kind)[name]
+        place = f"{entry.module}:{entry.attr}"
+    else:
+        known = [f'"{one}"' for one in sorted(installed(kind))]
+        allowed = f"be one of {', '.join(known)} or " if known else ""
+        raise PluginError(kind, f'must {allowed}have the form "module:Class", got {name}')
+    module, attribute = place.split(":")
+    return _checked(kind, name, _imported(kind, name, module), attribute), place
+
+
+def require_constants(kind: PluginKind, part: Any) -> None:
+    """Raise `PluginError` for a declaration that cannot be hashed: tables are made once of it."""
+    try:
+        hash(part)
+    except TypeError as error:
+        message = f"must name {kind.what} that declares constants, got {part.name}: {error}"
+        raise PluginError(kind, message) from None
+
+
+def require_not_hidden(kind: PluginKind, name: str, folders: Iterable[Path]) -> None:
+    """Raise `PluginError` where a folder has the module of a part and another one hides it."""
     package = name.partition(":")[0].partition(".")[0]
     file = next((path for folder in folders for path in _files(folder, package)), None)
     try:
@@ -85,8 +154,9 @@ def require_not_hidden(name: str, folders: Iterable[Path]) -> None:
         return
     if Path(spec.origin).resolve() != file.resolve():
         raise PluginError(
+            kind,
             f"must name a module that no other hides, got {package}, which is {file} and is "
-            f"hidden by {spec.origin}"
+            f"hidden by {spec.origin}",
         )
 
 
@@ -101,69 +171,50 @@ def _files(folder: Path, package: str) -> list[Path]:
     return [path for path in candidates if path.is_file()]
 
 
-def _imported(name: str, module: str) -> ModuleType:
+def _imported(kind: PluginKind, name: str, module: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
         if error.name and f"{module}.".startswith(f"{error.name}."):
             raise PluginError(
+                kind,
                 f"must name a module that can be found, got {name}: there is no module {error.name}"
-                " beside the scenario, in the current folder or among the installed packages"
+                " beside the scenario, in the current folder or among the installed packages",
             ) from None
-        raise _of_their_code(name, module, error) from error
+        raise _of_their_code(kind, name, module, error) from error
     except Exception as error:
-        raise _of_their_code(name, module, error) from error
+        raise _of_their_code(kind, name, module, error) from error
 
 
-def _of_their_code(name: str, module: str, error: Exception) -> PluginError:
+def _of_their_code(kind: PluginKind, name: str, module: str, error: Exception) -> PluginError:
     spec = importlib.util.find_spec(module.partition(".")[0])
     reason = f"{type(error).__name__}: {error}{place_in(spec and spec.origin, error)}"
-    return PluginError(f"must name a module that can be imported, got {name}: {reason}")
+    return PluginError(kind, f"must name a module that can be imported, got {name}: {reason}")
 
 
-def _checked(name: str, module: ModuleType, attribute: str) -> Law:
-    """The law of a class, once it is one that a scenario can use."""
-    from jaxsat.control import (
-        AbstractBacksteppingLaw,
-        AbstractController,
-        AbstractSampledController,
-    )
-
-    controller = getattr(module, attribute, None)
-    if not inspect.isclass(controller):
-        raise PluginError(f"must name a class of {module.__name__}, got {name}, which is none")
-    bases = (AbstractController, AbstractSampledController)
-    if not issubclass(controller, bases):
+def _checked(kind: PluginKind, name: str, module: ModuleType, attribute: str) -> Any:
+    """A class that has all that its kind needs."""
+    found = getattr(module, attribute, None)
+    if not inspect.isclass(found):
+        raise PluginError(
+            kind, f"must name a class of {module.__name__}, got {name}, which is none"
+        )
+    bases = kind.resolved()
+    if not issubclass(found, bases):
         allowed = " or ".join(base.__name__ for base in bases)
-        raise PluginError(f"must name a law, a subclass of {allowed}, got {name}, which is none")
-    lacking = sorted(getattr(controller, "__abstractmethods__", ()))
+        message = f"must name {kind.what}, a subclass of {allowed}, got {name}, which is none"
+        raise PluginError(kind, message)
+    lacking = sorted(getattr(found, "__abstractmethods__", ()))
     if lacking:
-        raise PluginError(f"must name a law that has {', '.join(lacking)}, got {name} without")
-    declaration = getattr(controller, "declaration", None)
-    if not isinstance(declaration, LawDeclaration):
+        message = f"must name {kind.what} that has {', '.join(lacking)}, got {name} without"
+        raise PluginError(kind, message)
+    if not isinstance(getattr(found, "declaration", None), kind.declaration):
         raise PluginError(
-            f"must name a law with a `declaration` that is a LawDeclaration, got {name} without"
+            kind,
+            f"must name {kind.what} with a `declaration` that is a {kind.declaration.__name__}, "
+            f"got {name} without",
         )
-    if not callable(getattr(controller, "from_table", None)):
-        raise PluginError(f"must name a law with a class method `from_table`, got {name} without")
-    sampled = issubclass(controller, AbstractSampledController)
-    if sampled and not declaration.sampled:
-        raise PluginError(
-            f"must name a sampled law that declares the key period_s, got {name} without"
-        )
-    if declaration.sampled and not sampled:
-        raise PluginError(
-            "must name a law that declares the key period_s only if it is a subclass of "
-            f"AbstractSampledController, got {name} with it"
-        )
-    if declaration.tracks_rates and not issubclass(controller, AbstractBacksteppingLaw):
-        raise PluginError(
-            "must name a law that declares tracks_rates only if it is a subclass of "
-            f"AbstractBacksteppingLaw, got {name} with it"
-        )
-    law = Law(name, declaration, f"{module.__name__}:{attribute}")
-    try:
-        hash(law)  # its table is made once
-    except TypeError as error:
-        raise PluginError(f"must name a law that declares constants, got {name}: {error}") from None
-    return law
+    if not callable(getattr(found, "from_table", None)):
+        message = f"must name {kind.what} with a class method `from_table`, got {name} without"
+        raise PluginError(kind, message)
+    return found

@@ -1,9 +1,10 @@
 """Reading scenarios: from the library or a file, with overrides, every mistake with its place."""
 
+import functools
 import re
 import tomllib
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -24,7 +25,14 @@ from jaxsat.scenario.errors import (
 from jaxsat.scenario.limits import LARGEST_FILE, MOST_OVERRIDES, Excess, require_modest
 from jaxsat.scenario.lines import line_map, nearest_line
 from jaxsat.scenario.overrides import Override, apply_overrides, parse_override
-from jaxsat.scenario.plugins import PluginError, require_not_hidden
+from jaxsat.scenario.plugins import (
+    ACTUATORS,
+    DISTURBANCE,
+    LAW,
+    PluginError,
+    PluginKind,
+    require_not_hidden,
+)
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import suggestion
 from jaxsat.search_path import add_folders
@@ -60,11 +68,16 @@ def read(
     problems = [entry for entry in parsed if isinstance(entry, Problem)]
     applied = [entry for entry in parsed if isinstance(entry, Override)]
     places = _Places(source, applied)
-    try:
-        _look_beside(name_or_path, source.data, applied)
-    except PluginError as error:
-        raise ScenarioError([places.problem(Issue(("control", "law"), str(error)))]) from None
+    folders = (Path(name_or_path).resolve().parent, Path.cwd())
+    named = [*_parts_named(source.data), *_parts_named(_nested(applied))]
+    if named:
+        add_folders(map(str, folders))
     data, blocked = apply_overrides(source.data, applied)
+    for kind, location, name in _parts_named(data):
+        try:
+            require_not_hidden(kind, name, folders)
+        except PluginError as error:
+            raise ScenarioError([places.problem(Issue(location, str(error)))]) from None
     problems += blocked
     scenario = None
     try:
@@ -80,22 +93,26 @@ def read(
     return scenario
 
 
-def _look_beside(
-    name_or_path: str | Path, data: dict[str, Any], overrides: Sequence[Override]
-) -> None:
-    """Let the module of a law be found beside the file and in the current folder.
+def _parts_named(data: Mapping[str, Any]) -> Iterator[tuple[PluginKind, Location, str]]:
+    """The parts of a scenario that are named by module and class, and where."""
+    torques = _table(_table(data, "disturbance"), "torques")
+    places = [(LAW, ("control", "law")), (ACTUATORS, ("actuators", "kind"))]
+    places += [(DISTURBANCE, ("disturbance", "torques", name, "kind")) for name in torques]
+    for kind, location in places:
+        table = functools.reduce(_table, location[:-1], data)
+        name = table.get(location[-1])
+        if isinstance(name, str) and ":" in name:
+            yield kind, location, name
 
-    Raises `PluginError` where another module of that name hides it.
-    """
-    control = data.get("control")
-    laws = [control.get("law")] if isinstance(control, dict) else []
-    laws += [one.value for one in overrides if one.key == "control.law"]
-    modules = [law for law in laws if isinstance(law, str) and ":" in law]
-    folders = (Path(name_or_path).resolve().parent, Path.cwd())
-    if modules:
-        add_folders(map(str, folders))
-    if modules and modules[-1] is laws[-1]:
-        require_not_hidden(modules[-1], folders)
+
+def _table(data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    inner = data.get(name)
+    return inner if isinstance(inner, Mapping) else {}
+
+
+def _nested(overrides: Sequence[Override]) -> Mapping[str, Any]:
+    """The tables that overrides alone make."""
+    return apply_overrides({}, overrides)[0]
 
 
 def _overrides(texts: Iterable[str]) -> list[Override | Problem]:

@@ -9,7 +9,8 @@ from jaxsat import declaration
 from jaxsat.declaration.laws import Law
 from jaxsat.scenario.coordinates import Values
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.plugins import is_plugin, known_law, place_in
+from jaxsat.scenario.laws import is_plugin, known_law
+from jaxsat.scenario.plugins import place_in
 from jaxsat.scenario.wording import shown
 
 Check = Callable[..., Iterator[Issue]]

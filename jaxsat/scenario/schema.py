@@ -17,10 +17,10 @@ from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401
 from jaxsat.scenario.control_tables import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.part_tables import ActuatorsOfAKind, DisturbanceTable
 from jaxsat.scenario.quantities import Line, Table, Text, choice
 from jaxsat.scenario.rules import broken_rules
 from jaxsat.scenario.tables import (
-    DisturbanceTable,
     InitialTable,
     OrbitTable,
     SimulationTable,
@@ -43,6 +43,7 @@ class Scenario(Table):
     spacecraft: SpacecraftTable = choice("The rigid body and its thrusters")
     orbit: OrbitTable = choice("The circular orbit")
     disturbance: DisturbanceTable = choice("Disturbance torques", DisturbanceTable())
+    actuators: ActuatorsOfAKind | None = choice("Actuators that do not come with jaxsat", None)
     initial: InitialTable = choice("The state at the start")
     control: ControlTable = choice("The control law")
     simulation: SimulationTable = choice("How to integrate and what to save")

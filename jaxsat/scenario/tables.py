@@ -17,7 +17,6 @@ from jaxsat.scenario.quantities import (
     Inertia,
     Number,
     Positive,
-    Switch,
     Table,
     TorqueAxes,
     UnitQuaternion,
@@ -82,18 +81,6 @@ class OrbitTable(Table):
         'How the orbit frame\'s rate enters (11): "exact", or "small-angle" with C_bo ≈ I',
         "exact",
     )
-
-
-class DisturbanceTable(Table):
-    """`[disturbance]`: torques that no thruster makes."""
-
-    amplitude_N_m: Torques3 = quantity("Amplitudes of the periodic torque (2)", "N m", ZERO)
-    frequency_rad_s: Frequencies3 = quantity(
-        "Frequencies Ω of the periodic torque (2)", "rad/s", ZERO
-    )
-    phase_rad: Angles3 = quantity("Phases of the periodic torque", "rad", ZERO)
-    constant_N_m: Torques3 = quantity("Torque fixed in body axes", "N m", ZERO)
-    gravity_gradient: Switch = choice("Whether the gravity-gradient torque acts", False)
 
 
 class InitialTable(Table):

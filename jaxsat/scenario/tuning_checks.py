@@ -3,7 +3,7 @@
 from jaxsat.scenario.checks import is_multiple
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.plugins import find_law
+from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.wording import refusal, shown, suggestion
 

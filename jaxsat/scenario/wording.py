@@ -12,7 +12,9 @@ from pydantic.fields import FieldInfo
 from jaxsat.declaration.laws import LAWS
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue, Location, entry_of
-from jaxsat.scenario.plugins import PluginError, known_law, law_names
+from jaxsat.scenario.laws import known_law, law_names
+from jaxsat.scenario.part_tables import PartTable, table_of_part
+from jaxsat.scenario.plugins import PluginError, known_part
 from jaxsat.scenario.toml_text import toml_value
 from jaxsat.text import clean
 
@@ -57,10 +59,14 @@ def item_kind(annotation: Any) -> Any:
 
 def _table_class(annotation: Any, data: Any) -> type[BaseModel] | None:
     tables = _tables_in(annotation)
+    found = tables[0] if tables else None
     if len(tables) > 1:  # the laws, told apart by their name
         law = known_law(data.get("law") if isinstance(data, Mapping) else None)
         return None if law is None else table_of(law)
-    return tables[0] if tables else None
+    if found is not None and issubclass(found, PartTable):
+        part = known_part(found.plugin, data.get("kind") if isinstance(data, Mapping) else None)
+        return found if part is None else table_of_part(found, part)
+    return found
 
 
 def _tables_in(annotation: Any) -> list[type[BaseModel]]:
@@ -68,7 +74,9 @@ def _tables_in(annotation: Any) -> list[type[BaseModel]]:
     if get_origin(annotation) is dict:
         return []
     options = [annotation, *get_args(annotation)]
-    return [one for one in options if isinstance(one, type) and issubclass(one, BaseModel)]
+    options += [inner for one in options if get_origin(one) is Annotated for inner in get_args(one)]
+    tables = (one for one in options if isinstance(one, type) and issubclass(one, BaseModel))
+    return list(dict.fromkeys(tables))
 
 
 def known_location(data: Any, raw: Location, missing: bool) -> Location:
@@ -113,7 +121,7 @@ def issue_of(root: type[BaseModel], data: Any, error: Mapping[str, Any]) -> Issu
         choices = re.findall(r"'([^']*)'", bounds["expected"])
         return Issue(location, _choice_message(value, choices))
     if kind == "value_error" and isinstance(bounds["error"], PluginError):
-        return Issue((*location, "law"), str(bounds["error"]))
+        return Issue((*location, bounds["error"].key), str(bounds["error"]))
     if kind == "value_error":
         return Issue(location, from_core(str(bounds["error"]), value))
     unit = _unit(root, data, location)

@@ -20,7 +20,7 @@ from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.vehicle import Actuators, DrawnSensors, Sensors
+from jaxsat.vehicle import AbstractActuators, DrawnSensors, Sensors
 
 
 class AbstractLoop(eqx.Module):
@@ -96,7 +96,7 @@ class ContinuousLoop(AbstractContinuousLoop):
 
     plant: RigidBody
     controller: AbstractController
-    actuators: Actuators
+    actuators: AbstractActuators
 
     def start(self, state: PlantState) -> LoopState:
         """The plant's state and the controller's first memory."""
@@ -133,7 +133,7 @@ class ContinuousLoop(AbstractContinuousLoop):
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ContinuousLoop":
         """Controller and thrusters held in a piece of theirs each."""
-        count = signs.size - self.actuators.torque_axes.shape[1]
+        count = signs.size - self.actuators.event_count
         held = (
             self.controller.smooth_piece(signs[:count]),
             self.actuators.smooth_piece(signs[count:]),
@@ -178,7 +178,7 @@ class SampledLoop(AbstractLoop):
 
     plant: RigidBody
     controller: AbstractSampledController
-    actuators: Actuators
+    actuators: AbstractActuators
     substeps: int = eqx.field(static=True, default=4)
     sensors: Sensors | DrawnSensors | None = None
     delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)

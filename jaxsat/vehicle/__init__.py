@@ -1,6 +1,6 @@
 """The spacecraft: its inertia, its thrusters and what is left of them after failures."""
 
-from jaxsat.vehicle.actuators import Actuators
+from jaxsat.vehicle.actuators import AbstractActuators, AbstractSmoothActuators, Actuators
 from jaxsat.vehicle.sensors import DrawnSensors, Sensors
 from jaxsat.vehicle.spacecraft import Spacecraft
 from jaxsat.vehicle.thrusters import (
@@ -11,6 +11,8 @@ from jaxsat.vehicle.thrusters import (
 )
 
 __all__ = [
+    "AbstractActuators",
+    "AbstractSmoothActuators",
     "Actuators",
     "DrawnSensors",
     "Sensors",

@@ -1,5 +1,6 @@
 """From the torque a law commands to the torque the body feels."""
 
+import abc
 import dataclasses
 
 import equinox as eqx
@@ -11,7 +12,51 @@ from jaxsat.smooth import sat
 from jaxsat.vehicle.thrusters import Thrusters, allocation
 
 
-class Actuators(eqx.Module):
+class AbstractActuators(eqx.Module):
+    """What turns the torque that a law commands into a torque on the body.
+
+    Actuators that a scenario can name also have a `declaration`, a `PartDeclaration`, and a class
+    method `from_table(values, context)`: `values` has every declared key, `context` is an
+    `ActuatorContext`.
+    """
+
+    @property
+    @abc.abstractmethod
+    def event_count(self) -> int:
+        """How many corners the torque has as a function of the command."""
+
+    @abc.abstractmethod
+    def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+        """The body torque, N m, for a command of two or three torques, N m."""
+
+    @abc.abstractmethod
+    def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+        """Functions of the command whose zeros are the corners."""
+
+    @abc.abstractmethod
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractActuators":
+        """These actuators held on the side of each corner that `signs` tells."""
+
+
+class AbstractSmoothActuators(AbstractActuators):
+    """Actuators without corners, or under a sampled law, which needs none of them told."""
+
+    @property
+    def event_count(self) -> int:
+        """None."""
+        return 0
+
+    def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+        """None."""
+        return jnp.zeros(0, command.dtype)
+
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractSmoothActuators":
+        """Themselves."""
+        del signs
+        return self
+
+
+class Actuators(AbstractActuators):
     """Thrusters that turn a commanded torque into a body torque.
 
     The command is (u1, u2) about body x and y, or a torque about each body axis. `torque_axes`
@@ -52,6 +97,11 @@ class Actuators(eqx.Module):
         axes = axes / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))
         return Actuators((axes * (1 + gain_errors[:, None])).T, self.thrust_map, self.limit)
 
+    @property
+    def event_count(self) -> int:
+        """One for each thruster."""
+        return self.torque_axes.shape[1]
+
     def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
         """The body torque, N m, each thruster clipped at its limit: T of equation (5)."""
         thrust = sat(self.thrust_map @ command, self.limit, None, self.saturated)
@@ -61,9 +111,9 @@ class Actuators(eqx.Module):
         """Positive for each thruster of which more than its limit is asked."""
         return ((self.thrust_map @ command) / self.limit) ** 2 - 1
 
-    def smooth_piece(self, saturated: Bool[Array, " m"]) -> "Actuators":
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "Actuators":
         """These thrusters, at their limits or not as told."""
-        return dataclasses.replace(self, saturated=saturated)
+        return dataclasses.replace(self, saturated=signs)
 
 
 def _across(axis: Float[Array, "3"]) -> Float[Array, "2 3"]:

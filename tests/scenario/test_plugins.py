@@ -2,8 +2,6 @@
 
 import shutil
 import sys
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +13,7 @@ from jaxsat.assembly.study import build_study
 from jaxsat.montecarlo import Processes, Serial, run_study
 from jaxsat.results import study_columns
 from jaxsat.scenario import ScenarioError, dump, plugins
-
-PACKAGE = Path(__file__).parents[1] / "plugin_package"
+from scenario.packages import PACKAGE, forget_package, install_package
 
 LAW = """
 import jax
@@ -238,22 +235,9 @@ def test_an_override_takes_the_other_laws_gains_away(own):
 
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
-    """The package as an installer leaves it: its module, and a record of its entry points."""
-    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    site = tmp_path / "site"
-    shutil.copytree(PACKAGE / "tsiotras_luo", site / "tsiotras_luo")
-    record = site / f"tsiotras_luo-{project['version']}.dist-info"
-    record.mkdir()
-    (record / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-    )
-    lines = []
-    for group, points in project["entry-points"].items():
-        lines += [f"[{group}]", *(f"{name} = {place}" for name, place in points.items())]
-    (record / "entry_points.txt").write_text("\n".join(lines) + "\n")
-    monkeypatch.syspath_prepend(site)
+    install_package(tmp_path / "site", monkeypatch)
     yield PACKAGE / "reduced-effort.toml"
-    sys.modules.pop("tsiotras_luo", None)
+    forget_package()
 
 
 def test_the_law_of_a_package_flies_as_published(installed):

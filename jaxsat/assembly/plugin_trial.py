@@ -1,6 +1,7 @@
-"""Whether a law that does not come with jaxsat gives what a loop needs, found out by tracing it."""
+"""Whether parts that do not come with jaxsat give what a loop needs, found out by tracing them."""
 
 import inspect
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -11,8 +12,8 @@ from jaxsat.assembly.errors import BuildError
 from jaxsat.control import AbstractController, AbstractSampledController
 from jaxsat.declaration.laws import Law
 from jaxsat.dynamics import PlantState
-from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.plugins import place_in
+from jaxsat.scenario.errors import Issue, Location
+from jaxsat.scenario.plugins import Part, place_in
 
 Controller = AbstractController | AbstractSampledController
 
@@ -45,9 +46,43 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
 
 def broken(law: Law, error: Exception, wanted: str = "can be run") -> Issue:
     """What an exception of the law's own code is told as."""
+    return _issue(law, f"{wanted}, got {_of_their_code(law.controller, error)}")
+
+
+def made_part(part: Part, location: Location, values: Mapping[str, Any], context: Any) -> Any:
+    """A disturbance or actuators of a checked table; raises `BuildError` where it makes none."""
+    try:
+        made = part.made.from_table(values, context)
+    except Exception as error:
+        message = f"can be built, got {_of_their_code(part.made, error)}"
+        raise BuildError(_about(part, location, message)) from error
+    if not isinstance(made, part.made):
+        message = f"is made by its `from_table`, got {type(made).__name__}"
+        raise BuildError(_about(part, location, message))
+    return made
+
+
+def require_torque(part: Part, location: Location, torque: Callable[..., Any], *given: Any) -> None:
+    """Raise `BuildError` where a part, called once, raises or gives no torque of shape (3,)."""
+    try:
+        found = eqx.filter_eval_shape(torque, *given)
+    except Exception as error:
+        message = f"can be run, got {_of_their_code(part.made, error)}"
+        raise BuildError(_about(part, location, message)) from error
+    shape = getattr(found, "shape", None)
+    if shape != (3,):
+        what = f"one of shape {shape}" if shape is not None else type(found).__name__
+        message = f"gives an array of shape (3,), a torque in N m, got {what}"
+        raise BuildError(_about(part, location, message))
+
+
+def _of_their_code(made: type, error: Exception) -> str:
     text = str(error).strip().split("\n", 1)[0]
-    what = f"{type(error).__name__}: {text}{place_in(inspect.getfile(law.controller), error)}"
-    return _issue(law, f"{wanted}, got {what}")
+    return f"{type(error).__name__}: {text}{place_in(inspect.getfile(made), error)}"
+
+
+def _about(part: Part, location: Location, message: str) -> Issue:
+    return Issue(location, f'must be such that "{part.name}" {message}')
 
 
 def _once(controller: Controller, start: PlantState) -> Any:

@@ -1,0 +1,92 @@
+"""Tables of parts that a scenario names by `kind`, made of what the parts declare."""
+
+import functools
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import ConfigDict, SerializeAsAny, WrapValidator, create_model
+
+from jaxsat.declaration.disturbances import DISTURBANCES
+from jaxsat.scenario.declared import fields_of
+from jaxsat.scenario.plugins import ACTUATORS, DISTURBANCE, Part, PluginKind, find_part
+from jaxsat.scenario.quantities import Table, choice
+
+
+class PartTable(Table):
+    """A table of a part that does not come with jaxsat, with the keys that it declares."""
+
+    model_config = ConfigDict(extra="allow", validate_default=True)
+
+    plugin: ClassVar[PluginKind]
+
+    kind: str = choice('The part: "module:Class", or the name of an installed one')
+
+
+class DisturbanceTorqueTable(PartTable):
+    """`[disturbance.torques.NAME]`: a disturbance that does not come with jaxsat."""
+
+    plugin: ClassVar[PluginKind] = DISTURBANCE
+
+
+class ActuatorsTable(PartTable):
+    """`[actuators]`: what turns the commanded torque into one on the body, in place of thrusters
+    that make it exactly up to their limit.
+    """
+
+    plugin: ClassVar[PluginKind] = ACTUATORS
+
+
+@functools.cache
+def table_of_part(base: type[PartTable], part: Part) -> type[PartTable]:
+    """The class of the table of a part."""
+
+    class Closed(base):
+        model_config = ConfigDict(extra="forbid")
+
+    fields: dict[str, Any] = {"kind": (Literal[part.name], choice("The part"))}
+    fields |= fields_of(part.declaration.keys)
+    return create_model(
+        "".join(piece.capitalize() for piece in re.split(r"\W+", part.name)) + "Table",
+        __base__=Closed,
+        __doc__=f'`kind = "{part.name}"`: {part.declaration.summary}.',
+        __module__=__name__,
+        **fields,
+    )
+
+
+def _by_its_kind(base: type[PartTable]) -> WrapValidator:
+    def validate(value: Any, handler: Any) -> Any:
+        kind = value.get("kind") if isinstance(value, Mapping) else None
+        if not isinstance(kind, str):
+            return handler(value)
+        return table_of_part(base, find_part(base.plugin, kind)).model_validate(value)
+
+    return WrapValidator(validate)
+
+
+OneDisturbance = Annotated[
+    SerializeAsAny[DisturbanceTorqueTable], _by_its_kind(DisturbanceTorqueTable)
+]
+ActuatorsOfAKind = Annotated[SerializeAsAny[ActuatorsTable], _by_its_kind(ActuatorsTable)]
+
+
+if TYPE_CHECKING:
+
+    class DisturbanceTable(Table):
+        """`[disturbance]`, whose keys the disturbances declare."""
+
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    DisturbanceTable = create_model(
+        "DisturbanceTable",
+        __base__=Table,
+        __doc__="`[disturbance]`: torques that no thruster makes.",
+        __module__=__name__,
+        **fields_of(key for part in DISTURBANCES.values() for key in part.keys),
+        torques=(
+            dict[str, OneDisturbance],
+            choice("Disturbances that do not come with jaxsat, by names of your own", {}),
+        ),
+    )

@@ -1,0 +1,36 @@
+"""The plug-in package as an installer leaves it."""
+
+import os
+import shutil
+import sys
+import tomllib
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1] / "plugin_package"
+
+
+def install_package(site, monkeypatch):
+    """Put modules and a record of entry points into a folder of packages, for workers too."""
+    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    shutil.copytree(PACKAGE / "tsiotras_luo", site / "tsiotras_luo")
+    record = site / f"tsiotras_luo-{project['version']}.dist-info"
+    record.mkdir()
+    (record / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    )
+    lines = []
+    for group, points in project["entry-points"].items():
+        lines += [f"[{group}]", *(f"{name} = {place}" for name, place in points.items())]
+    (record / "entry_points.txt").write_text("\n".join(lines) + "\n")
+    monkeypatch.syspath_prepend(site)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(site), *_inherited()])))
+
+
+def forget_package():
+    """Let the next test import the package anew."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "tsiotras_luo"]:
+        del sys.modules[name]
+
+
+def _inherited():
+    return os.environ.get("PYTHONPATH", "").split(os.pathsep)
