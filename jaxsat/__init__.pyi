@@ -35,6 +35,7 @@ from jaxsat.control import (
     AbstractController as AbstractController,
     AbstractFeedbackLaw as AbstractFeedbackLaw,
     AbstractSampledController as AbstractSampledController,
+    LawContext as LawContext,
 )
 from jaxsat.controllability import (
     Analysis as Analysis,
@@ -43,9 +44,6 @@ from jaxsat.controllability import (
     failure_table as failure_table,
 )
 from jaxsat.declaration import (
-    ActuatorContext as ActuatorContext,
-    DisturbanceContext as DisturbanceContext,
-    LawContext as LawContext,
     LawDeclaration as LawDeclaration,
     PartDeclaration as PartDeclaration,
 )
@@ -67,6 +65,7 @@ from jaxsat.engine import (
 )
 from jaxsat.environment import (
     AbstractDisturbance as AbstractDisturbance,
+    DisturbanceContext as DisturbanceContext,
     ExactOrbit as ExactOrbit,
 )
 from jaxsat.errors import (
@@ -114,6 +113,7 @@ from jaxsat.tuning import (
 from jaxsat.vehicle import (
     AbstractActuators as AbstractActuators,
     AbstractSmoothActuators as AbstractSmoothActuators,
+    ActuatorContext as ActuatorContext,
     Actuators as Actuators,
     Spacecraft as Spacecraft,
     Thrusters as Thrusters,

@@ -12,7 +12,7 @@ from jaxsat.control import (
     AbstractController,
     AbstractSampledController,
 )
-from jaxsat.declaration import LawContext, UnsuitableModel
+from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.declaration.laws import Law
 from jaxsat.dynamics import RigidBody
 from jaxsat.environment import (

@@ -23,11 +23,13 @@ def load(
     allowed but likely a mistake. JAX is imported once all keys are right.
     """
 
+    law = purpose != "motion"
+
     def trial(scenario: Scenario) -> list[Issue]:
         if purpose == "text":
             return []
         from jaxsat.assembly.trial import what_cannot_be_built
 
-        return what_cannot_be_built(scenario, purpose)
+        return what_cannot_be_built(scenario, law=law, study=purpose == "study")
 
-    return read(name_or_path, overrides, law=purpose != "motion", trial=trial)
+    return read(name_or_path, overrides, law=law, trial=trial)

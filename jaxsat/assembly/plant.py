@@ -8,12 +8,12 @@ import numpy as np
 from jaxsat.assembly.plugin_trial import made_part, require_torque
 from jaxsat.attitude import Quaternion
 from jaxsat.checks import as_float
-from jaxsat.declaration import DisturbanceContext
 from jaxsat.declaration.disturbances import DISTURBANCES
 from jaxsat.dynamics import RigidBody
 from jaxsat.environment import (
     AbstractDisturbance,
     AbstractOrbit,
+    DisturbanceContext,
     ExactOrbit,
     PeriodicTorque,
     SmallAngleOrbit,

@@ -23,7 +23,6 @@ from jaxsat.control import (
     AbstractSampledController,
     Coast,
 )
-from jaxsat.declaration import ActuatorContext
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.noise import key_of_seed
 from jaxsat.ranges import MOST_FIXED_STEPS
@@ -47,7 +46,7 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import SMALLEST_STEP
-from jaxsat.vehicle import AbstractActuators, Actuators, Sensors, Thrusters
+from jaxsat.vehicle import AbstractActuators, ActuatorContext, Actuators, Sensors, Thrusters
 
 SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
     "euler": diffrax.Euler,

@@ -1,19 +1,20 @@
 """Whether a scenario whose keys are all right can be built, found out by building it."""
 
 from jaxsat.assembly.errors import BuildError
-from jaxsat.assembly.load import Purpose
 from jaxsat.assembly.run import build, build_uncontrolled
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.schema import Scenario
 
 
-def what_cannot_be_built(scenario: Scenario, purpose: Purpose) -> list[Issue]:
-    """What stands against building the scenario, by the functions that commands build with."""
+def what_cannot_be_built(scenario: Scenario, *, law: bool, study: bool) -> list[Issue]:
+    """What stands against building the scenario, by the functions that commands build with.
+
+    With its control law or without, and as a study or as a single run.
+    """
     try:
-        if purpose == "motion":
-            build_uncontrolled(scenario)
-        else:
-            return _of_a_run(scenario, purpose == "study")
+        if law:
+            return _of_a_run(scenario, study)
+        build_uncontrolled(scenario)
     except BuildError as error:
         return [error.issue]
     return []

@@ -1,5 +1,6 @@
 """Control laws: which torque to command, given the state."""
 
+from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.control.controller import (
     AbstractBacksteppingLaw,
     AbstractController,
@@ -47,6 +48,7 @@ __all__ = [
     "FiniteTimeRateLaw",
     "Handover",
     "InternalModel",
+    "LawContext",
     "ModeNames",
     "MorinSamson",
     "OrbitalRegulator",
@@ -66,6 +68,7 @@ __all__ = [
     "ThreeSlewLaw",
     "ThreeSlewSettling",
     "TwoChannel",
+    "UnsuitableModel",
     "linear_model",
     "oscillatory_settling",
     "reachable_rank",

@@ -15,8 +15,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.control.context import LawContext
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
-from jaxsat.declaration import LawContext, LawDeclaration
+from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.laws import COAST
 from jaxsat.dynamics import PlantState, RigidBody
 

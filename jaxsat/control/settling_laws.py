@@ -8,10 +8,10 @@ import equinox as eqx
 import numpy as np
 
 from jaxsat.checks import as_float
+from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.presets import oscillatory_settling, ripple_filter, three_slew_settling
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.declaration import LawContext, UnsuitableModel
 from jaxsat.declaration.settling import OSCILLATORY
 
 

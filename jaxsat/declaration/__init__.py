@@ -12,23 +12,19 @@ from jaxsat.declaration.keys import (
     number,
     switch,
 )
-from jaxsat.declaration.law import LawContext, LawDeclaration, UnsuitableModel
-from jaxsat.declaration.part import ActuatorContext, DisturbanceContext, PartDeclaration
+from jaxsat.declaration.law import LawDeclaration
+from jaxsat.declaration.part import PartDeclaration
 
 __all__ = [
     "LARGEST",
-    "ActuatorContext",
     "Choice",
-    "DisturbanceContext",
     "Finding",
     "Key",
-    "LawContext",
     "LawDeclaration",
     "Numeric",
     "PartDeclaration",
     "Rule",
     "Switch",
-    "UnsuitableModel",
     "choice",
     "number",
     "switch",

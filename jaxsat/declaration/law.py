@@ -2,40 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal
 
 from jaxsat.declaration.keys import Key, Rule
-from jaxsat.errors import JaxsatError
-
-if TYPE_CHECKING:
-    from jaxsat.dynamics import RigidBody
 
 OF_ALL_LAWS = ("law", "model", "measured_disturbance")
 """Keys of `[control]` that mean the same under every law."""
-
-
-class LawContext(NamedTuple):
-    """What a scenario tells a law besides the law's own keys.
-
-    `model` is what the controller believes of the plant, with the disturbance that it measures.
-    `torque_limit` (N m) is that of each thruster, None if unlimited. The periodic disturbance has
-    `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z.
-    """
-
-    model: "RigidBody"
-    torque_limit: float | None
-    disturbance_amplitude: tuple[float, ...]
-    disturbance_frequency: tuple[float, ...]
-
-
-class UnsuitableModel(JaxsatError, ValueError):
-    """A law cannot be built for what it believes of `about`, its inertia or its orbit's rate."""
-
-    about: Literal["inertia", "orbit_rate"]
-
-    def __init__(self, about: Literal["inertia", "orbit_rate"], message: str):
-        super().__init__(message)
-        self.about = about
 
 
 @dataclass(frozen=True)

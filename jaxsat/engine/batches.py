@@ -1,14 +1,16 @@
 """Cases in batches of one size, so that the bits of a case do not depend on its companions."""
 
 import abc
+from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import ClosedJaxpr
 from jaxtyping import Array, PyTree
 
-from jaxsat.engine.fingerprint import traced_batch
+from jaxsat.collection import no_collection
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, count_of
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
@@ -59,7 +61,7 @@ class AbstractBatchEngine(AbstractEngine):
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
     ) -> dict[str, ClosedJaxpr]:
         """The operations of a batch."""
-        return traced_batch(self, program, cases, gains, mode)
+        return _traced_batch(self, program, cases, gains, mode)
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
         """Outputs of all cases."""
@@ -90,3 +92,31 @@ class AbstractBatchEngine(AbstractEngine):
     def _padded(self, batch: np.ndarray) -> Array:
         missing = self.padded_size - len(batch)
         return jnp.asarray(np.concatenate([batch, np.repeat(batch[:1], missing, axis=0)]))
+
+
+@no_collection()
+def _traced_batch(
+    engine: AbstractBatchEngine,
+    program: Program,
+    cases: PyTree,
+    gains: PyTree,
+    mode: Mode | None,
+) -> dict[str, ClosedJaxpr]:
+    """The operations of one batch of an engine that is compiled by XLA.
+
+    The numbers of engine and program are inputs. JAX keeps the traces of compiled functions, so
+    the first run of such a batch is not traced again.
+    """
+    numbers, rest = eqx.partition((engine, program), eqx.is_array)
+
+    def of_batch(array: Any) -> jax.ShapeDtypeStruct:
+        kind = jax.dtypes.canonicalize_dtype(array.dtype)
+        return jax.ShapeDtypeStruct((engine.padded_size, *array.shape[1:]), kind)
+
+    def run(numbers, cases, gains):
+        engine, program = eqx.combine(numbers, rest)
+        if mode is None:
+            return engine.run_batch(program, cases, gains)
+        return engine.differentiate_batch(program, cases, gains, mode)
+
+    return {"batch": jax.make_jaxpr(run)(numbers, jax.tree.map(of_batch, cases), gains)}

@@ -23,10 +23,7 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
 from jaxtyping import PyTree
 
-from jaxsat.collection import no_collection
-
 if TYPE_CHECKING:
-    from jaxsat.engine.batches import AbstractBatchEngine
     from jaxsat.engine.interface import AbstractEngine, Mode
     from jaxsat.engine.program import Program
 
@@ -69,34 +66,6 @@ def program_identity(
         "intervals": program.intervals,
         OPERATIONS: fingerprint(engine.traced(program, cases, gains, mode)),
     }
-
-
-@no_collection()
-def traced_batch(
-    engine: "AbstractBatchEngine",
-    program: "Program",
-    cases: PyTree,
-    gains: PyTree,
-    mode: "Mode | None",
-) -> dict[str, ClosedJaxpr]:
-    """The operations of one batch of an engine that is compiled by XLA.
-
-    The numbers of engine and program are inputs. JAX keeps the traces of compiled functions, so
-    the first run of such a batch is not traced again.
-    """
-    numbers, rest = eqx.partition((engine, program), eqx.is_array)
-
-    def of_batch(array: Any) -> jax.ShapeDtypeStruct:
-        kind = jax.dtypes.canonicalize_dtype(array.dtype)
-        return jax.ShapeDtypeStruct((engine.padded_size, *array.shape[1:]), kind)
-
-    def run(numbers, cases, gains):
-        engine, program = eqx.combine(numbers, rest)
-        if mode is None:
-            return engine.run_batch(program, cases, gains)
-        return engine.differentiate_batch(program, cases, gains, mode)
-
-    return {"batch": jax.make_jaxpr(run)(numbers, jax.tree.map(of_batch, cases), gains)}
 
 
 def fingerprint(traces: Mapping[str, ClosedJaxpr]) -> str:

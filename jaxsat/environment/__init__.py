@@ -3,6 +3,7 @@
 from jaxsat.environment.disturbances import (
     AbstractDisturbance,
     ConstantTorque,
+    DisturbanceContext,
     GravityGradient,
     NoDisturbance,
     PeriodicTorque,
@@ -19,6 +20,7 @@ __all__ = [
     "AbstractDisturbance",
     "AbstractOrbit",
     "ConstantTorque",
+    "DisturbanceContext",
     "ExactOrbit",
     "GravityGradient",
     "NoDisturbance",

@@ -2,19 +2,30 @@
 
 import abc
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, require_finite
-from jaxsat.declaration import DisturbanceContext, PartDeclaration
+from jaxsat.declaration import PartDeclaration
 from jaxsat.declaration.disturbances import CONSTANT, GRAVITY_GRADIENT, PERIODIC
 from jaxsat.trigonometry import sin
 
 RealScalar = Float[Array, ""]
+
+
+class DisturbanceContext(NamedTuple):
+    """What a scenario tells a disturbance besides its own keys.
+
+    The nominal `inertia` (kg m²) and `orbit_rate` (rad/s).
+    """
+
+    inertia: Float[np.ndarray, "3 3"]
+    orbit_rate: float
 
 
 class AbstractDisturbance(eqx.Module):

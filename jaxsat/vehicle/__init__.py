@@ -1,6 +1,11 @@
 """The spacecraft: its inertia, its thrusters and what is left of them after failures."""
 
-from jaxsat.vehicle.actuators import AbstractActuators, AbstractSmoothActuators, Actuators
+from jaxsat.vehicle.actuators import (
+    AbstractActuators,
+    AbstractSmoothActuators,
+    ActuatorContext,
+    Actuators,
+)
 from jaxsat.vehicle.sensors import DrawnSensors, Sensors
 from jaxsat.vehicle.spacecraft import Spacecraft
 from jaxsat.vehicle.thrusters import (
@@ -13,6 +18,7 @@ from jaxsat.vehicle.thrusters import (
 __all__ = [
     "AbstractActuators",
     "AbstractSmoothActuators",
+    "ActuatorContext",
     "Actuators",
     "DrawnSensors",
     "Sensors",

@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -122,3 +123,15 @@ def _across(axis: Float[Array, "3"]) -> Float[Array, "2 3"]:
     first = jnp.cross(axis, least)
     first = first / jnp.sqrt(jnp.sum(first**2))
     return jnp.stack([first, jnp.cross(axis, first)])
+
+
+class ActuatorContext(NamedTuple):
+    """What a scenario tells actuators besides their own keys.
+
+    `ideal` are the working thrusters as jaxsat has them without actuators of another kind: torque
+    axes, how the command is shared among them, and their limit. The law commands `torques` torques,
+    2 or 3, or 0 for none.
+    """
+
+    ideal: Actuators
+    torques: int

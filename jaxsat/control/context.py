@@ -1,0 +1,30 @@
+"""What a control law is built from, besides its own keys."""
+
+from typing import Literal, NamedTuple
+
+from jaxsat.dynamics import RigidBody
+from jaxsat.errors import JaxsatError
+
+
+class LawContext(NamedTuple):
+    """What a scenario tells a law besides the law's own keys.
+
+    `model` is what the controller believes of the plant, with the disturbance that it measures.
+    `torque_limit` (N m) is that of each thruster, None if unlimited. The periodic disturbance has
+    `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z.
+    """
+
+    model: RigidBody
+    torque_limit: float | None
+    disturbance_amplitude: tuple[float, ...]
+    disturbance_frequency: tuple[float, ...]
+
+
+class UnsuitableModel(JaxsatError, ValueError):
+    """A law cannot be built for what it believes of `about`, its inertia or its orbit's rate."""
+
+    about: Literal["inertia", "orbit_rate"]
+
+    def __init__(self, about: Literal["inertia", "orbit_rate"], message: str):
+        super().__init__(message)
+        self.about = about
