@@ -22,10 +22,13 @@ from jaxsat.engine.native.operations import BOOL
 from jaxsat.engine.native.rules.elementwise import extremum
 
 
-def _index(b: Builder, x: Scalar) -> Scalar:
-    """An index as a 32-bit number; larger ones than any array go to the end of the range."""
-    if x.dtype == INT:
-        return x
+def _index(b: Builder, x: Scalar, wraps: bool = False) -> Scalar:
+    """An index as a 32-bit number.
+
+    Larger ones than any array go to the end of the range, or lose their upper bits if told.
+    """
+    if x.dtype == INT or wraps:
+        return b.convert(x, INT)
     if x.dtype.itemsize > 4 or x.dtype == np.uint32:
         top = x.dtype.type(2**31 - 1)
         x = extremum(b, "min", x, top)
@@ -130,7 +133,9 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
         offset = [0] * x.ndim
         for dim, place in zip(window_dims, numbers.offset_dims, strict=True):
             offset[dim] = index[place]
-        starts = _starts(b, x.ndim, indices[batch], numbers.start_index_map)
+        # JAX makes indices of gathers that fill 32-bit numbers before it compares them
+        wraps = mode == GatherScatterMode.FILL_OR_DROP
+        starts = _starts(b, x.ndim, indices[batch], numbers.start_index_map, wraps)
         for dim, of in zip(
             numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True
         ):
@@ -145,12 +150,16 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
 
 
 def _starts(
-    b: Builder, rank: int, indices: Elements, dims: Sequence[SupportsIndex]
+    b: Builder,
+    rank: int,
+    indices: Elements,
+    dims: Sequence[SupportsIndex],
+    wraps: bool = False,
 ) -> list[Scalar]:
     """Where a window begins, dimension by dimension; zero in those that have no index."""
     starts: list[Scalar] = [INT.type(0)] * rank
     for index, dim in zip(indices, dims, strict=True):
-        starts[dim] = _index(b, index)
+        starts[dim] = _index(b, index, wraps)
     return starts
 
 
