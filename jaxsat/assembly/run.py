@@ -1,8 +1,8 @@
 """From a scenario to the objects of the core."""
 
 import dataclasses
+import enum
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -72,9 +72,9 @@ class Run:
     method: Method
 
     @property
-    def mode_names(self) -> Mapping[int, str]:
-        """What the numbers of `mode` mean, for sampled laws; else empty."""
-        return self.loop.controller.mode_names if isinstance(self.loop, SampledLoop) else {}
+    def modes(self) -> type[enum.IntEnum] | None:
+        """What the numbers of `mode` mean, for sampled laws; else None."""
+        return self.loop.controller.modes if isinstance(self.loop, SampledLoop) else None
 
     def simulate(self) -> Trajectory:
         """Run the loop."""
