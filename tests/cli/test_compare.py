@@ -51,9 +51,8 @@ def test_table_record_and_figure_and_going_on(jaxsat, tmp_path):
 
 OWN_LAW = """
 import jax.numpy as jnp
-from jaxsat.control import (
-    AbstractFeedbackLaw, AbstractSampledController, LawDeclaration)
-from jaxsat.declaration import number
+from jaxsat.control import AbstractFeedbackLaw, AbstractSampledController
+from jaxsat.declaration import LawDeclaration, number
 
 class Sampled(AbstractSampledController):
     declaration = LawDeclaration(

@@ -11,6 +11,8 @@ from jaxsat.attitude import WZ
 from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.control.fine import FineMode
 from jaxsat.control.supervisor import Phase
+from jaxsat.control.tuned_gains import APPROACH, MORIN_SAMSON, TWO_CHANNEL
+from jaxsat.declaration.settling import TUNED_LIMITS
 from jaxsat.dynamics import PlantState
 from jaxsat.environment import PeriodicTorque
 from jaxsat.simulation import SampledLoop, simulate
@@ -61,6 +63,11 @@ def test_ten_times_the_ripple_settles_and_is_left_alone():
     ripple = 0.01 / (312.5 * 0.1)
     assert np.std(omega3) == pytest.approx(ripple / np.sqrt(2), rel=0.1)
     assert np.std(z) == pytest.approx(10 * ripple / np.sqrt(2), rel=0.2)
+
+
+@pytest.mark.parametrize("table", [APPROACH, MORIN_SAMSON, TWO_CHANNEL])
+def test_there_are_gains_for_the_limits_that_messages_name(table):
+    assert tuple(table) == TUNED_LIMITS
 
 
 def test_modes_change_with_hysteresis():
