@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 from jaxsat.assembly.errors import at_key
 from jaxsat.assembly.run import Run
-from jaxsat.assembly.study import dispersion_key, distribution_of, study_program
-from jaxsat.montecarlo import QUANTITIES, AbstractDistribution
-from jaxsat.montecarlo.dispersions import EXCLUSIVE
+from jaxsat.assembly.study import distribution_of, study_program
+from jaxsat.declaration.quantities import DISPERSIBLE, EXCLUSIVE
+from jaxsat.montecarlo import AbstractDistribution
 from jaxsat.montecarlo.misfits import misfits
 from jaxsat.scenario.coordinates import is_upside_down
 from jaxsat.scenario.dispersion_tables import DispersionTable
@@ -15,9 +15,6 @@ from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import from_core, shown
-
-TURNING = {"attitude", "attitude_error"}
-"""Quantities that turn an initial attitude away from where it is."""
 
 
 def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue]:
@@ -30,23 +27,20 @@ def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue
     assert table is not None
     distributions: dict[str, AbstractDistribution] = {}
     issues = list(_excluded(table))
-    for name in QUANTITIES:
-        entry = getattr(table, dispersion_key(name))
-        if entry is None:
-            continue
+    for name, entry in table.distributions.items():
         try:
             distributions[name] = distribution_of(entry)
         except ValueError as error:
             found = re.match(r"Argument `(\w+)`", str(error))
             place = (found.group(1),) if found else ()
             message = from_core(str(error), entry.distribution)
-            issues.append(Issue(("dispersion", dispersion_key(name), *place), message))
+            issues.append(Issue(("dispersion", DISPERSIBLE[name].key, *place), message))
     for misfit in misfits(distributions, table.frequency_known, run.loop, run.start):
         if all_fit or not misfit.lacking:
-            key = f"dispersion.{dispersion_key(misfit.name)}.{misfit.parameter or ''}".rstrip(".")
+            key = f"{DISPERSIBLE[misfit.name].key}.{misfit.parameter or ''}".rstrip(".")
             if misfit.parameter == "frequency_known":
-                key = "dispersion.frequency_known"
-            issues.append(at(key, from_core(misfit.message, None)))
+                key = "frequency_known"
+            issues.append(at(f"dispersion.{key}", from_core(misfit.message, None)))
     if all_fit and not issues:
         issues += _start_of_a_study(scenario, set(distributions))
         with at_key("simulation.duration_s"):
@@ -56,8 +50,8 @@ def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue
 
 def _excluded(table: DispersionTable) -> Iterator[Issue]:
     for one, other in EXCLUSIVE:
-        first, second = dispersion_key(one), dispersion_key(other)
-        if getattr(table, first) is not None and getattr(table, second) is not None:
+        if {one, other} <= table.distributions.keys():
+            first, second = DISPERSIBLE[one].key, DISPERSIBLE[other].key
             yield at(
                 f"dispersion.{second}", f"must be left out beside dispersion.{first}, got both"
             )
@@ -65,7 +59,8 @@ def _excluded(table: DispersionTable) -> Iterator[Issue]:
 
 def _start_of_a_study(scenario: Scenario, names: set[str]) -> Iterator[Issue]:
     quaternion = scenario.initial.quaternion
-    if quaternion is not None and not names & TURNING and is_upside_down(quaternion):
+    turns = any(DISPERSIBLE[name].turns for name in names)
+    if quaternion is not None and not turns and is_upside_down(quaternion):
         yield at(
             "initial.quaternion",
             "must not be upside down in a study that does not draw attitudes: its cost weighs the "

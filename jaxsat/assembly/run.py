@@ -1,8 +1,8 @@
 """From a scenario to the objects of the core."""
 
 import dataclasses
+import enum
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -23,6 +23,8 @@ from jaxsat.control import (
     AbstractSampledController,
     Coast,
 )
+from jaxsat.declaration import Key
+from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.noise import key_of_seed
 from jaxsat.ranges import MOST_FIXED_STEPS
@@ -71,9 +73,9 @@ class Run:
     method: Method
 
     @property
-    def mode_names(self) -> Mapping[int, str]:
-        """What the numbers of `mode` mean, for sampled laws; else empty."""
-        return self.loop.controller.mode_names if isinstance(self.loop, SampledLoop) else {}
+    def modes(self) -> type[enum.IntEnum] | None:
+        """What the numbers of `mode` mean, for sampled laws; else None."""
+        return self.loop.controller.modes if isinstance(self.loop, SampledLoop) else None
 
     def simulate(self) -> Trajectory:
         """Run the loop."""
@@ -166,17 +168,15 @@ def _thrusters(scenario: Scenario, torques: int) -> Actuators:
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
     """Sensors and delay; None for those that are perfect in every case."""
-    table, dispersion = scenario.sampling or SamplingTable(), scenario.dispersion
-    noises = (table.rate_noise_rad_s, table.attitude_noise_rad)
-    dispersed = dispersion is not None and (
-        dispersion.rate_noise_rad_s is not None or dispersion.attitude_noise_rad is not None
-    )
-    key = key_of_seed(scenario.simulation.seed)
-    sensors = Sensors(as_float(noises[0]), as_float(noises[1]), key)
-    late = table.delay_s > 0 or (dispersion is not None and dispersion.delay_s is not None)
+    values = (scenario.sampling or SamplingTable()).model_dump()
+
+    def is_there(key: Key) -> bool:
+        return values[key.name] > 0 or getattr(scenario.dispersion, key.name, None) is not None
+
+    sensors = Sensors.from_table(values, key_of_seed(scenario.simulation.seed))
     return (
-        sensors if any(noises) or dispersed else None,
-        as_float(table.delay_s) if late else None,
+        sensors if any(map(is_there, SENSOR_KEYS)) else None,
+        as_float(values[DELAY.name]) if is_there(DELAY) else None,
     )
 
 

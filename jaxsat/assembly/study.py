@@ -21,7 +21,6 @@ from jaxsat.engine import (
     program_of,
 )
 from jaxsat.montecarlo import (
-    QUANTITIES,
     AbstractDesign,
     AbstractDistribution,
     Discrete,
@@ -60,7 +59,6 @@ _KINDS = {
     "discrete": Discrete,
     "random-attitude": RandomAttitude,
 }
-_SUFFIXES = {"rad/s": "_rad_s", "rad": "_rad", "N m": "_N_m", "s": "_s", "1": ""}
 
 
 def build_study(
@@ -134,15 +132,9 @@ def _numbers(scenario: Scenario) -> dict[str, Any]:
     return data
 
 
-def dispersion_key(name: str) -> str:
-    """The key of a quantity in the `[dispersion]` table: its name and unit."""
-    return name + _SUFFIXES[QUANTITIES[name].unit]
-
-
 def build_dispersions(table: DispersionTable) -> Dispersions:
     """The distributions of a `[dispersion]` table by name."""
-    tables = {name: getattr(table, dispersion_key(name)) for name in QUANTITIES}
-    given = {name: distribution_of(entry) for name, entry in tables.items() if entry is not None}
+    given = {name: distribution_of(entry) for name, entry in table.distributions.items()}
     return Dispersions(given, table.frequency_known)
 
 

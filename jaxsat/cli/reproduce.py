@@ -77,7 +77,7 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
             title=run.purpose,
             scenario=dump(scenario),
             seed=scenario.simulation.seed,
-            mode_names=built.mode_names,
+            modes=built.modes,
         )
     return datasets
 

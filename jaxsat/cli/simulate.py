@@ -82,7 +82,7 @@ def _run(scenario: "Scenario") -> tuple["xr.Dataset", float]:
         title=scenario.title,
         scenario=dump(scenario),
         seed=scenario.simulation.seed,
-        mode_names=run.mode_names,
+        modes=run.modes,
     )
     return dataset, time.perf_counter() - begin
 

@@ -145,7 +145,7 @@ def replayed(
     import jax
     import jax.numpy as jnp
 
-    from jaxsat.montecarlo import QUANTITIES
+    from jaxsat.declaration.quantities import DISPERSIBLE
     from jaxsat.results import trajectory_dataset
     from jaxsat.scenario import dump
     from jaxsat.simulation import Assessment, Trajectory
@@ -164,5 +164,5 @@ def replayed(
     for name, values in replay.outputs.drawn.items():
         dataset.attrs[f"drawn_{name}"] = [float(value) for value in values]
         shown = ", ".join(f"{float(value):.6g}" for value in values)
-        lines.append(f"{name:<24} {shown} {QUANTITIES[name].unit.replace('1', '')}".rstrip())
+        lines.append(f"{name:<24} {shown} {DISPERSIBLE[name].unit.replace('1', '')}".rstrip())
     return dataset, lines

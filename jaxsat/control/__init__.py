@@ -27,7 +27,7 @@ from jaxsat.control.presets import (
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.riccati import reachable_rank, regulator_gain
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, RippleObserver
-from jaxsat.control.sampled import ONE_MODE, AbstractSampledController, ModeNames
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.switching import SwitchingLaw
@@ -35,7 +35,6 @@ from jaxsat.control.terminal import OrbitalRegulator, linear_model
 from jaxsat.control.three_axis import ThreeAxisLaw
 
 __all__ = [
-    "ONE_MODE",
     "AbstractBacksteppingLaw",
     "AbstractController",
     "AbstractDemand",
@@ -49,7 +48,6 @@ __all__ = [
     "Handover",
     "InternalModel",
     "LawContext",
-    "ModeNames",
     "MorinSamson",
     "OrbitalRegulator",
     "Oscillator",

@@ -1,6 +1,6 @@
 """The fine stage: oscillate until all is small, then the orbital regulator, with hysteresis."""
 
-from types import MappingProxyType
+import enum
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -12,17 +12,19 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.rate_tracking import clipped
-from jaxsat.control.sampled import AbstractSampledController, ModeNames
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.terminal import OrbitalRegulator
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
-OSCILLATING, REGULATING = 3, 4
-"""Numbers of the two modes; a supervisor's earlier phases are 1 and 2."""
 
-FINE_MODES = {OSCILLATING: "oscillating", REGULATING: "regulating"}
+class FineMode(enum.IntEnum):
+    """The modes of the fine stage; a supervisor's earlier phases are 1 and 2."""
+
+    OSCILLATING = 3
+    REGULATING = 4
 
 
 class Handover(eqx.Module):
@@ -134,7 +136,7 @@ class OscillatorySettling(AbstractSampledController):
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
 
-    mode_names: ClassVar[ModeNames] = MappingProxyType(FINE_MODES)
+    modes: ClassVar[type[enum.IntEnum]] = FineMode
 
     fine: FineStage
     estimator: ThirdAxisEstimator
@@ -165,5 +167,5 @@ class OscillatorySettling(AbstractSampledController):
         return jnp.where(memory.fine.regulating, 0.0, state.omega[:2] - memory.reference)
 
     def mode(self, memory: OscillatorySettlingMemory) -> Int[Array, ""]:
-        """3 while oscillating, 4 while regulating."""
-        return jnp.where(memory.fine.regulating, REGULATING, OSCILLATING)
+        """The `FineMode` at work."""
+        return jnp.where(memory.fine.regulating, FineMode.REGULATING, FineMode.OSCILLATING)

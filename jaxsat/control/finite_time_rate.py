@@ -5,18 +5,18 @@ bound near ω3 = 0. With the cube root of |ω3| instead of the square root the r
 at a constant rate, so that a constant torque follows them, and ω3 is gone after a finite time.
 """
 
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.oscillatory import Tracking
 from jaxsat.control.rate_tracking import clipped, tracking_torque
-from jaxsat.control.sampled import ONE_MODE, AbstractSampledController, ModeNames
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.dynamics import PlantState, RigidBody
 
 RealScalar = Float[Array, ""]
@@ -114,8 +114,6 @@ class FiniteTimeRateMemory(NamedTuple):
 class FiniteTimeRateLaw(AbstractSampledController):
     """The finite-time law alone: stops the rotation from any rates; `period` is in s."""
 
-    mode_names: ClassVar[ModeNames] = ONE_MODE
-
     law: FiniteTimeRate
     estimator: ThirdAxisEstimator
     period: RealScalar = eqx.field(converter=as_float)
@@ -142,8 +140,3 @@ class FiniteTimeRateLaw(AbstractSampledController):
     def rate_error(self, state: PlantState, memory: FiniteTimeRateMemory) -> Float[Array, "2"]:
         """ω - ω_d, rad/s."""
         return state.omega[:2] - memory.reference
-
-    def mode(self, memory: FiniteTimeRateMemory) -> Int[Array, ""]:
-        """Always 0: one law."""
-        del memory
-        return jnp.array(0)

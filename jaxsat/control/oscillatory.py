@@ -11,16 +11,16 @@ A demand chooses (α, β) from (s, ẑ); the law tracks the rates that make them
 """
 
 import abc
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.rate_tracking import clipped, tracking_torque
-from jaxsat.control.sampled import ONE_MODE, AbstractSampledController, ModeNames
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState, RigidBody
 
@@ -224,8 +224,6 @@ class OscillatoryLaw(AbstractSampledController):
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
 
-    mode_names: ClassVar[ModeNames] = ONE_MODE
-
     oscillator: Oscillator
     estimator: ThirdAxisEstimator
     torque_limit: RealScalar = eqx.field(converter=as_float)
@@ -255,8 +253,3 @@ class OscillatoryLaw(AbstractSampledController):
     def rate_error(self, state: PlantState, memory: OscillatoryMemory) -> Float[Array, "2"]:
         """ω - ω_d, rad/s."""
         return state.omega[:2] - memory.reference
-
-    def mode(self, memory: OscillatoryMemory) -> Int[Array, ""]:
-        """Always 0: one law."""
-        del memory
-        return jnp.array(0)

@@ -11,7 +11,7 @@ what is known of the periodic d3 goes into the ripple estimator (`ripple_filter`
 
 import bisect
 from collections.abc import Mapping
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import jax
 import numpy as np
@@ -25,31 +25,9 @@ from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.terminal import OrbitalRegulator
+from jaxsat.control.tuned_gains import APPROACH, MORIN_SAMSON, TWO_CHANNEL, FineGains
 from jaxsat.declaration.settling import TUNED_MOMENTS, TUNED_PERIOD, equivalent_limit
 from jaxsat.dynamics import RigidBody
-
-
-class _Oscillation(NamedTuple):
-    frequency: float
-    tilt_gain: float
-    rate_gain: float
-    k3: float
-    turn: float  # damping of Morin-Samson, kz of the two channels
-    largest_amplitude: float
-    ratio: float
-    enter_slow_rate: float
-    enter_rate: float
-    rest: float  # turn left to the regulator
-
-
-class _Approach(NamedTuple):
-    """Gains of the rate law and of the slews."""
-
-    rate: tuple[float, float, float]  # share, rate gain, dead zone
-    stopped_rate: float
-    slews: tuple[float, float, float, float, float]
-    lost_rate: float = 0.05
-
 
 DEAD_ZONE = 1e-5
 """Slow rate (rad/s) that the oscillation leaves to the regulator."""
@@ -57,22 +35,6 @@ DEAD_ZONE = 1e-5
 STATE_SCALE, TORQUE_SCALE = (0.1, 0.1, 0.05, 0.002, 0.002, 0.001), 0.3
 """Of the regulator, so that rates stay below 1e-3 rad/s while it removes what is left; the torque
 (N m) for the body of the tuned gains, for another in proportion."""
-
-_MORIN_SAMSON = {
-    1.0: _Oscillation(0.086, 0.03, 0.26, 0.03, 0.76, 0.07, 1.52, 2.24e-5, 2e-3, 0.02),
-    5.0: _Oscillation(0.193, 0.0666, 0.583, 0.0665, 0.761, 0.157, 1.52, 3.58e-5, 2e-3, 0.02),
-    20.0: _Oscillation(0.382, 1.59, 0.134, 0.130, 0.802, 0.404, 1.72, 3.11e-5, 2e-3, 0.02),
-}
-_TWO_CHANNEL = {
-    1.0: _Oscillation(0.170, 1.36, 0.161, 0.113, 0.0494, 0.122, 1.5, 4e-5, 2.5e-3, 0.008),
-    5.0: _Oscillation(0.4, 0.262, 0.454, 0.13, 0.13, 0.146, 1.24, 3e-5, 2e-3, 0.008),
-    20.0: _Oscillation(0.6, 0.319, 6.03, 0.2, 0.25, 0.786, 1.07, 3e-5, 2e-3, 0.008),
-}
-_APPROACH = {
-    1.0: _Approach((0.551, 10.0, 6e-5), 7.9e-3, (0.897, 2.58, 2.80, 4.0e-3, 1.14e-2), 2e-3),
-    5.0: _Approach((0.779, 1.12, 3e-5), 4.7e-3, (0.791, 4.77, 2.34, 2.7e-3, 8.8e-4)),
-    20.0: _Approach((0.881, 0.795, 5e-5), 2.7e-3, (0.825, 7.32, 2.33, 2.0e-3, 6.4e-4)),
-}
 
 TUNED_RIPPLE = (0.001, 0.1)
 """Amplitude (N m) and frequency (rad/s) of the d3 for which the gains are tuned."""
@@ -96,8 +58,8 @@ def oscillatory_settling(
     ripple of d3 (by `ripple`, `ripple_filter(model)` unless given), `estimate` whether it estimates
     the errors of axes and inertia. Raises `ValueError` for a torque limit that is not positive.
     """
-    gains = _gains(_MORIN_SAMSON, model, torque_limit)
-    demand = MorinSamson(gains.k3, gains.turn, gains.rest)
+    gains = _gains(MORIN_SAMSON, model, torque_limit)
+    demand = MorinSamson(**gains.demand._asdict())
     fine = _fine_stage(model, demand, gains, fade_lean=False)
     estimator = _estimator(model, observe, estimate, ripple)
     return OscillatorySettling(
@@ -115,12 +77,12 @@ def three_slew_settling(
     ripple: AbstractRippleEstimator | None = None,
 ) -> ThreeSlewSettling:
     """Rate law, three slews, two-channel law and regulator; arguments as above."""
-    gains = _gains(_TWO_CHANNEL, model, torque_limit)
-    approach = _gains(_APPROACH, model, torque_limit)
-    demand = TwoChannel(gains.k3, gains.turn, gains.rest)
+    gains = _gains(TWO_CHANNEL, model, torque_limit)
+    approach = _gains(APPROACH, model, torque_limit)
+    demand = TwoChannel(**gains.demand._asdict())
     return ThreeSlewSettling(
-        rate_law=FiniteTimeRate(model, torque_limit, *approach.rate),
-        planner=SlewPlanner(model, torque_limit, *approach.slews),
+        rate_law=FiniteTimeRate(model, torque_limit, **approach.rate_law._asdict()),
+        planner=SlewPlanner(model, torque_limit, **approach.slews._asdict()),
         fine=_fine_stage(model, demand, gains, fade_lean=True),
         estimator=_estimator(model, observe, estimate, ripple),
         torque_limit=torque_limit,
@@ -169,7 +131,7 @@ def _gains(table: Mapping[float, Gains], model: RigidBody, torque_limit: float |
     )
 
 
-def _fine_stage(model, demand, gains: _Oscillation, *, fade_lean: bool) -> FineStage:
+def _fine_stage(model, demand, gains: FineGains, *, fade_lean: bool) -> FineStage:
     oscillator = Oscillator(
         model,
         demand,

@@ -5,7 +5,7 @@ axes one after the other. With the body at rest before each slew, ω1 ω2 = 0 th
 stays what it was.
 """
 
-from types import MappingProxyType
+import enum
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.rate_tracking import clipped, gyroscopic_torque
-from jaxsat.control.sampled import AbstractSampledController, ModeNames
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.metrics import wrapped
 
@@ -68,8 +68,17 @@ def one_slew(q: Float[Array, "4"]) -> RealScalar:
     return wrapped(2 * jnp.arctan2(q[1], q[0]))
 
 
+class Leg(enum.IntEnum):
+    """The legs of three slews, and what follows them."""
+
+    FIRST_SLEW = 0
+    SECOND_SLEW = 1
+    THIRD_SLEW = 2
+    SLEWED = 3
+
+
 class Slewing(NamedTuple):
-    """The leg under way (0 to 2; 3 when all are done), its angle to go (rad), the order of axes.
+    """The leg under way (`Leg`), its angle to go (rad), the order of axes.
 
     `end` is the time (s) at which the last leg should be over, `last_rate` the leg's rate at the
     last sample (rad/s).
@@ -113,7 +122,7 @@ class SlewPlanner(eqx.Module):
     def init(self, state: PlantState) -> Slewing:
         """Nothing planned."""
         zero = jnp.zeros_like(state.omega[0])
-        return Slewing(jnp.array(0), zero, jnp.array(True), zero, zero)
+        return Slewing(jnp.array(Leg.FIRST_SLEW), zero, jnp.array(True), zero, zero)
 
     def needed(self, state: PlantState, ahead: RealScalar) -> Float[Array, "4"]:
         """The rotation (quaternion) from the body to the orbit frame of `ahead` seconds later."""
@@ -148,7 +157,7 @@ class SlewPlanner(eqx.Module):
             best = jnp.argmin(durations)
             ahead = durations[best]
         rate = jnp.where(along_x[best], state.omega[0], state.omega[1])
-        return Slewing(jnp.array(0), angles[best, 0], along_x[best], t + ahead, rate)
+        return Slewing(jnp.array(Leg.FIRST_SLEW), angles[best, 0], along_x[best], t + ahead, rate)
 
     def advance(
         self, t: RealScalar, state: PlantState, slewing: Slewing, period: RealScalar
@@ -176,7 +185,7 @@ class SlewPlanner(eqx.Module):
     def references(self, slewing: Slewing) -> Float[Array, "2"]:
         """The rates of both axes that the leg under way asks for, rad/s."""
         axis_x = self._axis_is_x(slewing)
-        rate = jnp.where(slewing.leg == 3, 0.0, self.reference(slewing.to_go, axis_x)[0])
+        rate = jnp.where(slewing.leg == Leg.SLEWED, 0.0, self.reference(slewing.to_go, axis_x)[0])
         return jnp.where(jnp.stack([axis_x, ~axis_x]), rate, 0.0)
 
     def torque(self, state: PlantState, slewing: Slewing) -> Float[Array, "2"]:
@@ -197,15 +206,15 @@ class SlewPlanner(eqx.Module):
         return moments[:2] * acceleration - gyroscopic_torque(moments, state.omega)
 
     def _axis_is_x(self, slewing: Slewing) -> Bool[Array, ""]:
-        return slewing.along_x ^ (slewing.leg == 1)
+        return slewing.along_x ^ (slewing.leg == Leg.SECOND_SLEW)
 
     def _next_leg(self, t: RealScalar, state: PlantState, slewing: Slewing) -> Slewing:
         q = mirrored(self.needed(state, slewing.end - t), slewing.along_x)
         second, third = two_slews(q)[0], one_slew(q)
-        following = slewing._replace(leg=jnp.minimum(slewing.leg + 1, 3))
+        following = slewing._replace(leg=jnp.minimum(slewing.leg + 1, Leg.SLEWED))
         axis_x = self._axis_is_x(following)
         return following._replace(
-            to_go=jnp.where(slewing.leg == 0, second, third),
+            to_go=jnp.where(slewing.leg == Leg.FIRST_SLEW, second, third),
             last_rate=jnp.where(axis_x, state.omega[0], state.omega[1]),
         )
 
@@ -223,9 +232,7 @@ class ThreeSlewLaw(AbstractSampledController):
     Afterwards it holds the first two rates at zero. `period` is in s.
     """
 
-    mode_names: ClassVar[ModeNames] = MappingProxyType(
-        {0: "first slew", 1: "second slew", 2: "third slew", 3: "slewed"}
-    )
+    modes: ClassVar[type[enum.IntEnum]] = Leg
 
     planner: SlewPlanner
     period: RealScalar = eqx.field(converter=as_float)
@@ -242,11 +249,11 @@ class ThreeSlewLaw(AbstractSampledController):
     ) -> tuple[Float[Array, "2"], ThreeSlewMemory]:
         """Plan at the first sample, fly at every other."""
         flown = self.planner.advance(t, state, memory.slewing, self.period)
-        done = memory.slewing.leg == 3
+        done = memory.slewing.leg == Leg.SLEWED
         flown = jax.tree.map(lambda x, y: jnp.where(done, x, y), memory.slewing, flown)
         plan = self.planner.plan(t, state)
         slewing = jax.tree.map(lambda x, y: jnp.where(memory.planned, x, y), flown, plan)
-        stopped = slewing._replace(to_go=jnp.where(slewing.leg == 3, 0.0, slewing.to_go))
+        stopped = slewing._replace(to_go=jnp.where(slewing.leg == Leg.SLEWED, 0.0, slewing.to_go))
         command = clipped(self.planner.torque(state, stopped), self.planner.torque_limit)
         return command, ThreeSlewMemory(slewing, jnp.array(True))
 
@@ -255,5 +262,5 @@ class ThreeSlewLaw(AbstractSampledController):
         return state.omega[:2] - self.planner.references(memory.slewing)
 
     def mode(self, memory: ThreeSlewMemory) -> Int[Array, ""]:
-        """The leg under way, 0 to 2, and 3 when all are done."""
+        """The `Leg` under way."""
         return memory.slewing.leg

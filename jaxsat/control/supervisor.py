@@ -1,6 +1,6 @@
 """The quickest way that settles: stop, slew, then the fine stage."""
 
-from types import MappingProxyType
+import enum
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -10,25 +10,31 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.fine import FINE_MODES, OSCILLATING, REGULATING, FineMemory, FineStage
+from jaxsat.control.fine import FineMemory, FineMode, FineStage
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
 from jaxsat.control.rate_tracking import clipped
-from jaxsat.control.sampled import AbstractSampledController, ModeNames
-from jaxsat.control.slews import Slewing, SlewPlanner
+from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.slews import Leg, Slewing, SlewPlanner
 from jaxsat.control.tilt import tilt_of
 from jaxsat.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
-STOPPING, SLEWING = 1, 2
-"""Numbers of the first two phases; the fine stage has modes 3 and 4."""
-
 STOPPED = 1.5
 """The rate law's dead zone times this: below it ω3 counts as gone."""
 
 
+class Phase(enum.IntEnum):
+    """The phases, of which the last, the fine stage, has two modes."""
+
+    STOPPING = 1
+    SLEWING = 2
+    OSCILLATING = FineMode.OSCILLATING.value
+    REGULATING = FineMode.REGULATING.value
+
+
 class SettlingMemory(NamedTuple):
-    """The phase (1 to 3), the memories of its parts, and when the fine stage began (s)."""
+    """The phase but `REGULATING`, the memories of its parts, and when the fine stage began (s)."""
 
     phase: Int[Array, ""]
     signs: Signs
@@ -48,9 +54,7 @@ class ThreeSlewSettling(AbstractSampledController):
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
 
-    mode_names: ClassVar[ModeNames] = MappingProxyType(
-        {STOPPING: "stopping", SLEWING: "slewing", **FINE_MODES}
-    )
+    modes: ClassVar[type[enum.IntEnum]] = Phase
 
     rate_law: FiniteTimeRate
     planner: SlewPlanner
@@ -69,7 +73,7 @@ class ThreeSlewSettling(AbstractSampledController):
     def init(self, state: PlantState) -> SettlingMemory:
         """The first phase, nothing known yet."""
         return SettlingMemory(
-            jnp.array(STOPPING),
+            jnp.array(Phase.STOPPING),
             self.rate_law.init(state),
             self.planner.init(state),
             self.fine.init(state),
@@ -86,11 +90,11 @@ class ThreeSlewSettling(AbstractSampledController):
         slewing = self.planner.advance(t, state, memory.slewing, self.period)
         phase = self._phase(memory.phase, state, third, slewing)
         begun = phase != memory.phase
-        begins_fine = begun & (phase == OSCILLATING)
-        estimator = self.estimator.forget_ripple(estimator, begun & (phase != SLEWING))
+        begins_fine = begun & (phase == Phase.OSCILLATING)
+        estimator = self.estimator.forget_ripple(estimator, begun & (phase != Phase.SLEWING))
         plan = self.planner.plan(t, state)
-        slewing = _choose(begun & (phase == SLEWING), plan, slewing)
-        signs = _choose(begun & (phase == STOPPING), self.rate_law.init(state), memory.signs)
+        slewing = _choose(begun & (phase == Phase.SLEWING), plan, slewing)
+        signs = _choose(begun & (phase == Phase.STOPPING), self.rate_law.init(state), memory.signs)
         fine = _choose(begins_fine, self.fine.init(state), memory.fine)
         fine_since = jnp.where(begins_fine, t, memory.fine_since)
 
@@ -110,13 +114,13 @@ class ThreeSlewSettling(AbstractSampledController):
 
     def rate_error(self, state: PlantState, memory: SettlingMemory) -> Float[Array, "2"]:
         """ω - ω_d of the phase, zero while the regulator works, rad/s."""
-        regulating = self.mode(memory) == REGULATING
+        regulating = self.mode(memory) == Phase.REGULATING
         return jnp.where(regulating, 0.0, state.omega[:2] - memory.reference)
 
     def mode(self, memory: SettlingMemory) -> Int[Array, ""]:
-        """1 stopping, 2 slewing, 3 oscillating, 4 regulating."""
-        regulating = (memory.phase == OSCILLATING) & memory.fine.regulating
-        return jnp.where(regulating, REGULATING, memory.phase)
+        """The `Phase` at work."""
+        regulating = (memory.phase == Phase.OSCILLATING) & memory.fine.regulating
+        return jnp.where(regulating, Phase.REGULATING, memory.phase)
 
     def _phase(
         self, phase: Int[Array, ""], state: PlantState, third: ThirdAxis, slewing: Slewing
@@ -125,11 +129,11 @@ class ThreeSlewSettling(AbstractSampledController):
         stopped = still & (jnp.abs(third.rate) < STOPPED * self.rate_law.dead_zone)
         turn = jnp.abs(tilt_of(state.attitude).turn)
         lost = (turn > self.lost_turn) | (jnp.abs(state.omega[2]) > self.lost_rate)
-        after_stopping = jnp.where(stopped, SLEWING, STOPPING)
-        after_slewing = jnp.where(slewing.leg == 3, OSCILLATING, SLEWING)
-        after_fine = jnp.where(lost, STOPPING, OSCILLATING)
-        chosen = jnp.where(phase == SLEWING, after_slewing, after_fine)
-        return jnp.where(phase == STOPPING, after_stopping, chosen)
+        after_stopping = jnp.where(stopped, Phase.SLEWING, Phase.STOPPING)
+        after_slewing = jnp.where(slewing.leg == Leg.SLEWED, Phase.OSCILLATING, Phase.SLEWING)
+        after_fine = jnp.where(lost, Phase.STOPPING, Phase.OSCILLATING)
+        chosen = jnp.where(phase == Phase.SLEWING, after_slewing, after_fine)
+        return jnp.where(phase == Phase.STOPPING, after_stopping, chosen)
 
 
 def _choose(when: Bool[Array, ""], new, old):
@@ -137,4 +141,8 @@ def _choose(when: Bool[Array, ""], new, old):
 
 
 def _by_phase(phase: Int[Array, ""], stopping, slewing, fine):
-    return jnp.where(phase == STOPPING, stopping, jnp.where(phase == SLEWING, slewing, fine))
+    return jnp.where(
+        phase == Phase.STOPPING,
+        stopping,
+        jnp.where(phase == Phase.SLEWING, slewing, fine),
+    )

@@ -5,9 +5,9 @@ is active is memory, so this controller is a sampled one: it looks at the state 
 the torque is held in between.
 """
 
+import enum
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -19,11 +19,23 @@ from jaxsat.checks import as_float, concrete, require_positive
 from jaxsat.control.context import LawContext
 from jaxsat.control.controller import Memory
 from jaxsat.control.rate import RateLaw
-from jaxsat.control.sampled import AbstractSampledController, ModeNames
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.three_axis import ThreeAxisLaw
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.switching import SLOPE_LIMITS, SWITCHING
 from jaxsat.dynamics import PlantState
+
+
+class SwitchingMode(enum.IntEnum):
+    """Which of the two laws is active."""
+
+    THREE_AXIS_LAW = 0
+    RATE_LAW = 1
+
+    @property
+    def label(self) -> str:
+        """The law's name as the paper has it."""
+        return "rate law" if self is SwitchingMode.RATE_LAW else "three-axis law"
 
 
 class SwitchingMemory(NamedTuple):
@@ -46,7 +58,7 @@ class SwitchingLaw(AbstractSampledController):
     """
 
     declaration: ClassVar[LawDeclaration] = SWITCHING
-    mode_names: ClassVar[ModeNames] = MappingProxyType({0: "three-axis law", 1: "rate law"})
+    modes: ClassVar[type[enum.IntEnum]] = SwitchingMode
 
     rate_law: RateLaw
     three_axis_law: ThreeAxisLaw
@@ -122,7 +134,7 @@ class SwitchingLaw(AbstractSampledController):
         return state.omega[:2] - self._reference(state, memory.rate_law_active)
 
     def mode(self, memory: SwitchingMemory) -> Int[Array, ""]:
-        """1 while the rate law is active, 0 while the three-axis law is."""
+        """The `SwitchingMode` at work; its numbers are those of `rate_law_active`."""
         return memory.rate_law_active.astype(int)
 
     def _reference(self, state: PlantState, rate_law_active: Bool[Array, ""]) -> Float[Array, "2"]:

@@ -4,6 +4,7 @@ Plain data, without any library: the scenario makes its checks, messages and sch
 tuning its search space.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -82,6 +83,11 @@ def number(
     kind = Numeric(above, at_least, at_most, size, or_one)
     path = name if tunable is True else tunable or None
     return Key(name, meaning, unit, kind, default, path, width)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """The key of a quantity: its name and its unit in SI, "rad_s" for rad/s, none for "1"."""
+    return name if unit == "1" else f"{name}_{re.sub(r'[ /]', '_', unit)}"
 
 
 def switch(name: str, meaning: str, default: Any = ...) -> Key:

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, PyTree, UInt32
 
 from jaxsat import noise
 from jaxsat.checks import as_array
+from jaxsat.declaration.quantities import EXCLUSIVE
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import AbstractCaseFactory, Case
 from jaxsat.montecarlo.changes import (
@@ -34,12 +35,6 @@ ATTEMPTS = 32
 
 BODY = ("inertia", "products_of_inertia")
 BELIEF = ("model_inertia",)
-EXCLUSIVE = (
-    ("attitude", "tilt"),
-    ("attitude", "tilt_direction"),
-    ("attitude", "turn"),
-    ("omega", "rate_error"),
-)
 
 
 class Dispersions(eqx.Module):

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.checks import require_counts
+from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.engine import AbstractEngine, Outputs, Program, Replay, program_identity
 from jaxsat.montecarlo.designs import AbstractDesign, LatinHypercube
 from jaxsat.montecarlo.dispersions import Dispersed, StudyCase
@@ -126,8 +127,8 @@ class Study:
             DRAWN + name: Column(
                 (QUANTITIES[name].size(self.case_factory.loop),),
                 "float64",
-                QUANTITIES[name].unit,
-                QUANTITIES[name].meaning,
+                DISPERSIBLE[name].unit,
+                DISPERSIBLE[name].meaning,
             )
             for name in self.case_factory.dispersions.names
         }

@@ -9,6 +9,7 @@ import numpy as np
 from jaxsat import ranges
 from jaxsat.checks import concrete
 from jaxsat.control import InternalModel
+from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.dynamics import PlantState
 from jaxsat.montecarlo.changes import controller_of, parts_of
 from jaxsat.montecarlo.distributions import AbstractDistribution, Discrete, RandomAttitude
@@ -75,7 +76,7 @@ def limits_of(name: str, frequency_known: bool, loop: AbstractLoop) -> Limits:
 def _of_the_kind(
     name: str, distribution: AbstractDistribution, loop: AbstractLoop
 ) -> Misfit | None:
-    if (name == "attitude") != isinstance(distribution, RandomAttitude):
+    if DISPERSIBLE[name].random_attitude != isinstance(distribution, RandomAttitude):
         kind = type(distribution).__name__
         message = f"must have RandomAttitude if it is `attitude` and only then, but got {kind}"
         return Misfit(name, message, "distribution")
@@ -102,7 +103,7 @@ def _singular(name: str, start: PlantState | None) -> Misfit | None:
 def _outside(
     name: str, distribution: AbstractDistribution, limits: Limits, loop: AbstractLoop
 ) -> Iterator[Misfit]:
-    size, unit = QUANTITIES[name].size(loop), QUANTITIES[name].unit.removesuffix("1")
+    size, unit = QUANTITIES[name].size(loop), DISPERSIBLE[name].unit.removesuffix("1")
     low, high = concrete(limits.low), concrete(limits.high)
     if low is None or high is None:
         return

@@ -1,4 +1,4 @@
-"""What a study can disperse, by name: how many numbers it takes and where they go in the model."""
+"""How many numbers each dispersible quantity takes, and where they go in the model."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -15,15 +15,13 @@ from jaxsat.vehicle import Actuators, Sensors, Spacecraft
 
 
 class Quantity(NamedTuple):
-    """A dispersible quantity.
+    """What a quantity of `jaxsat.declaration.quantities` takes and does.
 
     `apply` puts the numbers into the model. `obstacle` tells, as a clause, why a loop has no such
     quantity, or None. `limits` are the least and the largest number that may be drawn for it, given
     the nominal loop, so that what comes of it stays in its range (`jaxsat.ranges`).
     """
 
-    unit: str
-    meaning: str
     size: Callable[[AbstractLoop], int]
     apply: Callable[[Setting, Values], Setting]
     obstacle: Callable[[AbstractLoop], str | None]
@@ -91,164 +89,124 @@ def _thrusters(each: int) -> Callable[[AbstractLoop], int]:
 
 QUANTITIES: dict[str, Quantity] = {
     "inertia": Quantity(
-        "1",
-        "relative change of J1, J2, J3",
         _fixed(3),
         changes.set_inertia,
         _needs_torque_level,
         limits.changing(ranges.MOMENT, limits.moments_of),
     ),
     "products_of_inertia": Quantity(
-        "1",
-        "Jxy, Jxz, Jyz to add, in parts of the least of J1, J2, J3",
         _fixed(3),
         changes.set_products,
         _needs_torque_level,
         limits.of_products,
     ),
     "misalignment": Quantity(
-        "rad",
-        "turn of each torque axis towards two directions across it",
         _thrusters(2),
         changes.set_misalignment,
         _needs_thrusters,
         limits.between(ranges.MISALIGNMENT),
     ),
     "torque_gain": Quantity(
-        "1",
-        "relative change of each thruster's torque",
         _thrusters(1),
         changes.set_torque_gain,
         _needs_thrusters,
         limits.between(ranges.CHANGE_OF_TORQUE),
     ),
     "disturbance_amplitude": Quantity(
-        "1",
-        "relative change of the periodic torque's amplitudes",
         _fixed(3),
         changes.set_periodic("amplitude", lambda old, change: old * (1 + change)),
         _needs_periodic,
         limits.changing(ranges.TORQUE, lambda loop: limits.periodic_of(loop).amplitude),
     ),
     "disturbance_frequency": Quantity(
-        "1",
-        "relative change of the periodic torque's frequencies",
         _fixed(3),
         changes.set_periodic("frequency", lambda old, change: old * (1 + change)),
         _needs_periodic,
         limits.changing(ranges.FREQUENCY, lambda loop: limits.periodic_of(loop).frequency),
     ),
     "disturbance_phase": Quantity(
-        "rad",
-        "phases of the periodic torque",
         _fixed(3),
         changes.set_periodic("phase", lambda old, phase: phase),
         _needs_periodic,
         limits.between(ranges.ANGLE),
     ),
     "constant_torque": Quantity(
-        "N m",
-        "torque to add, fixed in body axes",
         _fixed(3),
         changes.set_constant_torque,
         _always,
         limits.of_constant_torque,
     ),
     "model_inertia": Quantity(
-        "1",
-        "relative change of the J1, J2, J3 that the controller believes",
         _fixed(3),
         changes.set_model_inertia,
         _needs_model(Spacecraft),
         limits.changing(ranges.MOMENT, limits.believed_moments),
     ),
     "model_orbit_rate": Quantity(
-        "1",
-        "relative change of the orbit rate that the controller believes",
         _fixed(1),
         changes.set_model_orbit_rate,
         _needs_model(AbstractOrbit),
         limits.changing(ranges.ORBIT_RATE, limits.believed_orbit_rate),
     ),
     "rate_noise": Quantity(
-        "rad/s",
-        "standard deviation of the rate sensors",
         _fixed(1),
         changes.set_sensor("rate_noise"),
         _needs_sensors,
         limits.between(ranges.RATE_NOISE),
     ),
     "attitude_noise": Quantity(
-        "rad",
-        "standard deviation of the attitude sensors",
         _fixed(1),
         changes.set_sensor("attitude_noise"),
         _needs_sensors,
         limits.between(ranges.ATTITUDE_NOISE),
     ),
     "delay": Quantity(
-        "s",
-        "time that the controller takes to compute",
         _fixed(1),
         changes.set_delay,
         _needs_delay,
         limits.of_delay,
     ),
     "attitude": Quantity(
-        "1",
-        "initial attitude, a unit quaternion",
         _fixed(4),
         changes.set_attitude,
         _always,
         limits.between(Range(-1.0, 1.0)),
     ),
     "tilt": Quantity(
-        "1",
-        "initial |w|",
         _fixed(1),
         changes.set_tilt_by(changes.resized),
         _always,
         limits.between(Range(0.0, STATE_LIMIT)),
     ),
     "tilt_direction": Quantity(
-        "rad",
-        "angle of the initial (w1, w2)",
         _fixed(1),
         changes.set_tilt_by(changes.redirected),
         _always,
         limits.between(ranges.ANGLE),
     ),
     "turn": Quantity(
-        "rad",
-        "initial z",
         _fixed(1),
         changes.set_tilt_by(lambda wz, turn: WZ(wz.w, turn[0])),
         _always,
         limits.between(limits.STATE),
     ),
     "attitude_error": Quantity(
-        "rad",
-        "rotation vector, body axes, from the nominal initial attitude",
         _fixed(3),
         changes.set_attitude_error,
         _always,
         limits.between(ranges.ROTATION),
     ),
     "omega": Quantity(
-        "rad/s",
-        "initial angular velocity",
         _fixed(3),
         changes.set_omega,
         _always,
         limits.of_omega,
     ),
     "rate_error": Quantity(
-        "rad/s",
-        "initial (ω1, ω2) less the reference of the nominal law",
         _fixed(2),
         changes.set_rate_error,
         _needs_reference,
         limits.between(limits.STATE),
     ),
 }
-"""In the order in which they are applied."""
+"""By name, in the order of `DISPERSIBLE`, in which they are applied."""

@@ -1,5 +1,6 @@
 """Trajectories as xarray datasets, in memory and as netCDF files."""
 
+import enum
 import io
 import os
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
+from jaxsat.control.sampled import mode_label
 from jaxsat.results.errors import OutputError, one_line, reason, system_failure
 from jaxsat.results.files import read_or_explain, save_file
 from jaxsat.results.marker import Marker
@@ -72,12 +74,12 @@ def trajectory_dataset(
     title: str = "",
     scenario: str = "",
     seed: int | None = None,
-    mode_names: Mapping[int, str] | None = None,
+    modes: type[enum.IntEnum] | None = None,
 ) -> xr.Dataset:
     """The history of one run over `time` (s), body axes, with units as attributes.
 
     `scenario` is the scenario as TOML text. Global attributes hold it with the outcome, the seed
-    and what `provenance` tells; `mode_names` go to the attributes of `mode`. Values after the end
+    and what `provenance` tells; `modes` go to the attributes of `mode`. Values after the end
     of a failed run are NaN. Beside the history stand the `TOTALS` of the whole run.
     """
     found = {
@@ -85,10 +87,10 @@ def trajectory_dataset(
         **_labelled(trajectory.assessment, TOTALS, ()),
     }
     variables = {name: variable for name, variable in found.items() if variable is not None}
-    if mode_names:
+    if modes is not None:
         variables["mode"].attrs |= {
-            "flag_values": np.array(list(mode_names), float),
-            "flag_meanings": " ".join(name.replace(" ", "_") for name in mode_names.values()),
+            "flag_values": np.array(list(modes), float),
+            "flag_meanings": " ".join(mode_label(mode).replace(" ", "_") for mode in modes),
         }
     time = xr.Variable(
         "time", np.asarray(trajectory.times), {"units": "s", "long_name": "time since the start"}

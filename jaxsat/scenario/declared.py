@@ -1,18 +1,23 @@
 """Tables of a scenario made from the keys that a part of the core declares."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, Union
 
 from annotated_types import Ge, Gt, Le, Len
-from pydantic import Discriminator, Tag
+from pydantic import Discriminator, Tag, create_model
 
 from jaxsat.declaration import LARGEST, Choice, Key, Numeric
-from jaxsat.scenario.quantities import Number, Switch, choice, is_list, quantity
+from jaxsat.scenario.quantities import Number, Switch, Table, choice, is_list, quantity
 
 
 def fields_of(keys: Iterable[Key]) -> dict[str, tuple[Any, Any]]:
     """What `pydantic.create_model` takes, for declared keys."""
     return {key.name: (_annotation(key), _field(key)) for key in keys}
+
+
+def table_with(fields: Mapping[str, Any]) -> type[Table]:
+    """A table with these fields, to derive a class with a name of its own from."""
+    return create_model("Declared", __base__=Table, **fields)
 
 
 def _field(key: Key) -> Any:

@@ -2,11 +2,13 @@
 
 from typing import Annotated, Any, Literal
 
-from annotated_types import Ge, Le, Len
+from annotated_types import Len
 from pydantic import Discriminator, Tag, model_validator
 
-from jaxsat.ranges import ATTITUDE_NOISE, RATE_NOISE, SECONDS
-from jaxsat.scenario.quantities import Number, Switch, Table, choice, quantity, within
+from jaxsat.declaration.quantities import DISPERSIBLE, DispersibleQuantity
+from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
+from jaxsat.scenario.declared import fields_of, table_with
+from jaxsat.scenario.quantities import Number, Switch, Table, choice, quantity
 
 NumberOrList = Annotated[
     Annotated[Number, Tag("one")] | Annotated[tuple[Number, ...], Len(1, 1000), Tag("each")],
@@ -52,14 +54,13 @@ class DistributionTable(Table):
         return self
 
 
-def _dispersed(what: str, unit: str) -> Any:
-    return quantity(f"Distribution of {what}", unit, None)
+def _dispersed(one: DispersibleQuantity) -> tuple[Any, Any]:
+    what = f"Distribution of the {one.meaning}"
+    what += ', always "random-attitude"' if one.random_attitude else ""
+    return (DistributionTable | None, quantity(what, one.unit, None))
 
 
-Distribution = DistributionTable | None
-
-
-class DispersionTable(Table):
+class DispersionTable(table_with({one.key: _dispersed(one) for one in DISPERSIBLE.values()})):
     """`[dispersion]`: what a Monte-Carlo study draws anew for every case."""
 
     design: Literal["independent", "sobol", "latin-hypercube"] = choice(
@@ -70,53 +71,13 @@ class DispersionTable(Table):
         "frequencies",
         False,
     )
-    inertia: Distribution = _dispersed("relative changes of J1, J2, J3", "1")
-    products_of_inertia: Distribution = _dispersed(
-        "Jxy, Jxz, Jyz to add, in parts of the least of J1, J2, J3", "1"
-    )
-    misalignment_rad: Distribution = _dispersed(
-        "the turn of each torque axis towards two directions across it", "rad"
-    )
-    torque_gain: Distribution = _dispersed("relative changes of each thruster's torque", "1")
-    disturbance_amplitude: Distribution = _dispersed(
-        "relative changes of the periodic torque's amplitudes", "1"
-    )
-    disturbance_frequency: Distribution = _dispersed(
-        "relative changes of the periodic torque's frequencies", "1"
-    )
-    disturbance_phase_rad: Distribution = _dispersed("phases of the periodic torque", "rad")
-    constant_torque_N_m: Distribution = _dispersed("torque to add, fixed in body axes", "N m")
-    model_inertia: Distribution = _dispersed(
-        "relative changes of J1, J2, J3 in the controller's model", "1"
-    )
-    model_orbit_rate: Distribution = _dispersed(
-        "relative changes of the orbit rate in the controller's model", "1"
-    )
-    rate_noise_rad_s: Distribution = _dispersed("the rate sensors' standard deviation", "rad/s")
-    attitude_noise_rad: Distribution = _dispersed("the attitude sensors' standard deviation", "rad")
-    delay_s: Distribution = _dispersed("the time that the controller takes to compute", "s")
-    attitude: Distribution = _dispersed('initial attitudes; "random-attitude"', "1")
-    tilt: Distribution = _dispersed("the initial |w|", "1")
-    tilt_direction_rad: Distribution = _dispersed("the angle of the initial (w1, w2)", "rad")
-    turn_rad: Distribution = _dispersed("the initial z", "rad")
-    attitude_error_rad: Distribution = _dispersed(
-        "rotation vectors from the nominal initial attitude", "rad"
-    )
-    omega_rad_s: Distribution = _dispersed("initial angular velocities", "rad/s")
-    rate_error_rad_s: Distribution = _dispersed(
-        "the initial (ω1, ω2) less the law's reference", "rad/s"
-    )
+
+    @property
+    def distributions(self) -> dict[str, DistributionTable]:
+        """Those given, by the name of the quantity, in the order in which they are applied."""
+        tables = {name: getattr(self, one.key) for name, one in DISPERSIBLE.items()}
+        return {name: table for name, table in tables.items() if table is not None}
 
 
-class SamplingTable(Table):
+class SamplingTable(table_with(fields_of((*SENSOR_KEYS, DELAY)))):
     """`[sampling]`: what is between a sampled law and the plant."""
-
-    rate_noise_rad_s: Annotated[Number, within(RATE_NOISE)] = quantity(
-        "Standard deviation of white noise on each measured rate, a sample", "rad/s", 0.0
-    )
-    attitude_noise_rad: Annotated[Number, within(ATTITUDE_NOISE)] = quantity(
-        "Standard deviation of the measured attitude about each body axis, a sample", "rad", 0.0
-    )
-    delay_s: Annotated[Number, Ge(0), Le(SECONDS.high)] = quantity(
-        "Time from a sample to its torque, at most one period of the law", "s", 0.0
-    )

@@ -1,5 +1,8 @@
 """What a sampled controller is told of the state."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,6 +11,7 @@ from numpy.typing import DTypeLike
 
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_float, require_positive
+from jaxsat.declaration.sensors import SENSOR_KEYS
 from jaxsat.noise import sample_noise
 
 
@@ -30,6 +34,12 @@ class Sensors(eqx.Module):
     def __check_init__(self):
         for name in ("rate_noise", "attitude_noise"):
             require_positive(name, getattr(self, name), zero_allowed=True)
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], key: UInt32[Array, "2"]) -> "Sensors":
+        """Those of a checked table with the keys `jaxsat.declaration.sensors.SENSOR_KEYS`."""
+        rate_noise, attitude_noise = (values[own.name] for own in SENSOR_KEYS)
+        return cls(rate_noise, attitude_noise, key)
 
     def __call__(
         self, sample: Int[Array, ""], attitude: AbstractAttitude, omega: Float[Array, "3"]

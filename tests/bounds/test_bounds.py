@@ -12,7 +12,7 @@ from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build, build_uncontrolled
 from jaxsat.bounds import Manoeuvre, Objective, Transcription, best_of_starts, fly, manoeuvre_of
 from jaxsat.cli import main
-from jaxsat.control.sampled import ONE_MODE, AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.environment import AbstractDisturbance
 from jaxsat.scenario import library
 from jaxsat.simulation import SampledLoop, simulate
@@ -22,8 +22,6 @@ pytest.importorskip("casadi")
 
 class _Replayed(AbstractSampledController):
     """Thrusts known in advance."""
-
-    mode_names = ONE_MODE
 
     thrust: jnp.ndarray
     period: jnp.ndarray
@@ -36,9 +34,6 @@ class _Replayed(AbstractSampledController):
 
     def rate_error(self, state, memory):
         return jnp.full(2, jnp.nan)
-
-    def mode(self, memory):
-        return jnp.array(0)
 
 
 INERTIA = (449.5, 264.6, 312.5)

@@ -51,12 +51,10 @@ def test_table_record_and_figure_and_going_on(jaxsat, tmp_path):
 
 OWN_LAW = """
 import jax.numpy as jnp
-from jaxsat.control import (
-    ONE_MODE, AbstractFeedbackLaw, AbstractSampledController, LawDeclaration)
-from jaxsat.declaration import number
+from jaxsat.control import AbstractFeedbackLaw, AbstractSampledController
+from jaxsat.declaration import LawDeclaration, number
 
 class Sampled(AbstractSampledController):
-    mode_names = ONE_MODE
     declaration = LawDeclaration(
         summary="damps two rates", keys=(number("period_s", "Period", "s", above=0, default=0.5),))
     period: jnp.ndarray
@@ -73,9 +71,6 @@ class Sampled(AbstractSampledController):
 
     def rate_error(self, state, memory):
         return state.omega[:2]
-
-    def mode(self, memory):
-        return jnp.array(0)
 
 class Own(AbstractFeedbackLaw):
     declaration = LawDeclaration(summary="damps two rates")

@@ -8,6 +8,7 @@ from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.comparison import LAWS, LEVELS, Setting, Start, horizon, scenario_of, study_of
 from jaxsat.control import SwitchingLaw
+from jaxsat.control.switching import SwitchingMode
 from jaxsat.dynamics import PlantState
 
 
@@ -76,7 +77,11 @@ def test_every_law_has_a_scenario_of_its_own(level, law):
 
 
 @pytest.mark.parametrize(
-    ("law", "mode", "source"), [("three-axis", 0, "free-third-rate"), ("rate", 1, "paper-rate")]
+    ("law", "mode", "source"),
+    [
+        ("three-axis", SwitchingMode.THREE_AXIS_LAW, "free-third-rate"),
+        ("rate", SwitchingMode.RATE_LAW, "paper-rate"),
+    ],
 )
 def test_the_papers_laws_alone_never_switch(law, mode, source):
     """The torque is that of the printed law, but for dω_d/dt, which the first sample lacks."""

@@ -9,6 +9,10 @@ import pytest
 from control.cases import ORBIT_RATE, actuators, body, paper_disturbance
 from jaxsat.attitude import WZ
 from jaxsat.control import oscillatory_settling, three_slew_settling
+from jaxsat.control.fine import FineMode
+from jaxsat.control.supervisor import Phase
+from jaxsat.control.tuned_gains import APPROACH, MORIN_SAMSON, TWO_CHANNEL
+from jaxsat.declaration.settling import TUNED_LIMITS
 from jaxsat.dynamics import PlantState
 from jaxsat.environment import PeriodicTorque
 from jaxsat.simulation import SampledLoop, simulate
@@ -41,7 +45,7 @@ def test_paper_start_settles(name, limit, latest):
     assert np.all(run.torque[:, 2] == 0)
     modes = np.asarray(run.mode)
     order = modes[np.flatnonzero(np.diff(modes, prepend=-1))]
-    assert list(order) == {"oscillatory": [3, 4], "three-slew": [1, 2, 3, 4]}[name]
+    assert list(order) == list({"oscillatory": FineMode, "three-slew": Phase}[name])
     # d3 leaves a ripple of a3 / (J3 Ω) that nothing can remove; it is all that is left of ω3.
     late = np.asarray(run.omega[4000:, 2])
     assert 1e-5 < np.std(late) < 6e-5
@@ -61,6 +65,11 @@ def test_ten_times_the_ripple_settles_and_is_left_alone():
     assert np.std(z) == pytest.approx(10 * ripple / np.sqrt(2), rel=0.2)
 
 
+@pytest.mark.parametrize("table", [APPROACH, MORIN_SAMSON, TWO_CHANNEL])
+def test_there_are_gains_for_the_limits_that_messages_name(table):
+    assert tuple(table) == TUNED_LIMITS
+
+
 def test_modes_change_with_hysteresis():
     """The regulator comes in below the inner thresholds and goes only beyond the outer ones."""
     controller = oscillatory_settling(body(), 5.0)
@@ -72,10 +81,10 @@ def test_modes_change_with_hysteresis():
         memory = memory._replace(fine=memory.fine._replace(regulating=jnp.array(begin)))
         return int(controller.mode(step(jnp.zeros(()), state, memory)[1]))
 
-    assert mode(0.029, False) == 4
-    assert mode(0.031, False) == 3
-    assert mode(0.044, True) == 4
-    assert mode(0.046, True) == 3
+    assert mode(0.029, False) == FineMode.REGULATING
+    assert mode(0.031, False) == FineMode.OSCILLATING
+    assert mode(0.044, True) == FineMode.REGULATING
+    assert mode(0.046, True) == FineMode.OSCILLATING
 
 
 def test_a_lost_attitude_begins_again():
@@ -84,12 +93,12 @@ def test_a_lost_attitude_begins_again():
 
     def phase(z, omega3):
         state = PlantState(WZ([0.0, 0.0], z), [0.0, -ORBIT_RATE, omega3])
-        memory = controller.init(state)._replace(phase=jnp.array(3))
+        memory = controller.init(state)._replace(phase=jnp.array(Phase.OSCILLATING))
         return int(step(jnp.zeros(()), state, memory)[1].phase)
 
-    assert phase(0.9, 0.04) == 3
-    assert phase(1.1, 0.0) == 1
-    assert phase(0.0, -0.06) == 1
+    assert phase(0.9, 0.04) == Phase.OSCILLATING
+    assert phase(1.1, 0.0) == Phase.STOPPING
+    assert phase(0.0, -0.06) == Phase.STOPPING
 
 
 @pytest.mark.slow

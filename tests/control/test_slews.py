@@ -139,7 +139,7 @@ def test_flight_from_rest_ends_in_the_orbit_frame(seed):
     loop = SampledLoop(body(), ThreeSlewLaw(planner(), 0.1), actuators(5.0))
     times = jnp.linspace(0, 150, 1501)
     run = simulate(loop, start, times).signals
-    over = int(jnp.argmax(run.mode == 3))
+    over = int(jnp.argmax(run.mode == slews.Leg.SLEWED))
     planned = float(planner().plan(jnp.array(0.0), start).end)
     assert 0.7 * planned < times[over] < 1.2 * planned + 2
     assert jnp.linalg.norm(run.w[over]) < 0.01

@@ -5,7 +5,7 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.assembly.study import dispersion_key
+from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.montecarlo import (
     QUANTITIES,
     Dispersions,
@@ -53,7 +53,7 @@ def base(name):
 
 
 def refused(name, distribution, *more):
-    key = f"dispersion.{dispersion_key(name)}"
+    key = f"dispersion.{DISPERSIBLE[name].key}"
     changes = ["sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5"]
     more = [*more, *([] if name == "rate_error" else changes)]
     with pytest.raises(ScenarioError) as caught:

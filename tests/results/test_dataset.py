@@ -27,9 +27,15 @@ from corruption import KINDS
 
 
 @pytest.fixture(scope="module")
-def run():
+def built():
     scenario = load("switching", ["simulation.duration_s=20"])
-    return scenario, build(scenario).simulate()
+    return scenario, build(scenario)
+
+
+@pytest.fixture(scope="module")
+def run(built):
+    scenario, closed_loop = built
+    return scenario, closed_loop.simulate()
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +57,14 @@ def test_holds_every_signal(run, dataset):
     assert list(dataset["omega"]["body_axis"].values) == ["x", "y", "z"]
     assert dataset["rate_error"].dims == ("time", "driven_axis")
     assert dataset["z"].dims == ("time",)
+
+
+def test_modes_have_names_in_attributes(built, run, dataset):
+    """CF conventions: `flag_values` and one word for each in `flag_meanings`."""
+    modes = trajectory_dataset(run[1], modes=built[1].modes)["mode"]
+    assert modes.attrs["flag_values"].tolist() == [0.0, 1.0]
+    assert modes.attrs["flag_meanings"] == "three-axis_law rate_law"
+    assert "flag_values" not in dataset["mode"].attrs  # nobody told it any
 
 
 def test_units_in_attributes(dataset):

@@ -10,20 +10,45 @@ from jaxsat.assembly.study import (
     ADAPTIVE_SOLVERS,
     build_dispersions,
     build_study,
-    dispersion_key,
 )
+from jaxsat.declaration.quantities import DISPERSIBLE, EXCLUSIVE
+from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.engine import ReferenceEngine
 from jaxsat.montecarlo import QUANTITIES, LatinHypercube, Sobol
 from jaxsat.scenario import ScenarioError, dump
-from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
+from jaxsat.scenario.dispersion_tables import PARAMETERS
+from jaxsat.scenario.toml_text import toml_value
 
 OMEGA = "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=[0.1, 0.2, 0.3]}"
 
 
-def test_every_quantity_has_a_key_and_every_distribution_its_kind():
-    keys = {dispersion_key(name) for name in QUANTITIES}
-    assert keys | {"design", "frequency_known"} == set(DispersionTable.model_fields)
+def test_every_quantity_has_an_effect_and_every_distribution_its_kind():
+    assert list(DISPERSIBLE) == list(QUANTITIES)  # in the order in which they are applied
     assert set(PARAMETERS) == set(_KINDS)
+
+
+def test_units_make_the_keys_of_quantities():
+    """As README, library and files of users have them."""
+    found = {one.unit: one.key.removeprefix(name) for name, one in DISPERSIBLE.items()}
+    assert found == {"1": "", "rad": "_rad", "rad/s": "_rad_s", "N m": "_N_m", "s": "_s"}
+
+
+def test_what_is_sampled_can_be_dispersed_under_the_same_key():
+    """By which a loop gets the sensors and the delay that a study is to disperse."""
+    assert {key.name for key in (*SENSOR_KEYS, DELAY)} <= {one.key for one in DISPERSIBLE.values()}
+
+
+@pytest.mark.parametrize(("one", "other"), EXCLUSIVE)
+def test_quantities_that_exclude_each_other_are_refused(one, other):
+    drawn = {name: {"distribution": "discrete", "values": [0], "weights": [1]}
+             for name in (one, other)}  # fmt: skip
+    if DISPERSIBLE[one].random_attitude:
+        drawn[one] = {"distribution": "random-attitude"}
+    first, second = DISPERSIBLE[one].key, DISPERSIBLE[other].key
+    changes = [f"dispersion.{DISPERSIBLE[name].key}={toml_value(drawn[name])}" for name in drawn]
+    with pytest.raises(ScenarioError, match=f"dispersion.{second}: must be left out beside "
+                                            f"dispersion.{first}, got both"):  # fmt: skip
+        load("switching", changes, purpose="study")
 
 
 def test_distributions_hold_the_numbers_of_the_file():

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.control import ONE_MODE, AbstractSampledController
+from jaxsat.control import AbstractSampledController
 from jaxsat.declaration import LawDeclaration, number
 from jaxsat.dynamics import RigidBody
 
@@ -19,7 +19,6 @@ class ReducedEffortLaw(AbstractSampledController):
     κ = 2 κc T / π and μ = μc T / π + μc / 2; the torque is J1 (dω_d/dt - α (ω - ω_d)).
     """
 
-    mode_names = ONE_MODE
     declaration = LawDeclaration(
         summary="reduced-effort control of an axisymmetric body",
         keys=(
@@ -64,6 +63,3 @@ class ReducedEffortLaw(AbstractSampledController):
 
     def rate_error(self, state, memory):
         return state.omega[:2] - self.reference(state.attitude)
-
-    def mode(self, memory):
-        return jnp.array(0)

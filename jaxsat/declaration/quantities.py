@@ -1,0 +1,91 @@
+"""The quantities that a study can disperse. `jaxsat.montecarlo.quantities` applies them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from jaxsat.declaration.keys import with_unit
+
+
+@dataclass(frozen=True)
+class DispersibleQuantity:
+    """A quantity that a study can draw for every case, with its unit in SI ("1" for none).
+
+    It is not dispersed together with those that it `excludes`. Where `random_attitude` is true its
+    distribution is "random-attitude", which no other quantity has. One that `turns` moves the
+    initial attitude away from where the scenario has it.
+    """
+
+    name: str
+    meaning: str
+    unit: str = "1"
+    excludes: tuple[str, ...] = ()
+    random_attitude: bool = False
+    turns: bool = False
+
+    @property
+    def key(self) -> str:
+        """Its key of `[dispersion]`: the name with the unit."""
+        return with_unit(self.name, self.unit)
+
+
+DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
+    {
+        quantity.name: quantity
+        for quantity in (
+            DispersibleQuantity("inertia", "relative change of J1, J2, J3"),
+            DispersibleQuantity(
+                "products_of_inertia", "Jxy, Jxz, Jyz to add, in parts of the least of J1, J2, J3"
+            ),
+            DispersibleQuantity(
+                "misalignment", "turn of each torque axis towards two directions across it", "rad"
+            ),
+            DispersibleQuantity("torque_gain", "relative change of each thruster's torque"),
+            DispersibleQuantity(
+                "disturbance_amplitude", "relative change of the periodic torque's amplitudes"
+            ),
+            DispersibleQuantity(
+                "disturbance_frequency", "relative change of the periodic torque's frequencies"
+            ),
+            DispersibleQuantity("disturbance_phase", "phases of the periodic torque", "rad"),
+            DispersibleQuantity("constant_torque", "torque to add, fixed in body axes", "N m"),
+            DispersibleQuantity(
+                "model_inertia", "relative change of the J1, J2, J3 that the controller believes"
+            ),
+            DispersibleQuantity(
+                "model_orbit_rate", "relative change of the orbit rate that the controller believes"
+            ),
+            DispersibleQuantity("rate_noise", "standard deviation of the rate sensors", "rad/s"),
+            DispersibleQuantity(
+                "attitude_noise", "standard deviation of the attitude sensors", "rad"
+            ),
+            DispersibleQuantity("delay", "time that the controller takes to compute", "s"),
+            DispersibleQuantity(
+                "attitude",
+                "initial attitude, a unit quaternion",
+                excludes=("tilt", "tilt_direction", "turn"),
+                random_attitude=True,
+                turns=True,
+            ),
+            DispersibleQuantity("tilt", "initial |w|"),
+            DispersibleQuantity("tilt_direction", "angle of the initial (w1, w2)", "rad"),
+            DispersibleQuantity("turn", "initial z", "rad"),
+            DispersibleQuantity(
+                "attitude_error",
+                "rotation vector, body axes, from the nominal initial attitude",
+                "rad",
+                turns=True,
+            ),
+            DispersibleQuantity(
+                "omega", "initial angular velocity", "rad/s", excludes=("rate_error",)
+            ),
+            DispersibleQuantity(
+                "rate_error", "initial (ω1, ω2) less the reference of the nominal law", "rad/s"
+            ),
+        )
+    }
+)
+"""By name, in the order in which they are applied."""
+
+EXCLUSIVE = tuple((one.name, other) for one in DISPERSIBLE.values() for other in one.excludes)
+"""Pairs of quantities that are not dispersed together."""
