@@ -48,6 +48,7 @@ from jaxsat.environment import (
     ExactOrbit as ExactOrbit,
 )
 from jaxsat.errors import (
+    ArgumentError as ArgumentError,
     JaxsatError as JaxsatError,
 )
 from jaxsat.montecarlo import (

@@ -6,6 +6,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Inexact
 
+from jaxsat.errors import ArgumentError
+
 
 def as_array(known: np.ndarray) -> Array:
     """A NumPy array as a JAX array of the default precision, without compiling a copy for it."""
@@ -37,46 +39,44 @@ def concrete(value: ArrayLike) -> np.ndarray | None:
 
 
 def require_finite(name: str, value: ArrayLike) -> None:
-    """Raise `ValueError` unless every entry is finite."""
+    """Raise `ArgumentError` unless every entry is finite."""
     known = concrete(value)
     if known is not None and not np.all(np.isfinite(known)):
-        raise ValueError(f"Argument `{name}` must be finite, but got {known.tolist()}.")
+        raise ArgumentError(name, "must be finite", known.tolist())
 
 
 def require_positive(name: str, value: ArrayLike, *, zero_allowed: bool = False) -> None:
-    """Raise `ValueError` unless every entry is positive (or zero, where that is allowed)."""
+    """Raise `ArgumentError` unless every entry is positive (or zero, where that is allowed)."""
     known = concrete(value)
     if known is None:
         return
     good = known >= 0 if zero_allowed else known > 0
     if not np.all(good):
         kind = "zero or positive" if zero_allowed else "positive"
-        raise ValueError(f"Argument `{name}` must be {kind}, but got {known.tolist()}.")
+        raise ArgumentError(name, f"must be {kind}", known.tolist())
 
 
 def require_counts(**counts: int | None) -> None:
-    """Raise `ValueError` for a number of things that is below one; None is none at all."""
+    """Raise `ArgumentError` for a number of things that is below one; None is none at all."""
     for name, count in counts.items():
         if count is not None and count < 1:
-            raise ValueError(f"Argument `{name}` must be at least 1, but got {count}.")
+            raise ArgumentError(name, "must be at least 1", count)
 
 
 def require_inertia(name: str, inertia: Float[Array | np.ndarray, "3 3"]) -> None:
-    """Raise `ValueError` unless the matrix is symmetric and positive definite."""
+    """Raise `ArgumentError` unless the matrix is symmetric and positive definite."""
     known = concrete(inertia)
     if known is None:
         return
     if not np.all(np.isfinite(known)):
-        raise ValueError(f"Argument `{name}` must be finite, but got {known.tolist()}.")
+        raise ArgumentError(name, "must be finite", known.tolist())
     scale = np.abs(known).max()
     if np.abs(known - known.T).max() > 1e-6 * scale:
-        raise ValueError(f"Argument `{name}` must be symmetric, but got {known.tolist()}.")
+        raise ArgumentError(name, "must be symmetric", known.tolist())
     smallest = np.linalg.eigvalsh(known)[0]
     if not smallest > 0:
-        raise ValueError(
-            f"Argument `{name}` must be positive definite, but its smallest principal moment is "
-            f"{smallest:.6g} kg m²."
-        )
+        found = f"one where its smallest principal moment is {smallest:.6g} kg m²"
+        raise ArgumentError(name, "must be positive definite", found)
 
 
 def all_positive(*values: ArrayLike) -> bool:

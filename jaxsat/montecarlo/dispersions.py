@@ -21,8 +21,8 @@ from jaxsat.montecarlo.changes import (
     with_controller,
 )
 from jaxsat.montecarlo.designs import open_uniform
+from jaxsat.montecarlo.dispersion_problems import dispersion_problems, limits_of
 from jaxsat.montecarlo.distributions import AbstractDistribution
-from jaxsat.montecarlo.misfits import limits_of, misfits
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.vehicle import Sensors, Spacecraft
@@ -73,9 +73,10 @@ class Dispersions(eqx.Module):
         return {name: self.distributions[name] for name in self.names}
 
     def check(self, loop: AbstractLoop, start: PlantState | None = None) -> None:
-        """Raise `ValueError` for the first of `misfits`."""
-        for misfit in misfits(self.ordered, self.frequency_known, loop, start):
-            raise ValueError(f"`{misfit.name}` {misfit.message}.")
+        """Raise `ValueError` for the first of `dispersion_problems`."""
+        for problem in dispersion_problems(self.ordered, self.frequency_known, loop, start):
+            found = "" if problem.got is None else f", but got {problem.got}"
+            raise ValueError(f"`{problem.quantity}` {problem.rule}{found}.")
 
     def dimensions(self, loop: AbstractLoop) -> dict[str, int]:
         """How many unit coordinates each name takes."""

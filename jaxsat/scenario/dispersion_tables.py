@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le, Len
 from pydantic import Discriminator, Tag, model_validator
 
+from jaxsat.errors import ArgumentError
 from jaxsat.ranges import ATTITUDE_NOISE, RATE_NOISE, SECONDS
 from jaxsat.scenario.quantities import Number, Switch, Table, choice, quantity, within
 
@@ -42,13 +43,13 @@ class DistributionTable(Table):
 
     @model_validator(mode="after")
     def _own_parameters(self) -> "DistributionTable":
-        wanted = PARAMETERS[self.distribution]
+        wanted, kind = PARAMETERS[self.distribution], f'a "{self.distribution}" distribution'
         for name in sorted({entry for names in PARAMETERS.values() for entry in names}):
             given = getattr(self, name) is not None
             if given and name not in wanted:
-                raise ValueError(f'must not have {name} in a "{self.distribution}" distribution')
+                raise ArgumentError(name, f"must not have {name} in {kind}")
             if not given and name in wanted:
-                raise ValueError(f'must have {name} in a "{self.distribution}" distribution')
+                raise ArgumentError(name, f"must have {name} in {kind}")
         return self
 
 

@@ -1,20 +1,20 @@
 """What of a `[dispersion]` table cannot be drawn, found out by making its distributions."""
 
-import re
 from collections.abc import Iterator
 
+from jaxsat.errors import ArgumentError
 from jaxsat.montecarlo import QUANTITIES, AbstractDistribution
+from jaxsat.montecarlo.dispersion_problems import dispersion_problems
 from jaxsat.montecarlo.dispersions import EXCLUSIVE
-from jaxsat.montecarlo.misfits import misfits
 from jaxsat.scenario.build import Run
 from jaxsat.scenario.build_errors import at_key
 from jaxsat.scenario.coordinates import is_upside_down
-from jaxsat.scenario.dispersion_tables import DispersionTable
+from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.study import dispersion_key, distribution_of, study_program
-from jaxsat.scenario.wording import from_core, shown
+from jaxsat.scenario.wording import refusal_text, shown
 
 TURNING = {"attitude", "attitude_error"}
 """Quantities that turn an initial attitude away from where it is."""
@@ -36,17 +36,17 @@ def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue
             continue
         try:
             distributions[name] = distribution_of(entry)
-        except ValueError as error:
-            found = re.match(r"Argument `(\w+)`", str(error))
-            place = (found.group(1),) if found else ()
-            message = from_core(str(error), entry.distribution)
+        except ArgumentError as error:
+            place = (error.argument,) if error.argument in PARAMETERS[entry.distribution] else ()
+            message = refusal_text(error, entry.distribution)
             issues.append(Issue(("dispersion", dispersion_key(name), *place), message))
-    for misfit in misfits(distributions, table.frequency_known, run.loop, run.start):
-        if all_fit or not misfit.lacking:
-            key = f"dispersion.{dispersion_key(misfit.name)}.{misfit.parameter or ''}".rstrip(".")
-            if misfit.parameter == "frequency_known":
+    for problem in dispersion_problems(distributions, table.frequency_known, run.loop, run.start):
+        if all_fit or not problem.lacking:
+            key = f"dispersion.{dispersion_key(problem.quantity)}.{problem.parameter or ''}"
+            if problem.parameter == "frequency_known":
                 key = "dispersion.frequency_known"
-            issues.append(at(key, from_core(misfit.message, None)))
+            found = "" if problem.got is None else f", got {problem.got}"
+            issues.append(at(key.rstrip("."), f"{problem.rule}{found}"))
     if all_fit and not issues:
         issues += _start_of_a_study(scenario, set(distributions))
         with at_key("simulation.duration_s"):

@@ -1,5 +1,6 @@
 """Rules of the `[tuning]` table."""
 
+from jaxsat.errors import ArgumentError
 from jaxsat.scenario.checks import is_multiple
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue
@@ -155,9 +156,8 @@ def _optimiser_is_one_of_optax(name):
 
     try:
         Descent(name)
-    except ValueError as error:
-        text = str(error).removeprefix("Argument `optimiser` ").replace(", but got", ", got")
-        yield at("tuning.optimiser", text.rstrip(".").replace(repr(name), shown(name)))
+    except ArgumentError as error:
+        yield at("tuning.optimiser", f"{error.rule}, got {shown(name)}")
 
 
 @rule("tuning.starts", "tuning.screened")

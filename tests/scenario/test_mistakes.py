@@ -5,6 +5,7 @@ import warnings
 
 import pytest
 
+from jaxsat.errors import ArgumentError
 from jaxsat.scenario import ScenarioError, ScenarioWarning, load
 from jaxsat.scenario.tuning_checks import USUAL_OPTIMISERS
 from jaxsat.tuning.optimisers import Descent
@@ -255,6 +256,29 @@ def test_bases_are_sound(base, tmp_path):
     path = tmp_path / "sound.toml"
     path.write_text(base, encoding="utf-8")
     load(path)
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        'title="two\\nlines"',
+        "spacecraft.inertia_kg_m2=[1, 2, -3]",
+        "spacecraft.thruster_torque_axes=[[0, 0, 0], [0, 1, 0]]",
+        "initial.quaternion=[1, 1, 0, 0]",
+        "dispersion.omega_rad_s={distribution='uniform', low=2, high=1}",
+        "dispersion.omega_rad_s={distribution='uniform', low=2}",
+        "tuning={optimiser='no such'}",
+    ],
+)
+def test_what_is_told_does_not_depend_on_the_text_of_an_error(override, monkeypatch):
+    def told():
+        with pytest.raises(ScenarioError) as caught:
+            load("switching", [override], purpose="study")
+        return caught.value.problems
+
+    before = told()
+    monkeypatch.setattr(ArgumentError, "__str__", lambda self: "another text")
+    assert told() == before
 
 
 def test_every_mistake_is_told_at_once(tmp_path):
