@@ -5,14 +5,12 @@ from jaxsat.attitude import (
     Quaternion as Quaternion,
 )
 from jaxsat.comparison import (
+    Comparison as Comparison,
     Row as Row,
     Setting as Setting,
-    Start as Start,
     Verdict as Verdict,
-    row_of as row_of,
+    compare as compare,
     scenario_of as scenario_of,
-    study_of as study_of,
-    verdict as verdict,
 )
 from jaxsat.control import (
     AbstractController as AbstractController,
@@ -81,10 +79,6 @@ from jaxsat.scenario.build_errors import (
 from jaxsat.scenario.study import (
     build_study as build_study,
 )
-from jaxsat.scenario.tuning import (
-    build_plan as build_plan,
-    tuned_scenario as tuned_scenario,
-)
 from jaxsat.simulation import (
     ContinuousLoop as ContinuousLoop,
     ErrorCoordinateLoop as ErrorCoordinateLoop,
@@ -97,11 +91,11 @@ from jaxsat.simulation import (
     simulate as simulate,
 )
 from jaxsat.tuning import (
-    TuningPlan as TuningPlan,
-    begin as begin,
-    descend as descend,
-    make_receipt as make_receipt,
-    make_verdict as make_verdict,
+    DescentProgress as DescentProgress,
+)
+from jaxsat.tuning_run import (
+    TuningResult as TuningResult,
+    tune as tune,
 )
 from jaxsat.vehicle import (
     Actuators as Actuators,

@@ -2,8 +2,7 @@
 
 import json
 import math
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -30,14 +29,11 @@ from jaxsat.cli.words import command_line
 from jaxsat.cli.work import approve
 
 if TYPE_CHECKING:
-    from jaxsat.comparison import Row, Setting, Start, Verdict
-    from jaxsat.montecarlo import AbstractExecutor, Study, StudyProgress, Work
+    from jaxsat.comparison import Comparison, ComparisonRun, Row, Setting, Verdict
+    from jaxsat.montecarlo import StudyProgress, Work
     from jaxsat.results import ResumableFolder
 
 Level = Literal["nominal", "mc", "hard", "all"]
-
-STUDIES = "studies"
-"""Folder of the stores inside the output folder."""
 
 BOUNDS = "bounds"
 RESULT = "comparison.json"
@@ -102,26 +98,22 @@ def compare(
     """
     limits = _limits(torque_limit)
     use_double_precision()
-    from jaxsat.comparison import LAWS, LEVELS, Setting
+    from jaxsat.comparison import LAWS, LEVELS, ComparisonRun, settings_of
     from jaxsat.results import OutputError, ResumableFolder
 
-    others = list(dict.fromkeys(one for one in law if one not in (*LAWS, "all")))
-    settings = [
-        Setting(one_level, limit, one_law)
-        for limit in limits
-        for one_level in _chosen(level, LEVELS)
-        for one_law in (*_chosen(law, LAWS), *others)
-    ]
-    _require_laws([one for one in settings if one.law in others])
+    others = dict.fromkeys(one for one in law if one not in (*LAWS, "all"))
+    settings = settings_of([*_chosen(law, LAWS), *others], _chosen(level, LEVELS), limits)
+    _require_suitable(settings)
     _tell_of_untuned(limits)
     approve([_work(one, count) for one in settings], out, yes=yes, quiet=quiet)
     executor = chosen_executor(workers, None, None, None)
-    run = _Runner(count, seed, out, engine, executor, elsewhere, quiet)
+    run = ComparisonRun(
+        count, seed, out, engine, executor, elsewhere, _told, _remarks(quiet), tell_repair
+    )
     try:
         with ResumableFolder(out, "comparison", {}) as folder:
-            rows = [run.row(setting) for setting in settings]
+            rows, verdicts = _run(run, settings)
             least = [_least(limit, bounds, seed, folder) for limit in limits if bounds]
-            verdicts = _verdicts(rows)
             _write(folder, rows, verdicts, least, seed)
     except OutputError as error:
         raise output_problem(error, "--elsewhere") from None
@@ -135,74 +127,32 @@ def compare(
     return SUCCESS
 
 
-class _Runner:
-    """Runs the studies of settings into stores."""
+def _run(run: "ComparisonRun", settings: Sequence["Setting"]) -> "Comparison":
+    from jaxsat.comparison import UnsuitableSetting
+    from jaxsat.montecarlo import ClusterError
 
-    def __init__(
-        self,
-        count: int,
-        seed: int,
-        out: Path,
-        engine: Any,
-        executor: "AbstractExecutor",
-        elsewhere: bool,
-        quiet: bool,
-    ):
-        self._count, self._seed, self._out, self._engine = count, seed, out, engine
-        self._executor, self._elsewhere, self._quiet = executor, elsewhere, quiet
-        self._told: str | None = None
+    try:
+        return interruptibly(lambda: run.run(settings))
+    except UnsuitableSetting as error:
+        raise UserMistake(str(error)) from None
+    except ClusterError as error:
+        raise FailedRun(str(error)) from None
 
-    def row(self, setting: "Setting") -> "Row":
-        """The random starts and the paper's under one setting."""
-        from jaxsat.comparison import Start, row_of
 
-        random = self._columns(setting, Start.RANDOM, self._count)
-        paper = self._columns(setting, Start.PAPER, 1)
-        return row_of(setting, random, paper)
+def _told(what: str, progress: "StudyProgress | None") -> None:
+    tell(f"{what}: {'compiling' if progress is None else progress_text(progress)}")
 
-    def _columns(self, setting: "Setting", start: "Start", count: int) -> dict[str, Any]:
-        import numpy as np
 
-        from jaxsat.comparison import study_of
-        from jaxsat.results import study_columns
+def _remarks(quiet: bool) -> Callable[[str], None]:
+    """Tells each remark once."""
+    told: set[str] = set()
 
-        wide = {} if start.value == "random" else {"width": 1, "chunk": 1}
-        try:
-            study = study_of(setting, start, count, self._seed, engine=self._engine, **wide)
-        except ValueError as error:
-            raise UserMistake(str(error)) from None
-        if study.remark not in (None, self._told) and not self._quiet:
-            report(study.remark, "")
-        self._told = study.remark
-        level, limit, law = setting
-        name = re.sub(r"[^\w.-]+", "-", law)  # of a module or a file
-        target = self._out / STUDIES / f"{level}-{limit:g}-{name}-{start.value}.zarr"
-        self._run(study, target, f"{law}, {limit:g} N m, {level}, {start.value} start")
-        columns = study_columns(target)
-        names = ("settling_time", "effort", "peak_rate", "code")
-        return {name: np.asarray(columns[name][:count]) for name in names}
+    def remark(text: str) -> None:
+        if text not in told and not quiet:
+            report(text, "")
+        told.add(text)
 
-    def _run(self, study: "Study", target: Path, what: str) -> None:
-        from jaxsat.montecarlo import ClusterError, run_study
-
-        tell(f"{what}: compiling")
-
-        def told(progress: "StudyProgress") -> None:
-            tell(f"{what}: {progress_text(progress)}")
-
-        try:
-            interruptibly(
-                lambda: run_study(
-                    study,
-                    target,
-                    executor=self._executor,
-                    report=told,
-                    tell=tell_repair,
-                    elsewhere=self._elsewhere,
-                )
-            )
-        except ClusterError as error:
-            raise FailedRun(str(error)) from None
+    return remark
 
 
 def _work(setting: "Setting", count: int) -> "Work":
@@ -214,18 +164,17 @@ def _work(setting: "Setting", count: int) -> "Work":
     return Work(count + 1, (count + 1) * steps, count * CASE, count * CASE)
 
 
-def _require_laws(settings: Sequence["Setting"]) -> None:
+def _require_suitable(settings: Sequence["Setting"]) -> None:
     """Raise `UserMistake` for laws that do not come with the set and that it cannot fly."""
-    from jaxsat.comparison import scenario_of
-    from jaxsat.scenario import ScenarioError, build
+    from jaxsat.comparison import require_suitable
+    from jaxsat.scenario import ScenarioError
 
-    for setting in settings:
-        try:
-            build(scenario_of(setting))
-        except ScenarioError as error:
-            raise UserMistake(str(error), located=True) from None
-        except ValueError as error:
-            raise UserMistake(f"--law: {error}") from None
+    try:
+        require_suitable(settings)
+    except ScenarioError as error:
+        raise UserMistake(str(error), located=True) from None
+    except ValueError as error:
+        raise UserMistake(f"--law: {error}") from None
 
 
 def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:
@@ -257,15 +206,6 @@ def _tell_of_untuned(limits: Sequence[float]) -> None:
             inside = min(TUNED_LIMITS) < limit < max(TUNED_LIMITS)
             how = "interpolated" if inside else "those of the nearest"
             report(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}", "warning: ")
-
-
-def _verdicts(rows: Sequence["Row"]) -> list["Verdict"]:
-    from jaxsat.comparison import verdict
-
-    groups: dict[tuple[str, float], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(row.setting[:2], []).append(row)
-    return [verdict(group) for group in groups.values()]
 
 
 def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> dict[str, Any]:

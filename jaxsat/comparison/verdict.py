@@ -1,6 +1,6 @@
 """What a law did on the acceptance set, and which one to take."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,6 +88,14 @@ def verdict(rows: Sequence[Row]) -> Verdict:
     sure = [row for row in rows if not _settles_fewer(row, surest)]
     best = min(sure, key=lambda row: (row.t50.value, row.t90.value, -row.settled.value))
     return Verdict(level, limit, best.setting.law, _reason(best, surest, sure, rows))
+
+
+def verdicts_of(rows: Iterable[Row]) -> list[Verdict]:
+    """The verdict on each group of rows of one level and limit."""
+    groups: dict[tuple[str, float], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(row.setting[:2], []).append(row)
+    return [verdict(group) for group in groups.values()]
 
 
 def _reason(best: Row, surest: Row, sure: Sequence[Row], rows: Sequence[Row]) -> str:

@@ -11,8 +11,8 @@ from jaxsat.tuning.aggregates import (
     Worst,
 )
 from jaxsat.tuning.descent import (
+    DescentProgress,
     DescentState,
-    Report,
     StepRecord,
     ValidationRecord,
     advance,
@@ -32,6 +32,7 @@ __all__ = [
     "Comparison",
     "Counter",
     "Descent",
+    "DescentProgress",
     "DescentState",
     "GradientMethod",
     "Judged",
@@ -41,7 +42,6 @@ __all__ = [
     "Parameter",
     "Quantile",
     "Receipt",
-    "Report",
     "SearchSpace",
     "Settings",
     "Slopes",

@@ -11,7 +11,7 @@ gradients see the exact law.
 
 import contextlib
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -260,7 +260,7 @@ def run_baselines(
     return found
 
 
-def as_data(found: list[Found]) -> list[dict[str, Any]]:
+def as_data(found: Sequence[Found]) -> list[dict[str, Any]]:
     """The table's rows as plain data."""
     from jaxsat.tuning.receipt import plain
 

@@ -33,6 +33,10 @@ class TuningFolder:
     may differ.
     """
 
+    path: Path
+    kept_steps: int
+    """Steps of the state that was kept last by this process; 0 for none."""
+
     def __init__(self, path: str | Path, identity: Mapping[str, Any], *, elsewhere: bool = False):
         identity = json.loads(json.dumps(identity))
         self._folder = ResumableFolder(path, "tuning", {"identity": identity})
@@ -44,6 +48,7 @@ class TuningFolder:
                     f"{self.path} holds another run ({'; '.join(other)}); give another folder."
                 )
             self._arrays = self._read(elsewhere)
+            self.kept_steps = 0
         except BaseException:
             self._folder.close()
             raise
@@ -90,6 +95,7 @@ class TuningFolder:
         arrays = _to_arrays(state) | {"about": np.array(json.dumps(about))}
         np.savez(buffer, **arrays)  # pyright: ignore
         self.write(CHECKPOINT, buffer.getvalue())
+        self.kept_steps = state.step
 
     def write(self, name: str, content: str | bytes) -> None:
         """Write a file, or replace it, in one step; raises `OutputError`."""

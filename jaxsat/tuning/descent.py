@@ -64,7 +64,7 @@ class DescentState:
     validations: list[ValidationRecord] = field(default_factory=list)
 
 
-class Report(NamedTuple):
+class DescentProgress(NamedTuple):
     """What is told while a run descends: the start that is best in training just now."""
 
     step: int
@@ -151,7 +151,7 @@ def descend(
     state: DescentState,
     *,
     keep: Callable[[DescentState], None] | None = None,
-    report: Callable[[Report], None] | None = None,
+    report: Callable[[DescentProgress], None] | None = None,
 ) -> DescentState:
     """Steps, at least one, until all are done or the target is reached; `keep` is called with
     every state, `report` with what to tell."""
@@ -162,7 +162,7 @@ def descend(
         if keep is not None:
             keep(state)
         if report is not None:
-            report(_report(plan, state))
+            report(_progress(plan, state))
     return state
 
 
@@ -230,10 +230,10 @@ def _counts(alive: Bool[np.ndarray, " starts"], values: Any) -> Int[np.ndarray, 
     return everywhere
 
 
-def _report(plan: TuningPlan, state: DescentState) -> Report:
+def _progress(plan: TuningPlan, state: DescentState) -> DescentProgress:
     last = state.steps[-1]
     leader = int(np.nanargmin(last.loss))
-    return Report(
+    return DescentProgress(
         state.step,
         plan.settings.steps,
         float(last.loss[leader]),

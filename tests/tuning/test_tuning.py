@@ -25,6 +25,7 @@ from jaxsat.tuning.baselines import METHODS, run_baselines
 from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
 from jaxsat.tuning.history import history_dataset
 from jaxsat.tuning.summary import summary_page
+from jaxsat.tuning_run import tune
 from tuning.scenarios import RATE
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -356,6 +357,19 @@ def test_the_verdict_is_about_the_exact_law_on_other_cases(plan, final):
     assert data["after"]["cases"] == 8
     assert data["at_bounds"] == {}
     assert data["singular"] is None
+
+
+def test_one_call_tunes_a_scenario(scenario, plan, final, receipt, monkeypatch):
+    monkeypatch.setattr("jaxsat.tuning_run.build_plan", lambda *_, **__: plan)
+    told = []
+    result = tune(scenario, report=told.append)
+    same_bits(result.state.points, final.points)
+    assert [progress.step for progress in told] == list(range(1, plan.settings.steps + 1))
+    assert result.receipt.as_data() == receipt.as_data()
+    assert result.scenario == tuned_scenario(scenario, plan, final.best_point)
+    assert result.gains["k1"] == pytest.approx(result.scenario.control.k1)
+    assert result.history.sizes["step"] == plan.settings.steps
+    assert "## Verdict" in result.summary
 
 
 def test_gains_at_bounds_and_a_singular_cost_are_told_at_the_top(plan, final, receipt):
