@@ -6,11 +6,11 @@ from jaxsat.attitude import (
 )
 from jaxsat.comparison import (
     Comparison as Comparison,
-    Row as Row,
-    Setting as Setting,
-    Verdict as Verdict,
+    ComparisonRow as ComparisonRow,
+    ComparisonSetting as ComparisonSetting,
+    ComparisonVerdict as ComparisonVerdict,
     compare as compare,
-    scenario_of as scenario_of,
+    comparison_scenario as comparison_scenario,
 )
 from jaxsat.control import (
     AbstractController as AbstractController,

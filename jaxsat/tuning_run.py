@@ -15,13 +15,13 @@ from jaxsat.tuning import (
     DescentState,
     Receipt,
     TuningPlan,
-    Verdict,
-    begin,
+    TuningVerdict,
     descend,
+    initial_state,
     make_receipt,
     make_verdict,
 )
-from jaxsat.tuning.baselines import Found, as_data, run_baselines
+from jaxsat.tuning.baselines import BaselineResult, as_data, run_baselines
 from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
 from jaxsat.tuning.history import history_dataset
 from jaxsat.tuning.summary import summary_page
@@ -46,8 +46,8 @@ class TuningResult:
     plan: TuningPlan
     state: DescentState
     receipt: Receipt
-    verdict: Verdict
-    baselines: tuple[Found, ...] = ()
+    verdict: TuningVerdict
+    baselines: tuple[BaselineResult, ...] = ()
 
     @property
     def gains(self) -> dict[str, float]:
@@ -101,7 +101,7 @@ def run_descent(
 ) -> DescentState:
     """The last state; a folder keeps every state on the way, with the best gains so far."""
     if folder is None:
-        return descend(plan, begin(plan), report=report)
+        return descend(plan, initial_state(plan), report=report)
 
     def keep(state: DescentState) -> None:
         best = tuned_scenario(scenario, plan, state.best_point)
@@ -149,7 +149,7 @@ def conclude(
 
 def is_concluded(folder: TuningFolder, baselines: bool = False) -> bool:
     """Whether a folder has all that `conclude` writes."""
-    return folder.is_whole(SUMMARY) and (folder.is_whole(BASELINES) or not baselines)
+    return folder.is_complete(SUMMARY) and (folder.is_complete(BASELINES) or not baselines)
 
 
 def _write_json(folder: TuningFolder | None, name: str, data: Any) -> None:

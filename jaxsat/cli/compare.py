@@ -11,8 +11,8 @@ from cyclopts import Parameter
 from jaxsat.cli.bound import searched
 from jaxsat.cli.comparison_text import comparison_lines, least_text
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.options import Cases, Flag, Place, Seed, StartsOrNone, Workers, mistake
-from jaxsat.cli.progress import tell
+from jaxsat.cli.options import Cases, Flag, OutputPath, Seed, StartsOrNone, Workers, mistake
+from jaxsat.cli.progress import show_progress
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_files import tell_repair
 from jaxsat.cli.study_text import progress_text
@@ -22,14 +22,20 @@ from jaxsat.cli.terminal import (
     Terminated,
     UserMistake,
     output_problem,
-    report,
-    say,
+    print_stderr,
+    print_stdout,
 )
 from jaxsat.cli.words import command_line
-from jaxsat.cli.work import approve
+from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
-    from jaxsat.comparison import Comparison, ComparisonRun, Row, Setting, Verdict
+    from jaxsat.comparison import (
+        Comparison,
+        ComparisonRow,
+        ComparisonRun,
+        ComparisonSetting,
+        ComparisonVerdict,
+    )
     from jaxsat.montecarlo import StudyProgress, Work
     from jaxsat.results import ResumableFolder
 
@@ -40,7 +46,7 @@ RESULT = "comparison.json"
 CASE = 400
 """Bytes of a case in memory and on the disk, about."""
 
-LEAST_LIMIT, LARGEST_LIMIT = 0.01, 1000.0
+MIN_LIMIT, MAX_LIMIT = 0.01, 1000.0
 """N m; the time that a study covers goes with the root of the limit."""
 
 
@@ -51,7 +57,7 @@ def compare(
     law: Annotated[tuple[str, ...], Parameter(negative="")] = ("all",),
     count: Cases = 200,
     seed: Seed,
-    out: Place = Path("jaxsat-comparison"),
+    out: OutputPath = Path("jaxsat-comparison"),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
     bounds: StartsOrNone = 0,
@@ -98,14 +104,14 @@ def compare(
     """
     limits = _limits(torque_limit)
     use_double_precision()
-    from jaxsat.comparison import LAWS, LEVELS, ComparisonRun, settings_of
+    from jaxsat.comparison import LAWS, LEVELS, ComparisonRun, comparison_settings
     from jaxsat.results import OutputError, ResumableFolder
 
     others = dict.fromkeys(one for one in law if one not in (*LAWS, "all"))
-    settings = settings_of([*_chosen(law, LAWS), *others], _chosen(level, LEVELS), limits)
+    settings = comparison_settings([*_chosen(law, LAWS), *others], _chosen(level, LEVELS), limits)
     _require_suitable(settings)
     _tell_of_untuned(limits)
-    approve([_work(one, count) for one in settings], out, yes=yes, quiet=quiet)
+    require_approval([_work(one, count) for one in settings], out, yes=yes, quiet=quiet)
     executor = chosen_executor(workers, None, None, None)
     run = ComparisonRun(
         count, seed, out, engine, executor, elsewhere, _told, _remarks(quiet), tell_repair
@@ -122,12 +128,12 @@ def compare(
         raise type(stop)(kept) from None
     if not quiet:
         for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):
-            say(line)
-        say(f"written to {out}")
+            print_stdout(line)
+        print_stdout(f"written to {out}")
     return SUCCESS
 
 
-def _run(run: "ComparisonRun", settings: Sequence["Setting"]) -> "Comparison":
+def _run(run: "ComparisonRun", settings: Sequence["ComparisonSetting"]) -> "Comparison":
     from jaxsat.comparison import UnsuitableSetting
     from jaxsat.montecarlo import ClusterError
 
@@ -140,7 +146,7 @@ def _run(run: "ComparisonRun", settings: Sequence["Setting"]) -> "Comparison":
 
 
 def _told(what: str, progress: "StudyProgress | None") -> None:
-    tell(f"{what}: {'compiling' if progress is None else progress_text(progress)}")
+    show_progress(f"{what}: {'compiling' if progress is None else progress_text(progress)}")
 
 
 def _remarks(quiet: bool) -> Callable[[str], None]:
@@ -149,13 +155,13 @@ def _remarks(quiet: bool) -> Callable[[str], None]:
 
     def remark(text: str) -> None:
         if text not in told and not quiet:
-            report(text, "")
+            print_stderr(text, "")
         told.add(text)
 
     return remark
 
 
-def _work(setting: "Setting", count: int) -> "Work":
+def _work(setting: "ComparisonSetting", count: int) -> "Work":
     """What the cases of one setting take, about: a law is looked at ten times a second."""
     from jaxsat.comparison import PERIOD, horizon
     from jaxsat.montecarlo import Work
@@ -164,7 +170,7 @@ def _work(setting: "Setting", count: int) -> "Work":
     return Work(count + 1, (count + 1) * steps, count * CASE, count * CASE)
 
 
-def _require_suitable(settings: Sequence["Setting"]) -> None:
+def _require_suitable(settings: Sequence["ComparisonSetting"]) -> None:
     """Raise `UserMistake` for laws that do not come with the set and that it cannot fly."""
     from jaxsat.comparison import require_suitable
     from jaxsat.scenario import ScenarioError
@@ -190,8 +196,8 @@ def _limits(given: Sequence[str]) -> list[float]:
             found = LIMITS if text == "all" else (float(text),)
         except ValueError:
             found = (math.nan,)
-        if not all(LEAST_LIMIT <= one <= LARGEST_LIMIT for one in found):
-            must = f"a number of N m from {LEAST_LIMIT:g} to {LARGEST_LIMIT:g}, or all"
+        if not all(MIN_LIMIT <= one <= MAX_LIMIT for one in found):
+            must = f"a number of N m from {MIN_LIMIT:g} to {MAX_LIMIT:g}, or all"
             raise mistake("--torque-limit", must, text)
         limits += found
     return list(dict.fromkeys(limits))
@@ -205,19 +211,19 @@ def _tell_of_untuned(limits: Sequence[float]) -> None:
         if limit not in TUNED_LIMITS:
             inside = min(TUNED_LIMITS) < limit < max(TUNED_LIMITS)
             how = "interpolated" if inside else "those of the nearest"
-            report(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}", "warning: ")
+            print_stderr(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}", "warning: ")
 
 
 def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> dict[str, Any]:
     """Least time and effort from the paper's start; kept in the output folder once found."""
     import numpy as np
 
-    from jaxsat.bounds import Objective, manoeuvre_of
-    from jaxsat.comparison import Setting, horizon, scenario_of
+    from jaxsat.bounds import BoundObjective, manoeuvre_of
+    from jaxsat.comparison import ComparisonSetting, comparison_scenario, horizon
     from jaxsat.scenario import build
 
     name = f"{BOUNDS}/{limit:g}.json"
-    run = build(scenario_of(Setting("nominal", limit, "rate")))
+    run = build(comparison_scenario(ComparisonSetting("nominal", limit, "rate")))
     manoeuvre = manoeuvre_of(run.loop, run.start)
     numbers = {name: np.asarray(value).tolist() for name, value in vars(manoeuvre).items()}
     wanted = {"torque_limit": limit, "starts": starts, "seed": seed, "manoeuvre": numbers}
@@ -225,7 +231,7 @@ def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> d
     if kept is not None:
         return kept
     found: dict[str, Any] = dict(wanted)
-    for objective in Objective:
+    for objective in BoundObjective:
         what = f"least {objective.value}, {limit:g} N m"
         best = searched(manoeuvre, objective, starts, horizon(limit) / 5, seed, what)
         found[objective.value] = None if best is None else best.solution.value
@@ -235,21 +241,22 @@ def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> d
 
 def _kept_bounds(content: bytes | None, wanted: dict[str, Any]) -> dict[str, Any] | None:
     """What was found before, if it is what is wanted now."""
-    from jaxsat.bounds import Objective
-    from jaxsat.results.files import from_json
+    from jaxsat.bounds import BoundObjective
+    from jaxsat.results.files import parse_json
 
-    found = from_json(content)
-    if not isinstance(found, dict) or set(found) != {*wanted, *(one.value for one in Objective)}:
+    found = parse_json(content)
+    objectives = [one.value for one in BoundObjective]
+    if not isinstance(found, dict) or set(found) != {*wanted, *objectives}:
         return None
-    values = [found[one.value] for one in Objective]
+    values = [found[name] for name in objectives]
     good = all(x is None or (isinstance(x, float) and 0 < x < math.inf) for x in values)
     return found if good and wanted.items() <= found.items() else None
 
 
 def _write(
     folder: "ResumableFolder",
-    rows: Sequence["Row"],
-    verdicts: Sequence["Verdict"],
+    rows: Sequence["ComparisonRow"],
+    verdicts: Sequence["ComparisonVerdict"],
     least: Sequence[dict[str, Any]],
     seed: int,
 ) -> None:
@@ -261,7 +268,7 @@ def _write(
     record = {
         "command": command_line(),
         "seed": seed,
-        "rows": [row.plain() for row in rows],
+        "rows": [row.as_data() for row in rows],
         "verdicts": [one._asdict() for one in verdicts],
         "bounds_from_papers_start": list(least),
         **provenance(),

@@ -5,18 +5,18 @@ from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPlace, Overrides, Together, Workers
-from jaxsat.cli.progress import tell
+from jaxsat.cli.options import BatchSize, Flag, OptionalPath, Overrides, Workers
+from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import (
     SUCCESS,
     Terminated,
     UserMistake,
     output_problem,
-    report,
-    say,
-    say_text,
+    print_stderr,
+    print_stdout,
+    print_text,
 )
-from jaxsat.cli.work import approve
+from jaxsat.cli.work import require_approval
 from jaxsat.processors import processors
 
 if TYPE_CHECKING:
@@ -36,11 +36,11 @@ def tune(
     scenario: str,
     /,
     *,
-    out: OptionalPlace = None,
+    out: OptionalPath = None,
     overrides: Overrides = (),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
-    width: Together = 32,
+    width: BatchSize = 32,
     baselines: Flag = False,
     yes: Flag = False,
     elsewhere: Flag = False,
@@ -89,24 +89,24 @@ def tune(
     from jaxsat.tuning_run import SUMMARY, is_concluded
 
     try:
-        tell("compiling")
+        show_progress("compiling")
         plan = interruptibly(
             lambda: build_plan(chosen, engine=engine, width=width, workers=workers or processors())
         )
         if plan.remark is not None and not quiet:
-            report(plan.remark, "")
-        approve([_work(plan, baselines)], target, yes=yes, quiet=quiet)
+            print_stderr(plan.remark, "")
+        require_approval([_work(plan, baselines)], target, yes=yes, quiet=quiet)
         with TuningFolder(target, plan_identity(plan), elsewhere=elsewhere) as folder:
             done = is_concluded(folder, baselines)
             if folder.lost_state and not quiet:
-                report(f"{target} has lost its state, so the run begins again", "warning: ")
+                print_stderr(f"{target} has lost its state, so the run begins again", "warning: ")
             if not done:
                 state = _descended(plan, chosen, folder)
                 _concluded(plan, chosen, folder, state, baselines, quiet)
             if not quiet:
-                say_text((folder.read(SUMMARY) or b"").decode())
-                say("")
-                say(f"{'already ' if done else ''}written to {target}")
+                print_text((folder.read(SUMMARY) or b"").decode())
+                print_stdout("")
+                print_stdout(f"{'already ' if done else ''}written to {target}")
     except OutputError as error:
         raise output_problem(error, "--elsewhere") from None
     except ValueError as error:
@@ -135,15 +135,15 @@ def _descended(plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder")
     """The last state; an interruption says where the best gains so far are."""
     from jaxsat.tuning_run import TUNED, run_descent
 
-    tell("compiling; trying the starts")
+    show_progress("compiling; trying the starts")
 
     def told(progress: "DescentProgress") -> None:
-        tell(progress_text(progress))
+        show_progress(progress_text(progress))
 
     try:
         return interruptibly(lambda: run_descent(scenario, plan, folder, report=told))
     except (KeyboardInterrupt, Terminated) as stop:
-        steps = folder.kept_steps
+        steps = folder.saved_steps
         best = f"the best gains so far are in {folder.path / TUNED}" if steps else "no step"
         text = f"{best}, after {steps} steps; the same command goes on from there"
         raise type(stop)(text) from None
@@ -172,11 +172,13 @@ def _concluded(
 
     def warn(text: str) -> None:
         if not quiet:
-            report(text, "warning: ")
+            print_stderr(text, "warning: ")
 
     try:
         interruptibly(
-            lambda: conclude(scenario, plan, state, folder, baselines, tell=tell, warn=warn)
+            lambda: conclude(
+                scenario, plan, state, folder, baselines, tell=show_progress, warn=warn
+            )
         )
     except (KeyboardInterrupt, Terminated) as stop:
         text = f"the tuned gains are in {folder.path / TUNED}; the same command goes on from there"

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxsat.comparison.acceptance import LAWS, Setting, scenario_of
-from jaxsat.comparison.studies import Start, study_of
-from jaxsat.comparison.verdict import Row, Verdict, row_of, verdicts_of
+from jaxsat.comparison.acceptance import LAWS, ComparisonSetting, comparison_scenario
+from jaxsat.comparison.studies import Start, comparison_study
+from jaxsat.comparison.verdict import ComparisonRow, ComparisonVerdict, choose_laws, comparison_row
 from jaxsat.errors import JaxsatError
 from jaxsat.montecarlo import AbstractExecutor, StudyProgress, run_study
 from jaxsat.results import ResumableFolder, study_columns
@@ -36,8 +36,8 @@ class UnsuitableSetting(JaxsatError, ValueError):
 class Comparison(NamedTuple):
     """A row for every law, limit and level, and a verdict for every limit and level."""
 
-    rows: Sequence[Row]
-    verdicts: Sequence[Verdict]
+    rows: Sequence[ComparisonRow]
+    verdicts: Sequence[ComparisonVerdict]
 
 
 def compare(
@@ -62,7 +62,7 @@ def compare(
     engine that there is not or that does not suit, `ScenarioError` for a torque limit that no
     scenario can have, and `OutputError` for a folder that cannot be used.
     """
-    settings = settings_of(_several(laws), _several(level), _several(torque_limit))
+    settings = comparison_settings(_several(laws), _several(level), _several(torque_limit))
     require_suitable(settings)
     with ExitStack() as stack:
         if out is None:
@@ -72,21 +72,24 @@ def compare(
         return ComparisonRun(count, seed, folder, engine, executor, elsewhere, report).run(settings)
 
 
-def settings_of(
+def comparison_settings(
     laws: Iterable[str], levels: Iterable[str], limits: Iterable[float | int]
-) -> list[Setting]:
+) -> list[ComparisonSetting]:
     """Every law under every limit at every level, the laws of one of each after one another."""
     laws, levels = tuple(laws), tuple(levels)
     return [
-        Setting(level, float(limit), law) for limit in limits for level in levels for law in laws
+        ComparisonSetting(level, float(limit), law)
+        for limit in limits
+        for level in levels
+        for law in laws
     ]
 
 
-def require_suitable(settings: Iterable[Setting]) -> None:
+def require_suitable(settings: Iterable[ComparisonSetting]) -> None:
     """Build the loops of laws that do not come with the set; raises as `compare` does."""
     for setting in settings:
         if setting.law not in LAWS:
-            build(scenario_of(setting))
+            build(comparison_scenario(setting))
 
 
 @dataclass(frozen=True)
@@ -107,25 +110,27 @@ class ComparisonRun:
     remark: Callable[[str], None] = lambda text: None
     tell: Callable[[str], None] = warnings.warn
 
-    def run(self, settings: Iterable[Setting]) -> Comparison:
+    def run(self, settings: Iterable[ComparisonSetting]) -> Comparison:
         """Run the studies, or what their stores lack of them.
 
         Raises `UnsuitableSetting` besides what `run_study` raises.
         """
         rows = [
-            row_of(
+            comparison_row(
                 setting,
                 self._columns(setting, Start.RANDOM, self.count),
                 self._columns(setting, Start.PAPER, 1),
             )
             for setting in settings
         ]
-        return Comparison(rows, verdicts_of(rows))
+        return Comparison(rows, choose_laws(rows))
 
-    def _columns(self, setting: Setting, start: Start, count: int) -> dict[str, np.ndarray]:
+    def _columns(
+        self, setting: ComparisonSetting, start: Start, count: int
+    ) -> dict[str, np.ndarray]:
         single: Any = {} if start is Start.RANDOM else {"width": 1, "chunk": 1}
         try:
-            study = study_of(setting, start, count, self.seed, engine=self.engine, **single)
+            study = comparison_study(setting, start, count, self.seed, engine=self.engine, **single)
         except ValueError as error:
             raise UnsuitableSetting(str(error)) from error
         if study.remark is not None:

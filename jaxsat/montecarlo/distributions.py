@@ -11,10 +11,10 @@ from jaxtyping import Array, Float
 from jaxsat.checks import as_float, concrete, require_finite, require_positive
 from jaxsat.errors import ArgumentError
 
-FARTHEST = 1e9
+MAX_STANDARD_DEVIATIONS = 1e9
 """Standard deviations from the mean to a bound; farther out the bound has no digits left."""
 
-LIGHTEST, HEAVIEST = 1e-30, 1e30
+MIN_WEIGHT_SUM, MAX_WEIGHT_SUM = 1e-30, 1e30
 """Sums of weights that leave every share a number."""
 
 
@@ -119,11 +119,10 @@ class TruncatedNormal(AbstractDistribution):
             return
         _components(*known)  # or they cannot be compared
         mean, sigma, low, high = np.broadcast_arrays(*known)
-        if np.any(np.maximum(abs(low - mean), abs(high - mean)) > FARTHEST * sigma):
+        if np.any(np.maximum(abs(low - mean), abs(high - mean)) > MAX_STANDARD_DEVIATIONS * sigma):
+            share = f"{1 / MAX_STANDARD_DEVIATIONS:g} of the distance from the mean"
             raise ArgumentError(
-                "sigma",
-                f"must be at least {1 / FARTHEST:g} of the distance from the mean to either bound",
-                sigma.tolist(),
+                "sigma", f"must be at least {share} to either bound", sigma.tolist()
             )
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
@@ -159,8 +158,8 @@ class Discrete(AbstractDistribution):
             rule = f"must have {np.size(self.values)} entries like `values`"
             raise ArgumentError("weights", rule, np.size(self.weights))
         known = concrete(self.weights)
-        if known is not None and not LIGHTEST < known.sum() < HEAVIEST:
-            rule = f"must have a sum from {LIGHTEST:g} to {HEAVIEST:g}"
+        if known is not None and not MIN_WEIGHT_SUM < known.sum() < MAX_WEIGHT_SUM:
+            rule = f"must have a sum from {MIN_WEIGHT_SUM:g} to {MAX_WEIGHT_SUM:g}"
             raise ArgumentError("weights", rule, f"{float(known.sum()):g}")
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:

@@ -8,7 +8,7 @@ from jaxsat.attitude import WZ
 from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.environment import AbstractOrbit, PeriodicTorque
 from jaxsat.montecarlo import changes, limits
-from jaxsat.montecarlo.changes import Setting, Values, controller_of, parts_of, with_thrusters
+from jaxsat.montecarlo.changes import PerturbedLoop, Values, controller_of, parts_of, with_thrusters
 from jaxsat.ranges import Range
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
 from jaxsat.simulation.solve import STATE_LIMIT
@@ -26,7 +26,7 @@ class Quantity(NamedTuple):
     unit: str
     meaning: str
     size: Callable[[AbstractLoop], int]
-    apply: Callable[[Setting, Values], Setting]
+    apply: Callable[[PerturbedLoop, Values], PerturbedLoop]
     obstacle: Callable[[AbstractLoop], str | None]
     limits: Callable[[AbstractLoop], limits.Limits]
 

@@ -31,7 +31,7 @@ from jaxsat.scenario.law_trial import require_runs
 from jaxsat.scenario.layout import working_thrusters
 from jaxsat.scenario.plugins import find_law, is_plugin
 from jaxsat.scenario.schema import Scenario, flattened
-from jaxsat.scenario.tables import MOST_SAMPLED_STEPS, MOST_STEPS, SolverTable
+from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, MAX_STEPS, SolverTable
 from jaxsat.simulation import (
     AbstractLoop,
     ContinuousLoop,
@@ -44,7 +44,7 @@ from jaxsat.simulation import (
     fixed,
     simulate,
 )
-from jaxsat.simulation.methods import SMALLEST_STEP
+from jaxsat.simulation.methods import MIN_STEP
 from jaxsat.vehicle import Actuators, Sensors
 
 SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
@@ -214,13 +214,13 @@ def _method(table: SolverTable, loop: AbstractLoop) -> Method:
     if table.steps is None and not given:
         suitable = default_method(loop)
         return dataclasses.replace(suitable, solver=solver or suitable.solver)
-    return adaptive(solver=solver, **{"min_step": SMALLEST_STEP, **given})
+    return adaptive(solver=solver, **{"min_step": MIN_STEP, **given})
 
 
 def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -> None:
-    table, most = scenario.simulation, MOST_STEPS
+    table, most = scenario.simulation, MAX_STEPS
     if isinstance(loop, SampledLoop):
-        most = MOST_SAMPLED_STEPS
+        most = MAX_SAMPLED_STEPS
         step = cast(Any, scenario.control).period_s / loop.substeps
         key = "control.period_s" if table.solver.substeps is None else "simulation.solver.substeps"
     elif method.first_step is None:

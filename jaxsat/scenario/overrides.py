@@ -8,7 +8,7 @@ from typing import Any
 from jaxsat.control import LAWS
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Problem
-from jaxsat.scenario.limits import LONGEST_OVERRIDE, Excess, require_modest
+from jaxsat.scenario.limits import MAX_OVERRIDE_LENGTH, Excess, require_modest
 from jaxsat.scenario.plugins import known_law
 from jaxsat.scenario.wording import shown
 
@@ -44,8 +44,10 @@ class Override:
 def parse_override(text: str) -> Override | Problem:
     """Take `KEY=VALUE` apart; a VALUE that is no TOML value is taken as text."""
     source = f"--set {text}"
-    if len(text) > LONGEST_OVERRIDE:
-        return Problem(source, f"must have at most {LONGEST_OVERRIDE} characters, got {len(text)}")
+    if len(text) > MAX_OVERRIDE_LENGTH:
+        return Problem(
+            source, f"must have at most {MAX_OVERRIDE_LENGTH} characters, got {len(text)}"
+        )
     key, equals, value = text.partition("=")
     try:
         require_modest(key)

@@ -63,7 +63,7 @@ def _inertia_form(value: Any) -> str:
     return "matrix" if is_list(value) and any(map(is_list, value)) else "moments"
 
 
-LEAST_SHARE = 1e-9
+MIN_SHARE = 1e-9
 """Of the largest principal moment; below, an inertia is singular up to rounding."""
 
 
@@ -75,8 +75,8 @@ def _sound_inertia(value: tuple) -> tuple:
     if not MOMENT.low <= moments[0] <= moments[-1] <= MOMENT.high:
         rule = f"must have principal moments from {MOMENT.low:g} to {MOMENT.high:g} kg m²"
         raise ArgumentError("inertia", rule)
-    if moments[0] < LEAST_SHARE * moments[-1]:
-        rule = f"must have no principal moment below {LEAST_SHARE:g} of the largest"
+    if moments[0] < MIN_SHARE * moments[-1]:
+        rule = f"must have no principal moment below {MIN_SHARE:g} of the largest"
         found = f"{moments[0]:.6g} and {moments[-1]:.6g} kg m²"
         raise ArgumentError("inertia", rule, found)
     return value

@@ -16,20 +16,20 @@ from jaxsat.scenario.plugins import PluginError, known_law, law_names
 from jaxsat.scenario.toml_text import toml_value
 from jaxsat.text import clean
 
-LONGEST_SHOWN = 60
-LONGEST_VECTOR = 4
+MAX_SHOWN_LENGTH = 60
+MAX_VECTOR_LENGTH = 4
 """Entries of a list whose length is fixed; longer ones may have any number up to theirs."""
 
 
 def shown(value: Any) -> str:
     """A value as it stands in the file, shortened."""
-    return clean(toml_value(value), LONGEST_SHOWN)
+    return clean(toml_value(value), MAX_SHOWN_LENGTH)
 
 
 def suggestion(word: str, choices: Iterable[str]) -> str:
     """`, did you mean …?` for the choice closest to a misspelt word, or nothing."""
     choices = list(choices)
-    if len(word) > LONGEST_SHOWN:
+    if len(word) > MAX_SHOWN_LENGTH:
         return ""
     close = [choice for choice in choices if len(word) > 2 and choice.startswith(word)]
     close = close or difflib.get_close_matches(word.lower(), choices, 1, 0.6)
@@ -183,7 +183,7 @@ def _rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str | None:
 def _length_rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str:
     wanted = bounds["min_length"] if kind == "too_short" else bounds["max_length"]
     of = f" in {unit}" if unit else ""
-    if kind == "too_long" and wanted > LONGEST_VECTOR:
+    if kind == "too_long" and wanted > MAX_VECTOR_LENGTH:
         return f"have at most {wanted} entries{of}"
     return f"have {'at least 1 entry' if wanted == 1 else f'{wanted} entries'}{of}"
 

@@ -14,7 +14,7 @@ ADAPTIVE_MAX_STEPS = 2**17
 FIXED_MAX_STEPS = 2**24
 """Two days of flight at 0.01 s."""
 
-SMALLEST_STEP = 1e-10
+MIN_STEP = 1e-10
 """Seconds. Far below anything a law resolves, and far above the rounding of a time of 1000 s."""
 
 
@@ -69,7 +69,7 @@ def default_method(loop: AbstractLoop) -> Method:
     their steps from their own period.
     """
     if isinstance(loop, ErrorCoordinateLoop):
-        return adaptive(min_step=SMALLEST_STEP)
+        return adaptive(min_step=MIN_STEP)
     if isinstance(loop, ContinuousLoop) and not loop.controller.is_smooth():
-        return adaptive(min_step=SMALLEST_STEP)
+        return adaptive(min_step=MIN_STEP)
     return fixed(0.01, diffrax.Dopri8())

@@ -9,12 +9,12 @@ import optax
 from jaxsat.errors import ArgumentError
 
 SCHEDULES = ("constant", "cosine", "exponential")
-LAST = 0.05
+FINAL_RATE_FRACTION = 0.05
 """What is left of the learning rate at the end of a schedule that falls."""
 
 
 @dataclass(frozen=True)
-class Descent:
+class OptimiserSettings:
     """An optimiser of optax by its name there, with a learning rate, its schedule and clipping.
 
     A gradient longer than `clip` is shortened to it. Raises `ArgumentError` for what is no
@@ -42,9 +42,9 @@ class Descent:
     def _rate(self, steps: int) -> optax.Schedule:
         rate, steps = self.learning_rate, max(steps, 1)
         if self.schedule == "cosine":
-            return optax.cosine_decay_schedule(rate, steps, alpha=LAST)
+            return optax.cosine_decay_schedule(rate, steps, alpha=FINAL_RATE_FRACTION)
         if self.schedule == "exponential":
-            return optax.exponential_decay(rate, steps, LAST)
+            return optax.exponential_decay(rate, steps, FINAL_RATE_FRACTION)
         return optax.constant_schedule(rate)
 
 

@@ -95,7 +95,7 @@ def test_plain_lines_come_less_and_less_often():
     assert len(times) < 20
     gaps = list(map(progress.until_next_line, times))
     assert gaps == sorted(gaps)
-    assert gaps[-1] == progress.LONGEST
+    assert gaps[-1] == progress.MAX_INTERVAL_S
 
 
 @pytest.mark.slow

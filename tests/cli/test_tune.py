@@ -90,7 +90,7 @@ def test_a_full_disk_is_a_failure_and_no_mistake(jaxsat, monkeypatch):
         raise OutputError("run cannot be made: No space left on device.", failure=True)
 
     monkeypatch.setattr(tuning, "build_plan", lambda *_, **__: SimpleNamespace(remark=None))
-    monkeypatch.setattr("jaxsat.cli.tune.approve", lambda *_, **__: None)
+    monkeypatch.setattr("jaxsat.cli.tune.require_approval", lambda *_, **__: None)
     monkeypatch.setattr("jaxsat.cli.tune._work", lambda *_: None)
     monkeypatch.setattr(checkpoint, "plan_identity", lambda _: {})
     monkeypatch.setattr(checkpoint, "TuningFolder", full)

@@ -2,13 +2,16 @@
 
 import pytest
 
-from jaxsat.comparison import Setting, compare, require_suitable, settings_of
+from jaxsat.comparison import ComparisonSetting, compare, comparison_settings, require_suitable
 
 
 def test_settings_are_every_law_under_every_limit_at_every_level():
-    found = settings_of(["rate", "switching"], ["nominal", "hard"], [5, 20])
+    found = comparison_settings(["rate", "switching"], ["nominal", "hard"], [5, 20])
     assert len(found) == len(set(found)) == 8
-    assert found[:2] == [Setting("nominal", 5.0, "rate"), Setting("nominal", 5.0, "switching")]
+    assert found[:2] == [
+        ComparisonSetting("nominal", 5.0, "rate"),
+        ComparisonSetting("nominal", 5.0, "switching"),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -24,4 +27,4 @@ def test_unknown_laws_and_levels_are_refused(changes, message):
 
 
 def test_laws_that_come_with_the_set_need_no_trial():
-    require_suitable([Setting("nominal", 5.0, "rate")])
+    require_suitable([ComparisonSetting("nominal", 5.0, "rate")])

@@ -8,7 +8,7 @@ import pytest
 from jaxsat.errors import ArgumentError
 from jaxsat.scenario import ScenarioError, ScenarioWarning, load
 from jaxsat.scenario.tuning_checks import USUAL_OPTIMISERS
-from jaxsat.tuning.optimisers import Descent
+from jaxsat.tuning.optimisers import OptimiserSettings
 
 THREE_AXIS = """\
 title = "Test"
@@ -399,4 +399,4 @@ def test_windows_line_ends_and_byte_order_mark(tmp_path):
 
 @pytest.mark.parametrize("name", USUAL_OPTIMISERS)
 def test_optimisers_that_are_not_tried_will_do(name):
-    Descent(name)
+    OptimiserSettings(name)
