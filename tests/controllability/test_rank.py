@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxsat.controllability import analyse
+from jaxsat.controllability.decision import decide_rank
 from jaxsat.controllability.layout import make_layout
 
 from .layouts import AXES, MOMENTS, PLANES, QUATERNIONS, X, Y, columns
