@@ -60,7 +60,7 @@ SHORT = {
 }
 """What makes a tuning run one of some seconds."""
 
-LONGEST_S = 600.0
+MAX_SECONDS = 600.0
 """No command of the campaign may take longer."""
 
 PATIENCE_S = 30.0
@@ -145,7 +145,7 @@ def run(target: Target, folder: Path, kill_after: float | None, sent: signal.Sig
     )
     delivered = None
     try:
-        told = process.communicate(timeout=LONGEST_S if kill_after is None else kill_after)[1]
+        told = process.communicate(timeout=MAX_SECONDS if kill_after is None else kill_after)[1]
     except subprocess.TimeoutExpired:
         if kill_after is None:
             sent = signal.SIGKILL

@@ -22,14 +22,12 @@ from jaxsat.attitude import (
     Quaternion as Quaternion,
 )
 from jaxsat.comparison import (
-    Row as Row,
-    Setting as Setting,
-    Start as Start,
-    Verdict as Verdict,
-    row_of as row_of,
-    scenario_of as scenario_of,
-    study_of as study_of,
-    verdict as verdict,
+    Comparison as Comparison,
+    ComparisonRow as ComparisonRow,
+    ComparisonSetting as ComparisonSetting,
+    ComparisonVerdict as ComparisonVerdict,
+    compare as compare,
+    comparison_scenario as comparison_scenario,
 )
 from jaxsat.control import (
     AbstractController as AbstractController,
@@ -69,6 +67,7 @@ from jaxsat.environment import (
     ExactOrbit as ExactOrbit,
 )
 from jaxsat.errors import (
+    ArgumentError as ArgumentError,
     JaxsatError as JaxsatError,
 )
 from jaxsat.montecarlo import (
@@ -104,11 +103,11 @@ from jaxsat.simulation import (
     simulate as simulate,
 )
 from jaxsat.tuning import (
-    TuningPlan as TuningPlan,
-    begin as begin,
-    descend as descend,
-    make_receipt as make_receipt,
-    make_verdict as make_verdict,
+    DescentProgress as DescentProgress,
+)
+from jaxsat.tuning_run import (
+    TuningResult as TuningResult,
+    tune as tune,
 )
 from jaxsat.vehicle import (
     AbstractActuators as AbstractActuators,

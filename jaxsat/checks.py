@@ -6,6 +6,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Inexact
 
+from jaxsat.errors import ArgumentError
 from jaxsat.inertia import require_known_inertia
 
 
@@ -39,32 +40,32 @@ def concrete(value: ArrayLike) -> np.ndarray | None:
 
 
 def require_finite(name: str, value: ArrayLike) -> None:
-    """Raise `ValueError` unless every entry is finite."""
+    """Raise `ArgumentError` unless every entry is finite."""
     known = concrete(value)
     if known is not None and not np.all(np.isfinite(known)):
-        raise ValueError(f"Argument `{name}` must be finite, but got {known.tolist()}.")
+        raise ArgumentError(name, "must be finite", known.tolist())
 
 
 def require_positive(name: str, value: ArrayLike, *, zero_allowed: bool = False) -> None:
-    """Raise `ValueError` unless every entry is positive (or zero, where that is allowed)."""
+    """Raise `ArgumentError` unless every entry is positive (or zero, where that is allowed)."""
     known = concrete(value)
     if known is None:
         return
     good = known >= 0 if zero_allowed else known > 0
     if not np.all(good):
         kind = "zero or positive" if zero_allowed else "positive"
-        raise ValueError(f"Argument `{name}` must be {kind}, but got {known.tolist()}.")
+        raise ArgumentError(name, f"must be {kind}", known.tolist())
 
 
 def require_counts(**counts: int | None) -> None:
-    """Raise `ValueError` for a number of things that is below one; None is none at all."""
+    """Raise `ArgumentError` for a number of things that is below one; None is none at all."""
     for name, count in counts.items():
         if count is not None and count < 1:
-            raise ValueError(f"Argument `{name}` must be at least 1, but got {count}.")
+            raise ArgumentError(name, "must be at least 1", count)
 
 
 def require_inertia(name: str, inertia: Float[Array | np.ndarray, "3 3"]) -> None:
-    """Raise `ValueError` unless the matrix is symmetric and positive definite."""
+    """Raise `ArgumentError` unless the matrix is symmetric and positive definite."""
     known = concrete(inertia)
     if known is not None:
         require_known_inertia(name, known)

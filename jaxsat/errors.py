@@ -1,11 +1,11 @@
-"""The class that all errors of jaxsat derive from."""
+"""The class that all errors of jaxsat derive from, and that of a wrong argument."""
 
 
 class JaxsatError(Exception):
     """An error of jaxsat's own; the message says what happened and what to do.
 
     Errors are told apart by their classes and attributes. A wrong argument of a function raises
-    `ValueError` or `TypeError` as it does anywhere in Python.
+    `ValueError` or `TypeError` as it does anywhere in Python, often an `ArgumentError`.
 
     >>> import jaxsat
     >>> try:
@@ -14,3 +14,31 @@ class JaxsatError(Exception):
     ...     print(type(error).__name__)
     ScenarioError
     """
+
+
+class ArgumentError(JaxsatError, ValueError):
+    """An argument that breaks a rule: "Argument `argument` must …, but got …."
+
+    `rule` is "must …" and `got` what follows "got", None where the value need not be shown.
+
+    >>> import jaxsat
+    >>> try:
+    ...     jaxsat.Spacecraft([1.0, 2.0, float("nan")])
+    ... except jaxsat.ArgumentError as error:
+    ...     print(error.argument, error.rule)
+    inertia must be finite
+    """
+
+    argument: str
+    rule: str
+    got: str | None
+
+    def __init__(self, argument: str, rule: str, got: object = None):
+        self.argument, self.rule = argument, rule
+        self.got = None if got is None else str(got)
+        super().__init__(argument, rule, self.got)
+
+    def __str__(self) -> str:
+        """The text as above."""
+        found = "" if self.got is None else f", but got {self.got}"
+        return f"Argument `{self.argument}` {self.rule}{found}."

@@ -23,7 +23,7 @@ class Tolerances(eqx.Module):
     relative_rate: Float[Array, ""] = eqx.field(converter=as_float, default=1e-3)
 
 
-def wrapped(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
+def wrap_angle(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """An angle brought into [-π, π), rad."""
     return angle - 2 * jnp.pi * jnp.floor(angle / (2 * jnp.pi) + 0.5)
 
@@ -35,7 +35,7 @@ def excess(
     tolerances: Tolerances,
 ) -> Float[Array, "*times 3"]:
     """|w|, |z| (wrapped) and |ω_r| in parts of their tolerances, less 1: negative inside them."""
-    sizes = (_length(w), jnp.abs(wrapped(z)), _length(relative_rate))
+    sizes = (_length(w), jnp.abs(wrap_angle(z)), _length(relative_rate))
     limits = (tolerances.w, tolerances.z, tolerances.relative_rate)
     return jnp.stack([size / limit - 1 for size, limit in zip(sizes, limits, strict=True)], axis=-1)
 
@@ -55,11 +55,11 @@ def _length(vector: Float[Array, "*times n"]) -> Float[Array, "*times"]:
     return jnp.sqrt(jnp.sum(vector**2, axis=-1))
 
 
-class Since(NamedTuple):
-    """Since when conditions hold, from looks at a run one after the other.
+class SettlingTracker(NamedTuple):
+    """Since when all conditions hold, from observations of a run one after the other.
 
     A condition holds while its excess is negative. `start` (s) is infinite while one does not;
-    `time` (s) and `excess` are those of the last look.
+    `time` (s) and `excess` are those of the last observation.
     """
 
     start: Float[Array, ""]
@@ -67,25 +67,25 @@ class Since(NamedTuple):
     excess: Float[Array, " n"]
 
     @staticmethod
-    def begun(time: Float[Array, ""], conditions: int) -> "Since":
-        """Before the first look, which will be at `time` (s)."""
-        return Since(time + jnp.inf, time, jnp.full(conditions, -1.0, time.dtype))
+    def initial(time: Float[Array, ""], conditions: int) -> "SettlingTracker":
+        """Before the first observation, which will be at `time` (s)."""
+        return SettlingTracker(time + jnp.inf, time, jnp.full(conditions, -1.0, time.dtype))
 
-    def looked(self, time: Float[Array, ""], excess: Float[Array, " n"]) -> "Since":
-        """With one more look at `time` (s); between two looks an excess is a straight line."""
-        was_out = (self.excess >= 0) & (excess < 0)
-        fall = jnp.where(was_out, self.excess - excess, 1.0)
-        part = jnp.max(jnp.where(was_out, self.excess / fall, 0.0))
-        return self.entered(self.time + part * (time - self.time), time, excess)
+    def observe(self, time: Float[Array, ""], excess: Float[Array, " n"]) -> "SettlingTracker":
+        """With one more observation at `time` (s); an excess is linear between two of them."""
+        enters = (self.excess >= 0) & (excess < 0)
+        fall = jnp.where(enters, self.excess - excess, 1.0)
+        part = jnp.max(jnp.where(enters, self.excess / fall, 0.0))
+        return self.observe_after_entry(self.time + part * (time - self.time), time, excess)
 
-    def entered(
+    def observe_after_entry(
         self, entry: Float[Array, ""], time: Float[Array, ""], excess: Float[Array, " n"]
-    ) -> "Since":
-        """With one more look at `time` (s), after an entry, if there was one, at `entry` (s)."""
+    ) -> "SettlingTracker":
+        """The same, where the conditions began to hold, if they did, at `entry` (s)."""
         start = jnp.where(jnp.isinf(self.start), entry, self.start)
-        return Since(jnp.where(jnp.all(excess < 0), start, jnp.inf), time, excess)
+        return SettlingTracker(jnp.where(jnp.all(excess < 0), start, jnp.inf), time, excess)
 
-    def settled(self, end: Float[Array, ""], begin: float | Float[Array, ""] = 0.0):
+    def settling_time(self, end: Float[Array, ""], begin: float | Float[Array, ""] = 0.0):
         """The start, if it lies in the first `SETTLED_BEFORE` of the horizon, else infinity, s.
 
         What has only just become small has not been shown to stay so.

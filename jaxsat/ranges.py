@@ -59,5 +59,5 @@ ROTATION = Range(-6.283185307179586, 6.283185307179586)
 STATE_LIMIT = 1e6
 """A run ends when a state exceeds this: |w| then means upside down, a rate means divergence."""
 
-MOST_FIXED_STEPS = 2**24
+MAX_FIXED_STEPS = 2**24
 """Steps of one run: two days of flight at 0.01 s, hours of work."""

@@ -21,7 +21,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-MOST_MEMORY, LEAST_GAIN = 4 * 2**30, 2**30
+MAX_MEMORY, MIN_GAIN = 4 * 2**30, 2**30
 """Bytes of a process of tests from which on it drops the compiled programs of tests past, and how
 much it must have grown since the last time."""
 
@@ -32,7 +32,7 @@ _left = 0
 def _programs_do_not_fill_the_memory():
     global _left
     yield
-    if sys.platform == "linux" and _resident() > max(MOST_MEMORY, _left + LEAST_GAIN):
+    if sys.platform == "linux" and _resident() > max(MAX_MEMORY, _left + MIN_GAIN):
         jax.clear_caches()
         gc.collect()
         ctypes.CDLL(None).malloc_trim(0)

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.metrics import Since, Tolerances, within, wrapped
+from jaxsat.metrics import SettlingTracker, Tolerances, within, wrap_angle
 
 TIMES = jnp.linspace(0.0, 10.0, 11)
 
@@ -22,18 +22,20 @@ TIMES = jnp.linspace(0.0, 10.0, 11)
     ],
 )
 def test_since(bad, expected):
-    since = Since.begun(TIMES[0], 2)
+    since = SettlingTracker.initial(TIMES[0], 2)
     for number, time in enumerate(TIMES):
         outside = 3.0 if number in bad else -1.0
-        since = since.looked(time, jnp.array([outside, -0.5]))
-    assert since.settled(TIMES[-1]) == expected
+        since = since.observe(time, jnp.array([outside, -0.5]))
+    assert since.settling_time(TIMES[-1]) == expected
 
 
 def test_since_waits_for_the_last_condition_and_takes_no_nan():
-    since = Since.begun(jnp.array(0.0), 2).looked(jnp.array(0.0), jnp.array([1.0, 1.0]))
-    inside = since.looked(jnp.array(1.0), jnp.array([-1.0, -3.0]))
+    since = SettlingTracker.initial(jnp.array(0.0), 2).observe(
+        jnp.array(0.0), jnp.array([1.0, 1.0])
+    )
+    inside = since.observe(jnp.array(1.0), jnp.array([-1.0, -3.0]))
     assert inside.start == 0.5
-    assert inside.looked(jnp.array(2.0), jnp.array([-1.0, jnp.nan])).start == jnp.inf
+    assert inside.observe(jnp.array(2.0), jnp.array([-1.0, jnp.nan])).start == jnp.inf
 
 
 def test_within_asks_for_everything_and_takes_no_nan():
@@ -50,4 +52,4 @@ def test_within_asks_for_everything_and_takes_no_nan():
 def test_wrapped():
     angles = jnp.array([0.0, 3.0, -3.0, 3.2, 2 * jnp.pi, -7.0])
     expected = np.angle(np.exp(1j * np.array(angles)))
-    np.testing.assert_allclose(wrapped(angles), expected, atol=1e-15)
+    np.testing.assert_allclose(wrap_angle(angles), expected, atol=1e-15)

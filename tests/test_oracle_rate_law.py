@@ -65,7 +65,7 @@ def test_rate_law_does_not_depend_on_its_own_settings(monkeypatch):
     times = np.linspace(0.0, 70.0, 36)
     run = rate_law.simulate_rate_law(times, **RATE, **DISTURBANCE)
     monkeypatch.setattr(rate_law, "SPEED", 0.03)
-    monkeypatch.setattr(rate_law, "LONGEST_STEP", 0.1)
+    monkeypatch.setattr(rate_law, "MAX_STEP", 0.1)
     other = rate_law.simulate_rate_law(times, **RATE, **DISTURBANCE)
     np.testing.assert_allclose(other.omega, run.omega, rtol=0.0, atol=1e-11)
     np.testing.assert_allclose(other.crossings, run.crossings, rtol=0.0, atol=1e-10)

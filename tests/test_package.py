@@ -60,8 +60,8 @@ def test_the_reference_has_every_public_name_and_no_other():
         assert pkgutil.resolve_name(f"jaxsat.{name}").__doc__
 
 
-def test_the_example_of_the_base_class_is_right():
-    assert doctest.testmod(jaxsat.errors) == (0, 2)
+def test_the_examples_of_the_errors_are_right():
+    assert doctest.testmod(jaxsat.errors) == (0, 4)
 
 
 def test_nothing_but_public_names_is_shown():

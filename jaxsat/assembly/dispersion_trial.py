@@ -1,20 +1,20 @@
 """What of a `[dispersion]` table cannot be drawn, found out by making its distributions."""
 
-import re
 from collections.abc import Iterator
 
 from jaxsat.assembly.errors import at_key
 from jaxsat.assembly.run import Run
 from jaxsat.assembly.study import distribution_of, study_program
 from jaxsat.declaration.quantities import DISPERSIBLE, EXCLUSIVE
+from jaxsat.errors import ArgumentError
 from jaxsat.montecarlo import AbstractDistribution
-from jaxsat.montecarlo.misfits import misfits
+from jaxsat.montecarlo.dispersion_problems import dispersion_problems
 from jaxsat.scenario.coordinates import is_upside_down
-from jaxsat.scenario.dispersion_tables import DispersionTable
+from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.wording import from_core, shown
+from jaxsat.scenario.wording import refusal_text, shown
 
 
 def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue]:
@@ -30,17 +30,17 @@ def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue
     for name, entry in table.distributions.items():
         try:
             distributions[name] = distribution_of(entry)
-        except ValueError as error:
-            found = re.match(r"Argument `(\w+)`", str(error))
-            place = (found.group(1),) if found else ()
-            message = from_core(str(error), entry.distribution)
+        except ArgumentError as error:
+            place = (error.argument,) if error.argument in PARAMETERS[entry.distribution] else ()
+            message = refusal_text(error, entry.distribution)
             issues.append(Issue(("dispersion", DISPERSIBLE[name].key, *place), message))
-    for misfit in misfits(distributions, table.frequency_known, run.loop, run.start):
-        if all_fit or not misfit.lacking:
-            key = f"{DISPERSIBLE[misfit.name].key}.{misfit.parameter or ''}".rstrip(".")
-            if misfit.parameter == "frequency_known":
+    for problem in dispersion_problems(distributions, table.frequency_known, run.loop, run.start):
+        if all_fit or not problem.lacking:
+            key = f"{DISPERSIBLE[problem.quantity].key}.{problem.parameter or ''}".rstrip(".")
+            if problem.parameter == "frequency_known":
                 key = "frequency_known"
-            issues.append(at(f"dispersion.{key}", from_core(misfit.message, None)))
+            found = "" if problem.got is None else f", got {problem.got}"
+            issues.append(at(f"dispersion.{key}", f"{problem.rule}{found}"))
     if all_fit and not issues:
         issues += _start_of_a_study(scenario, set(distributions))
         with at_key("simulation.duration_s"):

@@ -27,14 +27,14 @@ from jaxsat.declaration import Key
 from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.noise import key_of_seed
-from jaxsat.ranges import MOST_FIXED_STEPS
+from jaxsat.ranges import MAX_FIXED_STEPS
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law, is_plugin
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario, flattened
-from jaxsat.scenario.tables import MOST_SAMPLED_STEPS, SolverTable
+from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable
 from jaxsat.simulation import (
     AbstractLoop,
     ContinuousLoop,
@@ -47,7 +47,7 @@ from jaxsat.simulation import (
     fixed,
     simulate,
 )
-from jaxsat.simulation.methods import SMALLEST_STEP
+from jaxsat.simulation.methods import MIN_STEP
 from jaxsat.vehicle import AbstractActuators, ActuatorContext, Actuators, Sensors, Thrusters
 
 SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
@@ -227,13 +227,13 @@ def _method(table: SolverTable, loop: AbstractLoop) -> Method:
     if table.steps is None and not given:
         suitable = default_method(loop)
         return dataclasses.replace(suitable, solver=solver or suitable.solver)
-    return adaptive(solver=solver, **{"min_step": SMALLEST_STEP, **given})
+    return adaptive(solver=solver, **{"min_step": MIN_STEP, **given})
 
 
 def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -> None:
-    table, most = scenario.simulation, MOST_FIXED_STEPS
+    table, most = scenario.simulation, MAX_FIXED_STEPS
     if isinstance(loop, SampledLoop):
-        most = MOST_SAMPLED_STEPS
+        most = MAX_SAMPLED_STEPS
         step = cast(Any, scenario.control).period_s / loop.substeps
         key = "control.period_s" if table.solver.substeps is None else "simulation.solver.substeps"
     elif method.first_step is None:

@@ -26,19 +26,19 @@ from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
 from jaxsat.scenario.wording import shown
 from jaxsat.tuning import (
     AbstractAggregate,
-    Counter,
-    Descent,
+    ConditionalValueAtRisk,
+    CostEvaluator,
     Mean,
     Objective,
+    OptimiserSettings,
     Parameter,
     Quantile,
     SearchSpace,
-    Settings,
-    Tail,
-    TailMean,
-    Trials,
+    TailCompression,
+    TrajectoryCounter,
     TuningPlan,
-    Worst,
+    TuningSettings,
+    WorstCase,
 )
 
 FINER = 10.0
@@ -70,12 +70,12 @@ def build_plan(
     bounded = _cost(table.cost, scenario.simulation.attitude_cost)
     unbounded = _plain(bounded)
 
-    def trials(chosen: Scenario, cost: RunningCost, number: int) -> Trials:
+    def evaluator(chosen: Scenario, cost: RunningCost, number: int) -> CostEvaluator:
         study = build_study(
             chosen, 1, seed=number, engine=engine if engine == "diffrax" else "scan", width=width
         )
         program = _with_cost(study.program, cost, _tolerances(scenario))
-        return Trials(
+        return CostEvaluator(
             program,
             study.design,
             study.engine,
@@ -86,11 +86,11 @@ def build_plan(
         )
 
     runs = {
-        "smooth": trials(smooth, bounded, seed),
-        "exact": trials(scenario, bounded, seed),
-        "refined": trials(prepared.refined, bounded, seed),
-        "held_out": trials(scenario, unbounded, unseen),
-        "trained_on": trials(scenario, unbounded, seed),
+        "smooth": evaluator(smooth, bounded, seed),
+        "exact": evaluator(scenario, bounded, seed),
+        "refined": evaluator(prepared.refined, bounded, seed),
+        "held_out": evaluator(scenario, unbounded, unseen),
+        "trained_on": evaluator(scenario, unbounded, seed),
     }
     runs, remark = _compiled(runs, start, engine)
     made = runs["exact"]
@@ -150,8 +150,8 @@ def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> S
 
 
 def _compiled(
-    runs: dict[str, Trials], start: np.ndarray, name: EngineName
-) -> tuple[dict[str, Trials], str | None]:
+    runs: dict[str, CostEvaluator], start: np.ndarray, name: EngineName
+) -> tuple[dict[str, CostEvaluator], str | None]:
     """The same with the native engine where that is wanted and can be; else why it cannot."""
     if name in ("scan", "diffrax"):
         return runs, None
@@ -166,13 +166,13 @@ def _compiled(
 
 
 def _as_machine_code(
-    runs: dict[str, Trials], start: np.ndarray
-) -> tuple[dict[str, Trials], str | None]:
+    runs: dict[str, CostEvaluator], start: np.ndarray
+) -> tuple[dict[str, CostEvaluator], str | None]:
     """The same with the native engine, made and tried; or what has no rule there."""
     try:
-        found = {key: _native(trials) for key, trials in runs.items()}
+        found = {key: _native(evaluator) for key, evaluator in runs.items()}
         for key in ("smooth", "exact"):  # one interval of one case makes the machine code
-            probe = dataclasses.replace(found[key], counter=Counter())
+            probe = dataclasses.replace(found[key], counter=TrajectoryCounter())
             point = probe.space.to_search(start[None])
             probe.evaluate(point, np.arange(1), intervals=1)
             probe.differentiate(point, np.arange(1), intervals=1)
@@ -181,10 +181,12 @@ def _as_machine_code(
     return found, None
 
 
-def _native(trials: Trials) -> Trials:
-    scan = cast(ScanEngine, trials.engine)
-    engine = NativeEngine(stepper=scan.stepper, workers=trials.workers, batch_size=scan.batch_size)
-    return dataclasses.replace(trials, engine=engine, workers=1)  # threads of its own
+def _native(evaluator: CostEvaluator) -> CostEvaluator:
+    scan = cast(ScanEngine, evaluator.engine)
+    engine = NativeEngine(
+        stepper=scan.stepper, workers=evaluator.workers, batch_size=scan.batch_size
+    )
+    return dataclasses.replace(evaluator, engine=engine, workers=1)  # threads of its own
 
 
 def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
@@ -270,16 +272,16 @@ def _with_cost(program: Program, cost: RunningCost, tolerances: Tolerances) -> P
 
 def _aggregate(table: TuningTable) -> AbstractAggregate:
     if table.aggregate == "cvar":
-        return TailMean(table.level)
+        return ConditionalValueAtRisk(table.level)
     if table.aggregate == "quantile":
         return Quantile(table.level)
-    return Worst() if table.aggregate == "worst" else Mean()
+    return WorstCase() if table.aggregate == "worst" else Mean()
 
 
-def _settings(table: TuningTable, seed: int, interval: float) -> Settings:
-    return Settings(
-        objective=Objective(_aggregate(table), Tail(table.tail_scale), table.case_bound),
-        descent=Descent(table.optimiser, table.learning_rate, table.schedule, table.clip),
+def _settings(table: TuningTable, seed: int, interval: float) -> TuningSettings:
+    return TuningSettings(
+        objective=Objective(_aggregate(table), TailCompression(table.tail_scale), table.case_bound),
+        descent=OptimiserSettings(table.optimiser, table.learning_rate, table.schedule, table.clip),
         steps=table.steps,
         cases=table.cases,
         fresh=table.fresh_cases,

@@ -2,17 +2,17 @@
 
 from jaxsat.bounds.manoeuvre import Manoeuvre, manoeuvre_of
 from jaxsat.bounds.search import Bound, best_of_starts
-from jaxsat.bounds.transcription import Objective, Solution, Transcription
-from jaxsat.bounds.verification import Arrival, fly
+from jaxsat.bounds.transcription import BoundObjective, Solution, Transcription
+from jaxsat.bounds.verification import Verification, propagate
 
 __all__ = [
-    "Arrival",
     "Bound",
+    "BoundObjective",
     "Manoeuvre",
-    "Objective",
     "Solution",
     "Transcription",
+    "Verification",
     "best_of_starts",
-    "fly",
     "manoeuvre_of",
+    "propagate",
 ]

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from jaxsat.bounds.manoeuvre import Manoeuvre
-from jaxsat.bounds.transcription import Objective, Solution, Transcription
-from jaxsat.bounds.verification import Arrival, fly
+from jaxsat.bounds.transcription import BoundObjective, Solution, Transcription
+from jaxsat.bounds.verification import Verification, propagate
 
-LARGEST_ANGLE, LARGEST_RATE = 1e-4, 1e-5
+MAX_ANGLE, MAX_RATE = 1e-4, 1e-5
 """A solution counts if its flight ends so near the target (rad, rad/s)."""
 
 
@@ -18,16 +18,16 @@ class Bound(NamedTuple):
     at the exact target, as the bound does.
     """
 
-    objective: Objective
+    objective: BoundObjective
     solution: Solution
-    arrival: Arrival
+    verification: Verification
     starts: int
     values: list[float]
 
 
 def best_of_starts(
     manoeuvre: Manoeuvre,
-    objective: Objective,
+    objective: BoundObjective,
     starts: int = 12,
     *,
     longest: float,
@@ -44,17 +44,17 @@ def best_of_starts(
         raise ValueError(f"Argument `starts` must be at least 1, but got {starts}.")
     transcription = Transcription(manoeuvre, objective, longest, intervals)
     solver = transcription.solver()
-    found: list[tuple[Solution, Arrival]] = []
+    found: list[tuple[Solution, Verification]] = []
     for number in range(starts):
         solution = transcription.solve(solver, seed * 1_000_003 + number)
         if solution is not None:
-            arrival = fly(manoeuvre, solution)
-            if arrival.angle < LARGEST_ANGLE and arrival.rate < LARGEST_RATE:
-                found.append((solution, arrival))
+            verification = propagate(manoeuvre, solution)
+            if verification.angle < MAX_ANGLE and verification.rate < MAX_RATE:
+                found.append((solution, verification))
         if report is not None:
             report(number + 1, min((one.value for one, _ in found), default=float("inf")))
     if not found:
         return None
     found.sort(key=lambda pair: pair[0].value)
-    best, arrival = found[0]
-    return Bound(objective, best, arrival, starts, [one.value for one, _ in found])
+    best, verification = found[0]
+    return Bound(objective, best, verification, starts, [one.value for one, _ in found])

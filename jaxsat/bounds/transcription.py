@@ -13,14 +13,14 @@ from jaxtyping import Float
 
 from jaxsat.bounds.manoeuvre import Manoeuvre
 
-SHORTEST = 0.01
+MIN_DURATION_S = 0.01
 """Seconds; no manoeuvre is taken to last less."""
 
 STATES = 7
 """Quaternion and ω."""
 
 
-class Objective(enum.Enum):
+class BoundObjective(enum.Enum):
     """What is to be least: the duration (s), or ∫ Σ|T_i| dt (N m s)."""
 
     TIME = "time"
@@ -48,7 +48,7 @@ class Transcription:
     """
 
     manoeuvre: Manoeuvre
-    objective: Objective
+    objective: BoundObjective
     longest: float
     intervals: int = 100
     substeps: int = 2
@@ -60,9 +60,9 @@ class Transcription:
                 raise ValueError(
                     f"Argument `{name}` must be positive, but got {getattr(self, name)}."
                 )
-        if not SHORTEST <= self.longest < np.inf:
+        if not MIN_DURATION_S <= self.longest < np.inf:
             raise ValueError(
-                f"Argument `longest` must be finite and at least {SHORTEST} s, "
+                f"Argument `longest` must be finite and at least {MIN_DURATION_S} s, "
                 f"but got {self.longest}."
             )
 
@@ -82,7 +82,7 @@ class Transcription:
         begins = casadi.DM(np.arange(self.intervals)[None, :]) * length
         after = step(states[:, :-1], thrust, begins, casadi.repmat(length, 1, self.intervals))
         torque = casadi.mtimes(casadi.DM(self.manoeuvre.torque_axes), thrust)
-        by_time = self.objective is Objective.TIME
+        by_time = self.objective is BoundObjective.TIME
         goal = duration if by_time else length * casadi.sum2(casadi.sum1(sizes))
         constraints = [
             casadi.vec(states[:, 1:] - after),
@@ -176,7 +176,7 @@ class Transcription:
         free = np.full(STATES * n, np.inf)
         thrust = np.full(man.torque_axes.shape[1] * n, man.limit)
         sizes = np.full(3 * n, np.inf)
-        lower = [start, -free, -thrust, np.zeros(3 * n), [SHORTEST]]
+        lower = [start, -free, -thrust, np.zeros(3 * n), [MIN_DURATION_S]]
         upper = [start, free, thrust, sizes, [self.longest]]
         return np.concatenate(lower), np.concatenate(upper)
 
@@ -192,8 +192,8 @@ class Transcription:
         states[:, :4] /= np.linalg.norm(states[:, :4], axis=1, keepdims=True)
         states[:, 4:] *= [1, 1, 0.3]
         thrust = man.limit * random.uniform(-0.5, 0.5, (n, man.torque_axes.shape[1]))
-        spread = (1.0, 3.0) if self.objective is Objective.TIME else (2.0, 8.0)
-        duration = max(SHORTEST, min(self.longest, man.slew_time() * random.uniform(*spread)))
+        spread = (1.0, 3.0) if self.objective is BoundObjective.TIME else (2.0, 8.0)
+        duration = max(MIN_DURATION_S, min(self.longest, man.slew_time() * random.uniform(*spread)))
         states[:, 4:] = (
             start[4:]
             + share * (target - start)[4:]

@@ -11,7 +11,7 @@ from jaxsat.bounds.transcription import Solution
 TOLERANCE = 1e-11
 
 
-class Arrival(NamedTuple):
+class Verification(NamedTuple):
     """How far from the target a flight ends, in angle (rad) and relative rate (rad/s).
 
     `effort` is ∫ Σ|T_i| dt (N m s) and `largest_thrust` the largest of any thruster (N m).
@@ -23,7 +23,7 @@ class Arrival(NamedTuple):
     largest_thrust: float
 
 
-def fly(manoeuvre: Manoeuvre, solution: Solution) -> Arrival:
+def propagate(manoeuvre: Manoeuvre, solution: Solution) -> Verification:
     """Fly a solution's thrusts by DOP853, the attitude as direction cosines by (1), (10), (11)."""
     inverse = np.linalg.inv(manoeuvre.inertia)
     length = solution.duration / len(solution.thrust)
@@ -57,7 +57,7 @@ def fly(manoeuvre: Manoeuvre, solution: Solution) -> Arrival:
     sine = np.append(sine, cosines[0, 1] - cosines[1, 0]) / 2
     angle = np.arctan2(np.linalg.norm(sine), (np.trace(cosines) - 1) / 2)
     torques = solution.thrust @ manoeuvre.torque_axes.T
-    return Arrival(
+    return Verification(
         float(angle),
         float(np.linalg.norm(relative_rate(cosines, omega))),
         float(np.abs(torques).sum() * length),

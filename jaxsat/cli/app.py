@@ -8,12 +8,12 @@ from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 import jaxsat
 from jaxsat.cli.bound import bound
-from jaxsat.cli.bugs import tell_of, threads_watched
+from jaxsat.cli.bugs import report_error, thread_errors_reported
 from jaxsat.cli.compare import compare
 from jaxsat.cli.computing import import_interruptibly
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.montecarlo import montecarlo
-from jaxsat.cli.progress import hush
+from jaxsat.cli.progress import stop_progress
 from jaxsat.cli.reproduce import reproduce
 from jaxsat.cli.scenarios import scenarios
 from jaxsat.cli.simulate import simulate
@@ -23,8 +23,8 @@ from jaxsat.cli.terminal import (
     USER_MISTAKE,
     FailedRun,
     UserMistake,
-    report,
-    report_mistake,
+    print_mistake,
+    print_stderr,
 )
 from jaxsat.cli.tune import tune
 from jaxsat.collection import no_collection
@@ -49,7 +49,7 @@ app.command(scenarios)
 def run(tokens: Sequence[str] | None = None) -> int:
     """Run one command; gives its exit status, whatever it raised, but for signals."""
     try:
-        with no_collection(), threads_watched(), warnings.catch_warnings():
+        with no_collection(), thread_errors_reported(), warnings.catch_warnings():
             warnings.showwarning = _show_warning
             warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
             return _command(tokens)
@@ -57,21 +57,21 @@ def run(tokens: Sequence[str] | None = None) -> int:
         extra = " ".join(mistake.unused_tokens or ())
         takes_overrides = "overrides" in getattr(mistake.target, "__annotations__", {})
         hint = " (each KEY=VALUE follows a --set of its own)" if takes_overrides else ""
-        report(f"must be given without {extra}{hint}")
+        print_stderr(f"must be given without {extra}{hint}")
         return USER_MISTAKE
     except CycloptsError as mistake:
-        report(f"{mistake}\nsee `jaxsat --help` and `jaxsat COMMAND --help`")
+        print_stderr(f"{mistake}\nsee `jaxsat --help` and `jaxsat COMMAND --help`")
         return USER_MISTAKE
     except UserMistake as mistake:
-        report_mistake(mistake)
+        print_mistake(mistake)
         return USER_MISTAKE
     except FailedRun as failure:
-        report(str(failure))
+        print_stderr(str(failure))
         return FAILED_RUN
     except (BrokenPipeError, SystemExit):  # of the help, whose reader has seen enough
         return SUCCESS
     except Exception as error:
-        tell_of(error)
+        report_error(error)
         return FAILED_RUN
 
 
@@ -79,7 +79,7 @@ def _command(tokens: Sequence[str] | None) -> int:
     tokens = sys.argv[1:] if tokens is None else list(tokens)
     command, given, _ = app.parse_args(tokens, exit_on_error=False, print_error=False)
     if given.arguments.get("quiet", False):
-        hush()
+        stop_progress()
     if command.__module__.startswith("jaxsat."):  # not the help
         computes = command.__module__ != "jaxsat.cli.scenarios"
         import_interruptibly("jaxsat.scenario", *(["jaxsat.results"] if computes else []))
@@ -89,4 +89,4 @@ def _command(tokens: Sequence[str] | None) -> int:
 
 def _show_warning(message: Warning | str, *place: object) -> None:
     del place  # in the source, which says nothing to a user
-    report(str(message), "warning: ")
+    print_stderr(str(message), "warning: ")

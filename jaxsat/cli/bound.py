@@ -9,16 +9,16 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPlace, Overrides, Seed, Starts, number
-from jaxsat.cli.progress import tell
+from jaxsat.cli.options import Flag, OptionalPath, Overrides, Seed, Starts, number
+from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
     FailedRun,
     UserMistake,
     output_problem,
-    report,
-    say,
+    print_stderr,
+    print_stdout,
 )
 from jaxsat.cli.words import command_line
 
@@ -38,7 +38,7 @@ def bound(
     longest: Longest = None,
     seed: Seed = 0,
     overrides: Overrides = (),
-    out: OptionalPlace = None,
+    out: OptionalPath = None,
     overwrite: Flag = False,
     quiet: Flag = False,
 ) -> int:
@@ -85,7 +85,7 @@ def bound(
         )
     use_double_precision()
     from jaxsat.assembly.run import build_uncontrolled
-    from jaxsat.bounds import Objective, manoeuvre_of
+    from jaxsat.bounds import BoundObjective, manoeuvre_of
 
     try:
         manoeuvre = manoeuvre_of(*build_uncontrolled(chosen))
@@ -94,23 +94,25 @@ def bound(
     limit = chosen.simulation.duration_s if longest is None else longest
     _require_time(limit, "simulation.duration_s")
     unit = UNITS[objective]
-    found = searched(manoeuvre, Objective(objective), starts, limit, seed, f"least {objective}")
+    found = searched(
+        manoeuvre, BoundObjective(objective), starts, limit, seed, f"least {objective}"
+    )
     if found is None:
-        report(f"none of {starts} starts found a way within {limit:g} s; give more starts")
+        print_stderr(f"none of {starts} starts found a way within {limit:g} s; give more starts")
         return FAILED_RUN
     if out is not None:
         _write(out, found, overwrite)
     if not quiet:
-        arrival, values = found.arrival, found.values
-        say(f"least {objective:<10} {found.solution.value:.4g} {unit}")
-        say(f"duration         {found.solution.duration:.4g} s")
-        say(f"effort           {arrival.effort:.4g} N m s")
-        say(
-            f"flown again      ends {arrival.angle:.1e} rad and {arrival.rate:.1e} rad/s from rest "
+        end, values = found.verification, found.values
+        print_stdout(f"least {objective:<10} {found.solution.value:.4g} {unit}")
+        print_stdout(f"duration         {found.solution.duration:.4g} s")
+        print_stdout(f"effort           {end.effort:.4g} N m s")
+        print_stdout(
+            f"flown again      ends {end.angle:.1e} rad and {end.rate:.1e} rad/s from rest "
             "in the orbit frame"
         )
         listed = ", ".join(f"{value:.4g}" for value in values)
-        say(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
+        print_stdout(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
     return SUCCESS
 
 
@@ -120,11 +122,11 @@ def searched(
     """The best of several starts, told of while it runs."""
     from jaxsat.bounds import best_of_starts
 
-    tell(f"{what}: start 1 of {starts}")
+    show_progress(f"{what}: start 1 of {starts}")
 
     def told(done: int, best: float) -> None:
         known = f", {best:.4g} so far" if math.isfinite(best) else ""
-        tell(f"{what}: {done} of {starts} starts{known}")
+        show_progress(f"{what}: {done} of {starts} starts{known}")
 
     try:
         return interruptibly(
@@ -140,10 +142,10 @@ def searched(
 
 
 def _require_time(longest: float, name: str) -> None:
-    from jaxsat.bounds.transcription import SHORTEST
+    from jaxsat.bounds.transcription import MIN_DURATION_S
 
-    if longest < SHORTEST:
-        raise UserMistake(f"{name}: must be at least {SHORTEST:g} s, got {longest:g}")
+    if longest < MIN_DURATION_S:
+        raise UserMistake(f"{name}: must be at least {MIN_DURATION_S:g} s, got {longest:g}")
 
 
 def _refuse_existing(target: Path, overwrite: bool) -> None:
@@ -166,7 +168,7 @@ def _write(target: Path, found: "Bound", overwrite: bool) -> None:
         "duration_s": solution.duration,
         "starts": found.starts,
         "local_optima": found.values,
-        "flown_again": found.arrival._asdict(),
+        "flown_again": found.verification._asdict(),
         "thrust_N_m": solution.thrust.tolist(),
         "states_quaternion_omega": solution.states.tolist(),
         **provenance(),

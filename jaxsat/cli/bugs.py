@@ -11,52 +11,52 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import jaxsat
-from jaxsat.cli.terminal import FailedRun, report
+from jaxsat.cli.terminal import FailedRun, print_stderr
 from jaxsat.cli.words import command_line
 from jaxsat.text import clean
 
-LONGEST = 300
+MAX_MESSAGE_LENGTH = 300
 """Characters of an exception's message that are told; the file has all of it."""
 
-MEMORY = ("RESOURCE_EXHAUSTED", "can't start new thread", "Cannot allocate memory")
+OUT_OF_MEMORY_TEXTS = ("RESOURCE_EXHAUSTED", "can't start new thread", "Cannot allocate memory")
 """How libraries call a lack of memory or threads where they have no exception for it."""
 
 
-def as_failure(error: BaseException) -> FailedRun | None:
+def failure_of(error: BaseException) -> FailedRun | None:
     """What to tell of an exception that means a lack of memory or a failing disk, else None."""
     from jaxsat.results.errors import FAILURES
 
     if isinstance(error, OSError) and error.errno in FAILURES:
         where = "" if error.filename is None else f"{error.filename}: "
         return FailedRun(f"{where}{error.strerror}")
-    if isinstance(error, MemoryError) or any(sign in str(error) for sign in MEMORY):
+    if isinstance(error, MemoryError) or any(sign in str(error) for sign in OUT_OF_MEMORY_TEXTS):
         return FailedRun("there is not enough memory; ask for less at once")
     return None
 
 
-def tell_of(error: Exception) -> None:
+def report_error(error: Exception) -> None:
     """One line for an exception that no command expected; a file too if jaxsat is at fault."""
-    failure = as_failure(error)
+    failure = failure_of(error)
     if failure is None:
-        tell_of_bug(error)
+        report_bug(error)
     else:
-        report(str(failure))
+        print_stderr(str(failure))
 
 
-def tell_of_bug(error: BaseException) -> None:
+def report_bug(error: BaseException) -> None:
     """One line on standard error, and the traceback in a file that only its owner can read."""
     kind, text = type(error).__name__, str(error).strip()
-    first = clean(text.split("\n")[0], LONGEST)
+    first = clean(text.split("\n")[0], MAX_MESSAGE_LENGTH)
     what = f"{kind}: {first}" if first else kind
     try:
         place = f"its traceback is in {_written(error)}, please report it with that file"
     except OSError as reason:
         place = f"its traceback cannot be written ({reason.strerror or reason})"
-    report(f"{what}; this is a bug of jaxsat, {place}")
+    print_stderr(f"{what}; this is a bug of jaxsat, {place}")
 
 
 @contextmanager
-def threads_watched() -> Iterator[None]:
+def thread_errors_reported() -> Iterator[None]:
     """Have exceptions that end a thread, or that Python cannot raise, told in the same way."""
     told: set[str] = set()
 
@@ -64,7 +64,7 @@ def threads_watched() -> Iterator[None]:
         if not isinstance(error, Exception) or repr(error) in told:
             return
         told.add(repr(error))
-        tell_of(error)
+        report_error(error)
 
     before = threading.excepthook, sys.unraisablehook
     threading.excepthook = sys.unraisablehook = lambda raised: tell(raised.exc_value)

@@ -2,8 +2,7 @@
 
 import json
 import math
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -12,8 +11,8 @@ from cyclopts import Parameter
 from jaxsat.cli.bound import searched
 from jaxsat.cli.comparison_text import comparison_lines, least_text
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.options import Cases, Flag, Place, Seed, StartsOrNone, Workers, mistake
-from jaxsat.cli.progress import tell
+from jaxsat.cli.options import Cases, Flag, OutputPath, Seed, StartsOrNone, Workers, mistake
+from jaxsat.cli.progress import show_progress
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_files import tell_repair
 from jaxsat.cli.study_text import progress_text
@@ -23,28 +22,31 @@ from jaxsat.cli.terminal import (
     Terminated,
     UserMistake,
     output_problem,
-    report,
-    say,
+    print_stderr,
+    print_stdout,
 )
 from jaxsat.cli.words import command_line
-from jaxsat.cli.work import approve
+from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
-    from jaxsat.comparison import Row, Setting, Start, Verdict
-    from jaxsat.montecarlo import AbstractExecutor, Study, StudyProgress, Work
+    from jaxsat.comparison import (
+        Comparison,
+        ComparisonRow,
+        ComparisonRun,
+        ComparisonSetting,
+        ComparisonVerdict,
+    )
+    from jaxsat.montecarlo import StudyProgress, Work
     from jaxsat.results import ResumableFolder
 
 Level = Literal["nominal", "mc", "hard", "all"]
-
-STUDIES = "studies"
-"""Folder of the stores inside the output folder."""
 
 BOUNDS = "bounds"
 RESULT = "comparison.json"
 CASE = 400
 """Bytes of a case in memory and on the disk, about."""
 
-LEAST_LIMIT, LARGEST_LIMIT = 0.01, 1000.0
+MIN_LIMIT, MAX_LIMIT = 0.01, 1000.0
 """N m; the time that a study covers goes with the root of the limit."""
 
 
@@ -55,7 +57,7 @@ def compare(
     law: Annotated[tuple[str, ...], Parameter(negative="")] = ("all",),
     count: Cases = 200,
     seed: Seed,
-    out: Place = Path("jaxsat-comparison"),
+    out: OutputPath = Path("jaxsat-comparison"),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
     bounds: StartsOrNone = 0,
@@ -102,26 +104,22 @@ def compare(
     """
     limits = _limits(torque_limit)
     use_double_precision()
-    from jaxsat.comparison import LAWS, LEVELS, Setting
+    from jaxsat.comparison import LAWS, LEVELS, ComparisonRun, comparison_settings
     from jaxsat.results import OutputError, ResumableFolder
 
-    others = list(dict.fromkeys(one for one in law if one not in (*LAWS, "all")))
-    settings = [
-        Setting(one_level, limit, one_law)
-        for limit in limits
-        for one_level in _chosen(level, LEVELS)
-        for one_law in (*_chosen(law, LAWS), *others)
-    ]
-    _require_laws([one for one in settings if one.law in others])
+    others = dict.fromkeys(one for one in law if one not in (*LAWS, "all"))
+    settings = comparison_settings([*_chosen(law, LAWS), *others], _chosen(level, LEVELS), limits)
+    _require_suitable(settings)
     _tell_of_untuned(limits)
-    approve([_work(one, count) for one in settings], out, yes=yes, quiet=quiet)
+    require_approval([_work(one, count) for one in settings], out, yes=yes, quiet=quiet)
     executor = chosen_executor(workers, None, None, None)
-    run = _Runner(count, seed, out, engine, executor, elsewhere, quiet)
+    run = ComparisonRun(
+        count, seed, out, engine, executor, elsewhere, _told, _remarks(quiet), tell_repair
+    )
     try:
         with ResumableFolder(out, "comparison", {}) as folder:
-            rows = [run.row(setting) for setting in settings]
+            rows, verdicts = _run(run, settings)
             least = [_least(limit, bounds, seed, folder) for limit in limits if bounds]
-            verdicts = _verdicts(rows)
             _write(folder, rows, verdicts, least, seed)
     except OutputError as error:
         raise output_problem(error, "--elsewhere") from None
@@ -130,82 +128,40 @@ def compare(
         raise type(stop)(kept) from None
     if not quiet:
         for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):
-            say(line)
-        say(f"written to {out}")
+            print_stdout(line)
+        print_stdout(f"written to {out}")
     return SUCCESS
 
 
-class _Runner:
-    """Runs the studies of settings into stores."""
+def _run(run: "ComparisonRun", settings: Sequence["ComparisonSetting"]) -> "Comparison":
+    from jaxsat.comparison import UnsuitableSetting
+    from jaxsat.montecarlo import ClusterError
 
-    def __init__(
-        self,
-        count: int,
-        seed: int,
-        out: Path,
-        engine: Any,
-        executor: "AbstractExecutor",
-        elsewhere: bool,
-        quiet: bool,
-    ):
-        self._count, self._seed, self._out, self._engine = count, seed, out, engine
-        self._executor, self._elsewhere, self._quiet = executor, elsewhere, quiet
-        self._told: str | None = None
-
-    def row(self, setting: "Setting") -> "Row":
-        """The random starts and the paper's under one setting."""
-        from jaxsat.comparison import Start, row_of
-
-        random = self._columns(setting, Start.RANDOM, self._count)
-        paper = self._columns(setting, Start.PAPER, 1)
-        return row_of(setting, random, paper)
-
-    def _columns(self, setting: "Setting", start: "Start", count: int) -> dict[str, Any]:
-        import numpy as np
-
-        from jaxsat.comparison import study_of
-        from jaxsat.results import study_columns
-
-        wide = {} if start.value == "random" else {"width": 1, "chunk": 1}
-        try:
-            study = study_of(setting, start, count, self._seed, engine=self._engine, **wide)
-        except ValueError as error:
-            raise UserMistake(str(error)) from None
-        if study.remark not in (None, self._told) and not self._quiet:
-            report(study.remark, "")
-        self._told = study.remark
-        level, limit, law = setting
-        name = re.sub(r"[^\w.-]+", "-", law)  # of a module or a file
-        target = self._out / STUDIES / f"{level}-{limit:g}-{name}-{start.value}.zarr"
-        self._run(study, target, f"{law}, {limit:g} N m, {level}, {start.value} start")
-        columns = study_columns(target)
-        names = ("settling_time", "effort", "peak_rate", "code")
-        return {name: np.asarray(columns[name][:count]) for name in names}
-
-    def _run(self, study: "Study", target: Path, what: str) -> None:
-        from jaxsat.montecarlo import ClusterError, run_study
-
-        tell(f"{what}: compiling")
-
-        def told(progress: "StudyProgress") -> None:
-            tell(f"{what}: {progress_text(progress)}")
-
-        try:
-            interruptibly(
-                lambda: run_study(
-                    study,
-                    target,
-                    executor=self._executor,
-                    report=told,
-                    tell=tell_repair,
-                    elsewhere=self._elsewhere,
-                )
-            )
-        except ClusterError as error:
-            raise FailedRun(str(error)) from None
+    try:
+        return interruptibly(lambda: run.run(settings))
+    except UnsuitableSetting as error:
+        raise UserMistake(str(error)) from None
+    except ClusterError as error:
+        raise FailedRun(str(error)) from None
 
 
-def _work(setting: "Setting", count: int) -> "Work":
+def _told(what: str, progress: "StudyProgress | None") -> None:
+    show_progress(f"{what}: {'compiling' if progress is None else progress_text(progress)}")
+
+
+def _remarks(quiet: bool) -> Callable[[str], None]:
+    """Tells each remark once."""
+    told: set[str] = set()
+
+    def remark(text: str) -> None:
+        if text not in told and not quiet:
+            print_stderr(text, "")
+        told.add(text)
+
+    return remark
+
+
+def _work(setting: "ComparisonSetting", count: int) -> "Work":
     """What the cases of one setting take, about: a law is looked at ten times a second."""
     from jaxsat.comparison import PERIOD, horizon
     from jaxsat.montecarlo import Work
@@ -214,19 +170,17 @@ def _work(setting: "Setting", count: int) -> "Work":
     return Work(count + 1, (count + 1) * steps, count * CASE, count * CASE)
 
 
-def _require_laws(settings: Sequence["Setting"]) -> None:
+def _require_suitable(settings: Sequence["ComparisonSetting"]) -> None:
     """Raise `UserMistake` for laws that do not come with the set and that it cannot fly."""
-    from jaxsat.assembly.run import build
-    from jaxsat.comparison import scenario_of
+    from jaxsat.comparison import require_suitable
     from jaxsat.scenario import ScenarioError
 
-    for setting in settings:
-        try:
-            build(scenario_of(setting))
-        except ScenarioError as error:
-            raise UserMistake(str(error), located=True) from None
-        except ValueError as error:
-            raise UserMistake(f"--law: {error}") from None
+    try:
+        require_suitable(settings)
+    except ScenarioError as error:
+        raise UserMistake(str(error), located=True) from None
+    except ValueError as error:
+        raise UserMistake(f"--law: {error}") from None
 
 
 def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:
@@ -242,8 +196,8 @@ def _limits(given: Sequence[str]) -> list[float]:
             found = LIMITS if text == "all" else (float(text),)
         except ValueError:
             found = (math.nan,)
-        if not all(LEAST_LIMIT <= one <= LARGEST_LIMIT for one in found):
-            must = f"a number of N m from {LEAST_LIMIT:g} to {LARGEST_LIMIT:g}, or all"
+        if not all(MIN_LIMIT <= one <= MAX_LIMIT for one in found):
+            must = f"a number of N m from {MIN_LIMIT:g} to {MAX_LIMIT:g}, or all"
             raise mistake("--torque-limit", must, text)
         limits += found
     return list(dict.fromkeys(limits))
@@ -257,16 +211,7 @@ def _tell_of_untuned(limits: Sequence[float]) -> None:
         if limit not in TUNED_LIMITS:
             inside = min(TUNED_LIMITS) < limit < max(TUNED_LIMITS)
             how = "interpolated" if inside else "those of the nearest"
-            report(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}", "warning: ")
-
-
-def _verdicts(rows: Sequence["Row"]) -> list["Verdict"]:
-    from jaxsat.comparison import verdict
-
-    groups: dict[tuple[str, float], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(row.setting[:2], []).append(row)
-    return [verdict(group) for group in groups.values()]
+            print_stderr(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}", "warning: ")
 
 
 def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> dict[str, Any]:
@@ -274,11 +219,11 @@ def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> d
     import numpy as np
 
     from jaxsat.assembly.run import build
-    from jaxsat.bounds import Objective, manoeuvre_of
-    from jaxsat.comparison import Setting, horizon, scenario_of
+    from jaxsat.bounds import BoundObjective, manoeuvre_of
+    from jaxsat.comparison import ComparisonSetting, comparison_scenario, horizon
 
     name = f"{BOUNDS}/{limit:g}.json"
-    run = build(scenario_of(Setting("nominal", limit, "rate")))
+    run = build(comparison_scenario(ComparisonSetting("nominal", limit, "rate")))
     manoeuvre = manoeuvre_of(run.loop, run.start)
     numbers = {name: np.asarray(value).tolist() for name, value in vars(manoeuvre).items()}
     wanted = {"torque_limit": limit, "starts": starts, "seed": seed, "manoeuvre": numbers}
@@ -286,7 +231,7 @@ def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> d
     if kept is not None:
         return kept
     found: dict[str, Any] = dict(wanted)
-    for objective in Objective:
+    for objective in BoundObjective:
         what = f"least {objective.value}, {limit:g} N m"
         best = searched(manoeuvre, objective, starts, horizon(limit) / 5, seed, what)
         found[objective.value] = None if best is None else best.solution.value
@@ -296,21 +241,22 @@ def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> d
 
 def _kept_bounds(content: bytes | None, wanted: dict[str, Any]) -> dict[str, Any] | None:
     """What was found before, if it is what is wanted now."""
-    from jaxsat.bounds import Objective
-    from jaxsat.results.files import from_json
+    from jaxsat.bounds import BoundObjective
+    from jaxsat.results.files import parse_json
 
-    found = from_json(content)
-    if not isinstance(found, dict) or set(found) != {*wanted, *(one.value for one in Objective)}:
+    found = parse_json(content)
+    objectives = [one.value for one in BoundObjective]
+    if not isinstance(found, dict) or set(found) != {*wanted, *objectives}:
         return None
-    values = [found[one.value] for one in Objective]
+    values = [found[name] for name in objectives]
     good = all(x is None or (isinstance(x, float) and 0 < x < math.inf) for x in values)
     return found if good and wanted.items() <= found.items() else None
 
 
 def _write(
     folder: "ResumableFolder",
-    rows: Sequence["Row"],
-    verdicts: Sequence["Verdict"],
+    rows: Sequence["ComparisonRow"],
+    verdicts: Sequence["ComparisonVerdict"],
     least: Sequence[dict[str, Any]],
     seed: int,
 ) -> None:
@@ -322,7 +268,7 @@ def _write(
     record = {
         "command": command_line(),
         "seed": seed,
-        "rows": [row.plain() for row in rows],
+        "rows": [row.as_data() for row in rows],
         "verdicts": [one._asdict() for one in verdicts],
         "bounds_from_papers_start": list(least),
         **provenance(),

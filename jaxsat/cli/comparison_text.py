@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jaxsat.comparison import Row, Verdict
+    from jaxsat.comparison import ComparisonRow, ComparisonVerdict
 
 HEADINGS = (
     "N m",
@@ -21,7 +21,9 @@ HEADINGS = (
 )
 
 
-def comparison_lines(rows: Sequence["Row"], verdicts: Sequence["Verdict"]) -> list[str]:
+def comparison_lines(
+    rows: Sequence["ComparisonRow"], verdicts: Sequence["ComparisonVerdict"]
+) -> list[str]:
     """The table of all rows, and which law to take at each limit and level."""
     lines = _aligned([list(HEADINGS), *map(_cells, rows)])
     lines.append(
@@ -47,7 +49,7 @@ def _aligned(lines: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
-def _cells(row: "Row") -> list[str]:
+def _cells(row: "ComparisonRow") -> list[str]:
     settled = row.settled
     return [
         f"{row.setting.torque_limit:g}",

@@ -8,10 +8,10 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPlace, Overrides, number
+from jaxsat.cli.options import Flag, OptionalPath, Overrides, number
 from jaxsat.cli.places import try_folder
-from jaxsat.cli.progress import tell
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, say, show_table
+from jaxsat.cli.progress import show_progress
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout, show_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 COLOURS = {"controllable": "green", "borderline": "yellow", "uncontrollable": "red"}
 MAP_STEPS = 450  # about 10⁵ bodies
 MAP_ANGLES = (361, 181)
-MOST_THRUSTERS = 8  # 256 cases; more make no table that a person reads
+MAX_THRUSTERS = 8  # 256 cases; more make no table that a person reads
 
 
 def controllability(
@@ -30,7 +30,7 @@ def controllability(
     /,
     *,
     overrides: Overrides = (),
-    out: OptionalPlace = None,
+    out: OptionalPath = None,
     overwrite: Flag = False,
     quiet: Flag = False,
     drift: Flag = False,
@@ -62,7 +62,7 @@ def controllability(
 
         try_folder(lambda: OutputFolder(out, kind="controllability", overwrite=overwrite))
     use_double_precision()
-    tell("deciding controllability")
+    show_progress("deciding controllability")
     analysis, cases = interruptibly(lambda: _analyse(chosen, tolerance))
     from jaxsat.report.controllability_page import controllability_lines
 
@@ -71,15 +71,15 @@ def controllability(
     if chosen.disturbance.torques:
         names = ", ".join(chosen.disturbance.torques)
         lines.append(f"Disturbances that are left out of it: {names}.")
-    tell("following the drift")
+    show_progress("following the drift")
     found = interruptibly(lambda: _follow_drift(chosen)) if drift else ([], {})
     if out is not None:
-        tell("drawing maps")
+        show_progress("drawing maps")
         _write_folder(out, overwrite, chosen, analysis, cases, lines, found)
     if not quiet:
         _print(lines, cases, found[0])
         if out is not None:
-            say(f"written to {out}")
+            print_stdout(f"written to {out}")
     return SUCCESS
 
 
@@ -92,9 +92,9 @@ def _analyse(scenario: "Scenario", tolerance: float) -> "tuple[Analysis, tuple[F
     table = scenario.spacecraft
     axes = np.array(table.thruster_torque_axes, float).T  # as given: exact numbers stay exact
     count = axes.shape[1]
-    if count > MOST_THRUSTERS:
+    if count > MAX_THRUSTERS:
         raise UserMistake(
-            f"spacecraft.thruster_torque_axes: must have at most {MOST_THRUSTERS} thrusters for a "
+            f"spacecraft.thruster_torque_axes: must have at most {MAX_THRUSTERS} thrusters for a "
             f"table of all failures, got {count}"
         )
     names = [f"g{number}" for number in range(1, count + 1)]
@@ -241,7 +241,7 @@ def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -
     from jaxsat.controllability import failure_records
 
     for line in [*lines, *drift]:
-        say(line.replace("**", ""))
+        print_stdout(line.replace("**", ""))
     table = Table(pad_edge=False)
     numbers = ("rank", "margin", "turn at 1 N m (s)")
     for heading in ("failed", "rank", "verdict", "margin", "turn at 1 N m (s)", "lost"):

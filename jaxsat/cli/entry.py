@@ -7,8 +7,8 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 
-from jaxsat.cli.progress import telling
-from jaxsat.cli.terminal import Terminated, finish, make_streams_safe, report
+from jaxsat.cli.progress import showing_progress
+from jaxsat.cli.terminal import Terminated, finish, make_streams_safe, print_stderr
 
 SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -31,13 +31,13 @@ def _status(tokens: Sequence[str] | None, received: list[int]) -> int:
     try:
         make_streams_safe()
         given = sys.argv[1:] if tokens is None else tokens
-        with nullcontext() if "--quiet" in given else telling("starting"):
+        with nullcontext() if "--quiet" in given else showing_progress("starting"):
             from jaxsat.cli.app import run
 
             return finish(run(tokens))
     except (KeyboardInterrupt, Terminated) as stop:
         word = "terminated" if isinstance(stop, Terminated) else "interrupted"
-        report(f"{word}; {stop.args[0] if stop.args else 'nothing was written'}")
+        print_stderr(f"{word}; {stop.args[0] if stop.args else 'nothing was written'}")
         return _interrupted(received)
 
 

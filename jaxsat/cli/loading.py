@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import use_double_precision
-from jaxsat.cli.progress import tell
-from jaxsat.cli.terminal import UserMistake, report
+from jaxsat.cli.progress import show_progress
+from jaxsat.cli.terminal import UserMistake, print_stderr
 
 if TYPE_CHECKING:
     from jaxsat.assembly.load import Purpose
@@ -17,7 +17,7 @@ def load_or_explain(
     name_or_path: str, overrides: Sequence[str] = (), purpose: "Purpose" = "run"
 ) -> "Scenario":
     """The scenario, which can be built for the purpose; raises `UserMistake` with every problem."""
-    tell(f"reading {name_or_path}")
+    show_progress(f"reading {name_or_path}")
     use_double_precision()
     from jaxsat.assembly.load import load
     from jaxsat.scenario import ScenarioError, ScenarioWarning
@@ -29,5 +29,5 @@ def load_or_explain(
         except ScenarioError as error:
             raise UserMistake(str(error), located=True) from None
     for warning in caught:
-        report(f"{warning.message}", "warning: ")
+        print_stderr(f"{warning.message}", "warning: ")
     return scenario

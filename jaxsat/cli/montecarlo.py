@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Literal
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import (
+    BatchSize,
     Case,
     Cases,
     Flag,
     Instants,
-    OptionalPlace,
+    OptionalBatchSize,
+    OptionalPath,
     OptionalSeed,
-    OptionalTogether,
     Overrides,
     Text,
-    Together,
     Workers,
 )
 from jaxsat.cli.places import refuse_nested, try_folder
-from jaxsat.cli.progress import tell
+from jaxsat.cli.progress import show_progress
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_files import figures_folder, tell_repair, write_figures, write_one_case
 from jaxsat.cli.study_text import progress_text, summary_lines
@@ -31,10 +31,10 @@ from jaxsat.cli.terminal import (
     Terminated,
     UserMistake,
     output_problem,
-    report,
-    say,
+    print_stderr,
+    print_stdout,
 )
-from jaxsat.cli.work import approve
+from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
     from jaxsat.montecarlo import AbstractExecutor, StopRule, Study, Summary
@@ -46,19 +46,19 @@ def montecarlo(
     *,
     count: Cases = 1000,
     seed: OptionalSeed = None,
-    out: OptionalPlace = None,
+    out: OptionalPath = None,
     overrides: Overrides = (),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
-    width: Together = 64,
-    chunk: OptionalTogether = None,
+    width: BatchSize = 64,
+    chunk: OptionalBatchSize = None,
     until_ci: Text = None,
     case: Case = None,
     overwrite: Flag = False,
     processes: Workers = None,
     scheduler: Text = None,
     devices: Workers = None,
-    figures: OptionalPlace = None,
+    figures: OptionalPath = None,
     history: Instants = None,
     yes: Flag = False,
     elsewhere: Flag = False,
@@ -138,7 +138,7 @@ def montecarlo(
         from jaxsat.assembly.study import build_study
         from jaxsat.montecarlo import study_work
 
-        tell("compiling")
+        show_progress("compiling")
         study = interruptibly(
             lambda: build_study(
                 chosen,
@@ -153,20 +153,20 @@ def montecarlo(
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if study.remark is not None and not quiet:
-        report(study.remark, "")
+        print_stderr(study.remark, "")
     if rule is not None and study.has_fixed_size:
         raise UserMistake("--until-ci: must go with another design than latin-hypercube")
     if case is not None:
         folder = out or Path(f"jaxsat-{stem}-{case}")
         return write_one_case(chosen, study, case, folder, overwrite=overwrite, quiet=quiet)
     executor = chosen_executor(workers, processes, scheduler, devices)
-    approve([study_work(study, rule)], target, yes=yes, quiet=quiet)
+    require_approval([study_work(study, rule)], target, yes=yes, quiet=quiet)
     try:
         counted = _run(study, target, executor, rule, elsewhere)
-        tell("summarising")
+        show_progress("summarising")
         summary = interruptibly(lambda: _summary(target, counted))
         if figures is not None:
-            tell("drawing figures")
+            show_progress("drawing figures")
             write_figures(figures, chosen.title, study, target, summary)
     except (KeyboardInterrupt, Terminated) as stop:
         with contextlib.suppress(KeyboardInterrupt, Terminated):  # a second one does not wait
@@ -174,8 +174,8 @@ def montecarlo(
         raise type(stop)(_what_is_left(target)) from None
     if not quiet:
         for line in summary_lines(summary):
-            say(line)
-        say(f"written          {target}{f' and {figures}' if figures else ''}")
+            print_stdout(line)
+        print_stdout(f"written          {target}{f' and {figures}' if figures else ''}")
     return SUCCESS
 
 
@@ -222,7 +222,7 @@ def _run(
                 target,
                 executor=executor,
                 until=rule,
-                report=lambda progress: tell(progress_text(progress)),
+                report=lambda progress: show_progress(progress_text(progress)),
                 tell=tell_repair,
                 elsewhere=elsewhere,
             )

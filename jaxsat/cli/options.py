@@ -16,17 +16,17 @@ from cyclopts import Parameter
 from jaxsat.cli.terminal import UserMistake
 from jaxsat.text import clean
 
-MOST_CASES = 2**32
+MAX_CASES = 2**32
 """Case numbers are 32-bit words of the noise's key."""
 
-MOST_TOGETHER = 2**20
+MAX_BATCH_SIZE = 2**20
 """Cases of a chunk or of a width: each takes memory for all of them at once."""
 
-MOST_INSTANTS = 100_000
-LARGEST_SEED = 2**64 - 1
-MOST_WORKERS = 4096
-MOST_STARTS = 10_000
-LONGEST_NAME, LONGEST_PATH = 255, 4095
+MAX_INSTANTS = 100_000
+MAX_SEED = 2**64 - 1
+MAX_WORKERS = 4096
+MAX_STARTS = 10_000
+MAX_NAME_LENGTH, MAX_PATH_LENGTH = 255, 4095
 """Bytes that Linux and macOS take for one name, and for a path."""
 
 SHOWN = 60
@@ -83,8 +83,9 @@ def place(option: str, text: str) -> Path:
     names = [os.fsencode(name) for name in Path(text).parts]
     if not text or "\0" in text:
         raise mistake(option, "a path", text)
-    if any(len(name) > LONGEST_NAME for name in names) or len(os.fsencode(text)) > LONGEST_PATH:
-        must = f"a path of at most {LONGEST_PATH} bytes, each name of at most {LONGEST_NAME}"
+    too_long = len(os.fsencode(text)) > MAX_PATH_LENGTH
+    if too_long or any(len(name) > MAX_NAME_LENGTH for name in names):
+        must = f"a path of at most {MAX_PATH_LENGTH} bytes, each name of at most {MAX_NAME_LENGTH}"
         raise mistake(option, must, text)
     return Path(text)
 
@@ -96,18 +97,18 @@ def something(option: str, text: str) -> str:
     return text
 
 
-Cases = Annotated[int, Parameter(name=["--count", "-n"], converter=whole(1, MOST_CASES))]
-Case = Annotated[int | None, Parameter(converter=whole(0, MOST_CASES - 1))]
-Seed = Annotated[int, Parameter(converter=whole(0, LARGEST_SEED))]
-OptionalSeed = Annotated[int | None, Parameter(converter=whole(0, LARGEST_SEED))]
-Together = Annotated[int, Parameter(converter=whole(1, MOST_TOGETHER))]
-OptionalTogether = Annotated[int | None, Parameter(converter=whole(1, MOST_TOGETHER))]
-Instants = Annotated[int | None, Parameter(converter=whole(2, MOST_INSTANTS))]
-Workers = Annotated[int | None, Parameter(converter=whole(1, MOST_WORKERS))]
-Starts = Annotated[int, Parameter(converter=whole(1, MOST_STARTS))]
-StartsOrNone = Annotated[int, Parameter(converter=whole(0, MOST_STARTS))]
-Place = Annotated[Path, Parameter(converter=_converter(place))]
-OptionalPlace = Annotated[Path | None, Parameter(converter=_converter(place))]
+Cases = Annotated[int, Parameter(name=["--count", "-n"], converter=whole(1, MAX_CASES))]
+Case = Annotated[int | None, Parameter(converter=whole(0, MAX_CASES - 1))]
+Seed = Annotated[int, Parameter(converter=whole(0, MAX_SEED))]
+OptionalSeed = Annotated[int | None, Parameter(converter=whole(0, MAX_SEED))]
+BatchSize = Annotated[int, Parameter(converter=whole(1, MAX_BATCH_SIZE))]
+OptionalBatchSize = Annotated[int | None, Parameter(converter=whole(1, MAX_BATCH_SIZE))]
+Instants = Annotated[int | None, Parameter(converter=whole(2, MAX_INSTANTS))]
+Workers = Annotated[int | None, Parameter(converter=whole(1, MAX_WORKERS))]
+Starts = Annotated[int, Parameter(converter=whole(1, MAX_STARTS))]
+StartsOrNone = Annotated[int, Parameter(converter=whole(0, MAX_STARTS))]
+OutputPath = Annotated[Path, Parameter(converter=_converter(place))]
+OptionalPath = Annotated[Path | None, Parameter(converter=_converter(place))]
 Text = Annotated[str | None, Parameter(converter=_converter(something))]
 Flag = Annotated[bool, Parameter(negative="")]
 Overrides = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]

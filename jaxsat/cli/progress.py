@@ -13,13 +13,13 @@ from contextlib import contextmanager
 
 from jaxsat.text import clean
 
-FIRST = 0.3, 0.8
+FIRST_DELAYS_S = 0.3, 0.8
 """Seconds before anything is shown, on a terminal and elsewhere: quick commands say nothing."""
 
-BETWEEN = 0.1
+REDRAW_INTERVAL_S = 0.1
 """Seconds between two drawings of the live line."""
 
-LONGEST = 60.0
+MAX_INTERVAL_S = 60.0
 """Seconds between two plain lines at most; up to then each comes after twice the time."""
 
 ERASE = "\r\x1b[2K"
@@ -53,7 +53,7 @@ class _Display:
                 _write(ERASE)
 
     def _run(self) -> None:
-        due = FIRST[0] if self._live else FIRST[1]
+        due = FIRST_DELAYS_S[0] if self._live else FIRST_DELAYS_S[1]
         drawing = 0
         while not self._end.wait(max(0.0, due - self._elapsed())):
             elapsed = self._elapsed()
@@ -63,7 +63,7 @@ class _Display:
                 else:
                     _write(f"jaxsat: {clean(self.text)} ({elapsed:.0f} s)\n")
             drawing += 1
-            due = elapsed + (BETWEEN if self._live else until_next_line(elapsed))
+            due = elapsed + (REDRAW_INTERVAL_S if self._live else until_next_line(elapsed))
 
     def _draw(self, mark: str, elapsed: float) -> None:
         from rich.cells import set_cell_size
@@ -79,30 +79,30 @@ class _Display:
 
 def until_next_line(elapsed: float) -> float:
     """Seconds from one plain line to the next."""
-    return min(LONGEST, max(1.0, elapsed))
+    return min(MAX_INTERVAL_S, max(1.0, elapsed))
 
 
 _display: _Display | None = None
 
 
 @contextmanager
-def telling(text: str) -> Iterator[None]:
+def showing_progress(text: str) -> Iterator[None]:
     """While this lasts, show what the command is at; `text` first."""
     global _display
     _display = _Display(text)
     try:
         yield
     finally:
-        hush()
+        stop_progress()
 
 
-def tell(text: str) -> None:
+def show_progress(text: str) -> None:
     """What the command is at now."""
     if _display is not None:
         _display.text = text
 
 
-def hush() -> None:
+def stop_progress() -> None:
     """No more of it, such as for a command that is to be quiet."""
     global _display
     display, _display = _display, None

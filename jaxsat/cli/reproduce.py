@@ -6,9 +6,16 @@ from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, Place
-from jaxsat.cli.progress import tell
-from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, report, say, show_table
+from jaxsat.cli.options import Flag, OutputPath
+from jaxsat.cli.progress import show_progress
+from jaxsat.cli.terminal import (
+    FAILED_RUN,
+    SUCCESS,
+    output_problem,
+    print_stderr,
+    print_stdout,
+    show_table,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,7 +28,7 @@ COLOURS = {"HOLDS": "green", "ONLY_IF": "yellow", "FAILS": "red"}
 
 def reproduce(
     *,
-    out: Place = Path("jaxsat-reproduction"),
+    out: OutputPath = Path("jaxsat-reproduction"),
     overwrite: Flag = False,
     quiet: Flag = False,
 ) -> int:
@@ -43,16 +50,16 @@ def reproduce(
             use_double_precision()
             in_background("jaxsat.report.figures")
             datasets = _simulate_all(quiet)
-            tell("judging claims, drawing figures")
+            show_progress("judging claims, drawing figures")
             claims = interruptibly(lambda: _write(folder, datasets))
     except OutputError as error:
         raise output_problem(error) from None
     if not quiet:
         _print_verdicts(claims)
-        say(f"written to {out}: verdicts.md, figures (PNG, SVG), trajectories (netCDF)")
+        print_stdout(f"written to {out}: verdicts.md, figures (PNG, SVG), trajectories (netCDF)")
     failed = [name for name, data in datasets.items() if data.attrs["outcome_code"] != 0]
     if failed:
-        report(f"these runs ended early, so their claims say little: {', '.join(failed)}")
+        print_stderr(f"these runs ended early, so their claims say little: {', '.join(failed)}")
         return FAILED_RUN
     return SUCCESS
 
@@ -67,8 +74,8 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
     datasets = {}
     for number, (name, run) in enumerate(RUNS.items(), start=1):
         if not quiet:
-            report(f"[{number}/{len(RUNS)}] {run.purpose}", "")
-        tell(f"simulating {name}, run {number} of {len(RUNS)}")
+            print_stderr(f"[{number}/{len(RUNS)}] {run.purpose}", "")
+        show_progress(f"simulating {name}, run {number} of {len(RUNS)}")
         scenario = load_or_explain(run.scenario, run.overrides)
         built = build(scenario)
         trajectory = interruptibly(built.simulate)

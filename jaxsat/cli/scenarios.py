@@ -6,7 +6,14 @@ from cyclopts import App
 
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import Overrides
-from jaxsat.cli.terminal import SUCCESS, USER_MISTAKE, UserMistake, report_mistake, say, say_text
+from jaxsat.cli.terminal import (
+    SUCCESS,
+    USER_MISTAKE,
+    UserMistake,
+    print_mistake,
+    print_stdout,
+    print_text,
+)
 from jaxsat.text import clean
 
 scenarios = App(name="scenarios", help="List, show and check scenarios.", help_format="plaintext")
@@ -20,7 +27,7 @@ def list_scenarios() -> int:
     names = library()
     width = max(map(len, names))
     for name in names:
-        say(f"{name:<{width}}  {load_or_explain(name, purpose='text').title}")
+        print_stdout(f"{name:<{width}}  {load_or_explain(name, purpose='text').title}")
     return SUCCESS
 
 
@@ -34,17 +41,17 @@ def show(name: str, /) -> int:
         One of the names that `jaxsat scenarios list` gives.
     """
     from jaxsat.scenario import library
-    from jaxsat.scenario.errors import LONGEST_PLACE
+    from jaxsat.scenario.errors import MAX_PLACE_LENGTH
     from jaxsat.scenario.wording import suggestion
 
     names = library()
     if name not in names:
         hint = suggestion(name, names)
-        shown = clean(name, LONGEST_PLACE)
+        shown = clean(name, MAX_PLACE_LENGTH)
         raise UserMistake(
             f"{shown}: must be a scenario of jaxsat ({', '.join(names)}), got another name{hint}"
         )
-    say_text(names[name].read_text(encoding="utf-8"))
+    print_text(names[name].read_text(encoding="utf-8"))
     return SUCCESS
 
 
@@ -53,7 +60,7 @@ def schema() -> int:
     """Print the JSON Schema of scenario files, with the unit of every quantity."""
     from jaxsat.scenario import json_schema
 
-    say_text(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+    print_text(json.dumps(json_schema(), indent=2, ensure_ascii=False))
     return SUCCESS
 
 
@@ -82,8 +89,8 @@ def check(
         try:
             scenario = load_or_explain(file, overrides, "study")
         except UserMistake as mistake:
-            report_mistake(mistake)
+            print_mistake(mistake)
             status = USER_MISTAKE
         else:
-            say(f"{clean(file)}: all right ({scenario.title})")
+            print_stdout(f"{clean(file)}: all right ({scenario.title})")
     return status

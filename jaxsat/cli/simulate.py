@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.computing import in_background, interruptibly
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPlace, Overrides
-from jaxsat.cli.progress import tell
+from jaxsat.cli.options import Flag, OptionalPath, Overrides
+from jaxsat.cli.progress import show_progress
 from jaxsat.cli.summary import failure_advice, print_summary
-from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, report
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, print_stderr
 from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def simulate(
     /,
     *,
     overrides: Overrides = (),
-    out: OptionalPlace = None,
+    out: OptionalPath = None,
     overwrite: Flag = False,
     quiet: Flag = False,
 ) -> int:
@@ -52,10 +52,10 @@ def simulate(
 
     try:
         with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
-            tell(f"simulating {scenario}")
+            show_progress(f"simulating {scenario}")
             in_background("jaxsat.report.figures")
             dataset, seconds = interruptibly(lambda: _run(chosen))
-            tell("drawing figures")
+            show_progress("drawing figures")
             interruptibly(lambda: _write(folder, chosen, dataset))
             files = folder.names
     except OutputError as error:
@@ -64,7 +64,7 @@ def simulate(
         print_summary(dataset, scenario, chosen.control.law, seconds, target, files)
     if dataset.attrs["outcome_code"] == 0:
         return SUCCESS
-    report(f"{failure_advice(dataset)}; what there is was written to {target}")
+    print_stderr(f"{failure_advice(dataset)}; what there is was written to {target}")
     return FAILED_RUN
 
 

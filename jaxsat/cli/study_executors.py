@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.terminal import UserMistake, report
+from jaxsat.cli.terminal import UserMistake, print_stderr
 from jaxsat.processors import processors
 
 if TYPE_CHECKING:
@@ -52,6 +52,6 @@ def _cluster(place: str) -> "AbstractExecutor":
             "--scheduler: must have dask.distributed; install jaxsat[cluster]"
         ) from None
     try:
-        return scheduler_at(place, tell=report)
+        return scheduler_at(place, tell=print_stderr)
     except ValueError as error:
         raise UserMistake(f"--scheduler: {error}") from None

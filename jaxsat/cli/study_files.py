@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import interruptibly
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, report, say
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stderr, print_stdout
 
 if TYPE_CHECKING:
     import numpy as np
@@ -64,7 +64,7 @@ def figures_folder(folder: Path) -> "OutputFolder":
 
 def tell_repair(text: str) -> None:
     """Say what was found damaged in a store."""
-    report(text, "warning: ")
+    print_stderr(text, "warning: ")
 
 
 def _histories(study: "Study", numbers: "np.ndarray", every: int) -> "Signals":
@@ -131,10 +131,10 @@ def write_one_case(
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if not quiet:
-        say(f"case {number}: {dataset.attrs['outcome_explanation']}")
+        print_stdout(f"case {number}: {dataset.attrs['outcome_explanation']}")
         for line in drawn:
-            say(line)
-        say(f"written to {target}")
+            print_stdout(line)
+        print_stdout(f"written to {target}")
     return SUCCESS
 
 

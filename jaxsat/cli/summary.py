@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.terminal import say
+from jaxsat.cli.terminal import print_stdout
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,7 +50,7 @@ def print_summary(
     }
     width = max(map(len, rows))
     for label, text in rows.items():
-        say(f"{label:<{width}}  {text}")
+        print_stdout(f"{label:<{width}}  {text}")
 
 
 def settling_text(dataset: "xr.Dataset", law: str) -> str:

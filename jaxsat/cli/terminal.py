@@ -67,12 +67,12 @@ def make_streams_safe() -> None:
             stream.reconfigure(errors="replace")
 
 
-def say(line: str) -> None:
+def print_stdout(line: str) -> None:
     """Write one line to standard output, whatever is in it; raises `FailedRun` if that fails."""
     _print(clean(line) + "\n")
 
 
-def say_text(text: str) -> None:
+def print_text(text: str) -> None:
     """Write lines to standard output."""
     _print("".join(clean(line) + "\n" for line in text.removesuffix("\n").split("\n")))
 
@@ -87,7 +87,7 @@ def show_table(table: Any) -> None:
     _print(caught.get())
 
 
-def report(message: str, prefix: str = "jaxsat: ") -> None:
+def print_stderr(message: str, prefix: str = "jaxsat: ") -> None:
     """Write to standard error, each line marked as jaxsat's; where nobody listens, to nobody."""
     text = "".join(prefix + clean(line) + "\n" for line in message.split("\n"))
     with between_drawings(), contextlib.suppress(AttributeError):
@@ -98,9 +98,9 @@ def report(message: str, prefix: str = "jaxsat: ") -> None:
             _silence(sys.stderr)
 
 
-def report_mistake(mistake: UserMistake) -> None:
+def print_mistake(mistake: UserMistake) -> None:
     """Write a mistake to standard error."""
-    report(str(mistake), "" if mistake.located else "jaxsat: ")
+    print_stderr(str(mistake), "" if mistake.located else "jaxsat: ")
 
 
 def finish(status: int) -> int:
@@ -109,7 +109,7 @@ def finish(status: int) -> int:
         _print("")
     except FailedRun as failure:
         if status == SUCCESS:  # what failed before has been told
-            report(str(failure))
+            print_stderr(str(failure))
             return FAILED_RUN
     return status
 

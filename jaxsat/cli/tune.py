@@ -1,30 +1,28 @@
 """`jaxsat tune`: better gains by gradient descent through the simulator, and the proof."""
 
-import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPlace, Overrides, Together, Workers
-from jaxsat.cli.progress import tell
+from jaxsat.cli.options import BatchSize, Flag, OptionalPath, Overrides, Workers
+from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import (
     SUCCESS,
     Terminated,
     UserMistake,
     output_problem,
-    report,
-    say,
-    say_text,
+    print_stderr,
+    print_stdout,
+    print_text,
 )
-from jaxsat.cli.work import approve
+from jaxsat.cli.work import require_approval
 from jaxsat.processors import processors
 
 if TYPE_CHECKING:
     from jaxsat.montecarlo import Work
     from jaxsat.scenario import Scenario
-    from jaxsat.tuning import DescentState, Report, TuningPlan
+    from jaxsat.tuning import DescentProgress, DescentState, TuningPlan
     from jaxsat.tuning.checkpoint import TuningFolder
 
 CASE = 1000
@@ -33,18 +31,16 @@ CASE = 1000
 FOLDER = 10**7
 """Bytes of a folder, most of them figures, about."""
 
-TUNED, SUMMARY = "tuned.toml", "summary.md"
-
 
 def tune(
     scenario: str,
     /,
     *,
-    out: OptionalPlace = None,
+    out: OptionalPath = None,
     overrides: Overrides = (),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
-    width: Together = 32,
+    width: BatchSize = 32,
     baselines: Flag = False,
     yes: Flag = False,
     elsewhere: Flag = False,
@@ -90,26 +86,27 @@ def tune(
     from jaxsat.assembly.tuning import build_plan
     from jaxsat.results import OutputError
     from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
+    from jaxsat.tuning_run import SUMMARY, is_concluded
 
     try:
-        tell("compiling")
+        show_progress("compiling")
         plan = interruptibly(
             lambda: build_plan(chosen, engine=engine, width=width, workers=workers or processors())
         )
         if plan.remark is not None and not quiet:
-            report(plan.remark, "")
-        approve([_work(plan, baselines)], target, yes=yes, quiet=quiet)
+            print_stderr(plan.remark, "")
+        require_approval([_work(plan, baselines)], target, yes=yes, quiet=quiet)
         with TuningFolder(target, plan_identity(plan), elsewhere=elsewhere) as folder:
-            done = folder.is_whole(SUMMARY) and (folder.is_whole("baselines.json") or not baselines)
+            done = is_concluded(folder, baselines)
             if folder.lost_state and not quiet:
-                report(f"{target} has lost its state, so the run begins again", "warning: ")
+                print_stderr(f"{target} has lost its state, so the run begins again", "warning: ")
             if not done:
                 state = _descended(plan, chosen, folder)
                 _concluded(plan, chosen, folder, state, baselines, quiet)
             if not quiet:
-                say_text((folder.read(SUMMARY) or b"").decode())
-                say("")
-                say(f"{'already ' if done else ''}written to {target}")
+                print_text((folder.read(SUMMARY) or b"").decode())
+                print_stdout("")
+                print_stdout(f"{'already ' if done else ''}written to {target}")
     except OutputError as error:
         raise output_problem(error, "--elsewhere") from None
     except ValueError as error:
@@ -135,37 +132,24 @@ def _work(plan: "TuningPlan", baselines: bool) -> "Work":
 
 
 def _descended(plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder") -> "DescentState":
-    """The last state; every state on the way is kept, with the best gains so far."""
-    from jaxsat.assembly.tuning import tuned_scenario
-    from jaxsat.scenario import dump
-    from jaxsat.tuning import descend
+    """The last state; an interruption says where the best gains so far are."""
+    from jaxsat.tuning_run import TUNED, run_descent
 
-    tell("compiling; trying the starts")
-    kept = {"step": 0}
+    show_progress("compiling; trying the starts")
 
-    def keep(state: "DescentState") -> None:
-        best = tuned_scenario(scenario, plan, state.best_point)
-        folder.keep(state)
-        folder.write(TUNED, dump(best))
-        kept["step"] = state.step
-
-    def work() -> "DescentState":
-        state = folder.state(plan)
-        keep(state)
-        return descend(plan, state, keep=keep, report=told)
-
-    def told(progress: "Report") -> None:
-        tell(progress_text(progress))
+    def told(progress: "DescentProgress") -> None:
+        show_progress(progress_text(progress))
 
     try:
-        return interruptibly(work)
+        return interruptibly(lambda: run_descent(scenario, plan, folder, report=told))
     except (KeyboardInterrupt, Terminated) as stop:
-        best = f"the best gains so far are in {folder.path / TUNED}" if kept["step"] else "no step"
-        text = f"{best}, after {kept['step']} steps; the same command goes on from there"
+        steps = folder.saved_steps
+        best = f"the best gains so far are in {folder.path / TUNED}" if steps else "no step"
+        text = f"{best}, after {steps} steps; the same command goes on from there"
         raise type(stop)(text) from None
 
 
-def progress_text(progress: "Report") -> str:
+def progress_text(progress: "DescentProgress") -> str:
     """One line on how far a run is."""
     several = f", {progress.starts} starts" if progress.starts > 1 else ""
     return (
@@ -183,68 +167,19 @@ def _concluded(
     baselines: bool,
     quiet: bool,
 ) -> None:
-    """Receipt, verdict and all files; the summary last, by which a run is known to be complete."""
-    from jaxsat.tuning import make_receipt, make_verdict
-    from jaxsat.tuning.baselines import as_data, run_baselines
-    from jaxsat.tuning.summary import summary_page
+    """Receipt, verdict and all files; an interruption says where the tuned gains are."""
+    from jaxsat.tuning_run import TUNED, conclude
 
-    def work() -> None:
-        receipt = make_receipt(plan, state)
-        _write_json(folder, "receipt.json", receipt.as_data())
-        if receipt.problems and not quiet:
-            report("the gradient is not trustworthy: " + "; ".join(receipt.problems), "warning: ")
-        tell("judging on held-out cases")
-        verdict = make_verdict(plan, state.best_point)
-        _write_json(folder, "verdict.json", verdict.as_data())
-        found = ()
-        if baselines:
-            found = run_baselines(plan, state, lambda name: tell(f"baseline: {name}"))
-            _write_json(folder, "baselines.json", as_data(found))
-        _write_figures(plan, scenario, folder, state, verdict, found)
-        folder.write(SUMMARY, summary_page(scenario.title, receipt, verdict, found))
+    def warn(text: str) -> None:
+        if not quiet:
+            print_stderr(text, "warning: ")
 
-    tell("checking the gradients")
     try:
-        interruptibly(work)
+        interruptibly(
+            lambda: conclude(
+                scenario, plan, state, folder, baselines, tell=show_progress, warn=warn
+            )
+        )
     except (KeyboardInterrupt, Terminated) as stop:
         text = f"the tuned gains are in {folder.path / TUNED}; the same command goes on from there"
         raise type(stop)(text) from None
-
-
-def _write_json(folder: "TuningFolder", name: str, data: object) -> None:
-    folder.write(name, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
-
-
-def _write_figures(
-    plan: "TuningPlan",
-    scenario: "Scenario",
-    folder: "TuningFolder",
-    state: "DescentState",
-    verdict,
-    found: Sequence,
-) -> None:
-    """The history, and the figures made of it and of the verdict."""
-    from jaxsat.report.saving import save_figures
-    from jaxsat.report.tuning_figures import (
-        baselines_figure,
-        before_after_figure,
-        gains_figure,
-        loss_figure,
-    )
-    from jaxsat.results import dataset_bytes
-    from jaxsat.scenario import dump
-    from jaxsat.tuning.history import history_dataset
-
-    title = scenario.title
-    history = history_dataset(plan, state, title, dump(scenario))
-    columns = (verdict.before.columns, verdict.after.columns)
-    figures = {
-        "loss": loss_figure(history, f"{title}: loss"),
-        "gains": gains_figure(history, f"{title}: gains"),
-        "before-after": before_after_figure(*columns, f"{title}: held-out cases"),
-    }
-    if found:
-        traces = {entry.method: entry.trace for entry in found}
-        figures["baselines"] = baselines_figure(traces, f"{title}: other ways")
-    folder.write("history.nc", dataset_bytes(history))
-    save_figures(figures, folder.write)

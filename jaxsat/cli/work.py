@@ -5,22 +5,22 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.progress import tell
-from jaxsat.cli.terminal import UserMistake, report
+from jaxsat.cli.progress import show_progress
+from jaxsat.cli.terminal import UserMistake, print_stderr
 
 if TYPE_CHECKING:
     from jaxsat.montecarlo import Work
 
-MOST_STEPS = 10**12
+MAX_STEPS = 10**12
 """About a day of ten processors with the native engine; docs/scenarios.md names all three."""
 
-MOST_MEMORY = 8 * 10**9
-MOST_DISK = 20 * 10**9
-LARGE = 100
+MAX_MEMORY = 8 * 10**9
+MAX_DISK = 20 * 10**9
+REPORT_FACTOR = 100
 """Work within this factor of a limit is told in a line of its own."""
 
 
-def approve(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet: bool) -> None:
+def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet: bool) -> None:
     """Tell what the parts take, one after the other; raises `UserMistake` for too much of it."""
     parts = list(parts)
     trajectories, steps, disk = (
@@ -31,22 +31,22 @@ def approve(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet: bool) ->
         f"{trajectories:,} trajectories, {steps:,} steps, "
         f"about {_bytes(memory)} of memory and {_bytes(disk)} of disk"
     )
-    tell(f"compiling; to do: {text}")
+    show_progress(f"compiling; to do: {text}")
     excesses = [
         f"{name} above {limit}"
         for name, value, most, limit in (
-            ("steps", steps, MOST_STEPS, f"{MOST_STEPS:,}"),
-            ("memory", memory, MOST_MEMORY, _bytes(MOST_MEMORY)),
-            ("disk", disk, MOST_DISK, _bytes(MOST_DISK)),
+            ("steps", steps, MAX_STEPS, f"{MAX_STEPS:,}"),
+            ("memory", memory, MAX_MEMORY, _bytes(MAX_MEMORY)),
+            ("disk", disk, MAX_DISK, _bytes(MAX_DISK)),
             ("disk", disk, _free(target), "what is free there"),
         )
         if value > most
     ]
     if excesses and not yes:
         raise UserMistake(f"too much work ({text}; {', '.join(excesses)}); give --yes to do it")
-    near = (steps / MOST_STEPS, memory / MOST_MEMORY, disk / MOST_DISK)
-    if not quiet and max(near) * LARGE > 1:
-        report(f"to do: {text}")
+    near = (steps / MAX_STEPS, memory / MAX_MEMORY, disk / MAX_DISK)
+    if not quiet and max(near) * REPORT_FACTOR > 1:
+        print_stderr(f"to do: {text}")
 
 
 def _free(target: Path) -> int | float:

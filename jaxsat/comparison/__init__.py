@@ -1,21 +1,50 @@
 """Laws for two torques and a free third rate, compared on one set of cases."""
 
-from jaxsat.comparison.acceptance import LAWS, LEVELS, LIMITS, PERIOD, Setting, horizon, scenario_of
-from jaxsat.comparison.studies import Start, study_of
-from jaxsat.comparison.verdict import Row, Verdict, row_of, verdict
+from jaxsat.comparison.acceptance import (
+    LAWS,
+    LEVELS,
+    LIMITS,
+    PERIOD,
+    ComparisonSetting,
+    comparison_scenario,
+    horizon,
+)
+from jaxsat.comparison.run import (
+    Comparison,
+    ComparisonRun,
+    UnsuitableSetting,
+    compare,
+    comparison_settings,
+    require_suitable,
+)
+from jaxsat.comparison.studies import Start, comparison_study
+from jaxsat.comparison.verdict import (
+    ComparisonRow,
+    ComparisonVerdict,
+    choose_law,
+    choose_laws,
+    comparison_row,
+)
 
 __all__ = [
     "LAWS",
     "LEVELS",
     "LIMITS",
     "PERIOD",
-    "Row",
-    "Setting",
+    "Comparison",
+    "ComparisonRow",
+    "ComparisonRun",
+    "ComparisonSetting",
+    "ComparisonVerdict",
     "Start",
-    "Verdict",
+    "UnsuitableSetting",
+    "choose_law",
+    "choose_laws",
+    "compare",
+    "comparison_row",
+    "comparison_scenario",
+    "comparison_settings",
+    "comparison_study",
     "horizon",
-    "row_of",
-    "scenario_of",
-    "study_of",
-    "verdict",
+    "require_suitable",
 ]

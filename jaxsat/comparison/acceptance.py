@@ -47,7 +47,7 @@ _NEVER, _ALWAYS = 1e6, 1e-12
 FILE = ".toml"
 
 
-class Setting(NamedTuple):
+class ComparisonSetting(NamedTuple):
     """A law under a torque limit (N m) at a level of dispersions."""
 
     level: str
@@ -68,7 +68,7 @@ def horizon(torque_limit: float) -> float:
     return float(round(seconds * max(1.0, torque_limit**-0.5), -1))
 
 
-def scenario_of(setting: Setting) -> Scenario:
+def comparison_scenario(setting: ComparisonSetting) -> Scenario:
     """The scenario of one law on the acceptance set.
 
     The paper's laws run as the others do: ten times a second on what the sensors say, their torque

@@ -3,7 +3,7 @@
 import enum
 
 from jaxsat.assembly.study import EngineName, build_study
-from jaxsat.comparison.acceptance import Setting, scenario_of
+from jaxsat.comparison.acceptance import ComparisonSetting, comparison_scenario
 from jaxsat.montecarlo import Study
 from jaxsat.scenario import Scenario
 
@@ -15,8 +15,8 @@ class Start(enum.Enum):
     PAPER = "paper"
 
 
-def study_of(
-    setting: Setting,
+def comparison_study(
+    setting: ComparisonSetting,
     start: Start,
     count: int,
     seed: int,
@@ -30,7 +30,7 @@ def study_of(
     With the same seed case i is the same spacecraft, start and noise for every law and limit. The
     other arguments are those of `build_study`.
     """
-    scenario = scenario_of(setting)
+    scenario = comparison_scenario(setting)
     if start is Start.PAPER:
         scenario = _from_the_papers_start(scenario)
     return build_study(scenario, count, seed=seed, engine=engine, width=width, chunk=chunk)

@@ -1,16 +1,16 @@
 """What a law did on the acceptance set, and which one to take."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import special
 
-from jaxsat.comparison.acceptance import Setting
+from jaxsat.comparison.acceptance import ComparisonSetting
 from jaxsat.montecarlo import LEVEL, Interval, percentile, wilson
 
 
-class Row(NamedTuple):
+class ComparisonRow(NamedTuple):
     """One law on the acceptance set.
 
     `settled` is a fraction with Wilson's interval. `t50` and `t90` (s) are the times within which
@@ -20,7 +20,7 @@ class Row(NamedTuple):
     largest, `paper_start` (s) the settling time from the paper's initial state, infinite if never.
     """
 
-    setting: Setting
+    setting: ComparisonSetting
     cases: int
     settled: Interval
     t50: Interval
@@ -30,7 +30,7 @@ class Row(NamedTuple):
     paper_start: float
     settling_times: np.ndarray
 
-    def plain(self) -> dict[str, Any]:
+    def as_data(self) -> dict[str, Any]:
         """Everything but the single times as plain data; None for what is infinite or unknown."""
         return {
             **self.setting._asdict(),
@@ -42,7 +42,7 @@ class Row(NamedTuple):
         }
 
 
-class Verdict(NamedTuple):
+class ComparisonVerdict(NamedTuple):
     """Which law to take under one limit at one level, None where none settles, and why."""
 
     level: str
@@ -51,14 +51,14 @@ class Verdict(NamedTuple):
     reason: str
 
 
-def row_of(
-    setting: Setting, random: Mapping[str, Any], paper: Mapping[str, Any] | None = None
-) -> Row:
+def comparison_row(
+    setting: ComparisonSetting, random: Mapping[str, Any], paper: Mapping[str, Any] | None = None
+) -> ComparisonRow:
     """The row of one law from the columns of its studies; `paper` may be left out."""
     times = np.asarray(random["settling_time"], float)
     efforts = np.asarray(random["effort"], float)
     rates = np.asarray(random["peak_rate"], float)
-    return Row(
+    return ComparisonRow(
         setting=setting,
         cases=len(times),
         settled=wilson(int(np.isfinite(times).sum()), len(times)),
@@ -71,7 +71,7 @@ def row_of(
     )
 
 
-def verdict(rows: Sequence[Row]) -> Verdict:
+def choose_law(rows: Sequence[ComparisonRow]) -> ComparisonVerdict:
     """The law to take among rows of one level and limit, whose cases are the same.
 
     A law is less sure than the one that settles most if of the cases that only one of the two
@@ -84,13 +84,26 @@ def verdict(rows: Sequence[Row]) -> Verdict:
     level, limit, _ = rows[0].setting
     surest = max(rows, key=lambda row: (row.settled.value, -row.t50.value))
     if surest.settled.value == 0:
-        return Verdict(level, limit, None, "no law settled a single case")
+        return ComparisonVerdict(level, limit, None, "no law settled a single case")
     sure = [row for row in rows if not _settles_fewer(row, surest)]
     best = min(sure, key=lambda row: (row.t50.value, row.t90.value, -row.settled.value))
-    return Verdict(level, limit, best.setting.law, _reason(best, surest, sure, rows))
+    return ComparisonVerdict(level, limit, best.setting.law, _reason(best, surest, sure, rows))
 
 
-def _reason(best: Row, surest: Row, sure: Sequence[Row], rows: Sequence[Row]) -> str:
+def choose_laws(rows: Iterable[ComparisonRow]) -> list[ComparisonVerdict]:
+    """The verdict on each group of rows of one level and limit."""
+    groups: dict[tuple[str, float], list[ComparisonRow]] = {}
+    for row in rows:
+        groups.setdefault(row.setting[:2], []).append(row)
+    return [choose_law(group) for group in groups.values()]
+
+
+def _reason(
+    best: ComparisonRow,
+    surest: ComparisonRow,
+    sure: Sequence[ComparisonRow],
+    rows: Sequence[ComparisonRow],
+) -> str:
     fraction = best.settled
     clauses = [
         f"settles {fraction.value:.1%} ({fraction.low:.1%} to {fraction.high:.1%}), half within "
@@ -113,14 +126,14 @@ def _reason(best: Row, surest: Row, sure: Sequence[Row], rows: Sequence[Row]) ->
     return "; ".join(clauses)
 
 
-def _settles_fewer(row: Row, other: Row) -> bool:
+def _settles_fewer(row: ComparisonRow, other: ComparisonRow) -> bool:
     """Whether of the cases that only one law settles too many are the other's."""
     one, two = (np.isfinite(each.settling_times) for each in (row, other))
     alone, others = int((one & ~two).sum()), int((two & ~one).sum())
     return bool(others > alone and _tail(alone, alone + others) < (1 - LEVEL) / 2)
 
 
-def _quicker(best: Row, row: Row) -> str:
+def _quicker(best: ComparisonRow, row: ComparisonRow) -> str:
     """In how many of the cases that differ the best law is quicker: the exact sign test."""
     ahead = int((best.settling_times < row.settling_times).sum())
     behind = int((best.settling_times > row.settling_times).sum())

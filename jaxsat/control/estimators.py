@@ -18,7 +18,7 @@ from jaxsat.dynamics import PlantState, RigidBody
 
 RealScalar = Float[Array, ""]
 
-LEAST_COUPLING, LEAST_SHARE = 0.2, 0.5
+MIN_COUPLING, MIN_SHARE = 0.2, 0.5
 """A |c + δc| below both the first and this share of the model's |c| is not believed: the laws
 divide by it."""
 
@@ -102,7 +102,7 @@ class ThirdAxisEstimator(eqx.Module):
             known = self.observer.believed(ripple, omega3)
         by_others = errors[0] * omega1 + errors[1] * (omega2 + self.model.orbit.rate)
         sign = jnp.where(c < 0, -1.0, 1.0)
-        least = jnp.minimum(LEAST_COUPLING, LEAST_SHARE * jnp.abs(c))
+        least = jnp.minimum(MIN_COUPLING, MIN_SHARE * jnp.abs(c))
         fitted = sign * jnp.maximum(sign * (c + errors[2]), least)
         # Without a fit the model's own value is used, however small.
         believed = c if self.least_squares is None else fitted

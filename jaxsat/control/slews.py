@@ -17,7 +17,7 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.rate_tracking import clipped, gyroscopic_torque
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.metrics import wrapped
+from jaxsat.metrics import wrap_angle
 
 RealScalar = Float[Array, ""]
 
@@ -48,7 +48,7 @@ def three_slews(q: Float[Array, "4"]) -> Float[Array, "2 3"]:
     opposite = difference + 2 * jnp.pi  # b < 0
     first = jnp.stack([(total + difference) / 2, middle, (total - difference) / 2])
     second = jnp.stack([(total + opposite) / 2, -middle, (total - opposite) / 2])
-    return wrapped(jnp.stack([first, second]))
+    return wrap_angle(jnp.stack([first, second]))
 
 
 def two_slews(q: Float[Array, "4"]) -> Float[Array, "2"]:
@@ -60,12 +60,12 @@ def two_slews(q: Float[Array, "4"]) -> Float[Array, "2"]:
     q0, q1, q2, q3 = q
     half_sum = jnp.arctan2(q1 + q2, q0 + q3)
     half_difference = jnp.arctan2(q2 - q1, q0 - q3)
-    return wrapped(jnp.stack([half_sum + half_difference, half_sum - half_difference]))
+    return wrap_angle(jnp.stack([half_sum + half_difference, half_sum - half_difference]))
 
 
 def one_slew(q: Float[Array, "4"]) -> RealScalar:
     """The angle in [-π, π) about x nearest to q."""
-    return wrapped(2 * jnp.arctan2(q[1], q[0]))
+    return wrap_angle(2 * jnp.arctan2(q[1], q[0]))
 
 
 class Leg(enum.IntEnum):

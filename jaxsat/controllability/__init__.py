@@ -55,7 +55,7 @@ from jaxsat.controllability.maps import (
     uncontrollable_single_directions,
 )
 from jaxsat.controllability.pointwise import rank_at_state
-from jaxsat.controllability.rank import Analysis, analyse, ranks_elsewhere
+from jaxsat.controllability.rank import Analysis, analyse, ranks_away_from_rest
 from jaxsat.controllability.recurrence import (
     Recurrence,
     Trajectory,
@@ -105,7 +105,7 @@ __all__ = [
     "pack",
     "physical_inertias",
     "rank_at_state",
-    "ranks_elsewhere",
+    "ranks_away_from_rest",
     "recurrence",
     "singular_values",
     "small_time_local_controllability",

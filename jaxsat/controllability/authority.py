@@ -14,7 +14,7 @@ import itertools
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability.decision import Decision
+from jaxsat.controllability.decision import RankDecision
 
 HALVINGS = 60
 
@@ -62,7 +62,7 @@ def turn_time(
 
 
 def decided_turn_time(
-    decision: Decision, inertia: Float[np.ndarray, "3 3"], torque_axes: Float[np.ndarray, "3 m"]
+    decision: RankDecision, inertia: Float[np.ndarray, "3 3"], torque_axes: Float[np.ndarray, "3 m"]
 ) -> float:
     """The turn time (s) at 1 N m of a layout of rank 6, infinite for any other."""
     return turn_time(inertia, torque_axes) if decision.controllable else np.inf

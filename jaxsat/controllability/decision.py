@@ -18,7 +18,7 @@ RANK_OF_DIMENSION = (0, 2, 5, 6)
 
 
 @dataclass(frozen=True, eq=False)
-class Decision:
+class RankDecision:
     """Rank and margin of one set of thrusters; see `Analysis` for the fields."""
 
     rank: int
@@ -56,19 +56,21 @@ def closure_growth(layout: Layout, thrusters: tuple[int, ...]) -> tuple[int, ...
     return exact.closure_growth(layout.integer_inertia, axes)
 
 
-def _without_dust(layout: Layout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
+def _without_rounding_errors(layout: Layout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
     """Thrusters whose torque axis is more than rounding beside the longest of the set."""
     lengths = {i: float(np.max(np.abs(layout.torque_axes[:, i]))) for i in thrusters}
     longest = max(lengths.values(), default=0.0)
     return tuple(i for i in thrusters if lengths[i] > min(layout.rounding, 1e-9) * longest)
 
 
-def _decide_set(layout: Layout, thrusters: tuple[int, ...], tolerance: float) -> Decision:
+def _decide_set(layout: Layout, thrusters: tuple[int, ...], tolerance: float) -> RankDecision:
     columns = layout.columns(thrusters)
     vectors = layout.vectors[:, columns]
     limit = max(tolerance, layout.rounding)
     if not columns:
-        return Decision(0, 0, 0, False, 0.0, np.zeros(3), limit, (), np.zeros((3, 0)), np.eye(3))
+        return RankDecision(
+            0, 0, 0, False, 0.0, np.zeros(3), limit, (), np.zeros((3, 0)), np.eye(3)
+        )
     directions, values, _ = np.linalg.svd(vectors, full_matrices=True)
     values = np.concatenate([values, np.zeros(3 - len(values))])
     # Above the limit, far over all rounding, the singular values prove independence by themselves.
@@ -77,7 +79,7 @@ def _decide_set(layout: Layout, thrusters: tuple[int, ...], tolerance: float) ->
     borderline = bool(values[dimension - 1] <= limit)
     seen = max(1, int(np.sum(values > layout.rounding))) if borderline else dimension
     chosen = _strongest(vectors, seen)
-    return Decision(
+    return RankDecision(
         rank=RANK_OF_DIMENSION[seen],
         dimension=seen,
         exact_rank=RANK_OF_DIMENSION[dimension],
@@ -91,9 +93,11 @@ def _decide_set(layout: Layout, thrusters: tuple[int, ...], tolerance: float) ->
     )
 
 
-def decide(layout: Layout, thrusters: tuple[int, ...], tolerance: float = TOLERANCE) -> Decision:
+def decide_rank(
+    layout: Layout, thrusters: tuple[int, ...], tolerance: float = TOLERANCE
+) -> RankDecision:
     """Rank and margin of a subset (column numbers) of the thrusters of a layout."""
-    kept = _without_dust(layout, thrusters)
+    kept = _without_rounding_errors(layout, thrusters)
     decision = _decide_set(layout, kept, tolerance)
     if len(kept) < len(thrusters):
         full = _decide_set(layout, thrusters, tolerance)

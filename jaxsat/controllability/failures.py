@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability.authority import decided_turn_time
-from jaxsat.controllability.decision import Decision, decide
+from jaxsat.controllability.decision import RankDecision, decide_rank
 from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
 
 COLUMNS = (
@@ -62,7 +62,7 @@ def _words(direction: Float[np.ndarray, "3"]) -> str:
     return "(" + ", ".join(f"{entry + 0.0:.2f}" for entry in direction) + ")"
 
 
-def _lost(decision: Decision, directions: int) -> str:
+def _lost(decision: RankDecision, directions: int) -> str:
     if decision.rank == 0:
         return "all control"
     if decision.rank == 2:
@@ -99,7 +99,7 @@ def failure_table(
     for size in range(count + 1):
         for failed in itertools.combinations(range(count), size):
             working = tuple(i for i in range(count) if i not in failed)
-            decision = decide(layout, working, tolerance)
+            decision = decide_rank(layout, working, tolerance)
             axes = layout.vectors[:, list(working)]
             values = np.linalg.svd(axes, compute_uv=False) if working else np.zeros(0)
             directions = int(np.sum(values > decision.tolerance))

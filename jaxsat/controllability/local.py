@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability import exact
-from jaxsat.controllability.decision import decide
+from jaxsat.controllability.decision import decide_rank
 from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
 
 
@@ -80,7 +80,7 @@ def small_time_local_controllability(
     Raises ValueError as `analyse` does.
     """
     layout = make_layout(inertia, torque_axes)
-    decision = decide(layout, tuple(range(len(layout.labels))), tolerance)
+    decision = decide_rank(layout, tuple(range(len(layout.labels))), tolerance)
     none = np.zeros((3, 0))
     if decision.borderline:
         return LocalControllability("not decided", "The rank itself is borderline.", none, none[0])

@@ -15,9 +15,9 @@ from jaxsat.controllability.closed_forms import (
 )
 from jaxsat.controllability.decision import (
     RANK_OF_DIMENSION,
-    Decision,
+    RankDecision,
     closure_growth,
-    decide,
+    decide_rank,
 )
 from jaxsat.controllability.layout import TOLERANCE, Layout, Numbers, make_layout
 from jaxsat.controllability.linear import (
@@ -53,8 +53,8 @@ class Analysis:
     - `reached`, `missing`: orthonormal body torque directions inside and outside J S.
     - `closed_form`: (25) for two thrusters, (35) for one, else None.
     - `physical`: no principal moment exceeds the sum of the other two.
-    - `elsewhere`, `local`, `linear`: ranks at other states, small-time local controllability at
-      rest, linear controllability in the orbit frame; computed when first asked for.
+    - `away_from_rest`, `local`, `linear`: ranks at other states, small-time local controllability
+      at rest, linear controllability in the orbit frame; computed when first asked for.
     """
 
     rank: int
@@ -79,9 +79,9 @@ class Analysis:
     orbit_rate: float
 
     @cached_property
-    def elsewhere(self) -> dict[str, int]:
-        """How the rank rises with motion and with T_d; see `ranks_elsewhere`."""
-        return ranks_elsewhere(self.inertia, self.reached, self.disturbance)
+    def away_from_rest(self) -> dict[str, int]:
+        """How the rank rises with motion and with T_d; see `ranks_away_from_rest`."""
+        return ranks_away_from_rest(self.inertia, self.reached, self.disturbance)
 
     @cached_property
     def local(self) -> LocalControllability:
@@ -106,7 +106,7 @@ def _direction(vector: Float[np.ndarray, "3"]) -> str:
     return "(" + ", ".join(f"{entry + 0.0:.3f}" for entry in vector) + ")"
 
 
-def _verdict(decision: Decision, count: int) -> str:
+def _verdict(decision: RankDecision, count: int) -> str:
     names = ", ".join(decision.generators)
     if decision.borderline and decision.exact_rank != decision.rank:
         return (
@@ -135,7 +135,7 @@ def _verdict(decision: Decision, count: int) -> str:
     return f"Not controllable: rank 0 of 6, {reason}."
 
 
-def ranks_elsewhere(
+def ranks_away_from_rest(
     inertia: Float[np.ndarray, "3 3"],
     reached: Float[np.ndarray, "3 d"],
     disturbance: Float[np.ndarray, "3"] | None = None,
@@ -199,9 +199,9 @@ def analyse(
 
     `inertia` (kg m²): (3,) principal moments or a symmetric (3, 3) matrix. `torque_axes`: (3, m),
     columns the torque directions of the working thrusters in body axes, each of either sign, any
-    length, any m. `disturbance` (3,) in N m: direction of T_d for `elsewhere`. `orbit_rate` (rad/s)
-    is for `linear` alone: with the exact (11) it cancels from every bracket and changes no rank.
-    `labels` name the thrusters in `generators` (default g1, g2, …).
+    length, any m. `disturbance` (3,) in N m: direction of T_d for `away_from_rest`. `orbit_rate`
+    (rad/s) is for `linear` alone: with the exact (11) it cancels from every bracket and changes no
+    rank. `labels` name the thrusters in `generators` (default g1, g2, …).
 
     `tolerance`: a deciding singular value below it makes the verdict borderline. Singular values
     change no faster than the relative error of the data (times about ten), so the default 1e-6
@@ -227,7 +227,7 @@ def analyse(
                 f"{torque.tolist()}"
             )
     everyone = tuple(range(len(layout.labels)))
-    decision = decide(layout, everyone, tolerance)
+    decision = decide_rank(layout, everyone, tolerance)
     moments = np.linalg.eigvalsh(layout.inertia)
     return Analysis(
         rank=decision.rank,

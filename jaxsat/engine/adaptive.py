@@ -40,7 +40,7 @@ from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import Observation, stop_gradient
 
-SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 5.0
+SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
 
 
 class Tolerance(eqx.Module):
@@ -207,7 +207,7 @@ def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progres
     )
     following = _accepted(tolerance, ode, progress, moved, needed, accepted)
     # no longer step after one that met an event: a law that slides would lose its way
-    largest = jnp.where(fraction < 1, 1.0, LARGEST_FACTOR)
+    largest = jnp.where(fraction < 1, 1.0, MAX_FACTOR)
     factor = jnp.minimum(_step_factor(norm, solver.order(None)), largest)
     proposal = jnp.maximum(step * stop_gradient(factor), tolerance.min_step)
     return following._replace(step=jnp.where(needed, proposal, step))
@@ -255,5 +255,5 @@ def _step_factor(norm: Float[Array, ""], order: int | None) -> Float[Array, ""]:
     """How much longer the next step may be; much shorter where the error is no number."""
     assert order is not None
     wanted = SAFETY * jnp.exp(-(1 / order) * jnp.log(jnp.maximum(norm, 1e-12)))
-    known = jnp.where(jnp.isfinite(norm), wanted, LEAST_FACTOR)
-    return jnp.clip(known, LEAST_FACTOR, LARGEST_FACTOR)
+    known = jnp.where(jnp.isfinite(norm), wanted, MIN_FACTOR)
+    return jnp.clip(known, MIN_FACTOR, MAX_FACTOR)

@@ -20,7 +20,7 @@ from jaxsat.engine.progress import (
 from jaxsat.engine.rates import augmented_rate, continuous_loop, held_rate, plant_state
 from jaxsat.engine.runge_kutta import explicit_step, tableau_of
 from jaxsat.engine.stepper import AbstractStepper
-from jaxsat.metrics import Since
+from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
 from jaxsat.simulation.assessment import Observation
 from jaxsat.simulation.loops import SampledState
@@ -161,7 +161,7 @@ def _sampled_loop(case: Case) -> SampledLoop:
 def _judge(program: Program, loop: AbstractLoop):
     """How a step's begin is judged: since when the case is settled."""
 
-    def judged(settled: Since, t, both) -> Since:
+    def judged(settled: SettlingTracker, t, both) -> SettlingTracker:
         state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, both[0])
         return settled_at(settled, t, Observation.of(loop.plant, state), program.tolerances)
 

@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, as_optional_float, concrete, require_positive
 from jaxsat.dynamics import PlantState
-from jaxsat.metrics import Since, Tolerances
+from jaxsat.metrics import SettlingTracker, Tolerances
 from jaxsat.quotients import reciprocal
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import Observation, stop_gradient
@@ -134,7 +134,7 @@ class Progress(NamedTuple):
     state: PyTree
     integrals: Integrals
     peak_square: Float[Array, ""]
-    settled: Since
+    settled: SettlingTracker
     ended_at: Float[Array, ""]
     code: Int[Array, ""]
     step: Float[Array, ""]
@@ -171,7 +171,7 @@ def initial_progress(
     code = jnp.where(possible, int(Outcome.SUCCESS), int(Outcome.IMPOSSIBLE_CASE))
     integrals = Integrals(zero, zero)
     nothing = jnp.array(0)
-    settled = Since.begun(zero, 3)
+    settled = SettlingTracker.initial(zero, 3)
     return Progress(state, integrals, zero, settled, zero, code, zero + step, nothing)
 
 
@@ -182,13 +182,13 @@ def with_peak_rate(progress: Progress, observed: Signals | Observation) -> Progr
 
 
 def settled_at(
-    settled: Since, t: Float[Array, ""], observed: Observation, tolerances: Tolerances
-) -> Since:
+    settled: SettlingTracker, t: Float[Array, ""], observed: Observation, tolerances: Tolerances
+) -> SettlingTracker:
     """Since when the case is settled, with the end of one more of equal steps taken into account.
 
     Nothing of it is differentiated.
     """
-    return settled.looked(*stop_gradient((t, observed.excess(tolerances))))
+    return settled.observe(*stop_gradient((t, observed.excess(tolerances))))
 
 
 def outputs_of(
@@ -209,7 +209,7 @@ def outputs_of(
     wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
     return Outputs(
         code=progress.code,
-        settling_time=jnp.where(success, progress.settled.settled(duration), jnp.inf),
+        settling_time=jnp.where(success, progress.settled.settling_time(duration), jnp.inf),
         effort=kept(progress.integrals.effort),
         cost=jnp.where(possible, whole, jnp.nan),
         peak_rate=kept(jnp.sqrt(progress.peak_square)),

@@ -16,7 +16,7 @@ from jaxsat.engine.interface import CostGradient, Mode
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import Integrals, Outputs, initial_progress, outputs_of, settled_at
 from jaxsat.engine.rates import augmented_rate, continuous_loop, held_rate, plant_state
-from jaxsat.metrics import Since
+from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation import (
     Method,
     SampledLoop,
@@ -165,7 +165,7 @@ def _sampled(program: Program, case: Case, solver, adjoint):
 
     zero = jnp.zeros((), case.start.omega.dtype)
     observed = Observation.of(loop.plant, case.start)
-    settled = settled_at(Since.begun(zero, 3), zero, observed, program.tolerances)
+    settled = settled_at(SettlingTracker.initial(zero, 3), zero, observed, program.tolerances)
     carry, limit = (Integrals(zero, zero), settled), program.state_limit
     state, (integrals, settled), code, signals = run_samples(
         loop, case.start, program.intervals, integrate, carry, limit
@@ -205,7 +205,7 @@ def _over_hold(program, loop, solver, adjoint, begin, hold, plant, carry):
     return plant, (integrals, settled)
 
 
-def _outputs(program, case, plant, integrals, signals, settled: Since, code) -> Outputs:
+def _outputs(program, case, plant, integrals, signals, settled: SettlingTracker, code) -> Outputs:
     squares = jnp.sum(signals.omega**2, axis=1)
     reached = jnp.maximum(jnp.sum(jnp.isfinite(squares)) - 1, 0)  # even the start may be none
     progress = initial_progress(None, case.start.omega, case.possible)

@@ -7,13 +7,13 @@ from jaxtyping import Array, Float
 
 from jaxsat.engine.flat_ode import DenseStep, FlatODE
 from jaxsat.engine.root_finding import Bracket, find_root
-from jaxsat.metrics import Since
+from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation.assessment import Observation, stop_gradient
 
 
 def settled_along_step(
-    ode: FlatODE, step: DenseStep, until: Float[Array, ""], settled: Since
-) -> Since:
+    ode: FlatODE, step: DenseStep, until: Float[Array, ""], settled: SettlingTracker
+) -> SettlingTracker:
     """Since when the case is settled, with the fraction `until` of a step taken into account.
 
     It is observed at the ends of equal parts, as many as for events, and the instant at which it
@@ -44,4 +44,4 @@ def settled_along_step(
     root = find_root(lambda fraction: -jnp.max(excess(fraction)), bracket, enters & inside)
     entry = jnp.where(enters, step.begin + root * step.length, step.begin)
     before = settled._replace(start=jnp.where(enters, jnp.inf, settled.start))
-    return before.entered(entry, end, values[-1])
+    return before.observe_after_entry(entry, end, values[-1])

@@ -7,7 +7,7 @@ import stat
 import time
 from pathlib import Path
 
-LARGEST_FILE = 1_000_000
+MAX_FILE_SIZE = 1_000_000
 """Bytes of a scheduler's file that are read; such a file has about a thousand."""
 
 FLUSHED_S = 1.0
@@ -51,9 +51,9 @@ def _address_in(path: Path) -> str:
     if not stat.S_ISREG(path.stat().st_mode):
         raise ValueError("it must be a regular file")
     with path.open("rb") as file:
-        content = file.read(LARGEST_FILE + 1)
-    if len(content) > LARGEST_FILE:
-        raise ValueError(f"it must be of at most {LARGEST_FILE} bytes")
+        content = file.read(MAX_FILE_SIZE + 1)
+    if len(content) > MAX_FILE_SIZE:
+        raise ValueError(f"it must be of at most {MAX_FILE_SIZE} bytes")
     try:
         found = json.loads(content.decode())
     except json.JSONDecodeError:

@@ -22,7 +22,7 @@ from jaxsat.vehicle import Actuators, Spacecraft
 from jaxsat.vehicle.sensors import turned_slightly
 
 
-class Setting(NamedTuple):
+class PerturbedLoop(NamedTuple):
     """A closed loop and its start, as far as they have been dispersed, and the nominal loop."""
 
     loop: AbstractLoop
@@ -66,69 +66,71 @@ def scaled_inertia(inertia: Float[Array, "3 3"], change: Values) -> Float[Array,
     return inertia * root[:, None] * root[None, :]
 
 
-def set_inertia(setting: Setting, change: Values) -> Setting:
+def set_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """Moments and products scaled by relative changes of J1, J2, J3."""
     return _in_loop(
-        setting,
+        perturbed,
         lambda loop: loop.plant.spacecraft.inertia,
-        scaled_inertia(setting.loop.plant.spacecraft.inertia, change),
+        scaled_inertia(perturbed.loop.plant.spacecraft.inertia, change),
     )
 
 
-def set_products(setting: Setting, share: Values) -> Setting:
+def set_products(perturbed: PerturbedLoop, share: Values) -> PerturbedLoop:
     """Products of inertia added, in parts of the least nominal moment."""
-    smallest = jnp.min(setting.nominal.plant.spacecraft.moments)
+    smallest = jnp.min(perturbed.nominal.plant.spacecraft.moments)
     xy, xz, yz = share * smallest
     zero = jnp.zeros_like(xy)
     extra = jnp.stack(
         [jnp.stack([zero, xy, xz]), jnp.stack([xy, zero, yz]), jnp.stack([xz, yz, zero])]
     )
     return _in_loop(
-        setting,
+        perturbed,
         lambda loop: loop.plant.spacecraft.inertia,
-        setting.loop.plant.spacecraft.inertia + extra,
+        perturbed.loop.plant.spacecraft.inertia + extra,
     )
 
 
-def set_misalignment(setting: Setting, angles: Values) -> Setting:
+def set_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
     """Torque axes turned; the thrust map stays the nominal one."""
 
     def turned(thrusters: Actuators) -> Actuators:
         count = thrusters.torque_axes.shape[1]
         return thrusters.misaligned(angles.reshape(count, 2), jnp.zeros(count, angles.dtype))
 
-    return _with_thrusters_changed(setting, turned)
+    return _with_thrusters_changed(perturbed, turned)
 
 
-def set_torque_gain(setting: Setting, change: Values) -> Setting:
+def set_torque_gain(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """Torque axes lengthened by relative changes."""
 
     def stronger(thrusters: Actuators) -> Actuators:
         axes = thrusters.torque_axes * (1 + change)[None, :]
         return eqx.tree_at(lambda one: one.torque_axes, thrusters, axes)
 
-    return _with_thrusters_changed(setting, stronger)
+    return _with_thrusters_changed(perturbed, stronger)
 
 
-def _with_thrusters_changed(setting: Setting, change: Callable[[Actuators], Actuators]) -> Setting:
+def _with_thrusters_changed(
+    perturbed: PerturbedLoop, change: Callable[[Actuators], Actuators]
+) -> PerturbedLoop:
     def changed(part):
         return change(part) if isinstance(part, Actuators) else part
 
-    actuators = _map(changed, Actuators, with_thrusters(setting.loop).actuators)
-    return _in_loop(setting, lambda loop: loop.actuators, actuators)
+    actuators = _map(changed, Actuators, with_thrusters(perturbed.loop).actuators)
+    return _in_loop(perturbed, lambda loop: loop.actuators, actuators)
 
 
 def set_periodic(field: str, new: Callable[[Array, Values], Array]):
     """A change of one field of the periodic torque: `new` of the old one and the numbers."""
 
-    def apply(setting: Setting, values: Values) -> Setting:
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
         def change(term):
             if not isinstance(term, PeriodicTorque):
                 return term
             return eqx.tree_at(lambda t: getattr(t, field), term, new(getattr(term, field), values))
 
-        disturbance = _map(change, PeriodicTorque, setting.loop.plant.disturbance)
-        return _in_loop(setting, lambda loop: loop.plant.disturbance, disturbance)
+        disturbance = _map(change, PeriodicTorque, perturbed.loop.plant.disturbance)
+        return _in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
 
     return apply
 
@@ -151,58 +153,58 @@ def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
     return with_controller(loop, _map(change, kinds, controller_of(loop)))
 
 
-def set_constant_torque(setting: Setting, torque: Values) -> Setting:
+def set_constant_torque(perturbed: PerturbedLoop, torque: Values) -> PerturbedLoop:
     """A constant torque (N m) beside the disturbances that there are."""
-    disturbance = SumOfDisturbances((setting.loop.plant.disturbance, ConstantTorque(torque)))
-    return _in_loop(setting, lambda loop: loop.plant.disturbance, disturbance)
+    disturbance = SumOfDisturbances((perturbed.loop.plant.disturbance, ConstantTorque(torque)))
+    return _in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
 
 
-def set_model_inertia(setting: Setting, change: Values) -> Setting:
+def set_model_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """Relative changes of the inertia that the controller believes."""
 
     def changed(part):
         known = isinstance(part, Spacecraft)
         return Spacecraft(scaled_inertia(part.inertia, change)) if known else part
 
-    controller = _map(changed, Spacecraft, controller_of(setting.loop))
-    return setting._replace(loop=with_controller(setting.loop, controller))
+    controller = _map(changed, Spacecraft, controller_of(perturbed.loop))
+    return perturbed._replace(loop=with_controller(perturbed.loop, controller))
 
 
-def set_model_orbit_rate(setting: Setting, change: Values) -> Setting:
+def set_model_orbit_rate(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """A relative change of the orbit rate that the controller believes."""
 
     def changed(part):
         known = isinstance(part, AbstractOrbit)
         return eqx.tree_at(lambda o: o.rate, part, part.rate * (1 + change[0])) if known else part
 
-    controller = _map(changed, AbstractOrbit, controller_of(setting.loop))
-    return setting._replace(loop=with_controller(setting.loop, controller))
+    controller = _map(changed, AbstractOrbit, controller_of(perturbed.loop))
+    return perturbed._replace(loop=with_controller(perturbed.loop, controller))
 
 
 def set_sensor(field: str):
     """A change of one field of the sensors."""
 
-    def apply(setting: Setting, sigma: Values) -> Setting:
-        return _in_loop(setting, lambda loop: getattr(loop.sensors, field), sigma[0])
+    def apply(perturbed: PerturbedLoop, sigma: Values) -> PerturbedLoop:
+        return _in_loop(perturbed, lambda loop: getattr(loop.sensors, field), sigma[0])
 
     return apply
 
 
-def set_delay(setting: Setting, delay: Values) -> Setting:
+def set_delay(perturbed: PerturbedLoop, delay: Values) -> PerturbedLoop:
     """Another computing delay, s."""
-    return _in_loop(setting, lambda loop: loop.delay, delay[0])
+    return _in_loop(perturbed, lambda loop: loop.delay, delay[0])
 
 
-def set_attitude(setting: Setting, q: Values) -> Setting:
+def set_attitude(perturbed: PerturbedLoop, q: Values) -> PerturbedLoop:
     """Another initial attitude, a unit quaternion."""
-    return _with_attitude(setting, Quaternion(q))
+    return _with_attitude(perturbed, Quaternion(q))
 
 
 def set_tilt_by(change: Callable[[WZ, Values], WZ]):
     """A change of the initial (w, z) parameters."""
 
-    def apply(setting: Setting, values: Values) -> Setting:
-        return _with_attitude(setting, change(setting.start.attitude.as_wz(), values))
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        return _with_attitude(perturbed, change(perturbed.start.attitude.as_wz(), values))
 
     return apply
 
@@ -218,34 +220,34 @@ def redirected(wz: WZ, angle: Values) -> WZ:
     return WZ(size * jnp.stack([jnp.cos(angle[0]), jnp.sin(angle[0])]), wz.z)
 
 
-def set_attitude_error(setting: Setting, rotation: Values) -> Setting:
+def set_attitude_error(perturbed: PerturbedLoop, rotation: Values) -> PerturbedLoop:
     """The initial attitude turned by a rotation vector in body axes, rad."""
     half = jnp.sqrt(jnp.sum(rotation**2)) / 2
     stretch = jnp.where(half > 0, jnp.tan(half) / jnp.where(half > 0, half, 1.0), 1.0)
-    return _with_attitude(setting, turned_slightly(setting.start.attitude, stretch * rotation))
+    return _with_attitude(perturbed, turned_slightly(perturbed.start.attitude, stretch * rotation))
 
 
-def set_omega(setting: Setting, omega: Values) -> Setting:
+def set_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
     """Another initial angular velocity, rad/s."""
-    return setting._replace(start=PlantState(setting.start.attitude, omega))
+    return perturbed._replace(start=PlantState(perturbed.start.attitude, omega))
 
 
-def set_rate_error(setting: Setting, error: Values) -> Setting:
+def set_rate_error(perturbed: PerturbedLoop, error: Values) -> PerturbedLoop:
     """Initial (ω1, ω2) off the reference of the nominal law, rad/s."""
-    law = cast(AbstractBacksteppingLaw, controller_of(setting.nominal))
-    reference = law.reference_rate(setting.start)
-    omega = jnp.concatenate([reference + error, setting.start.omega[2:]])
-    return set_omega(setting, omega)
+    law = cast(AbstractBacksteppingLaw, controller_of(perturbed.nominal))
+    reference = law.reference_rate(perturbed.start)
+    omega = jnp.concatenate([reference + error, perturbed.start.omega[2:]])
+    return set_omega(perturbed, omega)
 
 
-def _with_attitude(setting: Setting, attitude: AbstractAttitude) -> Setting:
+def _with_attitude(perturbed: PerturbedLoop, attitude: AbstractAttitude) -> PerturbedLoop:
     forms = {WZ: "as_wz", Quaternion: "as_quaternion", DCM: "as_dcm"}
-    same = getattr(attitude, forms[type(setting.start.attitude)])()
-    return setting._replace(start=PlantState(same, setting.start.omega))
+    same = getattr(attitude, forms[type(perturbed.start.attitude)])()
+    return perturbed._replace(start=PlantState(same, perturbed.start.omega))
 
 
-def _in_loop(setting: Setting, where, new) -> Setting:
-    return setting._replace(loop=eqx.tree_at(where, setting.loop, new))
+def _in_loop(perturbed: PerturbedLoop, where, new) -> PerturbedLoop:
+    return perturbed._replace(loop=eqx.tree_at(where, perturbed.loop, new))
 
 
 def _map(change, kind: type | tuple[type, ...], tree):

@@ -20,7 +20,7 @@ from distributed.utils import silence_logging_cmgr
 from jaxsat.montecarlo.addresses import scheduler_address
 from jaxsat.montecarlo.connection import ANSWER_S, PARTING_S, connected, in_time, reason
 from jaxsat.montecarlo.executors import POLL_S, AbstractExecutor, ClusterError, Stop, Work
-from jaxsat.montecarlo.shipping import Done, Failed, Packed, computed, packed
+from jaxsat.montecarlo.shipping import Done, Failed, PickledWork, computed, packed
 
 AHEAD = 2
 """Chunks that are given out for every thread of a worker: one to compute, one to go on with."""
@@ -105,7 +105,7 @@ class _Link:
                 link._leave()
 
     def results(
-        self, work: Packed, remaining: Iterator[int], stop: Stop
+        self, work: PickledWork, remaining: Iterator[int], stop: Stop
     ) -> Iterator[tuple[int, Any]]:
         plugin = _Shipped(work)
         self._ask(lambda: self._client.register_plugin(plugin, name=self._name), SHIPPED_S)
@@ -212,7 +212,7 @@ class _Link:
 class _Shipped(WorkerPlugin):
     """What a worker keeps of a study: the work, unpacked once."""
 
-    def __init__(self, work: Packed):
+    def __init__(self, work: PickledWork):
         self._packed = work
 
     def setup(self, worker) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from jaxsat import noise
 
-LARGEST_CASE = 2**32 - 1
+MAX_CASE_SIZE = 2**32 - 1
 _BITS = 52
 
 
@@ -157,7 +157,7 @@ def _joined(columns: list[np.ndarray], count: int) -> np.ndarray:
     return np.concatenate([np.zeros((count, 0)), *columns], axis=1)
 
 
-def _require_numbers(numbers: np.ndarray, largest: int = LARGEST_CASE) -> None:
+def _require_numbers(numbers: np.ndarray, largest: int = MAX_CASE_SIZE) -> None:
     numbers = np.asarray(numbers)
     if len(numbers) and not (numbers.min() >= 0 and numbers.max() <= largest):
         raise ValueError(

@@ -15,15 +15,15 @@ from jaxsat.declaration.quantities import EXCLUSIVE
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import AbstractCaseFactory, Case
 from jaxsat.montecarlo.changes import (
-    Setting,
+    PerturbedLoop,
     controller_of,
     follow_frequency,
     possible_inertia,
     with_controller,
 )
 from jaxsat.montecarlo.designs import open_uniform
+from jaxsat.montecarlo.dispersion_problems import dispersion_problems, limits_of
 from jaxsat.montecarlo.distributions import AbstractDistribution
-from jaxsat.montecarlo.misfits import limits_of, misfits
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.vehicle import Sensors, Spacecraft
@@ -68,9 +68,10 @@ class Dispersions(eqx.Module):
         return {name: self.distributions[name] for name in self.names}
 
     def check(self, loop: AbstractLoop, start: PlantState | None = None) -> None:
-        """Raise `ValueError` for the first of `misfits`."""
-        for misfit in misfits(self.ordered, self.frequency_known, loop, start):
-            raise ValueError(f"`{misfit.name}` {misfit.message}.")
+        """Raise `ValueError` for the first of `dispersion_problems`."""
+        for problem in dispersion_problems(self.ordered, self.frequency_known, loop, start):
+            found = "" if problem.got is None else f", but got {problem.got}"
+            raise ValueError(f"`{problem.quantity}` {problem.rule}{found}.")
 
     def dimensions(self, loop: AbstractLoop) -> dict[str, int]:
         """How many unit coordinates each name takes."""
@@ -117,14 +118,14 @@ class Dispersed(AbstractCaseFactory):
         """The copy of one case."""
         own_key = noise.fold_in(self.key, case.number)
         drawn, possible = self._drawn(jnp.asarray(case.point), own_key)
-        setting = Setting(with_gains(self.loop, gains), self.start, self.loop)
+        perturbed = PerturbedLoop(with_gains(self.loop, gains), self.start, self.loop)
         for name in self.dispersions.names:
-            setting = QUANTITIES[name].apply(setting, drawn[name])
-        loop = setting.loop
+            perturbed = QUANTITIES[name].apply(perturbed, drawn[name])
+        loop = perturbed.loop
         if self.dispersions.frequency_known:
             loop = follow_frequency(loop)
         sensor_key = noise.fold_in(own_key, noise.name_number("sensor noise"))
-        return Case(_with_sensor_key(loop, sensor_key), setting.start, drawn, possible)
+        return Case(_with_sensor_key(loop, sensor_key), perturbed.start, drawn, possible)
 
     def _drawn(self, point: Float[Array, " dimension"], own_key: noise.Key):
         dimensions = self.dimensions()
@@ -170,10 +171,10 @@ class Dispersed(AbstractCaseFactory):
                 given = coordinates[name]
                 u = jnp.where(attempt == 0, given, open_uniform(fresh, len(given)))
                 values[name] = self.dispersions.distributions[name].quantile(u)
-            setting = Setting(self.loop, self.start, self.loop)
+            perturbed = PerturbedLoop(self.loop, self.start, self.loop)
             for name in names:
-                setting = QUANTITIES[name].apply(setting, values[name])
-            return values, possible_inertia(inertia_of(setting.loop))
+                perturbed = QUANTITIES[name].apply(perturbed, values[name])
+            return values, possible_inertia(inertia_of(perturbed.loop))
 
         def unlucky(state):
             turn, (_, fine) = state

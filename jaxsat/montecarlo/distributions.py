@@ -9,11 +9,12 @@ from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, concrete, require_finite, require_positive
+from jaxsat.errors import ArgumentError
 
-FARTHEST = 1e9
+MAX_STANDARD_DEVIATIONS = 1e9
 """Standard deviations from the mean to a bound; farther out the bound has no digits left."""
 
-LIGHTEST, HEAVIEST = 1e-30, 1e30
+MIN_WEIGHT_SUM, MAX_WEIGHT_SUM = 1e-30, 1e30
 """Sums of weights that leave every share a number."""
 
 
@@ -118,10 +119,10 @@ class TruncatedNormal(AbstractDistribution):
             return
         _components(*known)  # or they cannot be compared
         mean, sigma, low, high = np.broadcast_arrays(*known)
-        if np.any(np.maximum(abs(low - mean), abs(high - mean)) > FARTHEST * sigma):
-            raise ValueError(
-                f"Argument `sigma` must be at least {1 / FARTHEST:g} of the distance from the mean "
-                f"to either bound, but got {sigma.tolist()}."
+        if np.any(np.maximum(abs(low - mean), abs(high - mean)) > MAX_STANDARD_DEVIATIONS * sigma):
+            share = f"{1 / MAX_STANDARD_DEVIATIONS:g} of the distance from the mean"
+            raise ArgumentError(
+                "sigma", f"must be at least {share} to either bound", sigma.tolist()
             )
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
@@ -154,16 +155,12 @@ class Discrete(AbstractDistribution):
         require_finite("values", self.values)
         require_positive("weights", self.weights, zero_allowed=True)
         if np.shape(self.weights) != np.shape(self.values):
-            raise ValueError(
-                f"Argument `weights` must have {np.size(self.values)} entries like `values`, "
-                f"but got {np.size(self.weights)}."
-            )
+            rule = f"must have {np.size(self.values)} entries like `values`"
+            raise ArgumentError("weights", rule, np.size(self.weights))
         known = concrete(self.weights)
-        if known is not None and not LIGHTEST < known.sum() < HEAVIEST:
-            raise ValueError(
-                f"Argument `weights` must have a sum from {LIGHTEST:g} to {HEAVIEST:g}, "
-                f"but got {float(known.sum()):g}."
-            )
+        if known is not None and not MIN_WEIGHT_SUM < known.sum() < MAX_WEIGHT_SUM:
+            rule = f"must have a sum from {MIN_WEIGHT_SUM:g} to {MAX_WEIGHT_SUM:g}"
+            raise ArgumentError("weights", rule, f"{float(known.sum()):g}")
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
         """The value whose share of the unit interval u is in."""
@@ -215,10 +212,8 @@ class RandomAttitude(AbstractDistribution):
 def _components(*parameters: Float[Array | np.ndarray, "..."]) -> int | None:
     shapes = {np.shape(parameter) for parameter in parameters} - {()}
     if len(shapes) > 1 or any(len(shape) > 1 for shape in shapes):
-        raise ValueError(
-            "Parameters of a distribution must be numbers or lists of one length, "
-            f"but got shapes {sorted(shapes)}."
-        )
+        rule = "must have parameters that are numbers or lists of one length"
+        raise ArgumentError("distribution", rule, f"shapes {sorted(shapes)}")
     return shapes.pop()[0] if shapes else None
 
 
@@ -226,7 +221,5 @@ def _require_order(low_name, low, high_name, high) -> None:
     _components(low, high)
     below, above = concrete(low), concrete(high)
     if below is not None and above is not None and not np.all(below <= above):
-        raise ValueError(
-            f"Argument `{low_name}` must not exceed `{high_name}`, "
-            f"but got {below.tolist()} and {above.tolist()}."
-        )
+        found = f"{below.tolist()} and {above.tolist()}"
+        raise ArgumentError(low_name, f"must not exceed `{high_name}`", found)

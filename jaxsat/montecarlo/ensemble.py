@@ -217,7 +217,7 @@ def run_study(
     ) as store:
         for repair in store.repairs:
             tell(f"{path}: {repair}")
-        ledger = _Ledger(store, study.count, until)
+        ledger = _StudyLedger(store, study.count, until)
         begin, before = time.perf_counter(), ledger.done
         here = None if elsewhere else machine()
         work = _ChunkWork(study, store.chunk, store.count, here, identity["program"])
@@ -265,7 +265,7 @@ class _ChunkWork:
         return self.study.program_identity()
 
 
-class _Ledger:
+class _StudyLedger:
     """Which chunks are done, and how many of the cases from the first on count."""
 
     def __init__(self, store: StudyStore, count: int, until: StopRule | None):

@@ -14,7 +14,7 @@ from typing import IO, Any, NamedTuple, cast
 
 from jaxsat.montecarlo.executors import POLL_S, AbstractExecutor, ClusterError, Stop, Work
 from jaxsat.montecarlo.shipping import Done, Failed, packed
-from jaxsat.montecarlo.worker import Order, Ready
+from jaxsat.montecarlo.worker import Ready, WorkerTask
 
 ATTEMPTS = 3
 """Workers that may die on one chunk, or one after the other before they are ready."""
@@ -86,7 +86,7 @@ class _Crew:
     def __init__(self, executor: Processes, work: Work):
         self._count = executor.count
         self._room = executor.threads + AHEAD
-        self._order = Order(packed(work), executor.threads)
+        self._order = WorkerTask(packed(work), executor.threads)
         self._workers: list[_Worker] = []
         self._heard = SimpleQueue[tuple[_Worker, Any]]()
         self._again = deque[int]()
@@ -175,7 +175,7 @@ class _Crew:
 class _Worker:
     """A worker process with the chunks that it was given, and a thread that hears its answers."""
 
-    def __init__(self, order: Order, chunk: int, heard: "SimpleQueue[tuple[_Worker, Any]]"):
+    def __init__(self, order: WorkerTask, chunk: int, heard: "SimpleQueue[tuple[_Worker, Any]]"):
         self.chunks = {chunk}
         self.ready = self.proven = False
         first = b"".join(pickle.dumps(part) for part in (sys.path, order, chunk))
@@ -184,7 +184,9 @@ class _Worker:
         except OSError as error:
             raise _cannot_start(error.strerror or error) from error
         self._to, self._from = cast(IO[bytes], self._process.stdin), self._process.stdout
-        self._hearing = threading.Thread(target=self._hear, args=(first, heard), daemon=True)
+        self._hearing = threading.Thread(
+            target=self._read_replies, args=(first, heard), daemon=True
+        )
         try:
             self._hearing.start()
         except RuntimeError as error:
@@ -211,7 +213,7 @@ class _Worker:
             with contextlib.suppress(OSError):  # what could not be sent
                 cast(IO[bytes], stream).close()
 
-    def _hear(self, first: bytes, heard: "SimpleQueue[tuple[_Worker, Any]]") -> None:
+    def _read_replies(self, first: bytes, heard: "SimpleQueue[tuple[_Worker, Any]]") -> None:
         try:
             self._to.write(first)
             self._to.flush()

@@ -8,7 +8,7 @@ from jaxsat.attitude import WZ
 from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.environment import AbstractOrbit, PeriodicTorque
 from jaxsat.montecarlo import changes, limits
-from jaxsat.montecarlo.changes import Setting, Values, controller_of, parts_of, with_thrusters
+from jaxsat.montecarlo.changes import PerturbedLoop, Values, controller_of, parts_of, with_thrusters
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
 from jaxsat.vehicle import Actuators, Sensors, Spacecraft
@@ -23,7 +23,7 @@ class Quantity(NamedTuple):
     """
 
     size: Callable[[AbstractLoop], int]
-    apply: Callable[[Setting, Values], Setting]
+    apply: Callable[[PerturbedLoop, Values], PerturbedLoop]
     obstacle: Callable[[AbstractLoop], str | None]
     limits: Callable[[AbstractLoop], limits.Limits]
 

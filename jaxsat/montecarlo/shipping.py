@@ -14,7 +14,7 @@ from jaxsat.processors import share_of
 from jaxsat.search_path import add_folders, added_folders
 
 
-class Packed(NamedTuple):
+class PickledWork(NamedTuple):
     """Work as bytes, whether the sender computes with 64-bit floats, and where a user's modules
     are."""
 
@@ -45,7 +45,7 @@ class Failed(NamedTuple):
     error: BaseException
 
 
-def packed(work: Work) -> Packed:
+def packed(work: Work) -> PickledWork:
     """Work for another process.
 
     Functions that the running program or a notebook defines go along; modules are imported there.
@@ -53,7 +53,7 @@ def packed(work: Work) -> Packed:
     """
     file = io.BytesIO()
     _Pickler(file).dump(work)
-    return Packed(file.getvalue(), bool(jax.config.read("jax_enable_x64")), added_folders())
+    return PickledWork(file.getvalue(), bool(jax.config.read("jax_enable_x64")), added_folders())
 
 
 class _Pickler(cloudpickle.Pickler):

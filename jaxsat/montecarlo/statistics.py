@@ -68,14 +68,14 @@ def percentile(values: np.ndarray, percent: float, level: float = LEVEL) -> Inte
     values = np.sort(np.asarray(values, dtype=float))
     if not len(values) or np.isnan(values).any():
         raise ValueError("Argument `values` must hold at least one value and no NaN.")
-    below, above = _places(len(values), percent, level)
+    below, above = _order_statistics(len(values), percent, level)
     low = float(values[below - 1]) if below else -np.inf
     high = float(values[above]) if above < len(values) else np.inf
     return Interval(_of_sorted(values, percent), low, high)
 
 
 @functools.lru_cache(maxsize=256)
-def _places(count: int, percent: float, level: float) -> tuple[int, int]:
+def _order_statistics(count: int, percent: float, level: float) -> tuple[int, int]:
     """How many order statistics are surely below a percentile, and from which on one is above."""
     from scipy import special  # takes its time, and a study that is computed has no use for it
 

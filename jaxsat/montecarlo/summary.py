@@ -65,7 +65,7 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         settling_time=_percentiles(columns["settling_time"][settled]),
         effort=_percentiles(columns["effort"][success]),
         outcomes=_outcomes(columns["code"], settled),
-        worst=numbers[_badness(columns)[:worst]].tolist(),
+        worst=numbers[_worst_first(columns)[:worst]].tolist(),
         cost_sensitivity=of_cost,
         settling_sensitivity=of_settling,
     )
@@ -85,7 +85,7 @@ def _outcomes(codes: np.ndarray, settled: np.ndarray) -> dict[str, int]:
     return counts
 
 
-def _badness(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+def _worst_first(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     """Places from the worst on: failed, then not settled, then slow; the dearer the worse."""
     failed = columns["code"] != int(Outcome.SUCCESS)
     cost = np.nan_to_num(columns["cost"], nan=np.inf)

@@ -15,13 +15,13 @@ from typing import NamedTuple, NoReturn
 import cloudpickle
 
 from jaxsat.montecarlo.executors import ClusterError, Work
-from jaxsat.montecarlo.shipping import Done, Failed, Packed, computed, failed
+from jaxsat.montecarlo.shipping import Done, Failed, PickledWork, computed, failed
 
 
-class Order(NamedTuple):
+class WorkerTask(NamedTuple):
     """What a worker is to compute, and how many chunks at once; numbers of chunks follow."""
 
-    packed: Packed
+    packed: PickledWork
     threads: int
 
 
@@ -34,7 +34,7 @@ def serve() -> NoReturn:
     replies = _Replies()
     warnings.filterwarnings("ignore", "machine code cannot be kept")  # who started it tells that
     try:
-        order: Order = pickle.load(sys.stdin.buffer)
+        order: WorkerTask = pickle.load(sys.stdin.buffer)
         work = order.packed.unpacked()
         pool = ThreadPoolExecutor(order.threads)
         replies.send(Ready())

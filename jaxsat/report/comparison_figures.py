@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from jaxsat.report.style import LINES, SETTINGS, entitle, unmathed
+from jaxsat.report.style import LINES, SETTINGS, escape_mathematics, set_title
 
 FURTHER_LINES = tuple(
     MappingProxyType({"color": color, "linestyle": dash, "linewidth": width})
@@ -40,13 +40,13 @@ def settling_comparison(
         size = (max(6.5, 3.2 * len(levels) + 0.8), 2.3 * len(limits) + 1.1)
         figure = Figure(figsize=size, layout="constrained")
         axes = figure.subplots(len(limits), len(levels), squeeze=False, sharey=True)
-        entitle(figure, title)
+        set_title(figure, title)
     for (level, limit), laws in panels.items():
         axis = axes[limits.index(limit), levels.index(level)]
         for (law, times), style in zip(laws.items(), styles, strict=False):
             steps = _fraction_by(times, horizons[level, limit])
-            axis.step(*steps, where="post", label=unmathed(law), **style)
-        axis.set_title(unmathed(f"{level}, {limit:g} N m"), fontsize=8, loc="left")
+            axis.step(*steps, where="post", label=escape_mathematics(law), **style)
+        axis.set_title(escape_mathematics(f"{level}, {limit:g} N m"), fontsize=8, loc="left")
         axis.set_xscale("log")
         axis.set_xlim(EARLIEST, horizons[level, limit])
         axis.set_ylim(-0.03, 1.03)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from jaxsat.report.style import unmathed
+from jaxsat.report.style import escape_mathematics
 
 _FLOOR = 1e-3  # margins below share the darkest shade
 _MARK = "#d55e00"
@@ -74,7 +74,7 @@ def inertia_map(
     axes.set_xlim(-0.12, 1.12)
     axes.set_ylim(-0.13, height + 0.1)
     axes.set_axis_off()
-    axes.set_title(f"{unmathed(title)}\nedges: flat plates, centre: sphere")
+    axes.set_title(f"{escape_mathematics(title)}\nedges: flat plates, centre: sphere")
     _shades(figure, axes, image)
     return figure
 
@@ -119,7 +119,7 @@ def angle_map(
     axes.set_ylabel("elevation (deg, towards z)")
     axes.set_xticks(np.arange(-180, 181, 60))
     axes.set_yticks(np.arange(-90, 91, 30))
-    axes.set_title(unmathed(title))
+    axes.set_title(escape_mathematics(title))
     _shades(figure, axes, image)
     return figure
 

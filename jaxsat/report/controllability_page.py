@@ -12,7 +12,7 @@ def controllability_lines(analysis: Analysis, *, torque: float = 1.0) -> list[st
     """The findings as Markdown list items; `torque` (N m) is the command for the time scales."""
     values = ", ".join(f"{value:.3g}" for value in analysis.singular_values)
     growth = " → ".join(str(size) for size in analysis.growth)
-    elsewhere = ", ".join(f"{where} {rank}" for where, rank in analysis.elsewhere.items())
+    elsewhere = ", ".join(f"{where} {rank}" for where, rank in analysis.away_from_rest.items())
     lines = [
         f"**Verdict**: {analysis.verdict}",
         f"Rank {analysis.rank} of 6, margin {analysis.margin:.3g} (singular values {values}; "

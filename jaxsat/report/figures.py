@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxsat.report.style import LINES, panels, unmathed
+from jaxsat.report.style import LINES, escape_mathematics, panels
 
 Span = tuple[float, float]
 
@@ -133,7 +133,9 @@ def comparison_figure(
     figure, (tilt, turn, rate) = panels(3, title, height=1.9)
     for dataset, label, style in zip(datasets, labels, LINES, strict=False):
         time = dataset["time"]
-        tilt.semilogy(time, np.linalg.norm(dataset["w"], axis=1), label=unmathed(label), **style)
+        tilt.semilogy(
+            time, np.linalg.norm(dataset["w"], axis=1), label=escape_mathematics(label), **style
+        )
         turn.plot(time, dataset["z"], **style)
         rate.semilogy(time, np.linalg.norm(dataset["relative_rate"], axis=1), **style)
     tilt.set_ylabel("|w| (–)")
@@ -211,7 +213,7 @@ def _shade_modes(dataset: xr.Dataset, axes: Axes) -> None:
             color=str(grey),
             linewidth=0,
             step="post",
-            label=unmathed(names[mode]),
+            label=escape_mathematics(names[mode]),
         )
     if unusual:
         _legend(axes, 3 + len(unusual))

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from jaxsat.text import clean
 
-LONGEST_TITLE, LONGEST_LABEL = 200, 60
+MAX_TITLE_LENGTH, MAX_LABEL_LENGTH = 200, 60
 """Characters; no more fit on a figure."""
 
 LINES: tuple[Mapping[str, Any], ...] = tuple(
@@ -43,15 +43,15 @@ SETTINGS: Mapping[str, Any] = MappingProxyType(
 )
 
 
-def entitle(figure: Figure, title: str) -> None:
+def set_title(figure: Figure, title: str) -> None:
     """Give a figure a title from outside as it is: one line, without mathematics."""
-    text = clean(title, LONGEST_TITLE)
+    text = clean(title, MAX_TITLE_LENGTH)
     figure.suptitle(text, fontsize=10, fontweight="bold", x=0.01, ha="left", parse_math=False)
 
 
-def unmathed(label: str) -> str:
+def escape_mathematics(label: str) -> str:
     """A label from outside, on which no dollar sign begins mathematics."""
-    return clean(label, LONGEST_LABEL).replace("$", "\\$")
+    return clean(label, MAX_LABEL_LENGTH).replace("$", "\\$")
 
 
 def panels(count: int, title: str, height: float = 2.1) -> tuple[Figure, list[Axes]]:
@@ -59,5 +59,5 @@ def panels(count: int, title: str, height: float = 2.1) -> tuple[Figure, list[Ax
     with rc_context(dict[Any, Any](SETTINGS)):
         figure = Figure(figsize=(7.0, height * count + 0.7), layout="constrained")
         axes = figure.subplots(count, 1, squeeze=False)[:, 0]
-        entitle(figure, title)
+        set_title(figure, title)
     return figure, list(axes)

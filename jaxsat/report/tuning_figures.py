@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from jaxsat.report.style import LINES, panels, unmathed
+from jaxsat.report.style import LINES, escape_mathematics, panels
 
 FAINT = {"color": "#999999", "linestyle": "-", "linewidth": 0.8}
 BEFORE, AFTER = LINES[1], LINES[0]
@@ -56,7 +56,7 @@ def gains_figure(history: xr.Dataset, title: str) -> Figure:
             panel.plot(history["step"], one["gain"].sel(start=start), **FAINT)
         panel.plot(history["validation"], one["best_gain"], **LINES[0], drawstyle="steps-post")
         panel.set_yscale("log" if scale == "log" else "linear")
-        panel.set_ylabel(unmathed(f"{label} ({unit})"))
+        panel.set_ylabel(escape_mathematics(f"{label} ({unit})"))
     axes[0].set_title("grey: every start; black: best so far", fontsize=8, loc="left")
     axes[-1].set_xlabel("step")
     return figure
@@ -91,7 +91,7 @@ def baselines_figure(traces: Mapping[str, np.ndarray], title: str) -> Figure:
     figure, (panel,) = panels(1, title, height=3.6)
     for (name, trace), look in zip(traces.items(), METHODS, strict=False):
         look = {"drawstyle": "steps-post", "markersize": 3.5, "linewidth": 1.2, **look}
-        panel.plot(trace[:, 0], trace[:, 1], label=unmathed(name), **look)
+        panel.plot(trace[:, 0], trace[:, 1], label=escape_mathematics(name), **look)
     panel.set_xscale("symlog", linthresh=100)
     panel.set_yscale("log")
     panel.set_xlabel("trajectories computed (whole horizons; a gradient of n gains counts n + 1)")

@@ -4,10 +4,10 @@ Wang, Jia, Jin, Xu, Control analysis of an underactuated spacecraft under distur
 Acta Astronautica 83 (2013) 44-53.
 """
 
-from jaxsat.reproduction.claim import Claim, Verdict
+from jaxsat.reproduction.claim import Claim, ClaimVerdict
 from jaxsat.reproduction.claims import judge
 from jaxsat.reproduction.figures import paper_figures
 from jaxsat.reproduction.runs import RUNS, Run
 from jaxsat.reproduction.table import markdown_table
 
-__all__ = ["RUNS", "Claim", "Run", "Verdict", "judge", "markdown_table", "paper_figures"]
+__all__ = ["RUNS", "Claim", "ClaimVerdict", "Run", "judge", "markdown_table", "paper_figures"]

@@ -15,7 +15,7 @@ Datasets = Mapping[str, xr.Dataset]
 """Trajectories by the names in `jaxsat.reproduction.RUNS`."""
 
 
-class Verdict(enum.Enum):
+class ClaimVerdict(enum.Enum):
     """What became of a claim."""
 
     HOLDS = "holds"
@@ -29,7 +29,7 @@ class Claim(NamedTuple):
     source: str
     statement: str
     found: str
-    verdict: Verdict
+    verdict: ClaimVerdict
     condition: str = ""
 
     @property
@@ -38,11 +38,11 @@ class Claim(NamedTuple):
         return f"{self.verdict.value} {self.condition}".strip()
 
 
-def decide(holds: bool, holds_if: bool, condition: str) -> tuple[Verdict, str]:
+def decide(holds: bool, holds_if: bool, condition: str) -> tuple[ClaimVerdict, str]:
     """The verdict, with the condition where the claim needs it."""
     if holds:
-        return Verdict.HOLDS, ""
-    return (Verdict.ONLY_IF, condition) if holds_if else (Verdict.FAILS, "")
+        return ClaimVerdict.HOLDS, ""
+    return (ClaimVerdict.ONLY_IF, condition) if holds_if else (ClaimVerdict.FAILS, "")
 
 
 def scenario_of(dataset: xr.Dataset) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from jaxsat.metrics import wrapped
+from jaxsat.metrics import wrap_angle
 from jaxsat.reproduction.claim import Claim, Datasets, decide, duration, last, scenario_of, when
 from jaxsat.results import is_within, time_to_settle
 
@@ -58,7 +58,7 @@ def switching_settles(datasets: Datasets) -> Claim:
         f"{_settings(plain)}: {when(times[0])} in {duration(plain):g} s; {_transitions(plain)}; "
         f"over the second half |w| "
         f"up to {float(np.linalg.norm(half['w'], axis=1).max()):.3f}, |z| up to "
-        f"{float(np.abs(wrapped(jnp.asarray(half['z'].values))).max()):.1e} rad, |ω_r| between "
+        f"{float(np.abs(wrap_angle(jnp.asarray(half['z'].values))).max()):.1e} rad, |ω_r| between "
         f"{rate.min():.1e} and {rate.max():.1e} rad/s (median {np.median(rate):.1e}), within all "
         f"tolerances at {100 * is_within(half).mean():.0f} % of the samples. With |w|² + δ² under "
         f"the fraction of (41), δ = {width:g}, and gains tuned with it: {when(times[1])} of "

@@ -6,8 +6,8 @@ import xarray as xr
 from jaxsat.reproduction.claim import (
     SMALL_RATE,
     Claim,
+    ClaimVerdict,
     Datasets,
-    Verdict,
     decide,
     last,
     scenario_of,
@@ -29,7 +29,7 @@ def third_rate_decays(datasets: Datasets) -> Claim:
         "The reference (38) makes ω3 decay",
         f"without d3 decay at {-slope:.4f} 1/s where (38) predicts {predicted:.4f}; with d3 "
         f"|ω3| is first below {SMALL_RATE:g} rad/s at {first:.1f} s",
-        Verdict.HOLDS if abs(-slope / predicted - 1) < 1e-2 else Verdict.FAILS,
+        ClaimVerdict.HOLDS if abs(-slope / predicted - 1) < 1e-2 else ClaimVerdict.FAILS,
     )
 
 

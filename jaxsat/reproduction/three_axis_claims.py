@@ -7,8 +7,8 @@ from jaxsat.metrics import SETTLED_BEFORE
 from jaxsat.reproduction.claim import (
     SMALL_RATE,
     Claim,
+    ClaimVerdict,
     Datasets,
-    Verdict,
     at,
     decide,
     duration,
@@ -52,7 +52,7 @@ def attitude_changes_little(datasets: Datasets) -> Claim:
         f"{when(time_to_settle(small))}. With the exact relation w differs by up to {apart:.2g} "
         f"until {until:.0f} s, {when(time_to_settle(exact))} in {duration(exact):g} s"
         + (sliding if len(low) else ""),
-        Verdict.HOLDS if angle < SMALL_ANGLE else Verdict.FAILS,
+        ClaimVerdict.HOLDS if angle < SMALL_ANGLE else ClaimVerdict.FAILS,
     )
 
 
@@ -144,7 +144,7 @@ def lyapunov_decreases(datasets: Datasets) -> Claim:
         "The Lyapunov function V never increases",
         f"third rate held: from {value[0]:.4g} to {value[-1]:.2g} N m over "
         f"{duration(dataset):g} s; largest rise between two saved instants {max(rise, 0):.1e} N m",
-        Verdict.HOLDS if rise < 1e-6 * value[0] else Verdict.FAILS,
+        ClaimVerdict.HOLDS if rise < 1e-6 * value[0] else ClaimVerdict.FAILS,
     )
 
 

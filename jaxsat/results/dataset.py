@@ -139,11 +139,11 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
     if data is None:
         raise OutputError(f"{file} is no file that can be read.")
     try:
-        marker = Marker.of(file.parent)
+        marker = Marker.read(file.parent)
     except OSError as error:
         message = f"{file.parent} cannot be read: {reason(error)}."
         raise system_failure(message, error) from error
-    if marker is not None and file.name in marker.names and not marker.knows(file.name, data):
+    if marker is not None and file.name in marker.names and not marker.has_written(file.name, data):
         raise OutputError(f"{file} was damaged, or changed, since jaxsat wrote it.")
     try:
         with h5py.File(io.BytesIO(data)):

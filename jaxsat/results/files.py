@@ -122,7 +122,7 @@ def refuse_existing(path: str | Path, *, overwrite: bool) -> None:
         raise OutputError(f"{path} cannot be written: {target.parent} is not a folder.")
 
 
-def from_json(content: bytes | None) -> Any:
+def parse_json(content: bytes | None) -> Any:
     """What a file of JSON holds; None for anything else."""
     try:
         return None if content is None else json.loads(content)

@@ -11,7 +11,7 @@ from types import TracebackType
 
 from jaxsat.results.errors import OutputError, reason, system_failure
 from jaxsat.results.files import sync_file, sync_folder
-from jaxsat.results.marker import MARKER, Marker, few, unknown_in, walked
+from jaxsat.results.marker import MARKER, Marker, abbreviated, foreign_files_in, walk
 from jaxsat.results.temporary import TemporaryFolder, temporary_folder
 
 
@@ -92,13 +92,13 @@ class OutputFolder:
                 f"{self.target} already exists; give --overwrite to replace it, or another folder "
                 f"with {self._option}."
             )
-        strangers = unknown_in(self.target)
-        if strangers:
+        foreign_files = foreign_files_in(self.target)
+        if foreign_files:
             raise OutputError(
                 f"{self.target} holds what jaxsat did not write, or what was changed since "
-                f"({few(strangers)}), so it is not replaced; {self._else}."
+                f"({abbreviated(foreign_files)}), so it is not replaced; {self._else}."
             )
-        marker = Marker.of(self.target)
+        marker = Marker.read(self.target)
         if marker is not None and marker.kind != self._kind:
             raise OutputError(
                 f"{self.target} holds another kind of result ({marker.kind}, not {self._kind}), "
@@ -139,7 +139,7 @@ class OutputFolder:
             self._remove_replaced()
 
     def _make_durable(self) -> None:
-        for name, mode in walked(self.path):
+        for name, mode in walk(self.path):
             if stat.S_ISREG(mode):
                 if name != MARKER:
                     self._made.marker.adopt(name)
@@ -151,16 +151,16 @@ class OutputFolder:
 
     def _remove_replaced(self) -> None:
         """Remove what was in the target, unless something has come to it at the last moment."""
-        marker = Marker.of(self.path)
+        marker = Marker.read(self.path)
         if marker is None:
             with contextlib.suppress(OSError):  # it was empty
                 self.path.rmdir()
                 return
-        strangers = sorted(os.listdir(self.path)) if marker is None else marker.remove_folder()
-        if strangers:
+        foreign_files = sorted(os.listdir(self.path)) if marker is None else marker.remove_folder()
+        if foreign_files:
             raise OutputError(
                 f"{self.target} is written, but what came to the folder that it replaced "
-                f"({few(strangers)}) was kept in {self.path}."
+                f"({abbreviated(foreign_files)}) was kept in {self.path}."
             )
 
 

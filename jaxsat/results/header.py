@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxsat.results.chunks import METADATA, Column, as_json, group_metadata
 from jaxsat.results.errors import OutputError
-from jaxsat.results.files import content_hash, from_json, read_or_explain
+from jaxsat.results.files import content_hash, parse_json, read_or_explain
 from jaxsat.results.provenance import provenance
 
 FORMAT = 2
@@ -55,7 +55,7 @@ def read_header(path: Path) -> Header:
         f"{path / METADATA} is damaged, or not jaxsat's: what study the store holds cannot be "
         "told; put a copy of the file back, or give another folder."
     )
-    data = from_json(content)
+    data = parse_json(content)
     kept = data.get("attributes") if isinstance(data, dict) else None
     if not isinstance(kept, dict):
         raise damaged

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jaxsat.results.files import content_hash, from_json, read_file, write_file
+from jaxsat.results.files import content_hash, parse_json, read_file, write_file
 
 _APPEND = os.O_WRONLY | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
 
-class Entries(NamedTuple):
+class JournalEntries(NamedTuple):
     """What a journal holds, in the order of writing, and how many of its lines cannot be read."""
 
     good: list[dict[str, Any]]
@@ -54,7 +54,7 @@ class Journal:
         finally:
             os.close(handle)
 
-    def read(self) -> Entries | None:
+    def read(self) -> JournalEntries | None:
         """All entries; None where there is no such file."""
         content = read_file(self.path)
         if content is None:
@@ -63,7 +63,7 @@ class Journal:
         torn = int(bool(lines.pop()))  # the last line ends like every other one
         found = [self._entry(line) for line in lines]
         good = [entry for entry in found if entry is not None]
-        return Entries(good, len(found) - len(good) + torn)
+        return JournalEntries(good, len(found) - len(good) + torn)
 
     def _line(self, entry: dict[str, Any]) -> bytes:
         text = json.dumps(entry, sort_keys=True, separators=(",", ":"))
@@ -76,5 +76,5 @@ class Journal:
         check, _, text = line.partition(b" ")
         if check != self._hash(text).encode():
             return None
-        entry = from_json(text)
+        entry = parse_json(text)
         return entry if isinstance(entry, dict) else None

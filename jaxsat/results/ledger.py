@@ -20,7 +20,7 @@ LEDGER = f"{STATUS}/ledger"
 _CLEAN = {"clean": True}
 
 
-class Record(NamedTuple):
+class ChunkRecord(NamedTuple):
     """What is done of a chunk: its first `cases`; the hash of every column's file."""
 
     cases: int
@@ -36,7 +36,7 @@ class Ledger:
     """
 
     tokens: list[str]
-    done: dict[int, Record]
+    done: dict[int, ChunkRecord]
     known: set[int]
     damaged: int
 
@@ -67,15 +67,15 @@ class Ledger:
         size = self._header.chunk
         return max((chunk * size + record.cases for chunk, record in self.done.items()), default=0)
 
-    def announce(self, token: str) -> None:
+    def add_token(self, token: str) -> None:
         """Note under which token files will be written; raises `OSError`."""
         self._append({"writing": token}, durable=False)
 
-    def add(self, chunk: int, record: Record) -> None:
+    def add(self, chunk: int, record: ChunkRecord) -> None:
         """Note a chunk whose files are on the disk; raises `OSError`."""
         self._append({"chunk": chunk, "cases": record.cases, "hashes": dict(record.hashes)})
 
-    def withdraw(self, chunk: int) -> None:
+    def remove(self, chunk: int) -> None:
         """Note that a chunk is not done after all; raises `OSError`."""
         self._append({"chunk": chunk, "cases": 0, "hashes": {}})
 
@@ -84,7 +84,7 @@ class Ledger:
         if self.tokens:
             self._append(_CLEAN)
 
-    def mend(self) -> None:
+    def rewrite(self) -> None:
         """Write the ledger again without the lines that cannot be read; raises `OSError`."""
         good = [entry for entry in self._entries if self._apply(entry)]
         self._journal.write(good or [{"store": True}])
@@ -115,7 +115,7 @@ class Ledger:
         self.known.add(chunk)
         self.done.pop(chunk, None)
         if cases:
-            self.done[chunk] = Record(cases, hashes)
+            self.done[chunk] = ChunkRecord(cases, hashes)
         return True
 
 
@@ -144,7 +144,7 @@ def read_ledger(store: Path, header: Header) -> Ledger:
 
 
 def read_chunk_file(
-    store: Path, header: Header, chunk: int, name: str, record: Record
+    store: Path, header: Header, chunk: int, name: str, record: ChunkRecord
 ) -> bytes | None:
     """The file of a chunk's column if it is what the ledger says; raises `OutputError`."""
     path = store / chunk_file(name, header.columns[name], chunk)
@@ -157,7 +157,7 @@ def read_chunk_file(
 
 
 def read_chunk(
-    store: Path, header: Header, chunk: int, name: str, record: Record
+    store: Path, header: Header, chunk: int, name: str, record: ChunkRecord
 ) -> np.ndarray | None:
     """A column of the done cases of a chunk; None if its file is not what the ledger says."""
     data = read_chunk_file(store, header, chunk, name, record)

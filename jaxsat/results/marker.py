@@ -57,7 +57,7 @@ class Marker:
         return Marker(folder, journal, [header], sound=True)
 
     @staticmethod
-    def of(folder: Path) -> "Marker | None":
+    def read(folder: Path) -> "Marker | None":
         """The marker that a folder has, if it has one that can be read; raises `OSError`."""
         journal = Journal(folder / MARKER)
         found = journal.read()
@@ -85,7 +85,7 @@ class Marker:
     def adopt(self, name: str) -> None:
         """Know a file that is in the folder as written for it; raises `OSError`."""
         data = read_file(self.folder / name)
-        if data is not None and not self.owns(name, data):
+        if data is not None and not self.is_unchanged(name, data):
             self._note(name, data, durable=False)
 
     def finish(self) -> None:
@@ -93,17 +93,17 @@ class Marker:
         self._journal.append(COMPLETE)
         self.complete = True
 
-    def knows(self, name: str, data: bytes) -> bool:
+    def has_written(self, name: str, data: bytes) -> bool:
         """Whether this is what jaxsat wrote to a file."""
         return content_hash(data) in self._hashes.get(name, ())
 
-    def owns(self, name: str, data: bytes | None = None) -> bool:
+    def is_unchanged(self, name: str, data: bytes | None = None) -> bool:
         """Whether a file is as jaxsat wrote it, or not there."""
         path = self.folder / name
         if not os.path.lexists(path):
             return True
         data = read_file(path) if data is None else data
-        return data is not None and self.knows(name, data)
+        return data is not None and self.has_written(name, data)
 
     def remove_partials(self) -> None:
         """Remove the files that a killed process was about to write."""
@@ -111,11 +111,11 @@ class Marker:
             with contextlib.suppress(FileNotFoundError, NotADirectoryError):
                 (self.folder / name).unlink()
 
-    def strangers(self) -> list[str]:
+    def foreign_files(self) -> list[str]:
         """What is in the folder and not proven to be as jaxsat wrote it; raises `OSError`."""
         folders = {parent.as_posix() for name in self._hashes for parent in Path(name).parents}
         found = [] if self._sound else [MARKER]
-        for name, mode in walked(self.folder):
+        for name, mode in walk(self.folder):
             if name == MARKER and stat.S_ISREG(mode):
                 continue
             if stat.S_ISDIR(mode):
@@ -123,17 +123,17 @@ class Marker:
             elif not stat.S_ISREG(mode):
                 known = False
             else:
-                known = name in self._partials or (name in self._hashes and self.owns(name))
+                known = name in self._partials or (name in self._hashes and self.is_unchanged(name))
             if not known:
                 found.append(name)
         return sorted(found)
 
     def remove_folder(self) -> list[str]:
         """Remove the folder if all of it is jaxsat's; else nothing, and say what is not."""
-        strangers = self.strangers()
-        if strangers:
-            return strangers
-        entries = list(walked(self.folder))
+        foreign_files = self.foreign_files()
+        if foreign_files:
+            return foreign_files
+        entries = list(walk(self.folder))
         for name, mode in reversed(entries):  # what is in a folder comes after it
             place = self.folder / name
             if name != MARKER:
@@ -170,7 +170,7 @@ def _is_file(entry: Mapping[str, Any]) -> bool:
     return not any(path.is_absolute() or ".." in path.parts for path in inside)
 
 
-def walked(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
+def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
     """Path and mode of everything in a folder, each folder before what is in it; no link followed.
 
     Raises `OSError`.
@@ -182,18 +182,18 @@ def walked(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
         mode = entry.stat(follow_symlinks=False).st_mode
         yield name, mode
         if stat.S_ISDIR(mode):
-            yield from walked(folder, f"{name}/")
+            yield from walk(folder, f"{name}/")
 
 
-def unknown_in(folder: Path) -> list[str]:
+def foreign_files_in(folder: Path) -> list[str]:
     """What is in a folder and not proven to be jaxsat's: all of it if there is no marker.
 
     Raises `OSError`.
     """
-    marker = Marker.of(folder)
-    return sorted(os.listdir(folder)) if marker is None else marker.strangers()
+    marker = Marker.read(folder)
+    return sorted(os.listdir(folder)) if marker is None else marker.foreign_files()
 
 
-def few(names: list[str]) -> str:
+def abbreviated(names: list[str]) -> str:
     """The first of some names, for a message."""
     return ", ".join(names[:3]) + (", …" if len(names) > 3 else "")

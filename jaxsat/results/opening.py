@@ -14,7 +14,7 @@ from jaxsat.results.histories import with_history_time
 from jaxsat.results.reading import StudyColumn, study_columns
 
 
-class _Lazy(BackendArray):
+class _LazyColumn(BackendArray):
     """A column as xarray wants it."""
 
     def __init__(self, column: StudyColumn):
@@ -49,7 +49,7 @@ def open_study(path: str | Path) -> xr.Dataset:
 
 
 def _cached(column: StudyColumn) -> indexing.MemoryCachedArray:
-    lazy: Any = indexing.LazilyIndexedArray(_Lazy(column))
+    lazy: Any = indexing.LazilyIndexedArray(_LazyColumn(column))
     return indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))
 
 

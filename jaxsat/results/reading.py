@@ -8,7 +8,7 @@ import numpy as np
 from jaxsat.results.chunks import DONE, STATUS, STATUS_COLUMN
 from jaxsat.results.errors import OutputError
 from jaxsat.results.header import Header, read_header
-from jaxsat.results.ledger import Ledger, Record, read_chunk, read_ledger
+from jaxsat.results.ledger import ChunkRecord, Ledger, read_chunk, read_ledger
 
 
 class StudyColumn:
@@ -69,7 +69,7 @@ class StudyColumn:
                 values[begin : begin + len(part)] = part
         return values
 
-    def _chunk(self, chunk: int, record: Record) -> np.ndarray:
+    def _chunk(self, chunk: int, record: ChunkRecord) -> np.ndarray:
         if self._name == STATUS:
             return np.full(record.cases, DONE, self.dtype)
         found = read_chunk(self._path, self._header, chunk, self._name, record)

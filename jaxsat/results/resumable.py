@@ -9,8 +9,8 @@ from typing import Any
 from jaxsat.results.errors import OutputError, reason, system_failure
 from jaxsat.results.files import read_or_explain
 from jaxsat.results.locking import lock_folder
-from jaxsat.results.marker import Marker, few
-from jaxsat.results.temporary import is_free, make_folder
+from jaxsat.results.marker import Marker, abbreviated
+from jaxsat.results.temporary import is_absent_or_empty, make_folder
 
 
 class ResumableFolder:
@@ -30,7 +30,7 @@ class ResumableFolder:
         self._kind = kind
         self._new = False
         try:
-            if is_free(self.path):
+            if is_absent_or_empty(self.path):
                 self._new = True
                 make_folder(self.path, kind, {}, lambda made: Marker.make(made, kind, about))
         except OSError as error:
@@ -68,7 +68,7 @@ class ResumableFolder:
         """Whether a file was ever written."""
         return bool(self._marker.names)
 
-    def is_whole(self, name: str) -> bool:
+    def is_complete(self, name: str) -> bool:
         """Whether a file is there, and every other one that was ever written."""
         names = self._marker.names
         return name in names and all((self.path / one).is_file() for one in names)
@@ -79,7 +79,7 @@ class ResumableFolder:
         Raises `OutputError` for one that is not as it was written.
         """
         data = read_or_explain(self.path / name)
-        if data is None or not self._marker.knows(name, data):
+        if data is None or not self._marker.has_written(name, data):
             self._refuse(name)
         return data
 
@@ -101,9 +101,9 @@ class ResumableFolder:
             ) from error
 
     def _known(self) -> Marker:
-        marker = Marker.of(self.path)
+        marker = Marker.read(self.path)
         if marker is None:
-            found = few(sorted(os.listdir(self.path)))
+            found = abbreviated(sorted(os.listdir(self.path)))
             raise OutputError(
                 f"{self.path} holds what jaxsat did not write ({found}), "
                 "or what another version of it wrote; give another folder with --out."
@@ -115,13 +115,13 @@ class ResumableFolder:
             )
         marker.remove_partials()
         for name in marker.names:
-            if not marker.owns(name):
+            if not marker.is_unchanged(name):
                 self._refuse_changed(name)
         return marker
 
     def _refuse(self, name: str) -> None:
         try:
-            owned = self._marker.owns(name)
+            owned = self._marker.is_unchanged(name)
         except OSError as error:
             message = f"{self.path / name} cannot be read: {reason(error)}."
             raise system_failure(message, error) from error

@@ -31,19 +31,19 @@ from jaxsat.results.chunks import (
 )
 from jaxsat.results.differences import OTHER_PROGRAM, differences
 from jaxsat.results.errors import OutputError, reason, system_failure
-from jaxsat.results.files import from_json, new_token, partial_name, read_file, write_file
+from jaxsat.results.files import new_token, parse_json, partial_name, read_file, write_file
 from jaxsat.results.header import Header, read_header, run_record
 from jaxsat.results.ledger import (
     LEDGER,
+    ChunkRecord,
     Ledger,
-    Record,
     read_chunk,
     read_chunk_file,
     status_chunks,
 )
 from jaxsat.results.locking import lock_folder
 from jaxsat.results.provenance import machine
-from jaxsat.results.temporary import is_free, make_folder
+from jaxsat.results.temporary import is_absent_or_empty, make_folder
 
 WRITERS = 8
 """Files that are written at once: most of the time goes into waiting for the disk."""
@@ -157,11 +157,11 @@ class StudyStore:
         hashes = {name: chunk_hash(name, chunk, data) for name, data in files.items()}
         with self._writing():
             if chunk in self._ledger.done:  # fewer cases of it, and its files will be others
-                self._ledger.withdraw(chunk)
+                self._ledger.remove(chunk)
             self._grow(int(numbers[-1]) + 1)
             places = [chunk_file(name, column, chunk) for name, column in columns.items()]
             self._write_all(dict(zip(places, files.values(), strict=True)))
-            self._ledger.add(chunk, Record(len(numbers), hashes))
+            self._ledger.add(chunk, ChunkRecord(len(numbers), hashes))
             self._write_status(chunk, len(numbers))
 
     def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
@@ -194,7 +194,7 @@ class StudyStore:
     def _make(self, header: Header) -> None:
         """Beside the target, then in its place at once: there is never half a store."""
         try:
-            if not is_free(self.path):
+            if not is_absent_or_empty(self.path):
                 return
             files = {METADATA: header.content(), LEDGER: Ledger.empty(header)}
             for name, column in _arrays(header).items():
@@ -241,7 +241,7 @@ class StudyStore:
             lost = self._ledger.damaged
             what = "was missing" if lost < 0 else f"had {lost} lines that cannot be read"
             self.repairs.append(f"the ledger {what}; what they told of is computed again")
-            self._ledger.mend()
+            self._ledger.rewrite()
         for chunk, record in sorted(self._ledger.done.items()):
             bad = [
                 name
@@ -255,7 +255,7 @@ class StudyStore:
 
     def _withdraw_damaged(self, chunk: int, what: str) -> None:
         self.repairs.append(f"chunk {chunk} {what} and is computed again")
-        self._ledger.withdraw(chunk)
+        self._ledger.remove(chunk)
 
     def _check_status(self) -> None:
         """Have the status say what the ledger does; it may know of chunks that the ledger lost."""
@@ -294,7 +294,7 @@ class StudyStore:
             if found == as_json(wanted):
                 continue
             stale[place] = as_json(wanted)
-            if not differs_in_rows_alone(from_json(found), wanted):
+            if not differs_in_rows_alone(parse_json(found), wanted):
                 self.repairs.append(f"{place} was damaged and is written again")
         self._room = None  # what it is while some say one thing and some another
         if stale:
@@ -312,7 +312,7 @@ class StudyStore:
         """Write files, no two of one array, and wait until all are on the disk."""
         if self._token is None:
             self._token = new_token()
-            self._ledger.announce(self._token)
+            self._ledger.add_token(self._token)
         partial = partial_name(self._token)
 
         def write(item: tuple[str, bytes]) -> None:

@@ -63,7 +63,7 @@ def remove_stale(parent: Path, prefix: str) -> None:
             if old and folder.is_dir() and not folder.is_symlink():
                 lock = lock_folder(folder)
                 try:
-                    marker = Marker.of(folder)
+                    marker = Marker.read(folder)
                     if marker is None or marker.complete:
                         continue
                     if marker.about.get("folder") == folder.name:
@@ -103,7 +103,7 @@ def make_folder(
         made.remove()
 
 
-def is_free(target: Path) -> bool:
+def is_absent_or_empty(target: Path) -> bool:
     """Whether there is nothing of that name, or an empty folder; raises `OSError`."""
     if not os.path.lexists(target):
         return True

@@ -180,15 +180,15 @@ def _solver_keys_fit(values):
     sampled = find_law(law).declaration.sampled
     fixed = solver["steps"] == "fixed" or (solver["steps"] is None and "step_s" in given)
     if sampled:
-        misfits = [key for key in given if key != "substeps"]
+        excluded = [key for key in given if key != "substeps"]
         why = f'the law "{law}" is sampled and takes `substeps` equal steps in a period'
     elif "substeps" in given:
-        misfits, why = ["substeps"], f'the law "{law}" is continuous'
+        excluded, why = ["substeps"], f'the law "{law}" is continuous'
     elif fixed:
-        misfits, why = [key for key in given if key in ADAPTIVE_KEYS], "the steps are fixed"
+        excluded, why = [key for key in given if key in ADAPTIVE_KEYS], "the steps are fixed"
     else:
-        misfits, why = [key for key in given if key in FIXED_KEYS], "the steps are adaptive"
-    for key in misfits:
+        excluded, why = [key for key in given if key in FIXED_KEYS], "the steps are adaptive"
+    for key in excluded:
         message = f"must be left out because {why}, got {shown(solver[key])}"
         yield at(f"simulation.solver.{key}", message)
     if fixed and "step_s" not in given and not sampled:

@@ -7,6 +7,7 @@ from pydantic import Discriminator, Tag, model_validator
 
 from jaxsat.declaration.quantities import DISPERSIBLE, DispersibleQuantity
 from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
+from jaxsat.errors import ArgumentError
 from jaxsat.scenario.declared import fields_of, table_with
 from jaxsat.scenario.quantities import Number, Switch, Table, choice, quantity
 
@@ -44,13 +45,13 @@ class DistributionTable(Table):
 
     @model_validator(mode="after")
     def _own_parameters(self) -> "DistributionTable":
-        wanted = PARAMETERS[self.distribution]
+        wanted, kind = PARAMETERS[self.distribution], f'a "{self.distribution}" distribution'
         for name in sorted({entry for names in PARAMETERS.values() for entry in names}):
             given = getattr(self, name) is not None
             if given and name not in wanted:
-                raise ValueError(f'must not have {name} in a "{self.distribution}" distribution')
+                raise ArgumentError(name, f"must not have {name} in {kind}")
             if not given and name in wanted:
-                raise ValueError(f'must have {name} in a "{self.distribution}" distribution')
+                raise ArgumentError(name, f"must have {name} in {kind}")
         return self
 
 

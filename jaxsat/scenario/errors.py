@@ -9,10 +9,10 @@ from jaxsat.text import clean
 Location = tuple[str | int, ...]
 """Where a value is: table and key names, then positions from 0 inside an array."""
 
-MOST_TOLD = 20
+MAX_LISTED = 20
 """Problems that the text of a `ScenarioError` lists."""
 
-LONGEST_PLACE, LONGEST_MESSAGE = 200, 1500
+MAX_PLACE_LENGTH, MAX_MESSAGE_LENGTH = 200, 1500
 """Characters of a source or a key, and of what is said about it."""
 
 
@@ -40,10 +40,10 @@ class Problem:
 
     def __str__(self) -> str:
         """`file:line: key table.key: must …`, on one line that is safe to print."""
-        source = clean(self.source, LONGEST_PLACE)
+        source = clean(self.source, MAX_PLACE_LENGTH)
         place = source if self.line is None else f"{source}:{self.line}"
-        key = "" if self.key is None else f"key {clean(self.key, LONGEST_PLACE)}: "
-        return f"{place}: {key}{clean(self.message, LONGEST_MESSAGE)}"
+        key = "" if self.key is None else f"key {clean(self.key, MAX_PLACE_LENGTH)}: "
+        return f"{place}: {key}{clean(self.message, MAX_MESSAGE_LENGTH)}"
 
 
 class ScenarioError(JaxsatError):
@@ -56,10 +56,10 @@ class ScenarioError(JaxsatError):
 
     def __init__(self, problems: Iterable[Problem]):
         self.problems = tuple(problems)
-        lines = [str(problem) for problem in self.problems[:MOST_TOLD]]
+        lines = [str(problem) for problem in self.problems[:MAX_LISTED]]
         more = len(self.problems) - len(lines)
         if more:
-            source = clean(self.problems[0].source, LONGEST_PLACE)
+            source = clean(self.problems[0].source, MAX_PLACE_LENGTH)
             lines.append(f"{source}: and {more} more mistake{'s' if more > 1 else ''}")
         super().__init__("\n".join(lines))
 

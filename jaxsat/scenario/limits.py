@@ -8,27 +8,27 @@ import re
 
 from jaxsat.errors import JaxsatError
 
-LARGEST_FILE = 1_000_000
+MAX_FILE_SIZE = 1_000_000
 """Bytes. No scenario comes near; a file larger than this is something else."""
 
-LONGEST_OVERRIDE = 100_000
+MAX_OVERRIDE_LENGTH = 100_000
 """Characters of one `--set`."""
 
-MOST_OVERRIDES = 1000
-MOST_KEYS = 2000
+MAX_OVERRIDES = 1000
+MAX_KEYS = 2000
 """Keys and table headings of one file."""
 
-MOST_PARTS = 16
+MAX_PARTS = 16
 """Parts of one dotted key; no key of a scenario has more than four."""
 
-MOST_DEPTH = 16
-MOST_ENTRIES = 1000
+MAX_DEPTH = 16
+MAX_ENTRIES = 1000
 """Entries of one list."""
 
-LONGEST_WORD = 100
+MAX_WORD_LENGTH = 100
 """Characters of one bare key, or of one number."""
 
-LONGEST_TEXT = 20_000
+MAX_TEXT_LENGTH = 20_000
 """Characters of one text, quotes and escapes included."""
 
 _TOKEN = re.compile(
@@ -71,18 +71,20 @@ def require_modest(text: str) -> None:
         if first in "\"'":
             line += token.count("\n")
             _require(
-                len(token) <= LONGEST_TEXT, f"texts of at most {LONGEST_TEXT} characters", line
+                len(token) <= MAX_TEXT_LENGTH,
+                f"texts of at most {MAX_TEXT_LENGTH} characters",
+                line,
             )
         elif token == "\n":
             line, parts, in_value = line + 1, 0, bool(entries)
         elif token == ".":
             parts += 1
-            _require(parts < MOST_PARTS, f"keys of at most {MOST_PARTS} parts", line)
+            _require(parts < MAX_PARTS, f"keys of at most {MAX_PARTS} parts", line)
         elif token in "[{":
             keys += not in_value and not entries  # a heading
             entries.append(0)
-            _require(keys <= MOST_KEYS, f"at most {MOST_KEYS} keys", line)
-            _require(len(entries) <= MOST_DEPTH, f"brackets at most {MOST_DEPTH} deep", line)
+            _require(keys <= MAX_KEYS, f"at most {MAX_KEYS} keys", line)
+            _require(len(entries) <= MAX_DEPTH, f"brackets at most {MAX_DEPTH} deep", line)
         elif token in "]}":
             del entries[-1:]
         elif token == ",":
@@ -90,15 +92,15 @@ def require_modest(text: str) -> None:
             if entries:
                 entries[-1] += 1
                 _require(
-                    entries[-1] <= MOST_ENTRIES, f"lists of at most {MOST_ENTRIES} entries", line
+                    entries[-1] <= MAX_ENTRIES, f"lists of at most {MAX_ENTRIES} entries", line
                 )
         elif token == "=":
             keys, parts, in_value = keys + 1, 0, True
-            _require(keys <= MOST_KEYS, f"at most {MOST_KEYS} keys", line)
+            _require(keys <= MAX_KEYS, f"at most {MAX_KEYS} keys", line)
         elif first != "#":
             _require(
-                len(token) <= LONGEST_WORD,
-                f"numbers and bare keys of at most {LONGEST_WORD} characters",
+                len(token) <= MAX_WORD_LENGTH,
+                f"numbers and bare keys of at most {MAX_WORD_LENGTH} characters",
                 line,
             )
 

@@ -9,7 +9,7 @@ from jaxsat.declaration.laws import LAWS
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Problem
 from jaxsat.scenario.laws import known_law
-from jaxsat.scenario.limits import LONGEST_OVERRIDE, Excess, require_modest
+from jaxsat.scenario.limits import MAX_OVERRIDE_LENGTH, Excess, require_modest
 from jaxsat.scenario.wording import shown
 
 ALTERNATIVES: tuple[tuple[frozenset[str], frozenset[str]], ...] = (
@@ -44,8 +44,10 @@ class Override:
 def parse_override(text: str) -> Override | Problem:
     """Take `KEY=VALUE` apart; a VALUE that is no TOML value is taken as text."""
     source = f"--set {text}"
-    if len(text) > LONGEST_OVERRIDE:
-        return Problem(source, f"must have at most {LONGEST_OVERRIDE} characters, got {len(text)}")
+    if len(text) > MAX_OVERRIDE_LENGTH:
+        return Problem(
+            source, f"must have at most {MAX_OVERRIDE_LENGTH} characters, got {len(text)}"
+        )
     key, equals, value = text.partition("=")
     try:
         require_modest(key)

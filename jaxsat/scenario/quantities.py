@@ -8,6 +8,7 @@ from annotated_types import Ge, Gt, Interval, Le, Len
 from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Discriminator, Field, Tag
 from pydantic.types import Strict
 
+from jaxsat.errors import ArgumentError
 from jaxsat.inertia import require_known_inertia
 from jaxsat.ranges import MOMENT, PRODUCT, Range
 
@@ -21,13 +22,13 @@ code points that no file can hold. Tabs and line feeds have a rule of their own.
 def _printable(text: str) -> str:
     found = _UNPRINTABLE.search(text)
     if found:
-        raise ValueError("must have no control characters")
+        raise ArgumentError("text", "must have no control characters")
     return text
 
 
 def _one_line(text: str) -> str:
     if "\n" in text or "\t" in text:
-        raise ValueError("must be one line of text without tabs")
+        raise ArgumentError("text", "must be one line of text without tabs")
     return text
 
 
@@ -62,7 +63,7 @@ def _inertia_form(value: Any) -> str:
     return "matrix" if is_list(value) and any(map(is_list, value)) else "moments"
 
 
-LEAST_SHARE = 1e-9
+MIN_SHARE = 1e-9
 """Of the largest principal moment; below, an inertia is singular up to rounding."""
 
 
@@ -72,14 +73,12 @@ def _sound_inertia(value: tuple) -> tuple:
     require_known_inertia("inertia", matrix)
     moments = np.linalg.eigvalsh(matrix)
     if not MOMENT.low <= moments[0] <= moments[-1] <= MOMENT.high:
-        raise ValueError(
-            f"must have principal moments from {MOMENT.low:g} to {MOMENT.high:g} kg m²"
-        )
-    if moments[0] < LEAST_SHARE * moments[-1]:
-        raise ValueError(
-            f"must have no principal moment below {LEAST_SHARE:g} of the largest, "
-            f"got {moments[0]:.6g} and {moments[-1]:.6g} kg m²"
-        )
+        rule = f"must have principal moments from {MOMENT.low:g} to {MOMENT.high:g} kg m²"
+        raise ArgumentError("inertia", rule)
+    if moments[0] < MIN_SHARE * moments[-1]:
+        rule = f"must have no principal moment below {MIN_SHARE:g} of the largest"
+        found = f"{moments[0]:.6g} and {moments[-1]:.6g} kg m²"
+        raise ArgumentError("inertia", rule, found)
     return value
 
 
@@ -94,7 +93,8 @@ def _directions(rows: tuple) -> tuple:
     for number, row in enumerate(rows, 1):
         if not 1e-12 <= sum(entry * entry for entry in row) <= 1e12:
             found = "a zero row" if not any(row) else "one that is none"
-            raise ValueError(f"must have a direction in every row, got {found} as row {number}")
+            rule = "must have a direction in every row"
+            raise ArgumentError("rows", rule, f"{found} as row {number}")
     return rows
 
 
@@ -107,7 +107,7 @@ def _unit_length(q: tuple) -> tuple:
     length = float(np.linalg.norm(q))
     if abs(length - 1) > UNIT_LENGTH_TOLERANCE:
         way = f"; divide each entry by {length:.9g}" if length > 0 else ""
-        raise ValueError(f"must have unit length to 1e-6, got length {length:.9g}{way}")
+        raise ArgumentError("q", "must have unit length to 1e-6", f"length {length:.9g}{way}")
     return q
 
 

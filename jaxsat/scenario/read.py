@@ -22,7 +22,7 @@ from jaxsat.scenario.errors import (
     ScenarioWarning,
     key_of,
 )
-from jaxsat.scenario.limits import LARGEST_FILE, MOST_OVERRIDES, Excess, require_modest
+from jaxsat.scenario.limits import MAX_FILE_SIZE, MAX_OVERRIDES, Excess, require_modest
 from jaxsat.scenario.lines import line_map, nearest_line
 from jaxsat.scenario.overrides import Override, apply_overrides, parse_override
 from jaxsat.scenario.plugins import (
@@ -117,8 +117,8 @@ def _nested(overrides: Sequence[Override]) -> Mapping[str, Any]:
 
 def _overrides(texts: Iterable[str]) -> list[Override | Problem]:
     texts = list(texts)
-    if len(texts) > MOST_OVERRIDES:
-        message = f"must be given at most {MOST_OVERRIDES} times, got {len(texts)}"
+    if len(texts) > MAX_OVERRIDES:
+        message = f"must be given at most {MAX_OVERRIDES} times, got {len(texts)}"
         raise ScenarioError([Problem("--set", message)])
     return [parse_override(text) for text in texts]
 
@@ -185,7 +185,7 @@ def _read(name_or_path: str | Path) -> _Source:
             what = "a folder" if path.is_dir() else "something else"
             raise ScenarioError([Problem(text_name, f"must be a scenario file, got {what}")])
         with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
+            content = file.read(MAX_FILE_SIZE + 1)
     except UnicodeEncodeError:
         message = "must be a name of valid characters, got bytes that are none"
         raise ScenarioError([Problem(text_name, message)]) from None
@@ -193,8 +193,8 @@ def _read(name_or_path: str | Path) -> _Source:
         reason = getattr(error, "strerror", None) or str(error)
         problem = Problem(text_name, f"must be a file that can be read, got: {reason}")
         raise ScenarioError([problem]) from None
-    if len(content) > LARGEST_FILE:
-        message = f"must be a scenario file of at most {LARGEST_FILE} bytes, got more"
+    if len(content) > MAX_FILE_SIZE:
+        message = f"must be a scenario file of at most {MAX_FILE_SIZE} bytes, got more"
         raise ScenarioError([Problem(text_name, message)])
     return _parse(text_name, content)
 

@@ -7,7 +7,7 @@ from annotated_types import Ge, Gt, Le, Len
 from jaxsat.ranges import (
     ANGLE,
     FREQUENCY,
-    MOST_FIXED_STEPS,
+    MAX_FIXED_STEPS,
     ORBIT_RATE,
     SECONDS,
     TORQUE,
@@ -36,10 +36,10 @@ Frequencies3 = Annotated[tuple[Annotated[Number, within(FREQUENCY)], ...], Len(3
 Angles3 = Annotated[tuple[Annotated[Number, within(ANGLE)], ...], Len(3, 3)]
 Seconds = Annotated[Number, within(SECONDS)]
 
-HIGHEST_ALTITUDE = 1.5e6
+MAX_ALTITUDE = 1.5e6
 """km; farther out the Earth does not hold an orbit."""
 
-MOST_SAMPLED_STEPS = 2**26
+MAX_SAMPLED_STEPS = 2**26
 """The same where the law is sampled: a week at 0.1 s and four steps a period, and more."""
 
 
@@ -74,7 +74,7 @@ class OrbitTable(Table):
     rate_rad_s: Annotated[Number, within(ORBIT_RATE)] | None = quantity(
         "Orbital rate ω0", "rad/s", None
     )
-    altitude_km: Annotated[Number, Gt(0), Le(HIGHEST_ALTITUDE)] | None = quantity(
+    altitude_km: Annotated[Number, Gt(0), Le(MAX_ALTITUDE)] | None = quantity(
         "Altitude above the Earth's equator, for the two-body rate", "km", None
     )
     relation: Relation = choice(
@@ -112,7 +112,7 @@ class SolverTable(Table):
     min_step_s: Annotated[Number, Gt(0), Le(SECONDS.high)] | None = quantity(
         "Smallest adaptive step, taken whatever the error there", "s", None
     )
-    max_steps: Annotated[Whole, Ge(1), Le(MOST_FIXED_STEPS)] | None = quantity(
+    max_steps: Annotated[Whole, Ge(1), Le(MAX_FIXED_STEPS)] | None = quantity(
         "Most steps of a run with adaptive steps", "1", None
     )
     step_s: Seconds | None = quantity("Size of fixed steps", "s", None)

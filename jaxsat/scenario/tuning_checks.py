@@ -1,5 +1,6 @@
 """Rules of the `[tuning]` table."""
 
+from jaxsat.errors import ArgumentError
 from jaxsat.scenario.checks import is_multiple
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue
@@ -10,7 +11,7 @@ from jaxsat.scenario.wording import refusal, shown, suggestion
 USUAL_OPTIMISERS = ("adam", "adamw", "lion", "rmsprop", "sgd")
 """Known to be optimisers that will do, so that optax, which takes its time, is not asked."""
 
-MOST_CASES = 2**29
+MAX_CASES = 2**29
 """Of all steps; the numbers from there on are those of the validation cases."""
 
 
@@ -151,13 +152,12 @@ def _more_cases_can_be_drawn(steps, design):
 def _optimiser_is_one_of_optax(name):
     if name in USUAL_OPTIMISERS:
         return
-    from jaxsat.tuning.optimisers import Descent
+    from jaxsat.tuning.optimisers import OptimiserSettings
 
     try:
-        Descent(name)
-    except ValueError as error:
-        text = str(error).removeprefix("Argument `optimiser` ").replace(", but got", ", got")
-        yield at("tuning.optimiser", text.rstrip(".").replace(repr(name), shown(name)))
+        OptimiserSettings(name)
+    except ArgumentError as error:
+        yield at("tuning.optimiser", f"{error.rule}, got {shown(name)}")
 
 
 @rule("tuning.starts", "tuning.screened")
@@ -185,7 +185,7 @@ def _verdict_has_cases_of_its_own(held_out, seed):
 
 @rule("tuning.steps", "tuning.cases", "tuning.fresh_cases")
 def _cases_have_numbers(steps, cases, fresh):
-    if fresh and steps * cases > MOST_CASES:
+    if fresh and steps * cases > MAX_CASES:
         yield at(
-            "tuning.steps", f"must be at most {MOST_CASES} divided by cases = {cases}, got {steps}"
+            "tuning.steps", f"must be at most {MAX_CASES} divided by cases = {cases}, got {steps}"
         )

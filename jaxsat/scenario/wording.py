@@ -2,14 +2,14 @@
 
 import difflib
 import functools
-import re
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from jaxsat.declaration.laws import LAWS
+from jaxsat.errors import ArgumentError
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue, Location, entry_of
 from jaxsat.scenario.laws import known_law, law_names
@@ -18,20 +18,20 @@ from jaxsat.scenario.plugins import PluginError, known_part
 from jaxsat.scenario.toml_text import toml_value
 from jaxsat.text import clean
 
-LONGEST_SHOWN = 60
-LONGEST_VECTOR = 4
+MAX_SHOWN_LENGTH = 60
+MAX_VECTOR_LENGTH = 4
 """Entries of a list whose length is fixed; longer ones may have any number up to theirs."""
 
 
 def shown(value: Any) -> str:
     """A value as it stands in the file, shortened."""
-    return clean(toml_value(value), LONGEST_SHOWN)
+    return clean(toml_value(value), MAX_SHOWN_LENGTH)
 
 
 def suggestion(word: str, choices: Iterable[str]) -> str:
     """`, did you mean …?` for the choice closest to a misspelt word, or nothing."""
     choices = list(choices)
-    if len(word) > LONGEST_SHOWN:
+    if len(word) > MAX_SHOWN_LENGTH:
         return ""
     close = [choice for choice in choices if len(word) > 2 and choice.startswith(word)]
     close = close or difflib.get_close_matches(word.lower(), choices, 1, 0.6)
@@ -118,12 +118,11 @@ def issue_of(root: type[BaseModel], data: Any, error: Mapping[str, Any]) -> Issu
     if kind == "extra_forbidden":
         return Issue(location, _unknown_key(root, data, location))
     if kind == "literal_error":
-        choices = re.findall(r"'([^']*)'", bounds["expected"])
-        return Issue(location, _choice_message(value, choices))
+        return Issue(location, _choice_message(value, _choices(root, data, location)))
     if kind == "value_error" and isinstance(bounds["error"], PluginError):
         return Issue((*location, bounds["error"].key), str(bounds["error"]))
     if kind == "value_error":
-        return Issue(location, from_core(str(bounds["error"]), value))
+        return Issue(location, refusal_text(bounds["error"], value))
     unit = _unit(root, data, location)
     if missing:
         return Issue(location, f"must be given{unit and f' in {unit}'}, got nothing", (), True)
@@ -192,15 +191,26 @@ def _rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str | None:
 def _length_rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str:
     wanted = bounds["min_length"] if kind == "too_short" else bounds["max_length"]
     of = f" in {unit}" if unit else ""
-    if kind == "too_long" and wanted > LONGEST_VECTOR:
+    if kind == "too_long" and wanted > MAX_VECTOR_LENGTH:
         return f"have at most {wanted} entries{of}"
     return f"have {'at least 1 entry' if wanted == 1 else f'{wanted} entries'}{of}"
 
 
-def _unit(root: type[BaseModel], data: Any, location: Location) -> str:
+def _field(root: type[BaseModel], data: Any, location: Location) -> FieldInfo | None:
     names = tuple(part for part in location if isinstance(part, str))
     table = table_at(root, data, names[:-1])
-    field = table.model_fields.get(names[-1]) if table and names else None
+    return table.model_fields.get(names[-1]) if table and names else None
+
+
+def _choices(root: type[BaseModel], data: Any, location: Location) -> list[str]:
+    """The texts that the key of a location may be."""
+    field = _field(root, data, location)
+    kinds = [] if field is None else [field.annotation, *get_args(field.annotation)]
+    return [text for kind in kinds if get_origin(kind) is Literal for text in get_args(kind)]
+
+
+def _unit(root: type[BaseModel], data: Any, location: Location) -> str:
+    field = _field(root, data, location)
     extra = field.json_schema_extra if field else None
     unit = extra.get("unit") if isinstance(extra, dict) else None
     return unit if isinstance(unit, str) and unit != "1" else ""
@@ -216,11 +226,9 @@ def _listed(choices: Iterable[str]) -> str:
     return ", ".join(f'"{choice}"' for choice in choices)
 
 
-def from_core(text: str, value: Any) -> str:
-    """A message of jaxsat's own constructors, without the name of their argument."""
-    text = re.sub(r"^Argument `\w+` ", "", text).rstrip(".")
-    text = text.replace(", but got ", ", got ").replace(", but ", ", got one where ")
-    return text if value is None or ", got " in text else f"{text}, got {shown(value)}"
+def refusal_text(error: ArgumentError, value: Any) -> str:
+    """What a validator or a constructor refuses about the value of a key."""
+    return f"{error.rule}, got {shown(value) if error.got is None else error.got}"
 
 
 def _unknown_key(root: type[BaseModel], data: Any, location: Location) -> str:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.metrics import Since, Tolerances, excess
+from jaxsat.metrics import SettlingTracker, Tolerances, excess
 
 CHECKS = 4
 """Equal parts of a step at whose ends a run is monitored."""
@@ -89,7 +89,7 @@ class EntryBracket(NamedTuple):
 class MonitorRecord(NamedTuple):
     """What a monitor has seen up to the end of the last step."""
 
-    since: tuple[Since, ...]
+    since: tuple[SettlingTracker, ...]
     entries: tuple[EntryBracket, ...]
     rate: Float[Array, " m"]
     integral: Float[Array, " m"]
@@ -155,7 +155,7 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
         t0 = jnp.asarray(t0)
         seen = self.monitor(*stop_gradient((t0, y0)))
         never = EntryBracket(t0, t0, dense, t0 + jnp.inf, t0 + jnp.inf)
-        since = tuple(Since.begun(t0, len(x)).looked(t0, x) for x in seen.excess)
+        since = tuple(SettlingTracker.initial(t0, len(x)).observe(t0, x) for x in seen.excess)
         record = MonitorRecord(since, (never,) * len(since), seen.rate, jnp.zeros_like(seen.rate))
         return MonitoredState(inner, record)
 
@@ -178,7 +178,7 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
                 enters = jnp.any(since.excess >= 0) & jnp.all(now < 0)
                 here = EntryBracket(t0, t1, dense, fraction - 1 / CHECKS, fraction)
                 entry = jax.tree.map(lambda x, y, e=enters: jnp.where(e, x, y), here, entry)
-                since = since.looked(time, now)
+                since = since.observe(time, now)
             groups.append((since, entry))
         rates = jnp.concatenate([record.rate[None], samples.rate])
         weights = jnp.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12.0  # Simpson's
@@ -190,7 +190,7 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
         t = t0 + fraction * (t1 - t0)
         return self.monitor(t, self.interpolation_cls(t0=t0, t1=t1, **dense).evaluate(t))
 
-    def since(self, record: MonitorRecord, group: int) -> Since:
+    def since(self, record: MonitorRecord, group: int) -> SettlingTracker:
         """Since when a group's conditions hold, the instant located on the dense output."""
         since, entry = record.since[group], record.entries[group]
         never = jnp.isinf(entry.low)
@@ -218,13 +218,15 @@ def effort_rate(
 
 def assessment(
     plant: RigidBody,
-    since: tuple[Since, Since],
+    since: tuple[SettlingTracker, SettlingTracker],
     integral: Float[Array, " m"],
     times: Float[Array, " times"],
     success: Bool[Array, ""],
 ) -> Assessment:
     """What a run from `times[0]` to `times[-1]` (s) was, from what was seen of it."""
-    settled, rest = (jnp.where(success, x.settled(times[-1], times[0]), jnp.inf) for x in since)
+    settled, rest = (
+        jnp.where(success, tracker.settling_time(times[-1], times[0]), jnp.inf) for tracker in since
+    )
     integral = jnp.where(success, integral, jnp.nan)
     return Assessment(settled, rest, integral[:3], integral[3] if plant.third_rate_held else None)
 

@@ -5,14 +5,14 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
-from jaxsat.ranges import MOST_FIXED_STEPS
+from jaxsat.ranges import MAX_FIXED_STEPS
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
 from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
 
 ADAPTIVE_MAX_STEPS = 2**17
 """Many times what a sound run needs; a law that slides on a corner uses them up in seconds."""
 
-SMALLEST_STEP = 1e-10
+MIN_STEP = 1e-10
 """Seconds. Far below anything a law resolves, and far above the rounding of a time of 1000 s."""
 
 
@@ -55,7 +55,7 @@ def fixed(step: float, solver: diffrax.AbstractSolver | None = None) -> Method:
     """Equal steps of `step` seconds; the default solver is Dopri5."""
     require_positive("step", step)
     return Method(
-        solver or diffrax.Dopri5(), diffrax.ConstantStepSize(), as_float(step), MOST_FIXED_STEPS
+        solver or diffrax.Dopri5(), diffrax.ConstantStepSize(), as_float(step), MAX_FIXED_STEPS
     )
 
 
@@ -67,7 +67,7 @@ def default_method(loop: AbstractLoop) -> Method:
     their steps from their own period.
     """
     if isinstance(loop, ErrorCoordinateLoop):
-        return adaptive(min_step=SMALLEST_STEP)
+        return adaptive(min_step=MIN_STEP)
     if isinstance(loop, ContinuousLoop) and not loop.controller.is_smooth():
-        return adaptive(min_step=SMALLEST_STEP)
+        return adaptive(min_step=MIN_STEP)
     return fixed(0.01, diffrax.Dopri8())

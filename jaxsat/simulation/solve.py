@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from jaxsat.checks import as_float, concrete
 from jaxsat.dynamics import PlantState
-from jaxsat.metrics import Since, Tolerances
+from jaxsat.metrics import SettlingTracker, Tolerances
 from jaxsat.ranges import STATE_LIMIT
 from jaxsat.simulation.assessment import (
     Monitor,
@@ -189,14 +189,14 @@ def run_samples(
 class _SampledRecord(NamedTuple):
     """What is recorded of a sampled run: settled and at rest since when, ∫|T| (N m s)."""
 
-    settled: Since
-    rest: Since
+    settled: SettlingTracker
+    rest: SettlingTracker
     integral: Float[Array, " m"]
 
     def at(self, t, observed: Observation, tolerances: Tolerances) -> "_SampledRecord":
         """With one more observation."""
-        settled = self.settled.looked(t, observed.excess(tolerances))
-        rest = self.rest.looked(t, observed.rest_excess(tolerances))
+        settled = self.settled.observe(t, observed.excess(tolerances))
+        rest = self.rest.observe(t, observed.rest_excess(tolerances))
         return _SampledRecord(settled, rest, self.integral)
 
 
@@ -206,7 +206,9 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances
         return _over_hold(loop, solver, t, state, hold, record, tolerances)
 
     nothing = effort_rate(loop.plant, times[0], start, jnp.zeros_like(start.omega)) * 0
-    record = _SampledRecord(Since.begun(times[0], 3), Since.begun(times[0], 1), nothing)
+    record = _SampledRecord(
+        SettlingTracker.initial(times[0], 3), SettlingTracker.initial(times[0], 1), nothing
+    )
     record = record.at(times[0], Observation.of(loop.plant, start), tolerances)
     state, record, code, signals = run_samples(
         loop, start, samples, integrate, stop_gradient(record), limit, times[0]

@@ -2,63 +2,76 @@
 
 from jaxsat.tuning.aggregates import (
     AbstractAggregate,
-    Judged,
+    ConditionalValueAtRisk,
+    LossGradient,
     Mean,
     Objective,
     Quantile,
-    Tail,
-    TailMean,
-    Worst,
+    TailCompression,
+    WorstCase,
+)
+from jaxsat.tuning.cost_evaluator import (
+    CaseGradients,
+    CaseWithGains,
+    CostEvaluator,
+    GradientMethod,
+    TrajectoryCounter,
+    WithGains,
 )
 from jaxsat.tuning.descent import (
+    DescentProgress,
     DescentState,
-    Report,
     StepRecord,
     ValidationRecord,
-    advance,
-    begin,
     descend,
+    descent_step,
+    initial_state,
 )
-from jaxsat.tuning.optimisers import Descent
+from jaxsat.tuning.optimisers import OptimiserSettings
 from jaxsat.tuning.parameters import Parameter, SearchSpace
-from jaxsat.tuning.plan import Settings, TuningPlan
-from jaxsat.tuning.receipt import Comparison, Receipt, compare, make_receipt
-from jaxsat.tuning.trials import CaseWithGains, Counter, GradientMethod, Slopes, Trials, WithGains
-from jaxsat.tuning.verdict import Judgement, Verdict, judge, make_verdict, mean_interval
+from jaxsat.tuning.plan import TuningPlan, TuningSettings
+from jaxsat.tuning.receipt import GradientCheck, Receipt, check_gradients, make_receipt
+from jaxsat.tuning.verdict import (
+    GainEvaluation,
+    TuningVerdict,
+    evaluate_gains,
+    make_verdict,
+    mean_interval,
+)
 
 __all__ = [
     "AbstractAggregate",
+    "CaseGradients",
     "CaseWithGains",
-    "Comparison",
-    "Counter",
-    "Descent",
+    "ConditionalValueAtRisk",
+    "CostEvaluator",
+    "DescentProgress",
     "DescentState",
+    "GainEvaluation",
+    "GradientCheck",
     "GradientMethod",
-    "Judged",
-    "Judgement",
+    "LossGradient",
     "Mean",
     "Objective",
+    "OptimiserSettings",
     "Parameter",
     "Quantile",
     "Receipt",
-    "Report",
     "SearchSpace",
-    "Settings",
-    "Slopes",
     "StepRecord",
-    "Tail",
-    "TailMean",
-    "Trials",
+    "TailCompression",
+    "TrajectoryCounter",
     "TuningPlan",
+    "TuningSettings",
+    "TuningVerdict",
     "ValidationRecord",
-    "Verdict",
     "WithGains",
-    "Worst",
-    "advance",
-    "begin",
-    "compare",
+    "WorstCase",
+    "check_gradients",
     "descend",
-    "judge",
+    "descent_step",
+    "evaluate_gains",
+    "initial_state",
     "make_receipt",
     "make_verdict",
     "mean_interval",

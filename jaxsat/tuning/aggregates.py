@@ -36,7 +36,7 @@ class Mean(AbstractAggregate):
 
 
 @dataclass(frozen=True)
-class TailMean(AbstractAggregate):
+class ConditionalValueAtRisk(AbstractAggregate):
     """The mean of the worst part 1 - α of the cases: conditional value at risk, CVaR(α).
 
     R. T. Rockafellar, S. Uryasev, J. Risk 2, 2000.
@@ -71,7 +71,7 @@ class Quantile(AbstractAggregate):
 
 
 @dataclass(frozen=True)
-class Worst(AbstractAggregate):
+class WorstCase(AbstractAggregate):
     """The largest cost."""
 
     def weights(self, costs: Costs) -> Costs:
@@ -80,7 +80,7 @@ class Worst(AbstractAggregate):
 
 
 @dataclass(frozen=True)
-class Tail:
+class TailCompression:
     """A cost that counts as it is, or, with a `scale`, as scale · log(1 + cost/scale)."""
 
     scale: float | None = None
@@ -98,7 +98,7 @@ class Tail:
         return np.ones_like(costs) if self.scale is None else 1 / (1 + costs / self.scale)
 
 
-class Judged(NamedTuple):
+class LossGradient(NamedTuple):
     """A loss with its gradient, and how many cases were masked or bounded to get it."""
 
     loss: float
@@ -116,7 +116,7 @@ class Objective:
     """
 
     aggregate: AbstractAggregate
-    tail: Tail = Tail()
+    tail: TailCompression = TailCompression()
     case_bound: float = 10.0
 
     def __post_init__(self):
@@ -128,13 +128,15 @@ class Objective:
         known = costs[np.isfinite(costs)]
         return self.aggregate(self.tail(known)) if len(known) else float("inf")
 
-    def judged(self, costs: Costs, derivatives: Float[np.ndarray, "cases parameters"]) -> Judged:
+    def loss_gradient(
+        self, costs: Costs, derivatives: Float[np.ndarray, "cases parameters"]
+    ) -> LossGradient:
         """Loss and gradient. Cases without a finite cost or derivative are masked, and counted."""
         finite = _all_finite(costs, derivatives)
         masked = int((~finite).sum())
         costs, derivatives = costs[finite], derivatives[finite]
         if not len(costs):
-            return Judged(float("inf"), np.zeros(derivatives.shape[1]), masked, 0)
+            return LossGradient(float("inf"), np.zeros(derivatives.shape[1]), masked, 0)
         seen = self.tail(costs)
         derivatives = self.tail.slope(costs)[:, None] * derivatives
         lengths = np.linalg.norm(derivatives, axis=1)
@@ -143,7 +145,7 @@ class Objective:
         scale = np.where(excess, bound / np.where(excess, lengths, 1.0), 1.0)
         weights = self.aggregate.weights(seen)
         gradient = (weights * scale) @ derivatives
-        return Judged(float(np.sum(weights * seen)), gradient, masked, int(excess.sum()))
+        return LossGradient(float(np.sum(weights * seen)), gradient, masked, int(excess.sum()))
 
 
 def _all_finite(costs: Costs, derivatives: np.ndarray) -> Bool[np.ndarray, " cases"]:

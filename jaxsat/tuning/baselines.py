@@ -11,7 +11,7 @@ gradients see the exact law.
 
 import contextlib
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -21,19 +21,19 @@ from jaxtyping import Float
 
 from jaxsat.tuning.descent import DescentState
 from jaxsat.tuning.plan import TuningPlan
-from jaxsat.tuning.verdict import Judgement, judge
+from jaxsat.tuning.verdict import GainEvaluation, evaluate_gains
 
 POPULATION = 16
 """Points of random search that are evaluated together."""
 
-SPREAD = 0.25
+INITIAL_DEVIATION = 0.25
 """First standard deviation of CMA-ES, in parts of the bounds' distance in the search."""
 
 GRADIENT_DESCENT = "gradient descent"
 
 
-class Found(NamedTuple):
-    """One method: what it spent, the best point, and the judgement of it.
+class BaselineResult(NamedTuple):
+    """One method: what it spent, the best point, and its evaluation on held-out cases.
 
     `trace` has rows of trajectories spent and the loss on the validation cases of the best point
     so far; `loss` is the last of these. `reached` tells whether that is the target's.
@@ -45,14 +45,14 @@ class Found(NamedTuple):
     reached: bool
     point: Float[np.ndarray, " parameters"]
     trace: Float[np.ndarray, "points 2"]
-    judgement: Judgement
+    evaluation: GainEvaluation
 
 
-class _Ended(Exception):
+class _BudgetSpent(Exception):
     """The budget is spent, or the target reached."""
 
 
-class _Best(NamedTuple):
+class _BestPoint(NamedTuple):
     """A point that was the best on the validation cases when `spent` had been spent."""
 
     spent: float
@@ -69,9 +69,9 @@ class _Search:
     fresh: bool = False
     spent: float = 0.0
     rounds: int = 0
-    unchecked: float = 0.0
-    leader: tuple[float, np.ndarray] | None = None
-    best: list[_Best] = field(default_factory=list)
+    spent_since_check: float = 0.0
+    best_in_training: tuple[float, np.ndarray] | None = None
+    best: list[_BestPoint] = field(default_factory=list)
 
     @property
     def cases(self) -> int:
@@ -95,49 +95,49 @@ class _Search:
         """Loss and gradient of the smooth law at one point."""
         found = self.plan.smooth.differentiate(point[None], self._round(1 + self.plan.space.size))
         costs = np.asarray(found.outputs.cost)[0]
-        judged = self.plan.settings.objective.judged(costs, found.derivatives[0])
-        self._note(point, judged.loss)
-        return judged.loss, judged.gradient
+        result = self.plan.settings.objective.loss_gradient(costs, found.derivatives[0])
+        self._note(point, result.loss)
+        return result.loss, result.gradient
 
     def check_if_due(self, point: np.ndarray | None = None) -> None:
-        """Check a point, or the leader in training, if enough was spent since the last check."""
-        if self.unchecked >= self.plan.settings.validation_cases:
+        """Check a point, or the best in training, if enough was spent since the last check."""
+        if self.spent_since_check >= self.plan.settings.validation_cases:
             self.check(point)
 
     def check(self, point: np.ndarray | None = None) -> None:
-        """Judge a point, or the leader in training since it was last judged."""
+        """Validate a point, or the best in training since the last check."""
         if point is None:
-            if self.leader is None:
+            if self.best_in_training is None:
                 return
-            point = self.leader[1]
+            point = self.best_in_training[1]
         numbers, objective = self.plan.settings.validation(), self.plan.settings.objective
         costs = np.asarray(self.plan.exact.evaluate(point[None], numbers).cost)[0]
         loss = objective.value(costs)
         self.spent += len(numbers)
-        self.unchecked = 0.0
+        self.spent_since_check = 0.0
         if not self.best or loss < self.best[-1].loss:
-            self.best.append(_Best(self.spent, loss, point.copy()))
+            self.best.append(_BestPoint(self.spent, loss, point.copy()))
         if self.plan.settings.reached(self.best[-1].loss):
-            raise _Ended
+            raise _BudgetSpent
 
     def _round(self, runs: int) -> np.ndarray:
         """Pays for runs of all cases of a round, and gives their numbers."""
         if runs * self.cases > self.left:
-            raise _Ended
+            raise _BudgetSpent
         self.spent += runs * self.cases
-        self.unchecked += runs * self.cases
+        self.spent_since_check += runs * self.cases
         first = self.rounds * self.cases if self.fresh else 0
         self.rounds += 1
         return np.arange(first, first + self.cases)
 
     def _note(self, point: np.ndarray, loss: float) -> None:
-        if self.fresh or self.leader is None or loss < self.leader[0]:
-            self.leader = (loss, point.copy())
+        if self.fresh or self.best_in_training is None or loss < self.best_in_training[0]:
+            self.best_in_training = (loss, point.copy())
 
 
 def nelder_mead(search: _Search, start: np.ndarray) -> None:
     """SciPy's simplex from the given gains, within the bounds, begun again when it has shrunk."""
-    low, high = _box(search.plan)
+    low, high = _search_bounds(search.plan)
 
     def loss(point: np.ndarray) -> float:
         found = float(search.losses(point[None])[0])
@@ -145,7 +145,7 @@ def nelder_mead(search: _Search, start: np.ndarray) -> None:
         return found
 
     while True:
-        first = start if search.leader is None else search.leader[1]
+        first = start if search.best_in_training is None else search.best_in_training[1]
         scipy.optimize.minimize(
             loss,
             np.clip(first, low, high),
@@ -171,7 +171,7 @@ def cma_es(search: _Search, start: np.ndarray) -> None:
     """Covariance matrix adaptation, N. Hansen's `cma`, in the unit cube of the bounds."""
     import cma
 
-    low, high = _box(search.plan)
+    low, high = _search_bounds(search.plan)
     options = {
         "bounds": [0.0, 1.0],
         "seed": search.plan.settings.seed + 1,  # zero would mean the clock
@@ -183,7 +183,7 @@ def cma_es(search: _Search, start: np.ndarray) -> None:
     }
     first = np.clip((start - low) / (high - low), 0.0, 1.0)
     while True:
-        strategy = cma.CMAEvolutionStrategy(first, SPREAD, options)
+        strategy = cma.CMAEvolutionStrategy(first, INITIAL_DEVIATION, options)
         while not strategy.stop():
             asked = np.array(strategy.ask())
             losses = search.losses(low + (high - low) * asked)
@@ -196,7 +196,7 @@ def bfgs(search: _Search, start: np.ndarray) -> None:
     """optimistix' BFGS on the smooth law, from the given gains."""
     from jaxsat.tuning.quasi_newton import minimise
 
-    low, high = _box(search.plan)
+    low, high = _search_bounds(search.plan)
 
     def gradient(point: np.ndarray) -> tuple[float, np.ndarray]:
         found = search.gradient(point)
@@ -235,14 +235,14 @@ def run_baselines(
     plan: TuningPlan,
     state: DescentState,
     report: Callable[[str], None] | None = None,
-) -> list[Found]:
-    """Gradient descent as it was and every method whose package is there, all judged alike.
+) -> list[BaselineResult]:
+    """Gradient descent as it was and every method whose package is there, all evaluated alike.
 
     Each may spend what the settings say, or as much as the descent did.
     """
     budget = float(plan.settings.baseline_trajectories or state.trajectories)
     start = plan.space.projected(plan.space.to_search(plan.start[None]))[0]
-    found = [_descended(plan, state)]
+    found = [_descent_result(plan, state)]
     absent = missing_packages()
     for name, method in METHODS.items():
         if method.package in absent:
@@ -250,45 +250,47 @@ def run_baselines(
         if report is not None:
             report(name)
         search = _Search(plan, budget, method.fresh)
-        with contextlib.suppress(_Ended):
+        with contextlib.suppress(_BudgetSpent):
             search.check(start)
-            with contextlib.suppress(_Ended):
+            with contextlib.suppress(_BudgetSpent):
                 method.search(search, start)
             if not plan.settings.reached(search.best[-1].loss):
                 search.check()
-        found.append(_judged(plan, name, search))
+        found.append(_search_result(plan, name, search))
     return found
 
 
-def as_data(found: list[Found]) -> list[dict[str, Any]]:
+def as_data(found: Sequence[BaselineResult]) -> list[dict[str, Any]]:
     """The table's rows as plain data."""
-    from jaxsat.tuning.receipt import plain
+    from jaxsat.tuning.receipt import plain_data
 
-    return [plain({**entry._asdict(), "judgement": entry.judgement.as_data()}) for entry in found]
+    return [
+        plain_data({**entry._asdict(), "evaluation": entry.evaluation.as_data()}) for entry in found
+    ]
 
 
-def _judged(plan: TuningPlan, name: str, search: _Search) -> Found:
+def _search_result(plan: TuningPlan, name: str, search: _Search) -> BaselineResult:
     rows = [(entry.spent, entry.loss) for entry in search.best]
     last = search.best[-1]
     trace = np.array([*rows, (search.spent, last.loss)])
-    return _found(plan, name, search.spent, last.loss, last.point, trace)
+    return _baseline_result(plan, name, search.spent, last.loss, last.point, trace)
 
 
-def _descended(plan: TuningPlan, state: DescentState) -> Found:
+def _descent_result(plan: TuningPlan, state: DescentState) -> BaselineResult:
     trace = np.array([[v.trajectories, v.best_loss] for v in state.validations])
     best = (state.best_loss, state.best_point)
-    return _found(plan, GRADIENT_DESCENT, state.trajectories, *best, trace)
+    return _baseline_result(plan, GRADIENT_DESCENT, state.trajectories, *best, trace)
 
 
-def _found(
+def _baseline_result(
     plan: TuningPlan, name: str, spent: float, loss: float, point: np.ndarray, trace: np.ndarray
-) -> Found:
+) -> BaselineResult:
     numbers = np.arange(plan.settings.held_out_cases)
-    judgement = judge(plan, plan.held_out, point[None], numbers)[0]
-    return Found(name, spent, loss, plan.settings.reached(loss), point, trace, judgement)
+    evaluation = evaluate_gains(plan, plan.held_out, point[None], numbers)[0]
+    return BaselineResult(name, spent, loss, plan.settings.reached(loss), point, trace, evaluation)
 
 
-def _box(plan: TuningPlan) -> tuple[np.ndarray, np.ndarray]:
+def _search_bounds(plan: TuningPlan) -> tuple[np.ndarray, np.ndarray]:
     """The least and largest point of the search."""
     size = plan.space.size
     ends = plan.space.projected(np.array([[-1e3] * size, [1e3] * size]))

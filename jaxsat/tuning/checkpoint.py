@@ -13,8 +13,8 @@ import numpy as np
 
 from jaxsat.results import OutputError, ResumableFolder, machine
 from jaxsat.results.differences import differences
-from jaxsat.tuning.descent import DescentState, StepRecord, ValidationRecord, begin
-from jaxsat.tuning.optimisers import Descent
+from jaxsat.tuning.descent import DescentState, StepRecord, ValidationRecord, initial_state
+from jaxsat.tuning.optimisers import OptimiserSettings
 from jaxsat.tuning.plan import TuningPlan
 
 CHECKPOINT = "checkpoint.npz"
@@ -33,6 +33,10 @@ class TuningFolder:
     may differ.
     """
 
+    path: Path
+    saved_steps: int
+    """Steps of the state that was kept last by this process; 0 for none."""
+
     def __init__(self, path: str | Path, identity: Mapping[str, Any], *, elsewhere: bool = False):
         identity = json.loads(json.dumps(identity))
         self._folder = ResumableFolder(path, "tuning", {"identity": identity})
@@ -44,6 +48,7 @@ class TuningFolder:
                     f"{self.path} holds another run ({'; '.join(other)}); give another folder."
                 )
             self._arrays = self._read(elsewhere)
+            self.saved_steps = 0
         except BaseException:
             self._folder.close()
             raise
@@ -56,9 +61,9 @@ class TuningFolder:
         """Let other processes write."""
         self._folder.__exit__(*exception)
 
-    def is_whole(self, name: str) -> bool:
+    def is_complete(self, name: str) -> bool:
         """Whether a result is there, and every other one that was ever written."""
-        return self._folder.is_whole(name)
+        return self._folder.is_complete(name)
 
     def read(self, name: str) -> bytes | None:
         """A result as it was written; raises `OutputError` for one that was damaged or changed."""
@@ -75,7 +80,7 @@ class TuningFolder:
         Raises `OutputError` for a state that is none of this plan's.
         """
         if self._arrays is None:
-            return begin(plan)
+            return initial_state(plan)
         try:
             state = _from_arrays(plan, self._arrays)
             _check(plan, state)
@@ -90,6 +95,7 @@ class TuningFolder:
         arrays = _to_arrays(state) | {"about": np.array(json.dumps(about))}
         np.savez(buffer, **arrays)  # pyright: ignore
         self.write(CHECKPOINT, buffer.getvalue())
+        self.saved_steps = state.step
 
     def write(self, name: str, content: str | bytes) -> None:
         """Write a file, or replace it, in one step; raises `OutputError`."""
@@ -159,7 +165,7 @@ def _to_arrays(state: DescentState) -> dict[str, np.ndarray]:
 
 
 def _from_arrays(plan: TuningPlan, arrays: Mapping[str, np.ndarray]) -> DescentState:
-    descent: Descent = plan.settings.descent
+    descent: OptimiserSettings = plan.settings.descent
     made = descent.transformation(plan.settings.steps)
     template = jax.vmap(made.init)(jnp.asarray(arrays["points"]))
     structure = jax.tree.structure(template)

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from jaxsat.engine import Outputs
 from jaxsat.simulation import Outcome
-from jaxsat.tuning.optimisers import Descent
+from jaxsat.tuning.optimisers import OptimiserSettings
 from jaxsat.tuning.parameters import Values
 from jaxsat.tuning.plan import TuningPlan
 
@@ -64,7 +64,7 @@ class DescentState:
     validations: list[ValidationRecord] = field(default_factory=list)
 
 
-class Report(NamedTuple):
+class DescentProgress(NamedTuple):
     """What is told while a run descends: the start that is best in training just now."""
 
     step: int
@@ -76,7 +76,7 @@ class Report(NamedTuple):
     starts: int
 
 
-def begin(plan: TuningPlan) -> DescentState:
+def initial_state(plan: TuningPlan) -> DescentState:
     """The first state: the given point and the best of those screened, none of them moved yet."""
     settings, space = plan.settings, plan.space
     own = space.projected(space.to_search(plan.start[None]))
@@ -101,7 +101,7 @@ def begin(plan: TuningPlan) -> DescentState:
     return _validated(plan, state)
 
 
-def advance(plan: TuningPlan, state: DescentState) -> DescentState:
+def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
     """One step of every start that is alive, and a validation where one is due."""
     settings, objective = plan.settings, plan.settings.objective
     numbers = settings.numbers(state.step)
@@ -109,21 +109,22 @@ def advance(plan: TuningPlan, state: DescentState) -> DescentState:
     before = plan.smooth.counter.trajectories
     alive = np.flatnonzero(state.alive)
     found = plan.smooth.differentiate(state.points[alive], numbers, horizon)
-    judged = [
-        objective.judged(*both) for both in zip(found.outputs.cost, found.derivatives, strict=True)
+    per_start = [
+        objective.loss_gradient(*both)
+        for both in zip(found.outputs.cost, found.derivatives, strict=True)
     ]
     gradients = np.zeros_like(state.points)
-    gradients[alive] = [entry.gradient for entry in judged]
+    gradients[alive] = [entry.gradient for entry in per_start]
     points, optimiser = _moved(plan, state, gradients)
     trajectories = state.trajectories + plan.smooth.counter.trajectories - before
     record = StepRecord(
         np.where(state.alive[:, None], state.points, np.nan),
-        _spread(state.alive, [entry.loss for entry in judged]),
+        _spread(state.alive, [entry.loss for entry in per_start]),
         _spread(state.alive, np.linalg.norm(gradients[alive], axis=1)),
         _spread(state.alive, _settled(found.outputs)),
         _counts(state.alive, (found.outputs.code != int(Outcome.SUCCESS)).sum(axis=1)),
-        _counts(state.alive, [entry.masked for entry in judged]),
-        _counts(state.alive, [entry.bounded for entry in judged]),
+        _counts(state.alive, [entry.masked for entry in per_start]),
+        _counts(state.alive, [entry.bounded for entry in per_start]),
         horizon,
         trajectories,
     )
@@ -151,18 +152,18 @@ def descend(
     state: DescentState,
     *,
     keep: Callable[[DescentState], None] | None = None,
-    report: Callable[[Report], None] | None = None,
+    report: Callable[[DescentProgress], None] | None = None,
 ) -> DescentState:
     """Steps, at least one, until all are done or the target is reached; `keep` is called with
     every state, `report` with what to tell."""
     while state.step < plan.settings.steps:
         if state.step and plan.settings.reached(state.best_loss):
             break
-        state = advance(plan, state)
+        state = descent_step(plan, state)
         if keep is not None:
             keep(state)
         if report is not None:
-            report(_report(plan, state))
+            report(_progress(plan, state))
     return state
 
 
@@ -191,7 +192,7 @@ def _validated(plan: TuningPlan, state: DescentState) -> DescentState:
 
 
 @functools.lru_cache(maxsize=32)
-def _transformation(descent: Descent, steps: int):
+def _transformation(descent: OptimiserSettings, steps: int):
     """optax, for all starts beside one another so that each is clipped by itself."""
     made = descent.transformation(steps)
     return jax.vmap(made.init), jax.jit(jax.vmap(made.update))
@@ -230,10 +231,10 @@ def _counts(alive: Bool[np.ndarray, " starts"], values: Any) -> Int[np.ndarray, 
     return everywhere
 
 
-def _report(plan: TuningPlan, state: DescentState) -> Report:
+def _progress(plan: TuningPlan, state: DescentState) -> DescentProgress:
     last = state.steps[-1]
     leader = int(np.nanargmin(last.loss))
-    return Report(
+    return DescentProgress(
         state.step,
         plan.settings.steps,
         float(last.loss[leader]),

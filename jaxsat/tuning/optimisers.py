@@ -6,17 +6,19 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import optax
 
+from jaxsat.errors import ArgumentError
+
 SCHEDULES = ("constant", "cosine", "exponential")
-LAST = 0.05
+FINAL_RATE_FRACTION = 0.05
 """What is left of the learning rate at the end of a schedule that falls."""
 
 
 @dataclass(frozen=True)
-class Descent:
+class OptimiserSettings:
     """An optimiser of optax by its name there, with a learning rate, its schedule and clipping.
 
-    A gradient longer than `clip` is shortened to it. Raises `ValueError` for what is no optimiser
-    of optax, or one that needs more than gradients.
+    A gradient longer than `clip` is shortened to it. Raises `ArgumentError` for what is no
+    optimiser of optax, or one that needs more than gradients.
     """
 
     optimiser: str = "adam"
@@ -27,13 +29,9 @@ class Descent:
     def __post_init__(self):
         for name in ("learning_rate", "clip"):
             if not getattr(self, name) > 0:
-                raise ValueError(
-                    f"Argument `{name}` must be positive, but got {getattr(self, name)}."
-                )
+                raise ArgumentError(name, "must be positive", getattr(self, name))
         if self.schedule not in SCHEDULES:
-            raise ValueError(
-                f"Argument `schedule` must be one of {SCHEDULES}, but got {self.schedule!r}."
-            )
+            raise ArgumentError("schedule", f"must be one of {SCHEDULES}", repr(self.schedule))
         _require_optimiser(self.optimiser)
 
     def transformation(self, steps: int) -> optax.GradientTransformation:
@@ -44,17 +42,19 @@ class Descent:
     def _rate(self, steps: int) -> optax.Schedule:
         rate, steps = self.learning_rate, max(steps, 1)
         if self.schedule == "cosine":
-            return optax.cosine_decay_schedule(rate, steps, alpha=LAST)
+            return optax.cosine_decay_schedule(rate, steps, alpha=FINAL_RATE_FRACTION)
         if self.schedule == "exponential":
-            return optax.exponential_decay(rate, steps, LAST)
+            return optax.exponential_decay(rate, steps, FINAL_RATE_FRACTION)
         return optax.constant_schedule(rate)
 
 
 def _require_optimiser(name: str) -> None:
     made = getattr(optax, name, None)
-    problem = ValueError(
-        "Argument `optimiser` must be an optimiser of optax that needs gradients alone, such as "
-        f"adam, adamw, lion, rmsprop or sgd, but got {name!r}."
+    problem = ArgumentError(
+        "optimiser",
+        "must be an optimiser of optax that needs gradients alone, such as adam, adamw, lion, "
+        "rmsprop or sgd",
+        repr(name),
     )
     if not inspect.isfunction(made) or "learning_rate" not in inspect.signature(made).parameters:
         raise problem

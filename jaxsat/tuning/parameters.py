@@ -13,7 +13,7 @@ SCALES = ("log", "logit")
 AT_BOUND = 0.01
 """Values in the outermost hundredth of their range count as at its end."""
 
-FARTHEST = 12.0
+MAX_LOGIT = 12.0
 """Logits beyond ±this are within 1e-5 of a bound, where they would have no slope left."""
 
 
@@ -58,7 +58,7 @@ class Parameter:
             return np.log(values)
         share = (values - self.low) / (self.high - self.low)
         with np.errstate(divide="ignore"):
-            return np.clip(np.log(share) - np.log1p(-share), -FARTHEST, FARTHEST)
+            return np.clip(np.log(share) - np.log1p(-share), -MAX_LOGIT, MAX_LOGIT)
 
     def to_values(self, points: np.ndarray) -> np.ndarray:
         """From the search to values within the bounds."""
@@ -78,7 +78,7 @@ class Parameter:
         """The nearest points that the search may be at."""
         if self.scale == "log":
             return np.clip(points, np.log(self.low), np.log(self.high))
-        return np.clip(points, -FARTHEST, FARTHEST)
+        return np.clip(points, -MAX_LOGIT, MAX_LOGIT)
 
     def place(self, values: np.ndarray) -> np.ndarray:
         """Where values are between the bounds, 0 to 1, of their logarithms in log scale."""

@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 
 from jaxsat.tuning.aggregates import Mean, Objective
-from jaxsat.tuning.optimisers import Descent
+from jaxsat.tuning.cost_evaluator import CostEvaluator
+from jaxsat.tuning.optimisers import OptimiserSettings
 from jaxsat.tuning.parameters import SearchSpace
-from jaxsat.tuning.trials import Trials
 
-VALIDATION = 2**29
+FIRST_VALIDATION_CASE = 2**29
 """Cases from this number on choose the best iterate; those below it are trained on."""
 
-RECEIPT = VALIDATION + 2**28
+FIRST_RECEIPT_CASE = FIRST_VALIDATION_CASE + 2**28
 """Cases from this number on check the gradients."""
 
 
 @dataclass(frozen=True)
-class Settings:
+class TuningSettings:
     """How a run descends; see `docs/tuning.md`.
 
     `horizons` are numbers of intervals, each used for an equal share of the steps, the last one
@@ -31,7 +31,7 @@ class Settings:
     """
 
     objective: Objective = field(default_factory=lambda: Objective(Mean()))
-    descent: Descent = field(default_factory=Descent)
+    descent: OptimiserSettings = field(default_factory=OptimiserSettings)
     steps: int = 60
     cases: int = 32
     fresh: bool = True
@@ -81,7 +81,7 @@ class Settings:
 
     def validation(self) -> np.ndarray:
         """The cases by which iterates are compared."""
-        return VALIDATION + np.arange(self.validation_cases)
+        return FIRST_VALIDATION_CASE + np.arange(self.validation_cases)
 
     def reached(self, loss: float) -> bool:
         """Whether a loss on the validation cases is the target's."""
@@ -108,12 +108,12 @@ class TuningPlan:
 
     space: SearchSpace
     start: np.ndarray
-    smooth: Trials
-    exact: Trials
-    refined: Trials
-    held_out: Trials
-    trained_on: Trials
-    settings: Settings
+    smooth: CostEvaluator
+    exact: CostEvaluator
+    refined: CostEvaluator
+    held_out: CostEvaluator
+    trained_on: CostEvaluator
+    settings: TuningSettings
     widths: Mapping[str, float] = field(default_factory=dict)
     description: Mapping[str, Any] = field(default_factory=dict)
     remark: str | None = None

@@ -12,24 +12,24 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.simulation import Outcome
+from jaxsat.tuning.cost_evaluator import CostEvaluator
 from jaxsat.tuning.descent import DescentState
-from jaxsat.tuning.plan import RECEIPT, TuningPlan
-from jaxsat.tuning.trials import Trials
+from jaxsat.tuning.plan import FIRST_RECEIPT_CASE, TuningPlan
 
-DIFFERENCES = (1e-2, 1e-3, 1e-4, 1e-5)
+HALF_WIDTHS = (1e-2, 1e-3, 1e-4, 1e-5)
 """Half widths of the central differences, along the search."""
 
-FAR = 1e3
+BEYOND_BOUNDS = 1e3
 """Beyond any bound of a search."""
 
-TRUSTED = 0.01
+MAX_RELATIVE_ERROR = 0.01
 """Largest relative error of a derivative that is trusted."""
 
-SMALL = 0.01
-"""A derivative below this part of the largest is judged by that part: it moves nothing."""
+DERIVATIVE_FLOOR = 0.01
+"""The error of a derivative below this part of the largest is relative to that part."""
 
 
-class Comparison(NamedTuple):
+class GradientCheck(NamedTuple):
     """Derivatives of the mean cost at one point by both ways, one entry for each number tuned.
 
     `step` is the half width whose difference agrees best, `error` how well, relative to the
@@ -47,7 +47,7 @@ class Comparison(NamedTuple):
     @property
     def trusted(self) -> bool:
         """Whether every derivative is within one percent."""
-        return self.cases > 0 and bool(np.all(self.error <= TRUSTED))
+        return self.cases > 0 and bool(np.all(self.error <= MAX_RELATIVE_ERROR))
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ class Receipt:
     """What a run rests on; `problems` are sentences for a person, none where all is well."""
 
     labels: tuple[str, ...]
-    start: Comparison
-    end: Comparison
-    exact_start: Comparison
-    exact_end: Comparison
+    start: GradientCheck
+    end: GradientCheck
+    exact_start: GradientCheck
+    exact_end: GradientCheck
     widths: dict[str, float]
     smoothing_bias: float
     largest_smoothing_bias: float
@@ -77,7 +77,7 @@ class Receipt:
             if not comparison.cases:
                 found.append(f"at the {place} no case reached its end, so nothing is known")
             for label, error in zip(self.labels, comparison.error, strict=True):
-                if comparison.cases and not error <= TRUSTED:
+                if comparison.cases and not error <= MAX_RELATIVE_ERROR:
                     found.append(
                         f"at the {place} the derivative by {label} is {error:.1%} off the best "
                         "central difference"
@@ -91,21 +91,21 @@ class Receipt:
             for name in ("start", "end", "exact_start", "exact_end")
         }
         rest = {k: v for k, v in vars(self).items() if k not in compared}
-        return plain({**rest, **compared, "problems": self.problems})
+        return plain_data({**rest, **compared, "problems": self.problems})
 
 
 def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
     """Compare at the first point of the run and at the best one."""
     first, best = state.validations[0].best_point, state.best_point
-    numbers = RECEIPT + np.arange(plan.settings.receipt_cases)
-    compared = [compare(plan.smooth, point, numbers) for point in (first, best)]
+    numbers = FIRST_RECEIPT_CASE + np.arange(plan.settings.receipt_cases)
+    compared = [check_gradients(plan.smooth, point, numbers) for point in (first, best)]
     if plan.widths:
-        compared += [compare(plan.exact, point, numbers) for point in (first, best)]
+        compared += [check_gradients(plan.exact, point, numbers) for point in (first, best)]
     else:
         compared += compared
     smooth, exact, refined = (
-        np.asarray(trials.evaluate(np.stack([first, best]), numbers).cost)
-        for trials in (plan.smooth, plan.exact, plan.refined)
+        np.asarray(evaluator.evaluate(np.stack([first, best]), numbers).cost)
+        for evaluator in (plan.smooth, plan.exact, plan.refined)
     )
     bias = _relative(smooth, exact)
     steps = _relative(smooth, refined)
@@ -126,21 +126,21 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
     )
 
 
-def compare(
-    trials: Trials, point: Float[np.ndarray, " parameters"], numbers: np.ndarray
-) -> Comparison:
-    """Derivatives of the mean cost at a point, by the trials' way and by central differences.
+def check_gradients(
+    evaluator: CostEvaluator, point: Float[np.ndarray, " parameters"], numbers: np.ndarray
+) -> GradientCheck:
+    """Derivatives of the mean cost at a point, by the evaluator and by central differences.
 
     A point at a bound is moved inside by the largest half width, so that both sides are there.
     """
-    size, space = len(point), trials.space
-    low, high = space.projected(np.array([[-FAR] * size, [FAR] * size]))
-    margin = max(DIFFERENCES)
+    size, space = len(point), evaluator.space
+    low, high = space.projected(np.array([[-BEYOND_BOUNDS] * size, [BEYOND_BOUNDS] * size]))
+    margin = max(HALF_WIDTHS)
     point = np.clip(point, low + margin, high - margin)
-    shifts = np.array(DIFFERENCES)[:, None, None] * np.eye(size)[None]
+    shifts = np.array(HALF_WIDTHS)[:, None, None] * np.eye(size)[None]
     shifted = np.concatenate([point + shifts, point - shifts]).reshape(-1, size)
-    around = trials.evaluate(shifted, numbers)
-    slopes = trials.differentiate(point[None], numbers)
+    around = evaluator.evaluate(shifted, numbers)
+    slopes = evaluator.differentiate(point[None], numbers)
     good = (
         np.all(around.code == int(Outcome.SUCCESS), axis=0)
         & (slopes.outputs.code[0] == int(Outcome.SUCCESS))
@@ -149,37 +149,37 @@ def compare(
     left_out = int((~good).sum())
     if not good.any():
         nothing = np.full(size, np.nan)
-        return Comparison(nothing, nothing, nothing, nothing, 0, left_out)
-    means = np.asarray(around.cost)[:, good].mean(axis=1).reshape(2, len(DIFFERENCES), size)
-    differences = (means[0] - means[1]) / (2 * np.array(DIFFERENCES)[:, None])
+        return GradientCheck(nothing, nothing, nothing, nothing, 0, left_out)
+    means = np.asarray(around.cost)[:, good].mean(axis=1).reshape(2, len(HALF_WIDTHS), size)
+    differences = (means[0] - means[1]) / (2 * np.array(HALF_WIDTHS)[:, None])
     automatic = slopes.derivatives[0][good].mean(axis=0)
-    floor = SMALL * np.abs(differences).max(axis=1, keepdims=True)
+    floor = DERIVATIVE_FLOOR * np.abs(differences).max(axis=1, keepdims=True)
     scale = np.maximum(np.maximum(np.abs(differences), floor), np.finfo(float).tiny)
     errors = np.abs(automatic - differences) / scale
     best = np.argmin(errors, axis=0)
     columns = np.arange(size)
-    return Comparison(
+    return GradientCheck(
         automatic,
         differences[best, columns],
-        np.array(DIFFERENCES)[best],
+        np.array(HALF_WIDTHS)[best],
         errors[best, columns],
         int(good.sum()),
         left_out,
     )
 
 
-def plain(value: Any) -> Any:
+def plain_data(value: Any) -> Any:
     """Nested results as plain data for JSON; numbers that are not finite become None."""
     if isinstance(value, dict):
-        return {str(key): plain(entry) for key, entry in value.items()}
+        return {str(key): plain_data(entry) for key, entry in value.items()}
     if hasattr(value, "_asdict"):
-        return plain(value._asdict())
+        return plain_data(value._asdict())
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return plain_data(value.tolist())
     if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
+        return [plain_data(entry) for entry in value]
     if isinstance(value, np.generic):
-        return plain(value.item())
+        return plain_data(value.item())
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value

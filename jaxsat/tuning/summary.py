@@ -4,16 +4,16 @@ from collections.abc import Sequence
 
 from jaxsat.montecarlo import Interval, ends_text
 from jaxsat.text import markdown
-from jaxsat.tuning.baselines import Found, missing_packages
-from jaxsat.tuning.receipt import Comparison, Receipt
-from jaxsat.tuning.verdict import Judgement, Verdict
+from jaxsat.tuning.baselines import BaselineResult, missing_packages
+from jaxsat.tuning.receipt import GradientCheck, Receipt
+from jaxsat.tuning.verdict import GainEvaluation, TuningVerdict
 
-DOMINATES = 0.5
+DOMINANT_FRACTION = 0.5
 """Part of the cost from which on it is told where it comes from."""
 
 
 def summary_page(
-    title: str, receipt: Receipt, verdict: Verdict, baselines: Sequence[Found] = ()
+    title: str, receipt: Receipt, verdict: TuningVerdict, baselines: Sequence[BaselineResult] = ()
 ) -> str:
     """Markdown: distrust first if there is reason for it, then gains, verdict and receipt."""
     blocks = [f"# Tuning: {markdown(title)}", *_warnings(receipt, verdict)]
@@ -29,7 +29,7 @@ def summary_page(
     return "\n\n".join(blocks) + "\n"
 
 
-def _warnings(receipt: Receipt, verdict: Verdict) -> list[str]:
+def _warnings(receipt: Receipt, verdict: TuningVerdict) -> list[str]:
     found = []
     if receipt.problems:
         reasons = "; ".join(receipt.problems)
@@ -42,7 +42,7 @@ def _warnings(receipt: Receipt, verdict: Verdict) -> list[str]:
             f"**Gains are at their bounds:** {listed}. What is best may lie beyond them; see "
             "[tuning.parameters]."
         )
-    if verdict.singular is not None and verdict.singular > DOMINATES:
+    if verdict.singular is not None and verdict.singular > DOMINANT_FRACTION:
         found.append(
             f"**The cost is dominated by the singularity of (w, z):** {verdict.singular:.1%} of it "
             "on held-out cases is what |w|, which has no bound upside down, and z, which counts "
@@ -51,7 +51,7 @@ def _warnings(receipt: Receipt, verdict: Verdict) -> list[str]:
     return found
 
 
-def _gains(verdict: Verdict) -> str:
+def _gains(verdict: TuningVerdict) -> str:
     rows = zip(verdict.labels, verdict.gains_before, verdict.gains_after, strict=True)
     return _table(
         ["gain", "before", "after"],
@@ -59,7 +59,7 @@ def _gains(verdict: Verdict) -> str:
     )
 
 
-def _verdict(verdict: Verdict) -> str:
+def _verdict(verdict: TuningVerdict) -> str:
     columns = {
         "held out, before": verdict.before,
         "held out, after": verdict.after,
@@ -84,7 +84,7 @@ def _verdict(verdict: Verdict) -> str:
     return _table(["", *columns], rows) + "\n\nIntervals are of 95 %."
 
 
-def _conclusion(verdict: Verdict) -> str:
+def _conclusion(verdict: TuningVerdict) -> str:
     better = verdict.better
     unsure = ", which does not exclude zero" if better.low <= 0 <= better.high else ""
     return (
@@ -94,20 +94,20 @@ def _conclusion(verdict: Verdict) -> str:
     )
 
 
-def _baselines(found: Sequence[Found]) -> str:
+def _baselines(found: Sequence[BaselineResult]) -> str:
     rows = []
     for entry in found:
-        summary = entry.judgement.summary
+        summary = entry.evaluation.summary
         rows.append(
             [
                 entry.method,
                 f"{entry.trajectories:.0f}{' (target reached)' if entry.reached else ''}",
                 f"{entry.loss:.5g}",
-                f"{entry.judgement.loss:.5g}",
-                _number(entry.judgement.cost),
+                f"{entry.evaluation.loss:.5g}",
+                _number(entry.evaluation.cost),
                 _percent(summary.settled),
-                _percent(entry.judgement.failed),
-                _alarm(entry.judgement),
+                _percent(entry.evaluation.failed),
+                _alarm(entry.evaluation),
             ]
         )
     head = ["method", "trajectories", "objective on validation", "objective held out"]
@@ -143,7 +143,7 @@ def _receipt(receipt: Receipt) -> list[str]:
     return blocks
 
 
-def _compared(place: str, receipt: Receipt, entry: Comparison) -> list[list[str]]:
+def _compared(place: str, receipt: Receipt, entry: GradientCheck) -> list[list[str]]:
     columns = (entry.automatic, entry.difference, entry.step, entry.error)
     return [
         [
@@ -176,5 +176,5 @@ def _at(percentiles: dict[float, Interval], percent: float) -> str:
     return _number(percentiles[percent]) if percent in percentiles else "-"
 
 
-def _alarm(judgement: Judgement) -> str:
-    return "-" if judgement.alarming is None else _percent(judgement.alarming)
+def _alarm(evaluation: GainEvaluation) -> str:
+    return "-" if evaluation.alarming is None else _percent(evaluation.alarming)

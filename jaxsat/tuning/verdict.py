@@ -12,15 +12,15 @@ from jaxtyping import Float
 from jaxsat.engine import Outputs
 from jaxsat.montecarlo import LEVEL, Interval, Summary, summarise, wilson
 from jaxsat.simulation import Outcome
+from jaxsat.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
 from jaxsat.tuning.plan import TuningPlan
-from jaxsat.tuning.receipt import plain
-from jaxsat.tuning.trials import Counter, Trials
+from jaxsat.tuning.receipt import plain_data
 
 BLOCK = 8192
 """Cases evaluated at a time."""
 
 
-class Judgement(NamedTuple):
+class GainEvaluation(NamedTuple):
     """The exact law at one set of gains on one set of cases.
 
     `cost` is the mean plain cost of the cases that reached their end, `failed` the fraction of the
@@ -49,11 +49,11 @@ class Judgement(NamedTuple):
             "alarming": self.alarming,
             "loss": self.loss,
         }
-        return plain(found)
+        return plain_data(found)
 
 
 @dataclass(frozen=True)
-class Verdict:
+class TuningVerdict:
     """Before and after on held-out cases and on those of the training's seed.
 
     `better` is the mean difference of costs, before less after, of the held-out cases that reach
@@ -65,10 +65,10 @@ class Verdict:
     labels: tuple[str, ...]
     gains_before: Float[np.ndarray, " parameters"]
     gains_after: Float[np.ndarray, " parameters"]
-    before: Judgement
-    after: Judgement
-    trained_before: Judgement
-    trained_after: Judgement
+    before: GainEvaluation
+    after: GainEvaluation
+    trained_before: GainEvaluation
+    trained_after: GainEvaluation
     better: Interval
     at_bounds: Mapping[str, float]
     singular: float | None
@@ -87,26 +87,26 @@ class Verdict:
                 self.labels, self.gains_before, self.gains_after, strict=True
             )
         }
-        judged = {
+        evaluations = {
             name: getattr(self, name).as_data()
             for name in ("before", "after", "trained_before", "trained_after")
         }
         rest = {"better": self.better, "overfitting": self.overfitting}
         found = {"at_bounds": dict(self.at_bounds), "singular": self.singular}
-        return plain({"gains": gains, **judged, **rest, **found})
+        return plain_data({"gains": gains, **evaluations, **rest, **found})
 
 
-def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> Verdict:
-    """Judge the gains the scenario had and those of `point`."""
+def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> TuningVerdict:
+    """Evaluate the gains the scenario had and those of `point`."""
     own = plan.space.projected(plan.space.to_search(plan.start))
     points = np.stack([own, point])
     count = plan.settings.held_out_cases
-    before, after = judge(plan, plan.held_out, points, np.arange(count))
+    before, after = evaluate_gains(plan, plan.held_out, points, np.arange(count))
     seen = plan.settings.steps * plan.settings.cases if plan.settings.fresh else plan.settings.cases
-    trained = judge(plan, plan.trained_on, points, np.arange(min(count, seen)))
+    trained = evaluate_gains(plan, plan.trained_on, points, np.arange(min(count, seen)))
     difference = before.columns["cost"] - after.columns["cost"]
     values = plan.space.to_values(points)
-    return Verdict(
+    return TuningVerdict(
         plan.space.labels,
         values[0],
         values[1],
@@ -119,25 +119,25 @@ def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> V
     )
 
 
-def _singular_part(trials: Trials, point: np.ndarray, cost: np.ndarray) -> float | None:
+def _singular_part(evaluator: CostEvaluator, point: np.ndarray, cost: np.ndarray) -> float | None:
     """The part of these costs of cases that a bounded cost of the attitude does not have."""
-    program = trials.program
+    program = evaluator.program
     if program.cost.attitude == "rotation":
         return None
     bounded = dataclasses.replace(program.cost, attitude="rotation")
     program = dataclasses.replace(program, cost=bounded)
-    other = dataclasses.replace(trials, program=program, counter=Counter())
+    other = dataclasses.replace(evaluator, program=program, counter=TrajectoryCounter())
     rotation = _columns(other, point, np.arange(len(cost)))["cost"]
     known = np.isfinite(cost) & np.isfinite(rotation)
     return float(1 - rotation[known].sum() / cost[known].sum()) if cost[known].any() else 0.0
 
 
-def judge(
-    plan: TuningPlan, trials: Trials, points: np.ndarray, numbers: np.ndarray
-) -> list[Judgement]:
+def evaluate_gains(
+    plan: TuningPlan, evaluator: CostEvaluator, points: np.ndarray, numbers: np.ndarray
+) -> list[GainEvaluation]:
     """Every point on the same cases."""
-    columns = [_columns(trials, point, numbers) for point in points]
-    return [_judgement(plan, entry) for entry in columns]
+    columns = [_columns(evaluator, point, numbers) for point in points]
+    return [_evaluation(plan, entry) for entry in columns]
 
 
 def mean_interval(values: np.ndarray, level: float = LEVEL) -> Interval:
@@ -168,9 +168,11 @@ def mean_interval(values: np.ndarray, level: float = LEVEL) -> Interval:
     return Interval(mean, low, high)
 
 
-def _columns(trials: Trials, point: np.ndarray, numbers: np.ndarray) -> dict[str, np.ndarray]:
+def _columns(
+    evaluator: CostEvaluator, point: np.ndarray, numbers: np.ndarray
+) -> dict[str, np.ndarray]:
     blocks = [
-        _kept(trials.evaluate(point[None], numbers[first : first + BLOCK]))
+        _kept(evaluator.evaluate(point[None], numbers[first : first + BLOCK]))
         for first in range(0, len(numbers), BLOCK)
     ]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
@@ -181,11 +183,11 @@ def _kept(outputs: Outputs) -> dict[str, np.ndarray]:
     return {name: np.asarray(getattr(outputs, name))[0] for name in names}
 
 
-def _judgement(plan: TuningPlan, columns: dict[str, np.ndarray]) -> Judgement:
+def _evaluation(plan: TuningPlan, columns: dict[str, np.ndarray]) -> GainEvaluation:
     alarm, cost = plan.settings.alarm, columns["cost"]
     reached = columns["code"] == int(Outcome.SUCCESS)
     count = len(cost)
-    return Judgement(
+    return GainEvaluation(
         summarise(columns),
         mean_interval(cost[reached]),
         wilson(int((~reached).sum()), count),

@@ -10,7 +10,14 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build, build_uncontrolled
-from jaxsat.bounds import Manoeuvre, Objective, Transcription, best_of_starts, fly, manoeuvre_of
+from jaxsat.bounds import (
+    BoundObjective,
+    Manoeuvre,
+    Transcription,
+    best_of_starts,
+    manoeuvre_of,
+    propagate,
+)
 from jaxsat.cli import main
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.environment import AbstractDisturbance
@@ -51,7 +58,7 @@ def planar(angle, rate, limit=5.0):
 
 def test_rest_to_rest_is_bang_bang():
     """2 √(J θ / Tm): half the time full thrust, half the time full brake."""
-    found = best_of_starts(planar(0.1, 0.0), Objective.TIME, 2, longest=100.0, intervals=30)
+    found = best_of_starts(planar(0.1, 0.0), BoundObjective.TIME, 2, longest=100.0, intervals=30)
     exact = 2 * np.sqrt(INERTIA[0] * 0.1 / 5.0)
     assert found.solution.value == pytest.approx(exact, rel=1e-4)
     np.testing.assert_allclose(found.solution.thrust[:15, 0], -5.0, atol=1e-3)
@@ -61,9 +68,9 @@ def test_rest_to_rest_is_bang_bang():
 
 def test_least_effort_is_the_angular_momentum():
     """∫ Σ|T_i| dt >= |H(0)|; coasting to the target and braking there attains it."""
-    found = best_of_starts(planar(-0.1, 0.01), Objective.EFFORT, 2, longest=60.0, intervals=30)
+    found = best_of_starts(planar(-0.1, 0.01), BoundObjective.EFFORT, 2, longest=60.0, intervals=30)
     assert found.solution.value == pytest.approx(INERTIA[0] * 0.01, rel=2e-3)
-    assert found.arrival.effort == pytest.approx(found.solution.value, rel=1e-6)
+    assert found.verification.effort == pytest.approx(found.solution.value, rel=1e-6)
     assert found.solution.duration <= 60.0
 
 
@@ -95,13 +102,13 @@ def test_flight_is_that_of_the_plant(paper, changes):
     scenario = load("acceptance-nominal", [*COMMON, *changes], purpose="motion")
     own, start = build_uncontrolled(scenario)
     manoeuvre = manoeuvre_of(own, start)
-    transcription = Transcription(manoeuvre, Objective.TIME, 100.0, intervals=20, substeps=4)
+    transcription = Transcription(manoeuvre, BoundObjective.TIME, 100.0, intervals=20, substeps=4)
     solver = transcription.solver()
     solution = next(filter(None, (transcription.solve(solver, seed) for seed in range(9))))
-    arrival = fly(manoeuvre, solution)
-    assert arrival.angle < 1e-4
-    assert arrival.rate < 1e-5
-    assert arrival.largest_thrust <= 5 * (1 + 1e-6)
+    verification = propagate(manoeuvre, solution)
+    assert verification.angle < 1e-4
+    assert verification.rate < 1e-5
+    assert verification.largest_thrust <= 5 * (1 + 1e-6)
     thrust = jnp.asarray(solution.thrust)
     controller = _Replayed(thrust, jnp.asarray(solution.duration / len(thrust)))
     loop = SampledLoop(own.plant, controller, paper[0].loop.actuators, 20)
@@ -114,7 +121,7 @@ def test_flight_is_that_of_the_plant(paper, changes):
 @pytest.mark.slow
 def test_known_least_time_from_the_papers_start(paper):
     """An independent transcription found 30.5 s at 5 N m."""
-    found = best_of_starts(paper[1], Objective.TIME, 12, longest=100.0)
+    found = best_of_starts(paper[1], BoundObjective.TIME, 12, longest=100.0)
     assert found.solution.value == pytest.approx(30.5, abs=0.1)
 
 
@@ -146,9 +153,9 @@ def test_other_manoeuvres_are_refused(paper):
 
 def test_starts_and_intervals_are_checked(paper):
     with pytest.raises(ValueError, match="`starts` must be at least 1"):
-        best_of_starts(paper[1], Objective.TIME, 0, longest=100.0)
+        best_of_starts(paper[1], BoundObjective.TIME, 0, longest=100.0)
     with pytest.raises(ValueError, match="`intervals` must be positive"):
-        Transcription(paper[1], Objective.TIME, 100.0, intervals=0)
+        Transcription(paper[1], BoundObjective.TIME, 100.0, intervals=0)
     with pytest.raises(ValueError, match="at least one thruster"):
         dataclasses.replace(paper[1], torque_axes=np.zeros((3, 0)))
 

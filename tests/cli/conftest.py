@@ -8,7 +8,8 @@ from jaxsat.cli import main, progress
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(progress, "FIRST", (1e9, 1e9))  # what is told depends on the machine
+    # What is told depends on the machine.
+    monkeypatch.setattr(progress, "FIRST_DELAYS_S", (1e9, 1e9))
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from jaxsat import search_path
+from jaxsat.comparison import ComparisonSetting, compare
 
 QUICK = [
     *("--law", "switching", "--law", "rate", "--level", "nominal", "--torque-limit", "20"),
@@ -92,6 +93,29 @@ def own_law(tmp_path, monkeypatch):
     (tmp_path / "my_compared_law.py").write_text(OWN_LAW)
     yield
     sys.modules.pop("my_compared_law", None)
+
+
+@pytest.mark.slow
+def test_one_call_gives_what_the_command_writes(jaxsat, tmp_path):
+    told = []
+    options = {"level": "nominal", "torque_limit": 20, "count": 3, "seed": 3}
+    found = compare("rate", **options, report=lambda what, progress: told.append((what, progress)))
+    (row,), (verdict,) = found
+    assert (row.setting, row.cases, verdict.law) == (
+        ComparisonSetting("nominal", 20.0, "rate"),
+        3,
+        None,
+    )
+    assert told[0] == ("rate, 20 N m, nominal, random start", None)
+    assert told[-1][1].done == 1  # the one case from the paper's start
+
+    command = ["--law", "rate", "--level", "nominal", "--torque-limit", "20", "-n", "3"]
+    assert jaxsat(*command, "--seed", "3", "--out", "c")[0] == 0
+    written = json.loads((tmp_path / "c" / "comparison.json").read_text())
+    assert written["rows"] == [row.as_data()]
+    assert written["verdicts"] == [verdict._asdict()]
+    again = compare("rate", **options, out=tmp_path / "c")
+    np.testing.assert_array_equal(again.rows[0].settling_times, row.settling_times)
 
 
 @pytest.mark.slow

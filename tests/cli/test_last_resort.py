@@ -40,7 +40,7 @@ def failing(command_line, monkeypatch, tmp_path):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
 
     def run(action):
-        monkeypatch.setattr("jaxsat.cli.scenarios.say_text", lambda _: action())
+        monkeypatch.setattr("jaxsat.cli.scenarios.print_text", lambda _: action())
         return command_line("scenarios", "show", "switching")
 
     return run

@@ -17,10 +17,10 @@ SLOW = """
 import sys, time
 import jaxsat.cli.app as app
 import jaxsat.cli.scenarios as module
-from jaxsat.cli.progress import tell
+from jaxsat.cli.progress import show_progress
 def load(name, overrides, purpose):
     assert "jax" not in sys.modules
-    tell("reading a\\x1b[31m\\nscenario " + "x" * 200)
+    show_progress("reading a\\x1b[31m\\nscenario " + "x" * 200)
     time.sleep(3)
     class Scenario: title = "done"
     return Scenario
@@ -95,12 +95,12 @@ def test_plain_lines_come_less_and_less_often():
     assert len(times) < 20
     gaps = list(map(progress.until_next_line, times))
     assert gaps == sorted(gaps)
-    assert gaps[-1] == progress.LONGEST
+    assert gaps[-1] == progress.MAX_INTERVAL_S
 
 
 @pytest.mark.slow
 def test_nothing_with_quiet(command_line, monkeypatch):
-    monkeypatch.setattr(progress, "FIRST", (0.0, 0.0))
+    monkeypatch.setattr(progress, "FIRST_DELAYS_S", (0.0, 0.0))
     short = ("--set", "simulation.duration_s=1", "--out")
     assert command_line("simulate", "switching", *short, "loud")[2] != ""
     assert command_line("simulate", "switching", *short, "quiet", "--quiet") == (0, "", "")

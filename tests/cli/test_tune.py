@@ -82,15 +82,15 @@ def test_a_scenario_without_the_table_is_refused(jaxsat):
 
 
 def test_a_full_disk_is_a_failure_and_no_mistake(jaxsat, monkeypatch):
+    from jaxsat.assembly import tuning
     from jaxsat.results import OutputError
-    from jaxsat.scenario import tuning
     from jaxsat.tuning import checkpoint
 
     def full(*_, **__):
         raise OutputError("run cannot be made: No space left on device.", failure=True)
 
     monkeypatch.setattr(tuning, "build_plan", lambda *_, **__: SimpleNamespace(remark=None))
-    monkeypatch.setattr("jaxsat.cli.tune.approve", lambda *_, **__: None)
+    monkeypatch.setattr("jaxsat.cli.tune.require_approval", lambda *_, **__: None)
     monkeypatch.setattr("jaxsat.cli.tune._work", lambda *_: None)
     monkeypatch.setattr(checkpoint, "plan_identity", lambda _: {})
     monkeypatch.setattr(checkpoint, "TuningFolder", full)

@@ -6,14 +6,22 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.comparison import LAWS, LEVELS, Setting, Start, horizon, scenario_of, study_of
+from jaxsat.comparison import (
+    LAWS,
+    LEVELS,
+    ComparisonSetting,
+    Start,
+    comparison_scenario,
+    comparison_study,
+    horizon,
+)
 from jaxsat.control import SwitchingLaw
 from jaxsat.control.switching import SwitchingMode
 from jaxsat.dynamics import PlantState
 
 
 def drawn(setting, start, numbers):
-    study = study_of(setting, start, 100, 7, engine="scan")
+    study = comparison_study(setting, start, 100, 7, engine="scan")
     cases = study.cases(np.asarray(numbers))
     return jax.vmap(lambda case: study.case_factory(case).drawn)(cases)
 
@@ -28,9 +36,9 @@ def test_horizons():
 @pytest.mark.slow
 def test_cases_are_the_same_for_every_law():
     numbers = [0, 3, 99]
-    first = drawn(Setting("hard", 5.0, "three-slew"), Start.RANDOM, numbers)
+    first = drawn(ComparisonSetting("hard", 5.0, "three-slew"), Start.RANDOM, numbers)
     for law, limit in (("oscillatory", 5.0), ("rate", 20.0)):
-        other = drawn(Setting("hard", limit, law), Start.RANDOM, numbers)
+        other = drawn(ComparisonSetting("hard", limit, law), Start.RANDOM, numbers)
         jax.tree.map(np.testing.assert_array_equal, other, first)
 
 
@@ -43,7 +51,7 @@ def test_cases_are_the_same_for_every_law():
     ],
 )
 def test_dispersions_fill_their_bounds(level, widths):
-    found = drawn(Setting(level, 5.0, "rate"), Start.RANDOM, np.arange(100))
+    found = drawn(ComparisonSetting(level, 5.0, "rate"), Start.RANDOM, np.arange(100))
     widths = widths | {"omega": 0.1, "disturbance_phase": np.pi}
     for name, half in widths.items():
         size = np.abs(np.asarray(found[name]))
@@ -53,13 +61,18 @@ def test_dispersions_fill_their_bounds(level, widths):
 
 
 def test_nothing_but_the_start_is_drawn_in_the_nominal_level():
-    assert set(drawn(Setting("nominal", 5.0, "rate"), Start.RANDOM, [0])) == {"attitude", "omega"}
-    assert drawn(Setting("nominal", 5.0, "rate"), Start.PAPER, [0]) == {}
+    assert set(drawn(ComparisonSetting("nominal", 5.0, "rate"), Start.RANDOM, [0])) == {
+        "attitude",
+        "omega",
+    }
+    assert drawn(ComparisonSetting("nominal", 5.0, "rate"), Start.PAPER, [0]) == {}
 
 
 @pytest.mark.slow
 def test_the_papers_start_is_the_papers():
-    study = study_of(Setting("hard", 5.0, "rate"), Start.PAPER, 1, 7, engine="scan")
+    study = comparison_study(
+        ComparisonSetting("hard", 5.0, "rate"), Start.PAPER, 1, 7, engine="scan"
+    )
     case = jax.tree.map(lambda x: x[0], study.cases(np.array([0])))
     start: PlantState = study.case_factory(case).start
     wz = start.attitude.as_wz()
@@ -70,7 +83,7 @@ def test_the_papers_start_is_the_papers():
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("law", LAWS)
 def test_every_law_has_a_scenario_of_its_own(level, law):
-    scenario = scenario_of(Setting(level, 20.0, law))
+    scenario = comparison_scenario(ComparisonSetting(level, 20.0, law))
     assert scenario.spacecraft.torque_limit_N_m == 20
     assert scenario.simulation.duration_s == 1000
     assert law in scenario.title
@@ -85,7 +98,7 @@ def test_every_law_has_a_scenario_of_its_own(level, law):
 )
 def test_the_papers_laws_alone_never_switch(law, mode, source):
     """The torque is that of the printed law, but for dω_d/dt, which the first sample lacks."""
-    run = build(scenario_of(Setting("nominal", 5.0, law)))
+    run = build(comparison_scenario(ComparisonSetting("nominal", 5.0, law)))
     controller = run.loop.controller
     assert isinstance(controller, SwitchingLaw)
     memory = controller.init(run.start)
@@ -110,4 +123,4 @@ def test_the_papers_laws_alone_never_switch(law, mode, source):
 @pytest.mark.parametrize("setting", [("soft", 5.0, "rate"), ("hard", 5.0, "coast")])
 def test_unknown_levels_and_laws_are_told(setting):
     with pytest.raises(ValueError, match="must be one of"):
-        scenario_of(Setting(*setting))
+        comparison_scenario(ComparisonSetting(*setting))

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from jaxsat.comparison import Setting, row_of, verdict
+from jaxsat.comparison import ComparisonSetting, choose_law, comparison_row
 
 
 def row(law, times, paper=50.0):
@@ -15,7 +15,9 @@ def row(law, times, paper=50.0):
         "effort": np.linspace(10.0, 20.0, len(times)),
         "peak_rate": np.linspace(0.1, 0.3, len(times)),
     }
-    return row_of(Setting("hard", 5.0, law), columns, {"settling_time": np.array([paper])})
+    return comparison_row(
+        ComparisonSetting("hard", 5.0, law), columns, {"settling_time": np.array([paper])}
+    )
 
 
 def times(settled, count, median):
@@ -37,7 +39,7 @@ def test_row_counts_cases_that_never_settle():
 
 
 def test_plain_row_is_json():
-    plain = json.loads(json.dumps(row("rate", times(0, 9, 1.0), np.inf).plain(), allow_nan=False))
+    plain = json.loads(json.dumps(row("rate", times(0, 9, 1.0), np.inf).as_data(), allow_nan=False))
     assert plain["law"] == "rate"
     assert plain["t50"]["value"] is None
     assert plain["paper_start_settled_s"] is None
@@ -49,30 +51,30 @@ def test_the_quickest_of_the_sure_is_taken():
         row("three-slew", times(199, 200, 60.0)),
     )
     unsure = row("switching", times(100, 200, 30.0))
-    found = verdict([slow, unsure, quick])
+    found = choose_law([slow, unsure, quick])
     assert found.law == "three-slew"
     assert "not provably fewer than oscillatory" in found.reason
     assert "less sure: switching 50.0%" in found.reason
-    assert verdict([slow, unsure]).law == "oscillatory"
+    assert choose_law([slow, unsure]).law == "oscillatory"
 
 
 def test_a_fraction_that_is_beaten_is_not_taken_however_quick():
     sure, quick = row("oscillatory", times(200, 200, 900.0)), row("rate", times(150, 200, 60.0))
-    assert verdict([sure, quick]).law == "oscillatory"
+    assert choose_law([sure, quick]).law == "oscillatory"
 
 
 def test_medians_that_cannot_be_told_apart_are_said_to_be():
     mixed = np.random.default_rng(0).permutation(times(200, 200, 81.0))
-    near = verdict([row("rate", times(200, 200, 80.0)), row("switching", mixed)])
+    near = choose_law([row("rate", times(200, 200, 80.0)), row("switching", mixed)])
     assert "cannot tell apart" in near.reason
-    far = verdict([row("rate", times(200, 200, 80.0)), row("switching", 2 * mixed)])
+    far = choose_law([row("rate", times(200, 200, 80.0)), row("switching", 2 * mixed)])
     assert "rate being quicker in 1" in far.reason
 
 
 def test_a_small_difference_of_the_same_cases_is_no_chance():
     """One second in every case shows where cases are paired, whatever their spread."""
     slow = times(200, 200, 80.0) + 1.0
-    found = verdict([row("rate", times(200, 200, 80.0)), row("switching", slow)])
+    found = choose_law([row("rate", times(200, 200, 80.0)), row("switching", slow)])
     assert "rate being quicker in 200 of 200 cases" in found.reason
 
 
@@ -82,16 +84,16 @@ def test_laws_are_as_sure_if_chance_allows_their_difference_case_by_case():
     sure = row("oscillatory", times(195, 200, 90.0))
     beaten = row("three-slew", times(188, 200, 60.0))
     assert beaten.settled.high > sure.settled.low
-    assert verdict([sure, beaten]).law == "oscillatory"
+    assert choose_law([sure, beaten]).law == "oscillatory"
     others = times(188, 200, 60.0)
     others[-5:] = 60.0
-    assert verdict([sure, row("three-slew", others)]).law == "three-slew"
+    assert choose_law([sure, row("three-slew", others)]).law == "three-slew"
     with pytest.raises(ValueError, match="same cases"):
-        verdict([sure, row("rate", times(10, 20, 5.0))])
+        choose_law([sure, row("rate", times(10, 20, 5.0))])
 
 
 def test_none_settles():
-    found = verdict([row("rate", times(0, 20, 1.0))])
+    found = choose_law([row("rate", times(0, 20, 1.0))])
     assert found.law is None
     assert "no law settled" in found.reason
 
@@ -103,4 +105,4 @@ def test_the_order_of_the_rows_does_not_matter(order):
         row("oscillatory", times(200, 200, 80.0)),
         row("rate", times(3, 200, 40.0)),
     ]
-    assert verdict(rows[::order]).law == "three-slew"
+    assert choose_law(rows[::order]).law == "three-slew"

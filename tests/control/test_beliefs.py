@@ -20,7 +20,7 @@ from jaxsat.control import (
     ripple_filter,
     three_slew_settling,
 )
-from jaxsat.control.estimators import LEAST_COUPLING
+from jaxsat.control.estimators import MIN_COUPLING
 from jaxsat.declaration.settling import equivalent_limit
 from jaxsat.dynamics import PlantState
 from jaxsat.montecarlo.changes import controller_of, follow_frequency
@@ -122,7 +122,7 @@ def test_a_small_coupling_of_the_model_is_believed(j1, error):
     memory = memory._replace(fit=memory.fit._replace(estimate=jnp.zeros(8).at[2].set(error)))
     memory = memory._replace(started=jnp.array(True))
     third, _ = eqx.filter_jit(estimator.update)(start, memory, jnp.array(0.1))
-    least = min(LEAST_COUPLING, c / 2)
+    least = min(MIN_COUPLING, c / 2)
     assert float(third.coupling) == pytest.approx(max(c + error, least))
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxsat.controllability import analyse
-from jaxsat.controllability.decision import decide
+from jaxsat.controllability.decision import decide_rank
 from jaxsat.controllability.layout import make_layout
 
 from .layouts import AXES, MOMENTS, PLANES, QUATERNIONS, X, Y, columns
@@ -111,7 +111,7 @@ def test_verdicts_name_what_is_missing():
 
 def test_ranks_away_from_rest():
     """Rises with motion and T_d: the rank does depend on T_d, unlike the paper's 3.4."""
-    single = analyse([9.0, 5.0, 7.0], columns([X])).elsewhere
+    single = analyse([9.0, 5.0, 7.0], columns([X])).away_from_rest
     assert single == {
         "at rest": 2,
         "moving": 5,
@@ -120,11 +120,11 @@ def test_ranks_away_from_rest():
         "moving, disturbed": 6,
         "moving, disturbed, drift counted": 6,
     }
-    pair = analyse([5.0, 5.0, 7.0], columns([X, Y])).elsewhere
+    pair = analyse([5.0, 5.0, 7.0], columns([X, Y])).away_from_rest
     assert (pair["moving"], pair["moving, disturbed"]) == (5, 5)
     assert pair["moving, disturbed, drift counted"] == 6
     # Without torque about the third axis the third rate stays constant, disturbed or not.
-    flat = analyse([5.0, 5.0, 7.0], columns([X, Y]), disturbance=[0.1, 0.2, 0.0]).elsewhere
+    flat = analyse([5.0, 5.0, 7.0], columns([X, Y]), disturbance=[0.1, 0.2, 0.0]).away_from_rest
     assert flat["moving, disturbed, drift counted"] == 5
 
 
@@ -135,6 +135,6 @@ def test_subsets_share_one_layout():
     for size in range(7):
         for subset in itertools.combinations(range(6), size):
             whole = analyse([9.0, 5.0, 7.0], axes[:, list(subset)])
-            part = decide(layout, subset)
+            part = decide_rank(layout, subset)
             assert (part.rank, part.borderline) == (whole.rank, whole.borderline)
             assert part.margin == pytest.approx(whole.margin, rel=1e-12)

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from jaxsat.montecarlo.addresses import LARGEST_FILE, scheduler_address
+from jaxsat.montecarlo.addresses import MAX_FILE_SIZE, scheduler_address
 
 PLACES = ["tcp://host:8786", "tls://10.0.0.1:8786", "host:8786", "[::1]:8786", "inproc://a/1/2"]
 
@@ -39,7 +39,7 @@ CONTENTS = {
     "number": (b'{"address": 5}', "must have the key `address`"),
     "other": (b'{"key": "tcp://host:1"}', "must have the key `address`"),
     "place": (b'{"address": "/tmp/x"}', "must have the key `address`"),
-    "large": (b" " * (LARGEST_FILE + 1), "must be of at most"),
+    "large": (b" " * (MAX_FILE_SIZE + 1), "must be of at most"),
 }
 
 

@@ -318,7 +318,7 @@ def test_the_stack_holds_little_and_the_arena_has_a_limit(monkeypatch):
     with pytest.raises(CannotLower, match="An array of 3000 numbers is larger than 2000"):
         function(3000)
     monkeypatch.undo()
-    monkeypatch.setattr(emitter, "LARGEST_ARENA", 1 << 17)
+    monkeypatch.setattr(emitter, "MAX_ARENA", 1 << 17)
     with pytest.raises(CannotLower, match="take more than 0 MiB in every thread"):
         function(3000)(x, 1.0)
     monkeypatch.setattr(emitter, "LARGEST", 1 << 10)

@@ -19,7 +19,7 @@ from .common import periodic
 
 SPEED = 0.1  # v above, √(rad/s) per second
 DECAY = 1.0  # c above, 1/s
-LONGEST_STEP = 0.25  # s; keeps the interpolant as good as the steps
+MAX_STEP = 0.25  # s; keeps the interpolant as good as the steps
 
 
 class RateRun(NamedTuple):
@@ -113,7 +113,7 @@ def _piece(y0, side, end, inertia, k1, k2, disturbance, measured, rtol, atol):
         method="DOP853",
         rtol=rtol,
         atol=atol,
-        max_step=LONGEST_STEP,
+        max_step=MAX_STEP,
         dense_output=True,
         events=(zero, over),
     )

@@ -10,7 +10,7 @@ import pytest
 from jaxsat.report.comparison_figures import settling_comparison
 from jaxsat.report.controllability_figures import inertia_map
 from jaxsat.report.study_figures import study_figures
-from jaxsat.report.style import panels, unmathed
+from jaxsat.report.style import escape_mathematics, panels
 from jaxsat.report.tuning_figures import baselines_figure
 
 UGLY = [
@@ -45,9 +45,9 @@ def drawn(figure):
 @pytest.mark.parametrize("text", UGLY)
 def test_titles_and_labels_are_drawn_as_they_are(text):
     figure, (axes,) = panels(1, text, height=2.0)
-    axes.plot([0, 1], [0, 1], label=unmathed(text) or "x")
+    axes.plot([0, 1], [0, 1], label=escape_mathematics(text) or "x")
     axes.legend()
-    axes.set_xlabel(unmathed(text))
+    axes.set_xlabel(escape_mathematics(text))
     drawn(figure)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.reproduction import RUNS, Verdict, judge, markdown_table, paper_figures
+from jaxsat.reproduction import RUNS, ClaimVerdict, judge, markdown_table, paper_figures
 from jaxsat.results import time_to_settle, trajectory_dataset
 from jaxsat.scenario import dump
 
@@ -32,15 +32,15 @@ def verdicts(datasets):
 def test_verdicts_are_those_of_an_independent_study(datasets):
     found = {(claim.source, claim.verdict) for claim in judge(datasets)}
     assert found == {
-        ("(11)", Verdict.FAILS),
-        ("(38), Fig. 3", Verdict.HOLDS),
-        ("(39), Fig. 3b", Verdict.ONLY_IF),
-        ("(39), Fig. 4", Verdict.ONLY_IF),
-        ("(42), Figs. 5-7", Verdict.ONLY_IF),
-        ("(42), Fig. 5b", Verdict.ONLY_IF),
-        ("(43), proof of (42)", Verdict.HOLDS),
-        ("(42), section 5", Verdict.ONLY_IF),
-        ("note in section 5", Verdict.ONLY_IF),
+        ("(11)", ClaimVerdict.FAILS),
+        ("(38), Fig. 3", ClaimVerdict.HOLDS),
+        ("(39), Fig. 3b", ClaimVerdict.ONLY_IF),
+        ("(39), Fig. 4", ClaimVerdict.ONLY_IF),
+        ("(42), Figs. 5-7", ClaimVerdict.ONLY_IF),
+        ("(42), Fig. 5b", ClaimVerdict.ONLY_IF),
+        ("(43), proof of (42)", ClaimVerdict.HOLDS),
+        ("(42), section 5", ClaimVerdict.ONLY_IF),
+        ("note in section 5", ClaimVerdict.ONLY_IF),
     }
     table = markdown_table(judge(datasets))
     assert table.count("\n") == 2 + len(judge(datasets))

@@ -29,12 +29,12 @@ def test_what_was_written_is_read_and_replaced(run):
         assert folder.read("nothing") is None
         folder.write("state", b"two")
         folder.write("state", b"three")
-        assert folder.is_whole("state")
-        assert not folder.is_whole("summary")
+        assert folder.is_complete("state")
+        assert not folder.is_complete("summary")
     with opened(run) as folder:
         assert folder.read("state") == b"three"
         (run / "bounds" / "20.json").unlink()
-        assert not folder.is_whole("state")
+        assert not folder.is_complete("state")
 
 
 @pytest.mark.parametrize("name", ["state", "bounds/20.json"])
@@ -112,7 +112,7 @@ def test_one_writer_at_a_time_and_a_marker_that_is_damaged(run):
 
 
 def test_what_a_killed_process_left_is_removed_and_a_new_folder_without_results(run):
-    marker = Marker.of(run)
+    marker = Marker.read(run)
     assert marker is not None
     marker.write("late", b"x")
     (partial,) = [name for name in marker._partials if (run / name).parent == run][-1:] or [""]

@@ -205,7 +205,7 @@ def test_a_store_made_by_another_process_meanwhile_is_continued(tmp_path, monkey
             first.write(0, values(first.numbers(0)))
         plain(self, header)
 
-    monkeypatch.setattr(store_module, "is_free", lambda path: True)
+    monkeypatch.setattr(store_module, "is_absent_or_empty", lambda path: True)
     monkeypatch.setattr(StudyStore, "_make", late)
     with made(tmp_path / "s") as store:
         assert list(store.pending()) == [1, 2]

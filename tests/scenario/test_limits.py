@@ -8,10 +8,10 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.scenario import ScenarioError, library
-from jaxsat.scenario.errors import LONGEST_MESSAGE, LONGEST_PLACE, MOST_TOLD
-from jaxsat.scenario.limits import LARGEST_FILE, Excess, require_modest
+from jaxsat.scenario.errors import MAX_LISTED, MAX_MESSAGE_LENGTH, MAX_PLACE_LENGTH
+from jaxsat.scenario.limits import MAX_FILE_SIZE, Excess, require_modest
 
-LONGEST_LINE = 2 * LONGEST_PLACE + LONGEST_MESSAGE + 50
+MAX_LINE_LENGTH = 2 * MAX_PLACE_LENGTH + MAX_MESSAGE_LENGTH + 50
 
 HUGE = {
     "parts": "a." * 20_000 + "a = 1\n",
@@ -30,7 +30,7 @@ HUGE = {
     "escapes": 'x = """' + '\\"""' * 200_000,
     "quotes": "x = " + '"' * 900_000,
     "text": 'title = "' + "a" * 900_000 + '"',
-    "too large": "#" * (LARGEST_FILE + 1),
+    "too large": "#" * (MAX_FILE_SIZE + 1),
 }
 
 
@@ -48,7 +48,7 @@ def test_what_is_huge_is_refused_at_once(name, tmp_path):
     assert seconds < 20  # under tracemalloc; minutes before
     assert peak < 100e6
     assert str(caught.value).startswith(str(path))
-    assert all(len(line) < LONGEST_LINE for line in str(caught.value).split("\n"))
+    assert all(len(line) < MAX_LINE_LENGTH for line in str(caught.value).split("\n"))
 
 
 @pytest.mark.parametrize("name", ["parts", "entries", "brackets", "digits", "word", "keys"])
@@ -106,7 +106,7 @@ def test_overrides_are_refused_in_one_line_that_is_safe_to_print(text):
         load("paper-rate", [text])
     lines = str(caught.value).split("\n")
     assert all(line.startswith("--set ") or line == "" for line in lines[:1])
-    assert all(line.isprintable() and len(line) < LONGEST_LINE for line in lines)
+    assert all(line.isprintable() and len(line) < MAX_LINE_LENGTH for line in lines)
 
 
 def test_too_many_overrides_and_too_many_mistakes():
@@ -116,7 +116,7 @@ def test_too_many_overrides_and_too_many_mistakes():
         load("paper-rate", [f"k{i}=1" for i in range(200)])
     assert len(caught.value.problems) == 200
     lines = str(caught.value).split("\n")
-    assert len(lines) == MOST_TOLD + 1
+    assert len(lines) == MAX_LISTED + 1
     assert lines[-1].endswith("and 180 more mistakes")
 
 

@@ -6,9 +6,10 @@ import warnings
 import pytest
 
 from jaxsat.assembly.load import load
+from jaxsat.errors import ArgumentError
 from jaxsat.scenario import ScenarioError, ScenarioWarning
 from jaxsat.scenario.tuning_checks import USUAL_OPTIMISERS
-from jaxsat.tuning.optimisers import Descent
+from jaxsat.tuning.optimisers import OptimiserSettings
 
 THREE_AXIS = """\
 title = "Test"
@@ -258,6 +259,29 @@ def test_bases_are_sound(base, tmp_path):
     load(path)
 
 
+@pytest.mark.parametrize(
+    "override",
+    [
+        'title="two\\nlines"',
+        "spacecraft.inertia_kg_m2=[1, 2, -3]",
+        "spacecraft.thruster_torque_axes=[[0, 0, 0], [0, 1, 0]]",
+        "initial.quaternion=[1, 1, 0, 0]",
+        "dispersion.omega_rad_s={distribution='uniform', low=2, high=1}",
+        "dispersion.omega_rad_s={distribution='uniform', low=2}",
+        "tuning={optimiser='no such'}",
+    ],
+)
+def test_what_is_told_does_not_depend_on_the_text_of_an_error(override, monkeypatch):
+    def told():
+        with pytest.raises(ScenarioError) as caught:
+            load("switching", [override], purpose="study")
+        return caught.value.problems
+
+    before = told()
+    monkeypatch.setattr(ArgumentError, "__str__", lambda self: "another text")
+    assert told() == before
+
+
 def test_every_mistake_is_told_at_once(tmp_path):
     text = (
         THREE_AXIS.replace("449.5", "-1")
@@ -376,4 +400,4 @@ def test_windows_line_ends_and_byte_order_mark(tmp_path):
 
 @pytest.mark.parametrize("name", USUAL_OPTIMISERS)
 def test_optimisers_that_are_not_tried_will_do(name):
-    Descent(name)
+    OptimiserSettings(name)

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from jaxsat.tuning import (
-    Descent,
+    ConditionalValueAtRisk,
     Mean,
     Objective,
+    OptimiserSettings,
     Parameter,
     Quantile,
     SearchSpace,
-    Tail,
-    TailMean,
-    Worst,
+    TailCompression,
+    WorstCase,
 )
 from jaxsat.tuning.quasi_newton import minimise
 
@@ -91,10 +91,10 @@ COSTS = np.array([3.0, 100.0, 1.0, 7.0, 5.0, 40.0, 2.0, 9.0])
     ("aggregate", "expected"),
     [
         (Mean(), COSTS.mean()),
-        (Worst(), 100.0),
+        (WorstCase(), 100.0),
         (Quantile(0.8), np.quantile(COSTS, 0.8)),
-        (TailMean(0.75), (100 + 40) / 2),
-        (TailMean(0.7), (100 + 40 + 0.4 * 9) / 2.4),
+        (ConditionalValueAtRisk(0.75), (100 + 40) / 2),
+        (ConditionalValueAtRisk(0.7), (100 + 40 + 0.4 * 9) / 2.4),
     ],
 )
 def test_aggregates_and_their_weights(aggregate, expected):
@@ -114,18 +114,18 @@ def test_the_conditional_value_at_risk_is_that_of_its_definition():
     thresholds = np.linspace(0, costs.max(), 200001)
     excess = np.array([np.maximum(costs - t, 0).mean() for t in thresholds[::100]])
     expected = (thresholds[::100] + excess / 0.1).min()
-    np.testing.assert_allclose(TailMean(0.9)(costs), expected, rtol=1e-3)
+    np.testing.assert_allclose(ConditionalValueAtRisk(0.9)(costs), expected, rtol=1e-3)
 
 
 def test_the_gradient_of_the_objective_is_that_of_its_loss():
     """Costs that depend on two numbers in a known way, through an aggregate and a tail."""
     slopes = np.random.default_rng(1).normal(size=(8, 2))
-    objective = Objective(TailMean(0.5), Tail(20.0), case_bound=1e9)
+    objective = Objective(ConditionalValueAtRisk(0.5), TailCompression(20.0), case_bound=1e9)
 
     def loss(x):
         return objective.value(COSTS + slopes @ x)
 
-    judged = objective.judged(COSTS, slopes)
+    judged = objective.loss_gradient(COSTS, slopes)
     step = 1e-6
     expected = [(loss(step * u) - loss(-step * u)) / (2 * step) for u in np.eye(2)]
     np.testing.assert_allclose(judged.gradient, expected, rtol=1e-6)
@@ -138,11 +138,11 @@ def test_bad_cases_are_masked_bounded_and_counted():
     slopes[1] = 1e12
     slopes[4] = np.nan
     costs = np.where(np.arange(8) == 6, np.nan, COSTS)
-    judged = Objective(Mean(), case_bound=10.0).judged(costs, slopes)
+    judged = Objective(Mean(), case_bound=10.0).loss_gradient(costs, slopes)
     assert judged.masked == 2
     assert judged.bounded == 1
     np.testing.assert_allclose(judged.gradient, (5 * 1 + 10) / 6)
-    nothing = Objective(Mean()).judged(np.full(3, np.nan), np.ones((3, 2)))
+    nothing = Objective(Mean()).loss_gradient(np.full(3, np.nan), np.ones((3, 2)))
     assert np.isinf(nothing.loss)
     np.testing.assert_array_equal(nothing.gradient, 0)
 
@@ -150,12 +150,12 @@ def test_bad_cases_are_masked_bounded_and_counted():
 @pytest.mark.parametrize("name", ["lbfgs", "cosine_decay_schedule", "polyak_sgd", "adma", "tree"])
 def test_only_optimisers_that_need_gradients_alone_are_taken(name):
     with pytest.raises(ValueError, match=f"`optimiser` must be .* but got '{name}'"):
-        Descent(name)
+        OptimiserSettings(name)
 
 
 @pytest.mark.parametrize("schedule", ["constant", "cosine", "exponential"])
 def test_a_quadratic_is_minimised(schedule):
-    made = Descent("adam", 0.2, schedule).transformation(200)
+    made = OptimiserSettings("adam", 0.2, schedule).transformation(200)
     x = np.array([3.0, -2.0])
     state = made.init(x)
     for _ in range(200):

@@ -22,11 +22,19 @@ from jaxsat.engine.native.ir import NativeBug
 from jaxsat.montecarlo.changes import controller_of
 from jaxsat.results import OutputError
 from jaxsat.scenario import dump
-from jaxsat.tuning import advance, begin, compare, descend, make_receipt, make_verdict
+from jaxsat.tuning import (
+    check_gradients,
+    descend,
+    descent_step,
+    initial_state,
+    make_receipt,
+    make_verdict,
+)
 from jaxsat.tuning.baselines import METHODS, run_baselines
 from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
 from jaxsat.tuning.history import history_dataset
 from jaxsat.tuning.summary import summary_page
+from jaxsat.tuning_run import tune
 from tuning.scenarios import RATE
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -49,7 +57,7 @@ def plan(scenario):
 
 @pytest.fixture(scope="module")
 def final(plan):
-    return descend(plan, begin(plan))
+    return descend(plan, initial_state(plan))
 
 
 @pytest.fixture(scope="module")
@@ -142,9 +150,9 @@ def test_the_loss_falls_and_the_best_iterate_is_kept(plan, final):
 
 
 def test_starts_are_tried_on_as_few_cases_as_are_asked_for(plan):
-    few = begin(with_settings(plan, screening_cases=2))
+    few = initial_state(with_settings(plan, screening_cases=2))
     assert few.trajectories == 5 * 2 + 3 * 4  # five points screened, three starts validated
-    assert begin(plan).trajectories == 5 * 4 + 3 * 4
+    assert initial_state(plan).trajectories == 5 * 4 + 3 * 4
     drawn = plan.space.to_search(plan.space.drawn(5, plan.settings.seed))
     costs = plan.smooth.evaluate(drawn, np.arange(2)).cost
     losses = [plan.settings.objective.value(row) for row in costs]
@@ -163,7 +171,7 @@ def test_a_run_broken_off_goes_on_to_the_same_bits(plan, final, tmp_path):
     with TuningFolder(tmp_path / "run", identity) as folder:
         state = folder.state(plan)
         for _ in range(3):
-            state = advance(plan, state)
+            state = descent_step(plan, state)
             folder.keep(state)
     with TuningFolder(tmp_path / "run", identity) as folder:
         resumed = descend(plan, folder.state(plan), keep=folder.keep)
@@ -177,7 +185,7 @@ def test_a_run_broken_off_goes_on_to_the_same_bits(plan, final, tmp_path):
 
 def test_a_folder_holds_one_run(plan, tmp_path):
     with TuningFolder(tmp_path / "run", {"steps": 4}) as folder:
-        folder.keep(begin(plan))
+        folder.keep(initial_state(plan))
         with pytest.raises(OutputError, match="another process"):
             TuningFolder(tmp_path / "run", {"steps": 4})
     with pytest.raises(OutputError, match="another run \\(steps: 4 there, 5 here"):
@@ -221,7 +229,7 @@ def outcome(folder, plan, final):
     """What becomes of a run whose folder was damaged."""
     try:
         with TuningFolder(folder, {"steps": 4}) as opened:
-            if opened.lost_state or not opened.is_whole("summary.md"):
+            if opened.lost_state or not opened.is_complete("summary.md"):
                 return "begun again"
             state = opened.state(plan)
             assert opened.read("summary.md") == b"a summary"
@@ -329,7 +337,7 @@ def test_a_wrong_gradient_is_told_at_the_top(plan, final, receipt, monkeypatch):
         return eqx.tree_at(lambda p: p.case_factory.inner, whole, Blind(whole.case_factory.inner))
 
     monkeypatch.setattr(type(plan.smooth), "_program", hidden)
-    comparison = compare(blind, final.best_point, np.arange(3))
+    comparison = check_gradients(blind, final.best_point, np.arange(3))
     assert not comparison.trusted
     assert comparison.error[0] < 1e-6
     assert comparison.error[1] == pytest.approx(1.0)
@@ -358,6 +366,19 @@ def test_the_verdict_is_about_the_exact_law_on_other_cases(plan, final):
     assert data["after"]["cases"] == 8
     assert data["at_bounds"] == {}
     assert data["singular"] is None
+
+
+def test_one_call_tunes_a_scenario(scenario, plan, final, receipt, monkeypatch):
+    monkeypatch.setattr("jaxsat.tuning_run.build_plan", lambda *_, **__: plan)
+    told = []
+    result = tune(scenario, report=told.append)
+    same_bits(result.state.points, final.points)
+    assert [progress.step for progress in told] == list(range(1, plan.settings.steps + 1))
+    assert result.receipt.as_data() == receipt.as_data()
+    assert result.scenario == tuned_scenario(scenario, plan, final.best_point)
+    assert result.gains["k1"] == pytest.approx(result.scenario.control.k1)
+    assert result.history.sizes["step"] == plan.settings.steps
+    assert "## Verdict" in result.summary
 
 
 def test_gains_at_bounds_and_a_singular_cost_are_told_at_the_top(plan, final, receipt):
@@ -401,7 +422,7 @@ def test_baselines_spend_no_more_than_their_budget(final, others):
         assert 0 < entry.trajectories <= 120
         assert entry.trace[-1, 0] == entry.trajectories
         assert np.all(np.diff(entry.trace[:, 0]) >= 0)
-    assert others["BFGS"].judgement.loss < others["gradient descent"].trace[0, 1]
+    assert others["BFGS"].evaluation.loss < others["gradient descent"].trace[0, 1]
 
 
 def test_baselines_keep_what_is_best_on_validation(plan, others):
@@ -419,7 +440,7 @@ def test_baselines_keep_what_is_best_on_validation(plan, others):
 def test_runs_end_at_the_target(plan, final, others):
     target = 0.5 * (final.validations[0].best_loss + final.best_loss)
     aimed = with_settings(plan, target=target, baseline_trajectories=120, baseline_cases=3)
-    state = descend(aimed, begin(aimed))
+    state = descend(aimed, initial_state(aimed))
     assert state.step < final.step
     assert state.best_loss <= target < state.validations[-2].best_loss
     assert descend(aimed, state).step == state.step

@@ -16,7 +16,7 @@ COLD = "!0"
 ON_STACK = 64 << 10
 """Bytes of memories of a module that are on the stack; further ones are in its arena."""
 
-LARGEST_ARENA = 1 << 30
+MAX_ARENA = 1 << 30
 """Bytes of an arena, of which every thread has one."""
 
 ALIGNMENT = 128
@@ -68,9 +68,9 @@ class Module:
             self._offsets[memory.number] = None
             if self._on_stack + room <= ON_STACK:
                 self._on_stack += room
-            elif self.arena + room > LARGEST_ARENA:
+            elif self.arena + room > MAX_ARENA:
                 raise CannotLower(
-                    f"Its arrays would take more than {LARGEST_ARENA >> 20} MiB in every thread"
+                    f"Its arrays would take more than {MAX_ARENA >> 20} MiB in every thread"
                 )
             else:
                 self._offsets[memory.number] = self.arena

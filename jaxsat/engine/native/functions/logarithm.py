@@ -19,7 +19,7 @@ from jaxsat.engine.native.functions.bits import (
 from jaxsat.engine.native.functions.exponential import LOG2_LOWER, LOG2_UPPER
 
 SQRT_HALF = 0.7071067811865476
-LEAST_NORMAL = 2.0**-1022
+MIN_NORMAL = 2.0**-1022
 _LOGARITHM = (
     0.666666666666667,
     0.3999999999989889,
@@ -59,7 +59,7 @@ def log_of_pair(x: Double, low: Double, doublings: Integer) -> Double:
 
 def split(x: Double) -> tuple[Double, Integer]:
     """The mantissa from sqrt(1/2) to sqrt(2) and the exponent of any positive x."""
-    tiny = x < LEAST_NORMAL
+    tiny = x < MIN_NORMAL
     mantissa, k = mantissa_and_exponent(select(tiny, x * 2.0**54, x), SQRT_HALF)
     return mantissa, k - lax.select(tiny, lax.full_like(k, 54), lax.full_like(k, 0))
 

@@ -31,7 +31,7 @@ from jaxsat.engine.native.functions.exponential import (
     bounded,
     exp_parts,
 )
-from jaxsat.engine.native.functions.logarithm import LEAST_NORMAL, split
+from jaxsat.engine.native.functions.logarithm import MIN_NORMAL, split
 
 _TWO_THIRDS, _TWO_THIRDS_LOW = 0.6666666666666666, 3.700743415417188e-17
 # (log((1 + s)/(1 - s))/s - 2)/s^2 - 2/3, over s^2
@@ -135,7 +135,7 @@ def cbrt(x: Double) -> Double:
     size = lax.abs(x)
     usual = (size > 0.0) & (size < np.inf)
     size = select(usual, size, 1.0)
-    tiny = size < LEAST_NORMAL
+    tiny = size < MIN_NORMAL
     mantissa, k = mantissa_and_exponent(select(tiny, size * 2.0**54, size), 1.0)
     third, m, y = _in_thirds(mantissa, k)
     # y is m^(-1/3) to 17 bits; the step squares its error twice.

@@ -20,25 +20,26 @@ from jaxsat.simulation import AbstractLoop
 Distributions = Mapping[str, AbstractDistribution]
 
 
-class Misfit(NamedTuple):
-    """Why a quantity cannot be dispersed so: `message` is "must …, but got …" or "must …: …".
+class DispersionProblem(NamedTuple):
+    """Why a quantity cannot be dispersed so: `rule` is "must …", `got` what it is instead.
 
     `parameter` is the parameter of the distribution that is to blame, if it is one. `lacking` is
     whether the loop has no such quantity, whatever its distribution.
     """
 
-    name: str
-    message: str
+    quantity: str
+    rule: str
+    got: str | None = None
     parameter: str | None = None
     lacking: bool = False
 
 
-def misfits(
+def dispersion_problems(
     distributions: Distributions,
     frequency_known: bool,
     loop: AbstractLoop,
     start: PlantState | None = None,
-) -> Iterator[Misfit]:
+) -> Iterator[DispersionProblem]:
     """Everything that stands against dispersing a nominal loop and start, quantity by quantity.
 
     A quantity that the loop lacks, a distribution that is not for it, another number of components,
@@ -48,7 +49,7 @@ def misfits(
     for name, distribution in distributions.items():
         obstacle = QUANTITIES[name].obstacle(loop)
         if obstacle is not None:
-            yield Misfit(name, f"must not be dispersed here: {obstacle}", lacking=True)
+            yield DispersionProblem(name, f"must not be dispersed here: {obstacle}", lacking=True)
             continue
         own = _of_the_kind(name, distribution, loop) or _singular(name, start)
         if own is not None:
@@ -75,18 +76,18 @@ def limits_of(name: str, frequency_known: bool, loop: AbstractLoop) -> Limits:
 
 def _of_the_kind(
     name: str, distribution: AbstractDistribution, loop: AbstractLoop
-) -> Misfit | None:
+) -> DispersionProblem | None:
     if DISPERSIBLE[name].random_attitude != isinstance(distribution, RandomAttitude):
         kind = type(distribution).__name__
-        message = f"must have RandomAttitude if it is `attitude` and only then, but got {kind}"
-        return Misfit(name, message, "distribution")
+        rule = "must have RandomAttitude if it is `attitude` and only then"
+        return DispersionProblem(name, rule, kind, "distribution")
     size, given = QUANTITIES[name].size(loop), distribution.components()
     if given not in (None, size):
-        return Misfit(name, f"must have {size} components, but got {given}")
+        return DispersionProblem(name, f"must have {size} components", str(given))
     return None
 
 
-def _singular(name: str, start: PlantState | None) -> Misfit | None:
+def _singular(name: str, start: PlantState | None) -> DispersionProblem | None:
     """Changes of (w, z) have a start from which they can be made."""
     if start is None or name not in ("tilt", "tilt_direction", "turn"):
         return None
@@ -94,15 +95,17 @@ def _singular(name: str, start: PlantState | None) -> Misfit | None:
     if w is None:
         return None
     if not np.isfinite(w).all():
-        return Misfit(name, "must have a start that is not upside down, where (w, z) are singular")
+        rule = "must have a start that is not upside down, where (w, z) are singular"
+        return DispersionProblem(name, rule)
     if name == "tilt" and not w.any():
-        return Misfit(name, "must have a start that is tilted, whose direction it keeps")
+        rule = "must have a start that is tilted, whose direction it keeps"
+        return DispersionProblem(name, rule)
     return None
 
 
 def _outside(
     name: str, distribution: AbstractDistribution, limits: Limits, loop: AbstractLoop
-) -> Iterator[Misfit]:
+) -> Iterator[DispersionProblem]:
     size, unit = QUANTITIES[name].size(loop), DISPERSIBLE[name].unit.removesuffix("1")
     low, high = concrete(limits.low), concrete(limits.high)
     if low is None or high is None:
@@ -119,26 +122,22 @@ def _outside(
         if bad.size:
             first = bad[0]
             below = numbers[first] < least[first]
-            rule = f"at least {least[first]:.6g}" if below else f"at most {most[first]:.6g}"
+            limit = f"at least {least[first]:.6g}" if below else f"at most {most[first]:.6g}"
             which = f" (component {first + 1})" if known.ndim == 0 and size > 1 else ""
             entry = f" as entry {first + 1}" if known.ndim else ""
-            message = (
-                f"must be {f'{rule} {unit}'.strip()}{which}, but got {numbers[first]:.6g}{entry}"
-            )
-            yield Misfit(name, message, parameter)
+            rule = f"must be {f'{limit} {unit}'.strip()}{which}"
+            yield DispersionProblem(name, rule, f"{numbers[first]:.6g}{entry}", parameter)
 
 
-def _unknowable(loop: AbstractLoop) -> Iterator[Misfit]:
+def _unknowable(loop: AbstractLoop) -> Iterator[DispersionProblem]:
     name = "disturbance_frequency"
     obstacle = QUANTITIES[name].obstacle(loop)
     if obstacle is not None:
-        yield Misfit(name, f"must not be known to the law: {obstacle}", "frequency_known", True)
+        rule = f"must not be known to the law: {obstacle}"
+        yield DispersionProblem(name, rule, parameter="frequency_known", lacking=True)
     elif parts_of(InternalModel, controller_of(loop)):
         frequency = concrete(periodic_of(loop).frequency)
         if frequency is not None and not np.all(frequency[:2] > 0):
-            yield Misfit(
-                name,
-                "must be above zero about x and y for the law to know it, but got "
-                f"{frequency[:2].tolist()} rad/s",
-                "frequency_known",
-            )
+            rule = "must be above zero about x and y for the law to know it"
+            found = f"{frequency[:2].tolist()} rad/s"
+            yield DispersionProblem(name, rule, found, "frequency_known")

@@ -49,7 +49,7 @@ class WithGains(AbstractCaseFactory):
         return self.inner(case.case, own)
 
 
-class Slopes(NamedTuple):
+class CaseGradients(NamedTuple):
     """Outputs (points, cases) and derivatives of the costs along the search."""
 
     outputs: Outputs
@@ -57,7 +57,7 @@ class Slopes(NamedTuple):
 
 
 @dataclass
-class Counter:
+class TrajectoryCounter:
     """Trajectories computed, in units of whole horizons.
 
     A gradient of n gains counts n + 1; by differences, the 2n + 1 that it takes.
@@ -67,7 +67,7 @@ class Counter:
 
 
 @dataclass(frozen=True)
-class Trials:
+class CostEvaluator:
     """A program over dispersed cases, the cases of a design, and an engine to run them.
 
     `workers` threads share the batches out; the results do not depend on how. Derivatives
@@ -82,7 +82,7 @@ class Trials:
     workers: int = 1
     gradient: GradientMethod = "forward"
     half_width: float = 0.02
-    counter: Counter = field(default_factory=Counter)
+    counter: TrajectoryCounter = field(default_factory=TrajectoryCounter)
 
     def __post_init__(self):
         if not isinstance(self.program.case_factory, Dispersed):
@@ -105,7 +105,7 @@ class Trials:
 
     def differentiate(
         self, points: Values, numbers: np.ndarray, intervals: int | None = None
-    ) -> Slopes:
+    ) -> CaseGradients:
         """Outputs and derivatives of the costs along the search, in the units of the search."""
         if self.gradient == "differences":
             return self._differences(points, numbers, intervals)
@@ -119,11 +119,13 @@ class Trials:
         self._count(points, numbers, 1 + space.size, intervals)
         leading = (len(points), len(numbers))
         by_value = space.joined(found.derivatives, leading)
-        return Slopes(
+        return CaseGradients(
             _by_point(found.outputs, points, numbers), by_value * space.slope(points)[:, None, :]
         )
 
-    def _differences(self, points: Values, numbers: np.ndarray, intervals: int | None) -> Slopes:
+    def _differences(
+        self, points: Values, numbers: np.ndarray, intervals: int | None
+    ) -> CaseGradients:
         size, count = self.space.size, len(points)
         shifts = self.half_width * np.concatenate(
             [np.eye(size), -np.eye(size), np.zeros((1, size))]
@@ -135,7 +137,7 @@ class Trials:
         costs = np.asarray(outputs.cost).reshape(count, 2 * size + 1, -1)
         slopes = (costs[:, :size] - costs[:, size : 2 * size]) / apart[:, :, None]
         middle = jax.tree.map(lambda x: x[2 * size :: 2 * size + 1], outputs)
-        return Slopes(middle, np.moveaxis(slopes, 1, 2))
+        return CaseGradients(middle, np.moveaxis(slopes, 1, 2))
 
     def program_identity(self, *, differentiated: bool = False) -> dict[str, Any]:
         """What tells the program from others, that of the derivatives where they are by a mode."""
