@@ -12,10 +12,6 @@ from jaxsat.assembly.run import (
 from jaxsat.assembly.study import (
     build_study as build_study,
 )
-from jaxsat.assembly.tuning import (
-    build_plan as build_plan,
-    tuned_scenario as tuned_scenario,
-)
 from jaxsat.attitude import (
     DCM as DCM,
     WZ as WZ,
