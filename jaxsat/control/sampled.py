@@ -27,11 +27,19 @@ class AbstractSampledController(eqx.Module):
     """A controller that runs once every `period` seconds; its torque is held in between.
 
     One with several modes lists them in `modes` and tells in `mode` which is at work. Files and
-    figures show a mode by its name in words, or by a property `label` of the enumeration.
+    figures show a mode by its name in words, or by a property `label` of the enumeration. Raises
+    `TypeError` for `modes` that are no `enum.IntEnum`, or of which `mode` does not tell.
     """
 
     period: eqx.AbstractVar[Float[Array, ""]]
     modes: ClassVar[type[enum.IntEnum]] = OneMode
+
+    def __check_init__(self):
+        law, modes = type(self), self.modes
+        if not (isinstance(modes, type) and issubclass(modes, enum.IntEnum)):
+            raise TypeError(f"{law.__name__}.modes must be an enum.IntEnum, but got {modes!r}.")
+        if modes is not OneMode and law.mode is AbstractSampledController.mode:
+            raise TypeError(f"{law.__name__} has `modes`, so it must have a method `mode`.")
 
     @abc.abstractmethod
     def init(self, state: PlantState) -> Memory:

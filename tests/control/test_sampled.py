@@ -2,9 +2,12 @@
 
 import enum
 
+import equinox as eqx
+import jax.numpy as jnp
 import pytest
 
 from jaxsat.control import (
+    AbstractSampledController,
     FiniteTimeRateLaw,
     OscillatoryLaw,
     OscillatorySettling,
@@ -33,3 +36,36 @@ def test_numbers_and_names_of_modes_stay(law):
 def test_a_plain_enumeration_needs_no_labels():
     mode = enum.IntEnum("Mode", {"DE_TUMBLING": 7})
     assert [mode_label(member) for member in mode] == ["de tumbling"]
+
+
+class _Law(AbstractSampledController):
+    period: jnp.ndarray = eqx.field(converter=jnp.asarray, default=0.1)
+
+    def init(self, state):
+        return None
+
+    def step(self, t, state, memory):
+        return jnp.zeros(2), memory
+
+    def rate_error(self, state, memory):
+        return jnp.full(2, jnp.nan)
+
+
+class _Named(_Law):
+    modes = {0: "one"}  # noqa: RUF012
+
+
+class _Untold(_Law):
+    modes = enum.IntEnum("Mode", ["FIRST", "SECOND"])
+
+
+def test_a_law_of_one_mode_needs_to_tell_nothing():
+    assert int(_Law().mode(None)) == 0
+
+
+@pytest.mark.parametrize(
+    ("law", "message"), [(_Named, "_Named.modes must be an enum.IntEnum"), (_Untold, "`mode`")]
+)
+def test_modes_that_cannot_be_told_are_refused(law, message):
+    with pytest.raises(TypeError, match=message):
+        law()
