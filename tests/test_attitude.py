@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from core.strategies import rotations, vectors
+from helpers.strategies import rotations, vectors
 from jaxsat.attitude import DCM, WZ, Quaternion, skew
 
 settings.register_profile("core", deadline=None, max_examples=50, derandomize=True)

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from core.cases import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
 from engine.test_engines import Kicked, same_bits
+from helpers.paper import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
 from jaxsat.engine import AdaptiveStepper, ScanEngine, Tolerance, program_of
 from jaxsat.engine.runge_kutta import stage_rates, tableau_of, weighted
 from jaxsat.simulation import Outcome

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from core.cases import (
+from helpers.paper import (
     PAPER_THREE_AXIS,
     actuators,
     bodies,
@@ -18,7 +18,7 @@ from core.cases import (
     three_axis_loop,
     three_axis_start,
 )
-from core.test_switching import CASE, start, switching_loop
+from helpers.switching import CASE, start, switching_loop
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import (
     AbstractCaseFactory,

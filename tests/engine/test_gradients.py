@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from core.cases import PAPER_THREE_AXIS, three_axis_start
-from core.test_switching import CASE, start, switching_loop
 from engine.test_engines import KICKS, Kicked, smooth_law
+from helpers.paper import PAPER_THREE_AXIS, three_axis_start
+from helpers.switching import CASE, start, switching_loop
 from jaxsat.attitude import WZ
 from jaxsat.engine import (
     AdaptiveStepper,

@@ -7,8 +7,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from core.cases import PAPER_THREE_AXIS, bodies, three_axis_law, three_axis_loop, three_axis_start
-from core.test_switching import CASE, start, switching_loop
+from helpers.paper import (
+    PAPER_THREE_AXIS,
+    bodies,
+    three_axis_law,
+    three_axis_loop,
+    three_axis_start,
+)
+from helpers.switching import CASE, start, switching_loop
 from jaxsat import noise
 from jaxsat.attitude import Quaternion
 from jaxsat.control import InternalModel

@@ -3,38 +3,13 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
-from core.cases import PAPER_DISTURBANCE, actuators, bodies
+from helpers.switching import CASE, GAINS, START, J, start, switching_loop
 from jaxsat.attitude import WZ
-from jaxsat.control import InternalModel, RateLaw, SwitchingLaw, ThreeAxisLaw
+from jaxsat.control import InternalModel
 from jaxsat.dynamics import PlantState
-from jaxsat.simulation import Outcome, SampledLoop, simulate
+from jaxsat.simulation import Outcome, simulate
 from oracle import simulate_switched_sampled
-
-J = np.array([449.5, 264.6])
-CASE = {"inertia": (449.5, 264.6, 312.5), "orbit_rate": 0.0011, **PAPER_DISTURBANCE}
-GAINS = {"k1": 0.457, "k2": 0.201, "k3": 0.187, "mu": 0.791, "a": 0.0514}
-START = {"w0": (-1.0, 1.0), "z0": 1.27, "omega0": (0.1, -0.11, 0.0)}
-
-
-def switching_loop(case, *, limit=5.0, period=0.1, upper=7.9e-3, lower=1.4e-3, internal=None):
-    plant, model = bodies(case)
-    law = SwitchingLaw(
-        RateLaw(model, GAINS["k1"], GAINS["k2"]),
-        ThreeAxisLaw(model, GAINS["k3"], GAINS["mu"], GAINS["a"], list(0.363 * J), internal, 0.914),
-        upper,
-        lower,
-        period,
-        list(limit / J),
-        list(5 * limit / J),
-    )
-    return SampledLoop(plant, law, actuators(limit))
-
-
-def start(attitude="as_quaternion"):
-    wz = WZ(list(START["w0"]), START["z0"])
-    return PlantState(getattr(wz, attitude)(), list(START["omega0"]))
 
 
 @pytest.mark.slow
@@ -93,19 +68,6 @@ def test_hysteresis():
         memory = law.init(PlantState(WZ([0.1, 0.1], 0.1), [0.0, 0.0, begin]))
         state = PlantState(WZ([0.1, 0.1], 0.1), [0.01, 0.02, omega3])
         assert bool(law.step(jnp.array(0.0), state, memory)[1].rate_law_active) is expected
-
-
-def test_internal_model_advances_exactly():
-    """One held period against the matrix exponential of the oscillator with its input."""
-    oscillator, drive, period = InternalModel([0.7, 0.8]), np.array([0.01, -0.02]), 0.5
-    state = oscillator.advance(oscillator.init(), jnp.array(drive), jnp.array(2.0))
-    after = oscillator.advance(state, jnp.array(drive), jnp.array(period))
-    for axis, frequency in enumerate((0.7, 0.8)):
-        system = np.array([[0, 1, 0], [-(frequency**2), 0, 1], [0, 0, 0]])
-        before = [state.position[axis], state.velocity[axis], drive[axis]]
-        expected = expm(period * system) @ before
-        np.testing.assert_allclose(after.position[axis], expected[0], rtol=1e-13)
-        np.testing.assert_allclose(after.velocity[axis], expected[1], rtol=1e-13)
 
 
 @pytest.mark.slow

@@ -1,11 +1,11 @@
-"""Pieces of laws with corners, and the internal model without its own oscillation."""
+"""Loops with corners: their smooth pieces, and their states in the rotating frame."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from core.cases import (
+from helpers.paper import (
     PAPER_RATE,
     PAPER_THREE_AXIS,
     actuators,
@@ -16,11 +16,8 @@ from core.cases import (
     three_axis_loop,
     three_axis_start,
 )
-from jaxsat.control import InternalModel, RateLaw
-from jaxsat.control.internal_model import OscillatorState
 from jaxsat.simulation import ContinuousLoop
 from jaxsat.simulation.rotating_frame import into_frame, motion_in_frame, out_of_frame
-from jaxsat.smooth import as_width, root_abs, sat, signed_root
 
 LOOPS = {
     "error": lambda: (three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)),
@@ -65,30 +62,3 @@ def test_a_state_in_the_rotating_frame_moves_as_the_state_does(name):
     moving = (jnp.ones(()), loop(T, state))
     expected = jax.jvp(lambda t, x: into_frame(loop, t, x), (T, state), moving)[1]
     same(motion_in_frame(loop, T, framed).rate, expected, 1e-10)
-
-
-def test_oscillators_left_alone_stand_still_in_the_rotating_frame():
-    model = InternalModel([0.7, 0.8])
-    start = OscillatorState(jnp.array([1.0, -0.4]), jnp.array([0.2, 0.3]))
-    later = model.advance(start, jnp.zeros(2), jnp.array(37.0))
-    framed = model.integrating_factor(jnp.array(37.0)).into_frame(later)
-    same(framed, OscillatorState(model.frequency * start.position, start.velocity), 1e-13)
-
-
-def test_a_width_of_zero_is_the_corner_itself():
-    assert as_width(0.0) is None
-    assert as_width(None) is None
-    assert as_width(0.3) == 0.3
-    assert RateLaw(bodies(PAPER_RATE)[1], 5.0, 10.0, 0.0).width is None
-
-
-def test_functions_with_corners_stay_on_their_side():
-    x, bound = jnp.array([-2.0, 0.5, 2.0]), jnp.array(1.0)
-    np.testing.assert_array_equal(sat(x, bound), [-1, 0.5, 1])
-    np.testing.assert_array_equal(sat(x, bound, None, jnp.zeros(3, bool)), x)
-    np.testing.assert_array_equal(sat(x, bound, None, jnp.ones(3, bool)), [-1, 1, 1])
-    four = jnp.array(4.0)
-    for positive, roots in ((None, (2, 2, 2, -2)), (True, (2, 2, 0, 0)), (False, (0, 0, 2, -2))):
-        side = None if positive is None else jnp.array(positive)
-        found = [f(v, None, side) for v in (four, -four) for f in (root_abs, signed_root)]
-        np.testing.assert_array_equal(found, roots)

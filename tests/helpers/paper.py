@@ -90,3 +90,8 @@ def rate_loop(case, measured=(True, True, False), width=0.0, limit=jnp.inf):
 
 def rate_start(case):
     return PlantState(WZ([0.0, 0.0], 0.0), list(case["omega0"]))
+
+
+def size(case):
+    """Length of the state at the start, to which errors are relative."""
+    return np.linalg.norm([*case.get("w0", ()), case.get("z0", 0.0), *case["omega0"]])
