@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from engine.test_engines import Kicked, same_bits
+from engine.examples import Kicked, same_bits
 from helpers.paper import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
 from jaxsat.engine import AdaptiveStepper, ScanEngine, Tolerance, program_of
 from jaxsat.engine.runge_kutta import stage_rates, tableau_of, weighted

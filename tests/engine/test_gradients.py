@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from engine.test_engines import KICKS, Kicked, smooth_law
+from engine.examples import KICKS, Kicked, smooth_law
 from helpers.paper import PAPER_THREE_AXIS, three_axis_start
 from helpers.switching import CASE, start, switching_loop
 from jaxsat.attitude import WZ

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from engine.examples import Kicked
 from engine.relay import Relays, exact_relay, relay
-from engine.test_engines import Kicked
 from helpers.paper import (
     PAPER_RATE,
     PAPER_THREE_AXIS,

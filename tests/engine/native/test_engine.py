@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from engine.test_engines import EXAMPLES, KICKS, program, same_bits
+from engine.examples import EXAMPLES, KICKS, program, same_bits
 from jaxsat.engine import AdaptiveStepper, NativeEngine, Outputs
 from jaxsat.simulation import Outcome
 

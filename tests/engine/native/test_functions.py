@@ -14,9 +14,9 @@ import pytest
 import scipy.special
 from jax import lax
 
+from engine.native.numpy_interpreter import evaluate
 from jaxsat.engine.native.functions import FUNCTIONS, program
 from jaxsat.engine.native.mapped import Mapped
-from native.numpy_interpreter import evaluate
 
 mp.mp.dps = 40
 

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from native.program_writer import Writer, tame
+from engine.native.program_writer import Writer, tame
 
 
 def _cond(w: Writer):

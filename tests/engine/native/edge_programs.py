@@ -14,7 +14,7 @@ from jax import lax
 from jax.extend.core.primitives import empty2_p
 from jax.extend.random import threefry_2x32
 
-from native.edge_values import ALL, BOOLS, FLOATS, NUMBERS, WHOLE
+from engine.native.edge_values import ALL, BOOLS, FLOATS, NUMBERS, WHOLE
 
 LENGTH = 6
 

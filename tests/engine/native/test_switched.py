@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from engine.test_engines import same_bits
+from engine.examples import same_bits
 from jaxsat.engine import AdaptiveStepper, NativeEngine, ScanEngine, Tolerance
 from jaxsat.montecarlo import Study
 from jaxsat.scenario import load

@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
+from engine.native.user_programs import IMPOSSIBLE, SUBJECTS, arguments
 from jaxsat.engine.native import CannotLower, Mapped
-from native.user_programs import IMPOSSIBLE, SUBJECTS, arguments
 
 CASES = 16
 QUICK = ("networks",)

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from jax import lax
 
-from engine.test_engines import KICKS, continuous_example, program
+from engine.examples import KICKS, continuous_example, program
+from engine.native.wrong_arguments import COUNT, compiled, examples, narrow, picked
 from jaxsat.engine import NativeEngine, ScanEngine
 from jaxsat.engine.native import CannotLower, Mapped, emitter, memory
-from native.wrong_arguments import COUNT, compiled, examples, narrow, picked
 
-TESTS = Path(__file__).parents[1]
+TESTS = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def one():
 @pytest.mark.slow
 def test_a_campaign_of_wrong_arguments_crashes_nothing():
     found = subprocess.run(
-        [sys.executable, "-m", "native.wrong_arguments", "3", "200"],
+        [sys.executable, "-m", "engine.native.wrong_arguments", "3", "200"],
         cwd=TESTS, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert found.returncode == 0, found.stdout + found.stderr

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from engine.native.random_programs import KINDS, SIZE, newest, programs, run
 from jaxsat.engine.native.mapped import Mapped
-from native.random_programs import KINDS, SIZE, newest, programs, run
 
 CASES = 37
 # A failing program is not shrunk, for every try compiles: add `Phase.shrink` to study one.

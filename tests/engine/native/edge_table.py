@@ -9,8 +9,8 @@ import scipy.special
 from jax import lax
 from jax.extend.core.primitives import add_jaxvals_p, eq_to_p, le_to_p, lt_to_p
 
+from engine.native.edge_values import ALL, BOOLS, FLOATS, NUMBERS, SIGNED, WHOLE
 from jaxsat import trigonometry
-from native.edge_values import ALL, BOOLS, FLOATS, NUMBERS, SIGNED, WHOLE
 
 EVEN = lax.RoundingMethod.TO_NEAREST_EVEN
 ULPS, XLA_ULPS = 4, 64

@@ -9,7 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from native.program_writer import FLOATS, SIGNED, TYPES, UNSIGNED, Writer, as_type, shaped, tame
+from engine.native.program_writer import (
+    FLOATS,
+    SIGNED,
+    TYPES,
+    UNSIGNED,
+    Writer,
+    as_type,
+    shaped,
+    tame,
+)
 
 MODES = ("clip", "fill", "wrap")
 

@@ -1,6 +1,6 @@
 """A campaign of wrong arguments against machine code, in a process of its own: none may crash.
 
-    python -m native.wrong_arguments SEED TRIALS
+    python -m engine.native.wrong_arguments SEED TRIALS
 
 Some functions are compiled once; each trial calls one of them with arguments of which some are
 changed. A call must raise `TypeError` or `ValueError`, or give what it gives for plain arrays of

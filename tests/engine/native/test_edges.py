@@ -13,12 +13,12 @@ import jax
 import numpy as np
 import pytest
 
+from engine.native.edge_programs import ALIASES, LENGTH, PROGRAMS, Use
+from engine.native.edge_table import ELEMENTWISE, ULPS, XLA_ULPS, Edge
+from engine.native.edge_values import ALL, edge_pairs, edge_values
 from jaxsat.engine.native import Mapped
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.lowering import RULES, as_elements, lower
-from native.edge_programs import ALIASES, LENGTH, PROGRAMS, Use
-from native.edge_table import ELEMENTWISE, ULPS, XLA_ULPS, Edge
-from native.edge_values import ALL, edge_pairs, edge_values
 
 FEW = 12
 """So many constants are tried beside variables; all of them take long to compile."""

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from jax import lax
 
+from engine.native.user_programs import SUBJECTS, arguments
 from jaxsat.engine.native import Mapped
 from jaxsat.engine.native.target import host, lesser
-from native.user_programs import SUBJECTS, arguments
 
 CASES = 37
 NAMES = ("x86-64", "x86-64-v3")

@@ -2,7 +2,7 @@
 
 Many programs are compiled as one, XLA's without what takes its compiler longest: compiling is
 nearly all the time there is. Any others are run, and those told which differ, by
-`PYTHONPATH=tests python tests/native/test_generated_programs.py FIRST COUNT`.
+`PYTHONPATH=tests python tests/engine/native/test_generated_programs.py FIRST COUNT`.
 """
 
 import functools
@@ -12,8 +12,8 @@ import jax
 import numpy as np
 import pytest
 
+from engine.native.program_generator import inputs, program
 from jaxsat.engine.native import Mapped
-from native.program_generator import inputs, program
 
 CASES = 21
 CHEAPLY = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from jax import lax
 
-from engine.test_engines import EXAMPLES, KICKS, program
+from engine.examples import EXAMPLES, KICKS, program
 from jaxsat.engine import FixedStepper
 from jaxsat.engine.native import CannotLower, Mapped, native_obstacle
 from jaxsat.engine.native.ir import NativeBug

@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from native.program_nests import NESTED
-from native.program_steps import PLAIN
-from native.program_writer import TYPES, Writer
+from engine.native.program_nests import NESTED
+from engine.native.program_steps import PLAIN
+from engine.native.program_writer import TYPES, Writer
 
 
 def program(seed: int, steps: int = 4) -> Callable[[dict, dict], list[jax.Array]]:
