@@ -8,8 +8,6 @@ from jaxsat.reproduction import RUNS, Verdict, judge, markdown_table, paper_figu
 from jaxsat.results import time_to_settle, trajectory_dataset
 from jaxsat.scenario import build, dump, load
 
-pytestmark = pytest.mark.xdist_group("reproduction")  # one worker, so that all runs are made once
-
 
 @pytest.fixture(scope="module")
 def datasets():

@@ -30,8 +30,6 @@ from tuning.scenarios import RATE
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from corruption import corrupt
 
-pytestmark = pytest.mark.xdist_group("tuning")  # one worker, so that there is one descent
-
 
 @pytest.fixture(scope="module")
 def scenario(tmp_path_factory):
