@@ -6,17 +6,14 @@ import shutil
 import subprocess
 import sys
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from corruption import KINDS, corrupt, files_of
 from jaxsat.results import OutputError, StudyStore, open_study, study_columns
 from results.test_store import COLUMNS, IDENTITY, made, values
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from corruption import KINDS, corrupt, files_of
 
 COUNT, CHUNK = 22, 4
 TRUTH = values(np.arange(COUNT))

@@ -1,14 +1,13 @@
 """The dataset of a run: labels, units, and a round trip through netCDF."""
 
 import random
-import sys
-from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
 import xarray as xr
 
+from corruption import KINDS
 from jaxsat.results import (
     OutputError,
     OutputFolder,
@@ -19,9 +18,6 @@ from jaxsat.results import (
 )
 from jaxsat.results.dataset import TOTALS, VARIABLES, dataset_bytes
 from jaxsat.scenario import build, dump, load
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from corruption import KINDS
 
 
 @pytest.fixture(scope="module")
