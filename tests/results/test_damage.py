@@ -13,7 +13,7 @@ import xarray as xr
 
 from corruption import KINDS, corrupt, files_of
 from jaxsat.results import OutputError, StudyStore, open_study, study_columns
-from results.test_store import COLUMNS, IDENTITY, made, values
+from results.stores import COLUMNS, IDENTITY, made, values
 
 COUNT, CHUNK = 22, 4
 TRUTH = values(np.arange(COUNT))
@@ -206,7 +206,7 @@ def test_a_store_is_as_large_as_what_is_done(tmp_path):
 KILLED = """
 import os, sys
 sys.path[:0] = sys.argv[2:]
-from results.test_store import made, values
+from results.stores import made, values
 from jaxsat.results import store as module
 plain = module.write_file
 def write(path, *arguments, **options):
