@@ -1,18 +1,15 @@
 """Machine code on disk: found again, whole or not at all, and ours alone."""
 
-import mmap
 import os
 import stat
 import warnings
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from jaxsat.engine.native import Mapped, cache, private, target
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no owners and modes")
-
 TEXT = "define void @nothing() {\nret void\n}\n"
 
 
@@ -319,14 +316,3 @@ def test_the_command_line_shows_it_as_one_line(capsys, monkeypatch):
     monkeypatch.setattr(app, "_command", command)
     app.run([])
     assert capsys.readouterr().err == "warning: no cache\n"
-
-
-def test_libraries_may_lie_far_apart():
-    mapped = Mapped(lambda case, shared: 2.0 * case + shared, 0.0, 0.0)
-    code, between = target.object_code(mapped.text), []
-    for _ in range(30):
-        keep, addresses = target.loaded(code, ["run"])
-        assert keep is not None
-        assert addresses["run"]
-        between.append(mmap.mmap(-1, 200 << 20))
-    np.testing.assert_array_equal(mapped(np.arange(3.0), 1.0), [1.0, 3.0, 5.0])

@@ -8,87 +8,16 @@ multiplication does harm.
 from itertools import product
 
 import jax
-import mpmath as mp
 import numpy as np
 import pytest
-import scipy.special
 from jax import lax
 
+from engine.native.function_points import TWO_ARGUMENTS, arguments_of, points
+from engine.native.function_references import NUMPY, REFERENCES, errors_in_ulps, exact_values
 from engine.native.numpy_interpreter import evaluate
 from jaxsat.engine.native.functions import FUNCTIONS, program
 from jaxsat.engine.native.mapped import Mapped
 
-mp.mp.dps = 40
-
-
-def _logistic(x):
-    return 1 / (1 + mp.exp(-x))
-
-
-def _real(function):
-    def real(x):
-        value = function(x)
-        return value if mp.im(value) == 0 else mp.nan
-
-    return real
-
-
-def _power(x, y):
-    value = mp.power(x, y)
-    return value if mp.im(value) == 0 else mp.nan
-
-
-REFERENCES = {
-    "acos": mp.acos,
-    "acosh": _real(mp.acosh),
-    "asin": mp.asin,
-    "asinh": mp.asinh,
-    "atan": mp.atan,
-    "atan2": mp.atan2,
-    "atanh": _real(mp.atanh),
-    "cbrt": lambda x: mp.sign(x) * mp.cbrt(abs(x)),
-    "cos": mp.cos,
-    "cosh": mp.cosh,
-    "erf": mp.erf,
-    "erf_inv": mp.erfinv,
-    "erfc": mp.erfc,
-    "exp": mp.exp,
-    "exp2": lambda x: mp.mpf(2) ** x,
-    "expm1": mp.expm1,
-    "log": mp.log,
-    "log1p": mp.log1p,
-    "logistic": _logistic,
-    "pow": _power,
-    "sin": mp.sin,
-    "sinh": mp.sinh,
-    "tan": mp.tan,
-    "tanh": mp.tanh,
-}
-NUMPY = {
-    "acos": np.arccos,
-    "acosh": np.arccosh,
-    "asin": np.arcsin,
-    "asinh": np.arcsinh,
-    "atan": np.arctan,
-    "atan2": np.arctan2,
-    "atanh": np.arctanh,
-    "cbrt": np.cbrt,
-    "cos": np.cos,
-    "cosh": np.cosh,
-    "erf": scipy.special.erf,
-    "erfc": scipy.special.erfc,
-    "exp": np.exp,
-    "exp2": np.exp2,
-    "expm1": np.expm1,
-    "log": np.log,
-    "log1p": np.log1p,
-    "pow": np.power,
-    "sin": np.sin,
-    "sinh": np.sinh,
-    "tan": np.tan,
-    "tanh": np.tanh,
-}
-TWO_ARGUMENTS = ("atan2", "pow")
 ULPS = {name: 4.0 if name in ("pow", "erf_inv") else 2.0 for name in REFERENCES}
 NEAR = ["sin", "cos"]
 BASIC = {
@@ -97,6 +26,7 @@ BASIC = {
     "round", "select_n", "shift_left", "shift_right_arithmetic", "shift_right_logical", "sqrt",
     "sub", "xor",
 }  # fmt: skip
+
 EDGES = np.array(
     [
         *(0.0, 5e-324, 2.2e-308, 2.0**-1022, 1e-300, 1e-20, 2.0**-27, 0.1, 0.5, 1.0, 1.5, 2.0, 3.0),
@@ -105,118 +35,8 @@ EDGES = np.array(
         *(np.finfo(float).max, np.inf),
     ]
 )
+
 EDGES = np.concatenate([EDGES, -EDGES, [np.nan]])
-
-
-def _spread(rng: np.random.Generator, least: float, most: float, count: int) -> np.ndarray:
-    """Both signs, evenly over the logarithms."""
-    sizes = np.exp(rng.uniform(np.log(least), np.log(most), count))
-    return sizes * rng.choice([-1.0, 1.0], count)
-
-
-def _any_double(rng: np.random.Generator, count: int) -> np.ndarray:
-    numbers = rng.integers(0, 2**64, count, dtype=np.uint64).view(float)
-    return numbers[np.isfinite(numbers)]
-
-
-def _near(points, rng: np.random.Generator, count: int) -> np.ndarray:
-    """Doubles within some units of the points where a function changes its formula."""
-    bits = np.repeat(np.asarray(points, float), count).view(np.int64)
-    return (bits + rng.integers(-1000, 1000, bits.size)).view(float)
-
-
-def _points(name: str, rng: np.random.Generator, count: int) -> np.ndarray:
-    if name in ("sin", "cos", "tan"):
-        multiples = np.arange(1, count // 4 + 1) * (np.pi / 2)
-        worst = [6381956970095103 * 2.0**797, 5.31937264832654141671e255, 2.0**20, 1e22]
-        return np.concatenate(
-            [
-                *(rng.uniform(-10, 10, count), _spread(rng, 1e-5, 1e9, count), multiples, worst),
-                *(_any_double(rng, count), _near([2.0**20, np.pi / 4], rng, 20)),
-            ]
-        )
-    if name == "acosh":
-        from_one = [rng.uniform(1, 4, count), 1 + np.abs(_spread(rng, 1e-15, 1.0, count))]
-        large = np.exp(rng.uniform(0, 709, count))
-        return np.concatenate([*from_one, large, _near([1.5, 2.0**28], rng, 20)])
-    if name in ("asin", "acos", "atanh", "erf_inv"):
-        ends = 1 - np.abs(_spread(rng, 1e-16, 0.3, count))
-        middle = _near([0.5, 0.99903], rng, 20)
-        return np.concatenate(
-            [rng.uniform(-1, 1, count), ends, -ends, _spread(rng, 1e-300, 1.0, count), middle]
-        )
-    if name in ("log", "log1p"):
-        near_one = 1 + _spread(rng, 1e-12, 0.5, count)
-        every = np.abs(_any_double(rng, count))
-        shift = 1.0 if name == "log1p" else 0.0
-        close = _spread(rng, 1e-300, 0.9, count) if shift else _near([0.7071, 1.4142], rng, 20)
-        return np.concatenate([rng.uniform(0.01, 4, count) - shift, near_one - shift, every, close])
-    if name in ("erf", "erfc"):
-        edges = _near([0.5, 0.9, 4.0], rng, 20)
-        tail = rng.uniform(4, 28, count)
-        small = _spread(rng, 1e-300, 1.0, count)
-        return np.concatenate([rng.uniform(-6, 6, count), tail, small, edges, -edges])
-    edges = _near([0.34657, 0.5, 0.55, 1.0, 22.0, 2.0**28], rng, 20)
-    large = rng.uniform(-740, 705, count)
-    return np.concatenate(
-        [rng.uniform(-3, 3, count), large, _spread(rng, 1e-300, 30, count), edges]
-        + ([_any_double(rng, count)] if name in ("asinh", "atan", "cbrt") else [])
-    )
-
-
-def _pairs(name: str, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
-    if name == "atan2":
-        first = [rng.uniform(-2, 2, count), _spread(rng, 1e-4, 1e4, count)]
-        second = [rng.uniform(-2, 2, count), _spread(rng, 1e-4, 1e4, count)]
-    else:
-        first = [rng.uniform(0, 4, count), 1 + _spread(rng, 1e-9, 0.4, count)]
-        second = [rng.uniform(-20, 20, count), _spread(rng, 1, 1e9, count)]
-        first += [rng.uniform(-4, 4, count), np.exp(rng.uniform(-700, 700, count))]
-        second += [rng.integers(-30, 30, count).astype(float), rng.uniform(-1, 1, count)]
-    numbers, others = _any_double(rng, count), _any_double(rng, count)
-    both = min(numbers.size, others.size)
-    return np.concatenate([*first, numbers[:both]]), np.concatenate([*second, others[:both]])
-
-
-def _arguments(name: str, seed: int, count: int) -> tuple[np.ndarray, ...]:
-    rng = np.random.default_rng(seed)
-    return _pairs(name, rng, count) if name in TWO_ARGUMENTS else (_points(name, rng, count),)
-
-
-def _exact(name: str, arguments: tuple[np.ndarray, ...]) -> list[mp.mpf]:
-    if name == "pow":
-        # An exponent of 1e9 costs nine digits of the logarithm.
-        with mp.workdps(60):
-            return [_bounded_power(float(x), float(y)) for x, y in zip(*arguments, strict=True)]
-    reference = REFERENCES[name]
-    return [reference(*map(mp.mpf, map(float, row))) for row in zip(*arguments, strict=True)]
-
-
-def _bounded_power(x: float, y: float) -> mp.mpf:
-    if x < 0 and y != np.floor(y):
-        return mp.nan
-    with np.errstate(all="ignore"):
-        if x == 0 or abs(y * np.log(abs(x))) > 2000:
-            return mp.mpf(float(np.power(x, y)))
-    return _power(mp.mpf(x), mp.mpf(y))
-
-
-def _ulps(values: np.ndarray, exact: list[mp.mpf], smallest: float = 0.0) -> np.ndarray:
-    """Errors in units in the last place; results of less than `smallest` pass."""
-    errors = np.zeros(values.size)
-    for i, (value, true) in enumerate(zip(values, exact, strict=True)):
-        nearest = float(true)
-        if abs(true) < smallest:
-            continue
-        if np.isnan(nearest) or np.isinf(nearest):
-            errors[i] = 0.0 if np.array_equal(value, nearest, equal_nan=True) else np.inf
-        elif not np.isfinite(value):
-            limit = np.finfo(float).max
-            errors[i] = 1.0 if abs(true) > limit * (1 - 2**-52) else np.inf
-        else:
-            spacing = float(np.spacing(abs(nearest)))
-            errors[i] = float(abs(mp.mpf(float(value)) - true) / mp.mpf(spacing))
-    return errors
 
 
 def _by_numpy(name: str, arguments: tuple[np.ndarray, ...]) -> np.ndarray:
@@ -230,27 +50,27 @@ def _by_machine_code(name: str, arguments: tuple[np.ndarray, ...]) -> np.ndarray
 
 
 def _assert_accurate(name: str, arguments: tuple[np.ndarray, ...]) -> None:
-    exact = _exact(name, arguments)
-    unfused = _ulps(_by_numpy(name, arguments), exact)
+    exact = exact_values(name, arguments)
+    unfused = errors_in_ulps(_by_numpy(name, arguments), exact)
     assert unfused.max() <= ULPS[name], [a[unfused.argmax()] for a in arguments]
-    compiled = _ulps(_by_machine_code(name, arguments), exact)
+    compiled = errors_in_ulps(_by_machine_code(name, arguments), exact)
     assert compiled.max() <= ULPS[name], [a[compiled.argmax()] for a in arguments]
     # XLA takes subnormal numbers for zero.
     normal = np.all([(np.abs(a) > 1e-307) for a in arguments], axis=0)
-    fused = _ulps(np.asarray(jax.jit(FUNCTIONS[name])(*arguments)), exact, 1e-307)
+    fused = errors_in_ulps(np.asarray(jax.jit(FUNCTIONS[name])(*arguments)), exact, 1e-307)
     fused = np.where(normal, fused, 0.0)
     assert fused.max() <= ULPS[name], [a[fused.argmax()] for a in arguments]
 
 
 @pytest.mark.parametrize("name", REFERENCES)
 def test_every_function_is_accurate(name):
-    _assert_accurate(name, _arguments(name, 1, 20 if name == "erf_inv" else 300))
+    _assert_accurate(name, arguments_of(name, 1, 20 if name == "erf_inv" else 300))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", REFERENCES)
 def test_every_function_is_accurate_on_many_points(name):
-    _assert_accurate(name, _arguments(name, 2, 500 if name == "erf_inv" else 20_000))
+    _assert_accurate(name, arguments_of(name, 2, 500 if name == "erf_inv" else 20_000))
 
 
 @pytest.mark.parametrize("name", NUMPY)
@@ -286,7 +106,7 @@ def test_erf_inv_and_logistic_have_the_right_ends():
 
 
 def test_sincos_is_sine_and_cosine():
-    x = _points("sin", np.random.default_rng(3), 200)
+    x = points("sin", np.random.default_rng(3), 200)
     values = evaluate(program("sincos", "float64"), x)
     np.testing.assert_array_equal(values[0], _by_numpy("sin", (x,)))
     np.testing.assert_array_equal(values[1], _by_numpy("cos", (x,)))
@@ -295,23 +115,23 @@ def test_sincos_is_sine_and_cosine():
 def test_the_short_way_of_sine_and_cosine_is_accurate_below_its_limit():
     """Alone and together; beyond the limit it says that it is wrong."""
     rng = np.random.default_rng(6)
-    x = np.concatenate([_points("sin", rng, 300), rng.uniform(-(2.0**14), 2.0**14, 600)])
+    x = np.concatenate([points("sin", rng, 300), rng.uniform(-(2.0**14), 2.0**14, 600)])
     short = np.abs(x) < 2.0**14
     for name, parts in (("near_sin", ["sin"]), ("near_cos", ["cos"]), ("near_sincos", NEAR)):
         for found in (evaluate(program(name, "float64"), x), jax.jit(FUNCTIONS[name])(x)):
             np.testing.assert_array_equal(np.asarray(found[-1]), ~short)
             for part, values in zip(parts, found[:-1], strict=True):
-                errors = _ulps(np.asarray(values)[short], _exact(part, (x[short],)))
+                errors = errors_in_ulps(np.asarray(values)[short], exact_values(part, (x[short],)))
                 assert errors.max() <= ULPS[part], x[short][errors.argmax()]
     both = Mapped(lambda x, shared: (lax.sin(x), lax.cos(x)), 0.0)(x)
     for part, values in zip(NEAR, both, strict=True):
-        assert _ulps(values, _exact(part, (x,))).max() <= ULPS[part]
+        assert errors_in_ulps(values, exact_values(part, (x,))).max() <= ULPS[part]
 
 
 @pytest.mark.parametrize("name", REFERENCES)
 def test_32_bit_floats_are_rounded_once(name):
     with np.errstate(all="ignore"):
-        arguments = [a.astype(np.float32) for a in _arguments(name, 4, 50)]
+        arguments = [a.astype(np.float32) for a in arguments_of(name, 4, 50)]
     values = evaluate(program(name, *(["float32"] * len(arguments))), *arguments)[0]
     wide = _by_numpy(name, tuple(a.astype(float) for a in arguments))
     assert values.dtype == np.float32
