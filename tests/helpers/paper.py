@@ -40,8 +40,6 @@ PAPER_RATE = {
 }
 
 ORBITS = {"exact": ExactOrbit, "small-angle": SmallAngleOrbit}
-
-
 UNLIMITED = Actuators.of(Thrusters(jnp.eye(3)).without([3]))
 
 

@@ -1,6 +1,5 @@
 """Every dispersed name reaches the model, and only possible bodies are drawn."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,15 +8,12 @@ from scipy.spatial.transform import Rotation
 
 from helpers.paper import (
     PAPER_THREE_AXIS,
-    bodies,
-    three_axis_law,
     three_axis_loop,
     three_axis_start,
 )
-from helpers.switching import CASE, start, switching_loop
+from helpers.switching import start
 from jaxsat import noise
 from jaxsat.attitude import Quaternion
-from jaxsat.control import InternalModel
 from jaxsat.montecarlo import (
     QUANTITIES,
     Dispersed,
@@ -25,36 +21,13 @@ from jaxsat.montecarlo import (
     Independent,
     Normal,
     RandomAttitude,
-    StudyCase,
     Uniform,
     with_gains,
 )
 from jaxsat.montecarlo.changes import possible_inertia
-from jaxsat.simulation import ContinuousLoop, SampledLoop
-from jaxsat.vehicle import Sensors
+from montecarlo.copies import backstepping, copies_of, sampled
 
 J = np.array([449.5, 264.6, 312.5])
-
-
-def sampled():
-    plain = switching_loop(CASE, internal=InternalModel([0.7, 0.8]))
-    return SampledLoop(plain.plant, plain.controller, plain.actuators, sensors=Sensors(), delay=0.0)
-
-
-def backstepping():
-    plain = switching_loop(CASE)
-    return ContinuousLoop(
-        bodies(PAPER_THREE_AXIS)[0], three_axis_law(PAPER_THREE_AXIS), plain.actuators
-    )
-
-
-def copies_of(loop, count, seed=3, begin=None, known=False, **distributions):
-    dispersions = Dispersions(distributions, known)
-    study = Dispersed(loop, begin or start(), dispersions, seed)
-    numbers = np.arange(count)
-    points = Independent(seed).points(numbers, study.dimensions())
-    cases = StudyCase(jnp.array(numbers, jnp.uint32), jnp.array(points))
-    return eqx.filter_jit(lambda study, cases: jax.vmap(study)(cases))(study, cases)
 
 
 def models(loop):
@@ -104,6 +77,8 @@ REACHES = {
     "turn": lambda c: tilted(c).z[:, None],
     "omega": lambda c: c.start.omega,
 }
+
+
 OTHERWISE = {"misalignment", "attitude_error", "rate_error"}
 
 

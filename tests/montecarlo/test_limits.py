@@ -12,8 +12,8 @@ from jaxsat.montecarlo import (
 from jaxsat.scenario import ScenarioError, build, load
 from jaxsat.scenario.study import dispersion_key
 from jaxsat.simulation import Outcome
+from montecarlo.copies import copies_of, sampled
 from montecarlo.studies import tumbling
-from montecarlo.test_dispersions import copies_of, sampled
 
 NOMINAL = {"rate_noise": 1e-5, "attitude_noise": 1e-5, "delay": 0.05, "tilt": 0.7}
 """Numbers that may be drawn; zero for all others."""

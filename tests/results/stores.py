@@ -13,7 +13,6 @@ COLUMNS = {
     "code": Column((), "int8", "1", "how it ended"),
 }
 
-
 IDENTITY = {"seed": 1, "program": {"duration": 2.0}}
 
 

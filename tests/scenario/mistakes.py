@@ -38,7 +38,6 @@ save_every_s = 0.5
 steps = "adaptive"
 """
 
-
 SWITCHING = """\
 title = "Test"
 [spacecraft]

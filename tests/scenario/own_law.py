@@ -86,7 +86,6 @@ def not_a_class():
     pass
 """
 
-
 SCENARIO = """
 title = "Own law"
 [spacecraft]

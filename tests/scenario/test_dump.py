@@ -18,17 +18,9 @@ def numbers(low, high):
 
 
 positive = numbers(1e-6, 1e6)
-
-
 printable = st.characters(exclude_categories=["Cc", "Cf", "Cs", "Cn", "Zl", "Zp"])
-
-
 vector3 = st.tuples(*[numbers(-10, 10)] * 3)
-
-
 pair = st.tuples(positive, positive)
-
-
 switches = st.tuples(*[st.booleans()] * 3)
 
 
@@ -48,7 +40,6 @@ def inertias(draw):
 GAINS = {"k1": positive, "k2": positive, "k3": positive, "mu": positive, "a": positive,
          "k4": positive | pair}  # fmt: skip
 
-
 OPTIONAL = {
     "omega3_width_rad_s": numbers(0, 1),
     "internal_model_frequency_rad_s": pair,
@@ -66,7 +57,6 @@ OPTIONAL = {
     ),
 }
 
-
 THRESHOLDS = {
     "lower_threshold_rad_s": numbers(1e-6, 1),
     "upper_threshold_rad_s": numbers(1, 2),
@@ -74,7 +64,6 @@ THRESHOLDS = {
     "rate_slope_limit_rad_s2": pair,
     "three_axis_slope_limit_rad_s2": pair,
 }
-
 
 LAW_KEYS = {
     "coast": [],

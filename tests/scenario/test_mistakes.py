@@ -137,7 +137,6 @@ BROKEN = [
     ("[orbit]\n", "[[orbit]]\n", [(11, "orbit", "must be a table")]),
 ]  # fmt: skip
 
-
 BROKEN_SWITCHING = [
     ("torque_limit_N_m = 5\n", "", [
         (10, "control.rate_slope_limit_rad_s2", "must be given in rad/s²"),

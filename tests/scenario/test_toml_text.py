@@ -10,15 +10,12 @@ from jaxsat.scenario.toml_text import toml_document
 from scenario.documents import every_location
 
 keys = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
-
-
 scalars = (
     st.booleans()
     | st.integers(-(2**63), 2**63 - 1)
     | st.floats(allow_nan=False)
     | st.text(st.characters(exclude_categories=["Cs"]))
 )
-
 
 values = st.recursive(
     scalars, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(keys, inner, max_size=4)

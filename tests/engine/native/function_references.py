@@ -51,7 +51,6 @@ REFERENCES = {
     "tanh": mp.tanh,
 }
 
-
 NUMPY = {
     "acos": np.arccos,
     "acosh": np.arccosh,
