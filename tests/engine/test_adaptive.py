@@ -27,7 +27,6 @@ def found():
     return engine().evaluate(program_of(COPIES, COPIES.loop, 10.0), KICKS)
 
 
-@pytest.mark.slow
 def test_the_printed_law_has_its_reference_numbers(found):
     """At 10 s, from DOP853 at a tolerance of 1e-12."""
     reference = [-0.0771835613, 0.0996920062, 1.25752275, 0.119500366, -0.108519713]

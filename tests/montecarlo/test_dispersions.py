@@ -50,19 +50,21 @@ def tilted(copy):
     return jax.vmap(lambda a: a.as_wz())(copy.start.attitude)
 
 
+def periodic(copy):
+    """The periodic torque, alone or with a constant one."""
+    disturbance = copy.loop.plant.disturbance
+    return getattr(disturbance, "terms", [disturbance])[0]
+
+
 REACHES = {
     "inertia": lambda c: np.diagonal(c.loop.plant.spacecraft.inertia, axis1=1, axis2=2) / J - 1,
     "products_of_inertia": lambda c: (
         c.loop.plant.spacecraft.inertia[:, [0, 0, 1], [1, 2, 2]] / 264.6
     ),
     "torque_gain": lambda c: np.linalg.norm(c.loop.actuators.torque_axes, axis=1) - 1,
-    "disturbance_amplitude": lambda c: (
-        c.loop.plant.disturbance.amplitude / np.array([0.01, 0.02, 0.001]) - 1
-    ),
-    "disturbance_frequency": lambda c: (
-        c.loop.plant.disturbance.frequency / np.array([0.7, 0.8, 0.1]) - 1
-    ),
-    "disturbance_phase": lambda c: c.loop.plant.disturbance.phase,
+    "disturbance_amplitude": lambda c: periodic(c).amplitude / np.array([0.01, 0.02, 0.001]) - 1,
+    "disturbance_frequency": lambda c: periodic(c).frequency / np.array([0.7, 0.8, 0.1]) - 1,
+    "disturbance_phase": lambda c: periodic(c).phase,
     "constant_torque": lambda c: c.loop.plant.disturbance.terms[1].torque,
     "model_inertia": of_both_models(
         lambda m: np.diagonal(m.spacecraft.inertia, axis1=1, axis2=2) / J - 1
@@ -86,16 +88,35 @@ def test_every_quantity_has_its_test():
     assert set(REACHES) | OTHERWISE == set(QUANTITIES)
 
 
-@pytest.mark.parametrize("name", REACHES)
-def test_a_dispersed_quantity_reaches_the_model(name):
-    distribution = RandomAttitude() if name == "attitude" else Uniform(0.01, 0.06)
-    copy = copies_of(sampled(), 5, **{name: distribution})
+TOGETHER = sorted(REACHES.keys() - {"attitude"})
+"""What can be dispersed at once: `attitude` draws what `tilt` and `turn` displace."""
+
+
+def assert_reached(copy, name):
     drawn = copy.drawn[name]
     np.testing.assert_allclose(
         REACHES[name](jax.tree.map(np.asarray, copy)), drawn, rtol=1e-9, atol=1e-12
     )
     assert len(np.unique(drawn)) == drawn.size
     assert jnp.all(copy.possible)
+
+
+@pytest.fixture(scope="module")
+def together():
+    return copies_of(sampled(), 5, **dict.fromkeys(TOGETHER, Uniform(0.01, 0.06)))
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+def test_dispersed_quantities_reach_the_model_beside_one_another(together, name):
+    assert_reached(together, name)
+
+
+@pytest.mark.parametrize(
+    "name", ["attitude", *(pytest.param(name, marks=pytest.mark.slow) for name in TOGETHER)]
+)
+def test_a_dispersed_quantity_reaches_the_model(name):
+    distribution = RandomAttitude() if name == "attitude" else Uniform(0.01, 0.06)
+    assert_reached(copies_of(sampled(), 5, **{name: distribution}), name)
 
 
 def test_misalignment_reaches_the_torque_axes():
