@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
+from helpers.references import DISTURBANCE, RATE, THREE_AXIS
 from jaxsat.attitude import WZ
 from jaxsat.control import InternalModel, RateLaw, ThreeAxisLaw
 from jaxsat.dynamics import PlantState, RigidBody
@@ -10,34 +11,14 @@ from jaxsat.environment import ExactOrbit, PeriodicTorque, SmallAngleOrbit
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop
 from jaxsat.vehicle import Actuators, Spacecraft, Thrusters
 
-PAPER_DISTURBANCE = {
-    "amplitude": (0.01, 0.02, 0.001),
-    "frequency": (0.7, 0.8, 0.1),
-    "phase": (0.0, 0.0, 0.0),
-}
-
+PAPER_DISTURBANCE = {**DISTURBANCE, "phase": (0.0, 0.0, 0.0)}
 PAPER_THREE_AXIS = {
-    "inertia": (449.5, 264.6, 312.5),
-    "k3": 0.05,
-    "k4": 0.01,
-    "mu": 1.0,
-    "a": 0.1,
-    "w0": (-1.0, 1.0),
-    "z0": 1.27,
-    "omega0": (0.1, -0.11, 0.0),
-    "orbit_rate": 0.0011,
+    **THREE_AXIS,
     "relation": "small-angle",
     "third_rate": "held",
     **PAPER_DISTURBANCE,
 }
-
-PAPER_RATE = {
-    "inertia": (449.5, 264.6, 312.5),
-    "k1": 5.0,
-    "k2": 10.0,
-    "omega0": (0.1, -0.11, 0.1),
-    **PAPER_DISTURBANCE,
-}
+PAPER_RATE = {**RATE, **PAPER_DISTURBANCE}
 
 ORBITS = {"exact": ExactOrbit, "small-angle": SmallAngleOrbit}
 UNLIMITED = Actuators.of(Thrusters(jnp.eye(3)).without([3]))

@@ -7,24 +7,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from helpers.references import DISTURBANCE, INERTIA, RATE, RATES
 from oracle import rate_law
 from oracle import switched_sampled as sampled
 
-INERTIA = (449.5, 264.6, 312.5)
-FREQUENCY = (0.7, 0.8, 0.1)
-DISTURBANCE = {"amplitude": (0.01, 0.02, 0.001), "frequency": FREQUENCY}
-RATE = {"inertia": INERTIA, "k1": 5.0, "k2": 10.0, "omega0": (0.1, -0.11, 0.1)}
-
 
 def test_rate_law_reference_numbers():
-    run = rate_law.simulate_rate_law([0.0, 0.1, 0.5, 1.0, 5.0], **RATE)
-    known = [
-        [-0.1585116283, 0.9360311234, 0.0971152926],
-        [-0.1926189075, 0.9657223368, 0.0381903163],
-        [-0.0936715593, 0.4683755027, 0.0087779016],
-        [-2.523999840e-4, 1.261999920e-3, 6.370575e-8],
-    ]
-    np.testing.assert_allclose(run.omega[1:], known, atol=6e-11)
+    run = rate_law.simulate_rate_law([0.0, *RATES], **RATE)
+    np.testing.assert_allclose(run.omega[1:], list(RATES.values()), atol=6e-11)
     np.testing.assert_allclose(run.torque[0], (-1866.845, 4462.509), atol=6e-4)
     fine = rate_law.simulate_rate_law(np.linspace(0.0, 1.0, 2001), **RATE)
     assert np.abs(fine.omega[:, 1]).max() == pytest.approx(1.230869, abs=2e-6)

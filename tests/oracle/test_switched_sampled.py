@@ -5,24 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from helpers.references import DISTURBANCE, INERTIA, THREE_AXIS
 from oracle import rate_law
 from oracle import switched_sampled as sampled
 from oracle import three_axis_law as three
 
-INERTIA = (449.5, 264.6, 312.5)
-FREQUENCY = (0.7, 0.8, 0.1)
-DISTURBANCE = {"amplitude": (0.01, 0.02, 0.001), "frequency": FREQUENCY}
-THREE_AXIS = {
-    "inertia": INERTIA,
-    "k3": 0.05,
-    "k4": 0.01,
-    "mu": 1.0,
-    "a": 0.1,
-    "w0": (-1.0, 1.0),
-    "z0": 1.27,
-    "omega0": (0.1, -0.11, 0.0),
-    "orbit_rate": 0.0011,
-}
 SAMPLED = {
     "inertia": INERTIA,
     "k1": 0.457,

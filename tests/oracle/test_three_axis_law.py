@@ -8,34 +8,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from helpers.references import DISTURBANCE, INERTIA, THREE_AXIS, THREE_AXIS_DIGITS
 from oracle import rigid_body as body
 from oracle import three_axis_law as three
 from oracle import three_axis_reference as algebra
 from oracle.common import march, periodic
 
-INERTIA = (449.5, 264.6, 312.5)
-FREQUENCY = (0.7, 0.8, 0.1)
-DISTURBANCE = {"amplitude": (0.01, 0.02, 0.001), "frequency": FREQUENCY}
-THREE_AXIS = {
-    "inertia": INERTIA,
-    "k3": 0.05,
-    "k4": 0.01,
-    "mu": 1.0,
-    "a": 0.1,
-    "w0": (-1.0, 1.0),
-    "z0": 1.27,
-    "omega0": (0.1, -0.11, 0.0),
-    "orbit_rate": 0.0011,
-}
-# Third rate held, C_bo taken as 1: w1 w2 z omega1 omega2 at 1, 10, 50, 100, 200, 500 s.
-TABLE = """
-    -0.851881952 0.854286967 1.27668478 0.108906382 -0.115762285
-    -0.0771835613 0.0996920062 1.25752275 0.119500366 -0.108519713
-    -0.27100682 -0.426002561 0.0201378003 0.0380914367 0.0669546727
-    0.475167421 0.425509462 -0.0211442977 -0.0167520541 -0.016106661
-    0.00403253398 0.0380743072 -1.2147126e-4 0.00315826567 0.0201422991
-    6.53474535e-4 0.00282377877 -6.56529e-7 2.88946e-4 -3.18765e-5
-"""
 RELATION_AND_RATE = list(itertools.product(body.RELATIONS, three.THIRD_RATES))
 
 
@@ -45,9 +23,10 @@ def rng():
 
 
 def test_three_axis_reference_numbers():
-    run = three.simulate_three_axis([0, 1, 10, 50, 100, 200, 500], **THREE_AXIS, **DISTURBANCE)
+    run = three.simulate_three_axis([0, *THREE_AXIS_DIGITS], **THREE_AXIS, **DISTURBANCE)
     found = np.column_stack([run.w, run.z, run.omega[:, :2]])[1:].ravel()
-    for text, value in zip(TABLE.split(), found, strict=True):
+    digits = " ".join(THREE_AXIS_DIGITS.values()).split()
+    for text, value in zip(digits, found, strict=True):
         last_digit = 10.0 ** Decimal(text).as_tuple().exponent
         assert value == pytest.approx(float(text), rel=0.0, abs=0.51 * last_digit)
     np.testing.assert_allclose(run.torque[0], (4.64475, -1.96820), atol=6e-6)
