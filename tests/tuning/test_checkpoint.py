@@ -59,10 +59,16 @@ class Flipped(RateLaw):
         return -RateLaw.feedback(self, state, rate_error, memory)
 
 
-@pytest.mark.parametrize("changed", ["smooth", "exact"])
-def test_a_run_of_another_law_is_refused(scenario, tmp_path, changed):
+@pytest.fixture(scope="module")
+def by_scan(scenario):
     plan = build_plan(scenario, width=4, engine="scan")
-    with TuningFolder(tmp_path / "run", plan_identity(plan)):
+    return plan, plan_identity(plan)
+
+
+@pytest.mark.parametrize("changed", ["smooth", "exact"])
+def test_a_run_of_another_law_is_refused(by_scan, tmp_path, changed):
+    plan, identity = by_scan
+    with TuningFolder(tmp_path / "run", identity):
         pass
     trials = getattr(plan, changed)
     law = controller_of(trials.program.case_factory.loop)
