@@ -9,14 +9,15 @@ from pathlib import Path
 import jax
 import pytest
 from hypothesis import settings
-from jaxtyping import install_import_hook
 
-pytest.register_assert_rewrite("helpers", "scenario.mistakes", "engine.native.rule_checks")
+from helpers import typechecking
+
+pytest.register_assert_rewrite("scenario.mistakes", "engine.native.rule_checks")
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
-install_import_hook("jaxsat", "beartype.beartype")
+typechecking.install()
 
 settings.register_profile("jaxsat", deadline=None, max_examples=50, derandomize=True)
 settings.load_profile("jaxsat")
