@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from helpers.references import DISTURBANCE, INERTIA, THREE_AXIS, THREE_AXIS_DIGITS
+from helpers.references import DISTURBANCE, FREQUENCY, INERTIA, THREE_AXIS, THREE_AXIS_DIGITS
 from oracle import rigid_body as body
 from oracle import three_axis_law as three
 from oracle import three_axis_reference as algebra
