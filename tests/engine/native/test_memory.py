@@ -45,9 +45,7 @@ thread.join()
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="has no ulimit")
-@pytest.mark.parametrize(
-    ("rows", "stack"), [(2_000, "96"), pytest.param(200_000, "8192", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("rows", "stack"), [(2_000, "96"), (200_000, "8192")])
 def test_large_arrays_and_small_stacks(rows, stack):
     """Python itself does not start with less than some 80 kB."""
     found = subprocess.run(
