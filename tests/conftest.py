@@ -8,18 +8,45 @@ from pathlib import Path
 
 import jax
 import pytest
-from jaxtyping import install_import_hook
+from hypothesis import settings
+
+from helpers import typechecking
+
+pytest.register_assert_rewrite("scenario.mistakes", "engine.native.rule_checks")
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
-install_import_hook("jaxsat", "beartype.beartype")
+typechecking.install()
+
+settings.register_profile("jaxsat", deadline=None, max_examples=50, derandomize=True)
+settings.load_profile("jaxsat")
 
 # In a shell's background job or under nohup, programs started by tests would ignore these as well.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+SHARING = ("tests/tuning/",)
+"""Folders whose files share what is dear to make."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """With `--dist loadgroup` the groups are files: what the tests of one share is made once.
+
+    Marks of groups would not do: xdist 3.8 writes them into names that pytest 9.2 does not read.
+    """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            file = nodeid.split("::")[0]
+            return next((folder for folder in SHARING if file.startswith(folder)), file)
+
+    return ByFile(config, log) if config.getvalue("dist") == "loadgroup" else None
+
 
 MAX_MEMORY, MIN_GAIN = 4 * 2**30, 2**30
 """Bytes of a process of tests from which on it drops the compiled programs of tests past, and how

@@ -7,16 +7,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from core.strategies import rotations, vectors
+from helpers.strategies import rotations, vectors
 from jaxsat.attitude import DCM, WZ, Quaternion, skew
-
-settings.register_profile("core", deadline=None, max_examples=50, derandomize=True)
-settings.load_profile("core")
 
 to_dcm = eqx.filter_jit(lambda attitude: attitude.as_dcm().matrix)
 to_wz = eqx.filter_jit(lambda attitude: attitude.as_wz())

@@ -9,7 +9,7 @@ from hypothesis import given
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from core.strategies import inertias, rotations, vectors
+from helpers.strategies import inertias, rotations, vectors
 from jaxsat.attitude import DCM, WZ, Quaternion
 from jaxsat.control import Coast
 from jaxsat.dynamics import PlantState, RigidBody

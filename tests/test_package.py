@@ -2,6 +2,7 @@
 
 import doctest
 import importlib
+import os
 import pkgutil
 import re
 import subprocess
@@ -23,9 +24,10 @@ def test_rooms_are_there_on_demand():
 def test_import_is_light_and_switches_nothing():
     program = "import sys, jaxsat; print('jax' in sys.modules); import jax, jaxsat.simulation; "
     program += "print(jax.config.jax_enable_x64)"
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
+    command = [sys.executable, "-c", program]
+    # commands that other tests ran in this process have set it
+    unset = {name: value for name, value in os.environ.items() if name != "JAX_ENABLE_X64"}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=unset)
     assert done.stdout.split() == ["False", "False"]
 
 

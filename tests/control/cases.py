@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from core.cases import PAPER_DISTURBANCE
+from helpers.paper import PAPER_DISTURBANCE
 from jaxsat.dynamics import RigidBody
 from jaxsat.environment import ExactOrbit, NoDisturbance, PeriodicTorque
 from jaxsat.vehicle import Actuators, Spacecraft

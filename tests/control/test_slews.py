@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from control.cases import INERTIA, ORBIT_RATE, actuators, body
-from core.strategies import rotations
+from helpers.strategies import rotations
 from jaxsat.attitude import Quaternion
 from jaxsat.control import SlewPlanner, ThreeSlewLaw, slews
 from jaxsat.dynamics import PlantState

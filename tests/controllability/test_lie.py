@@ -1,7 +1,5 @@
 """Brackets by automatic differentiation against SymPy, other coordinates and printed formulas."""
 
-from functools import partial
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +11,6 @@ from hypothesis import strategies as st
 from jaxsat.controllability import (
     ControlField,
     DriftField,
-    analyse,
     bracket_words,
     control_fields,
     lie_bracket,
@@ -22,34 +19,8 @@ from jaxsat.controllability import (
     tangent_matrix,
     to_tangent,
 )
-from jaxsat.controllability.pointwise import rank_at_state
 
-from .oracles import GibbsAlgebra
-
-JA = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])
-
-
-def random_state(seed, time=None):
-    rng = np.random.default_rng(seed)
-    q, r = np.linalg.qr(rng.normal(size=(3, 3)))
-    q = q * np.sign(np.diag(r))
-    q = q * np.linalg.det(q)
-    return pack(jnp.asarray(q), jnp.asarray(rng.normal(size=3)), time)
-
-
-def paper_cross(x):
-    return jnp.array([[0, x[2], -x[1]], [-x[2], 0, x[0]], [x[1], -x[0], 0]])
-
-
-def rotating_disturbance(time):
-    return jnp.array([0.3, -0.2, 0.1]) * jnp.sin(jnp.array([0.7, 0.8, 0.1]) * time + 0.4)
-
-
-def fields(**options):
-    drift = DriftField(jnp.asarray(JA), **options)
-    controls = control_fields(jnp.asarray(JA), jnp.array([[1.0, 0.3], [0.2, -1.0], [0.5, 0.4]]))
-    return drift, *controls
-
+from .fields import JA, fields, paper_cross, random_state, rotating_disturbance
 
 seeds = st.integers(0, 10_000)
 
@@ -271,48 +242,6 @@ def test_time_as_a_state():
     assert float(jnp.max(jnp.abs(bend))) > 1e-4
     with pytest.raises(ValueError, match="thirteenth"):
         moving(state[:12])
-
-
-def rank(matrix):
-    lengths = np.linalg.norm(matrix, axis=0)
-    kept = matrix[:, lengths > 1e-9] / lengths[lengths > 1e-9]
-    return int(np.sum(np.linalg.svd(kept, compute_uv=False) > 1e-8)) if kept.size else 0
-
-
-LAYOUTS = [
-    ((9.0, 5.0, 7.0), [[1, 0, 0]], 5),
-    ((5.0, 5.0, 7.0), [[0, 0, 1]], 5),
-    ((5.0, 5.0, 7.0), [[1, 0, 0], [0, 1, 0]], 4),
-    ((9.0, 5.0, 7.0), [[1, 0, 0], [0, 1, 0]], 4),
-]
-
-
-@partial(jax.jit, static_argnames="depth")
-def word_matrix(inertia, axes, torque, state, depth):
-    drift = DriftField(inertia, disturbance=torque, orbit_rate=0.2)
-    words = bracket_words(drift, control_fields(inertia, axes), depth)
-    return tangent_matrix(tuple(words.values()), state)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("moments", "axes", "depth"), LAYOUTS)
-@pytest.mark.parametrize("moving", [False, True])
-@pytest.mark.parametrize("pushed", [False, True])
-def test_rank_at_a_state_equals_nested_jvp_words(moments, axes, depth, moving, pushed):
-    inertia = np.diag(moments)
-    omega = np.array([0.6, -0.5, 0.8]) * moving
-    torque = np.array([0.7, 0.4, -0.5]) * pushed
-    axes = np.array(axes, float).T
-    state = pack(random_state(3)[:9].reshape(3, 3), jnp.asarray(omega))
-    values = word_matrix(*map(jnp.asarray, (inertia, axes, torque)), state, depth)
-    accelerations = np.linalg.solve(inertia, axes)
-    by_arrays = rank_at_state(inertia, accelerations, omega=omega, disturbance=torque, depth=depth)
-    assert rank(np.asarray(values)) == by_arrays
-    if not moving and not pushed:
-        expected = analyse(inertia, axes).rank
-        assert by_arrays == expected
-        whole = [[int(entry) for entry in row] for row in inertia]
-        assert GibbsAlgebra(whole, axes.T.astype(int).tolist()).closure_rank() == expected
 
 
 def test_brackets_jit_and_vmap_without_retracing():

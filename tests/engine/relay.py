@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from core.cases import PAPER_THREE_AXIS, bodies
+from helpers.paper import PAPER_THREE_AXIS, bodies
 from jaxsat.attitude import WZ
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import AbstractCaseFactory, Case

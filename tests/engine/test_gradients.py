@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from core.cases import PAPER_THREE_AXIS, three_axis_start
-from core.test_switching import CASE, start, switching_loop
-from engine.test_engines import KICKS, Kicked, smooth_law
+from engine.examples import KICKS, Kicked, smooth_law
+from helpers.paper import PAPER_THREE_AXIS, three_axis_start
+from helpers.switching import CASE, start, switching_loop
 from jaxsat.attitude import WZ
 from jaxsat.engine import (
     AdaptiveStepper,
@@ -56,14 +56,14 @@ def program(loop, begin, cost=COST):
 @pytest.mark.parametrize(
     ("kind", "engine", "mode"),
     [
-        pytest.param("error", "scan", "forward", marks=pytest.mark.slow),
-        pytest.param("error", "scan", "reverse", marks=pytest.mark.slow),
-        pytest.param("error", "adaptive", "forward", marks=pytest.mark.slow),
-        pytest.param("error", "diffrax", "forward", marks=pytest.mark.slow),
-        pytest.param("error", "diffrax", "reverse", marks=pytest.mark.slow),
-        pytest.param("error", "direct", "reverse", marks=pytest.mark.slow),
+        ("error", "scan", "forward"),
+        ("error", "scan", "reverse"),
+        ("error", "adaptive", "forward"),
+        ("error", "diffrax", "forward"),
+        ("error", "diffrax", "reverse"),
+        ("error", "direct", "reverse"),
         ("sampled", "scan", "forward"),
-        pytest.param("sampled", "scan", "reverse", marks=pytest.mark.slow),
+        ("sampled", "scan", "reverse"),
     ],
 )
 def test_both_modes_against_central_differences(kind, engine, mode):

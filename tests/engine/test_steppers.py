@@ -3,8 +3,8 @@
 import diffrax
 import pytest
 
-from core.test_switching import CASE, switching_loop
 from engine.relay import relay
+from helpers.switching import CASE, switching_loop
 from jaxsat.engine import (
     AbstractEngine,
     AbstractStepper,

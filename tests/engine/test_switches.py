@@ -6,9 +6,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from core.cases import PAPER_RATE, PAPER_THREE_AXIS, bodies, rate_loop, rate_start, three_axis_law
+from engine.examples import Kicked
 from engine.relay import Relays, exact_relay, relay
-from engine.test_engines import Kicked
+from helpers.paper import (
+    PAPER_RATE,
+    PAPER_THREE_AXIS,
+    bodies,
+    rate_loop,
+    rate_start,
+    three_axis_law,
+)
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
 from jaxsat.attitude import WZ

@@ -14,8 +14,8 @@ import pytest
 from jaxsat.montecarlo import run_study
 from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.results import OutputError
+from montecarlo.stores import contents, same, without_status
 from montecarlo.studies import tumbling
-from montecarlo.test_ensemble import contents, same, without_status
 
 distributed = pytest.importorskip("distributed")
 from jaxsat.montecarlo import cluster, connection  # noqa: E402

@@ -1,17 +1,19 @@
 """Every dispersed name reaches the model, and only possible bodies are drawn."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from core.cases import PAPER_THREE_AXIS, bodies, three_axis_law, three_axis_loop, three_axis_start
-from core.test_switching import CASE, start, switching_loop
+from helpers.paper import (
+    PAPER_THREE_AXIS,
+    three_axis_loop,
+    three_axis_start,
+)
+from helpers.switching import start
 from jaxsat import noise
 from jaxsat.attitude import Quaternion
-from jaxsat.control import InternalModel
 from jaxsat.montecarlo import (
     QUANTITIES,
     Dispersed,
@@ -19,36 +21,13 @@ from jaxsat.montecarlo import (
     Independent,
     Normal,
     RandomAttitude,
-    StudyCase,
     Uniform,
     with_gains,
 )
 from jaxsat.montecarlo.changes import possible_inertia
-from jaxsat.simulation import ContinuousLoop, SampledLoop
-from jaxsat.vehicle import Sensors
+from montecarlo.copies import backstepping, copies_of, sampled
 
 J = np.array([449.5, 264.6, 312.5])
-
-
-def sampled():
-    plain = switching_loop(CASE, internal=InternalModel([0.7, 0.8]))
-    return SampledLoop(plain.plant, plain.controller, plain.actuators, sensors=Sensors(), delay=0.0)
-
-
-def backstepping():
-    plain = switching_loop(CASE)
-    return ContinuousLoop(
-        bodies(PAPER_THREE_AXIS)[0], three_axis_law(PAPER_THREE_AXIS), plain.actuators
-    )
-
-
-def copies_of(loop, count, seed=3, begin=None, known=False, **distributions):
-    dispersions = Dispersions(distributions, known)
-    study = Dispersed(loop, begin or start(), dispersions, seed)
-    numbers = np.arange(count)
-    points = Independent(seed).points(numbers, study.dimensions())
-    cases = StudyCase(jnp.array(numbers, jnp.uint32), jnp.array(points))
-    return eqx.filter_jit(lambda study, cases: jax.vmap(study)(cases))(study, cases)
 
 
 def models(loop):
@@ -71,19 +50,21 @@ def tilted(copy):
     return jax.vmap(lambda a: a.as_wz())(copy.start.attitude)
 
 
+def periodic(copy):
+    """The periodic torque, alone or with a constant one."""
+    disturbance = copy.loop.plant.disturbance
+    return getattr(disturbance, "terms", [disturbance])[0]
+
+
 REACHES = {
     "inertia": lambda c: np.diagonal(c.loop.plant.spacecraft.inertia, axis1=1, axis2=2) / J - 1,
     "products_of_inertia": lambda c: (
         c.loop.plant.spacecraft.inertia[:, [0, 0, 1], [1, 2, 2]] / 264.6
     ),
     "torque_gain": lambda c: np.linalg.norm(c.loop.actuators.torque_axes, axis=1) - 1,
-    "disturbance_amplitude": lambda c: (
-        c.loop.plant.disturbance.amplitude / np.array([0.01, 0.02, 0.001]) - 1
-    ),
-    "disturbance_frequency": lambda c: (
-        c.loop.plant.disturbance.frequency / np.array([0.7, 0.8, 0.1]) - 1
-    ),
-    "disturbance_phase": lambda c: c.loop.plant.disturbance.phase,
+    "disturbance_amplitude": lambda c: periodic(c).amplitude / np.array([0.01, 0.02, 0.001]) - 1,
+    "disturbance_frequency": lambda c: periodic(c).frequency / np.array([0.7, 0.8, 0.1]) - 1,
+    "disturbance_phase": lambda c: periodic(c).phase,
     "constant_torque": lambda c: c.loop.plant.disturbance.terms[1].torque,
     "model_inertia": of_both_models(
         lambda m: np.diagonal(m.spacecraft.inertia, axis1=1, axis2=2) / J - 1
@@ -98,6 +79,8 @@ REACHES = {
     "turn": lambda c: tilted(c).z[:, None],
     "omega": lambda c: c.start.omega,
 }
+
+
 OTHERWISE = {"misalignment", "attitude_error", "rate_error"}
 
 
@@ -105,16 +88,35 @@ def test_every_quantity_has_its_test():
     assert set(REACHES) | OTHERWISE == set(QUANTITIES)
 
 
-@pytest.mark.parametrize("name", REACHES)
-def test_a_dispersed_quantity_reaches_the_model(name):
-    distribution = RandomAttitude() if name == "attitude" else Uniform(0.01, 0.06)
-    copy = copies_of(sampled(), 5, **{name: distribution})
+TOGETHER = sorted(REACHES.keys() - {"attitude"})
+"""What can be dispersed at once: `attitude` draws what `tilt` and `turn` displace."""
+
+
+def assert_reached(copy, name):
     drawn = copy.drawn[name]
     np.testing.assert_allclose(
         REACHES[name](jax.tree.map(np.asarray, copy)), drawn, rtol=1e-9, atol=1e-12
     )
     assert len(np.unique(drawn)) == drawn.size
     assert jnp.all(copy.possible)
+
+
+@pytest.fixture(scope="module")
+def together():
+    return copies_of(sampled(), 5, **dict.fromkeys(TOGETHER, Uniform(0.01, 0.06)))
+
+
+@pytest.mark.parametrize("name", TOGETHER)
+def test_dispersed_quantities_reach_the_model_beside_one_another(together, name):
+    assert_reached(together, name)
+
+
+@pytest.mark.parametrize(
+    "name", ["attitude", *(pytest.param(name, marks=pytest.mark.slow) for name in TOGETHER)]
+)
+def test_a_dispersed_quantity_reaches_the_model(name):
+    distribution = RandomAttitude() if name == "attitude" else Uniform(0.01, 0.06)
+    assert_reached(copies_of(sampled(), 5, **{name: distribution}), name)
 
 
 def test_misalignment_reaches_the_torque_axes():

@@ -23,27 +23,13 @@ from jaxsat.montecarlo import (
 from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.results import OutputError, open_study
 from jaxsat.simulation import Outcome, adaptive
+from montecarlo.stores import contents, same, without_status
 from montecarlo.studies import tumbling
-
-
-def contents(path):
-    dataset = open_study(path)
-    return {name: np.asarray(dataset[name]) for name in dataset}
-
-
-def same(one, other):
-    assert one.keys() == other.keys()
-    for name in one:
-        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
 @pytest.fixture(scope="module")
 def whole():
     return _by_column(tumbling().evaluate(np.arange(100)))
-
-
-def without_status(columns):
-    return {name: values for name, values in columns.items() if name != "status"}
 
 
 @pytest.mark.slow

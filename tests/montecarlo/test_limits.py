@@ -14,8 +14,8 @@ from jaxsat.montecarlo import (
 )
 from jaxsat.scenario import ScenarioError
 from jaxsat.simulation import Outcome
+from montecarlo.copies import copies_of, sampled
 from montecarlo.studies import tumbling
-from montecarlo.test_dispersions import copies_of, sampled
 
 NOMINAL = {"rate_noise": 1e-5, "attitude_noise": 1e-5, "delay": 0.05, "tilt": 0.7}
 """Numbers that may be drawn; zero for all others."""
@@ -147,12 +147,27 @@ TAILS = {"delay": Normal(0.05, 0.04), "rate_noise": Normal(0.0, 1e-3), "tilt": N
          "torque_gain": Normal(-0.9, 0.1), "model_orbit_rate": Normal(-0.5, 1.0)}  # fmt: skip
 
 
+def allowed(copy, name):
+    drawn = np.asarray(copy.drawn[name])
+    limits = QUANTITIES[name].limits(sampled())
+    return ((drawn >= np.asarray(limits.low)) & (drawn <= np.asarray(limits.high))).all(axis=1)
+
+
+def test_one_draw_beyond_its_limits_makes_the_case_impossible():
+    """Whichever it is: of each quantity there are cases in which it alone is beyond."""
+    copy = copies_of(sampled(), 200, **TAILS)
+    good = np.array([allowed(copy, name) for name in TAILS])
+    np.testing.assert_array_equal(copy.possible, good.all(axis=0))
+    assert 5 < good.all(axis=0).sum() < 195
+    for row in good:
+        assert np.any(~row & (good.sum(axis=0) == len(TAILS) - 1))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TAILS)
 def test_what_only_the_draw_can_tell_makes_the_case_impossible(name):
     copy = copies_of(sampled(), 60, **{name: TAILS[name]})
-    drawn = np.asarray(copy.drawn[name])
-    limits = QUANTITIES[name].limits(sampled())
-    good = ((drawn >= np.asarray(limits.low)) & (drawn <= np.asarray(limits.high))).all(axis=1)
+    good = allowed(copy, name)
     np.testing.assert_array_equal(copy.possible, good)
     assert 5 < good.sum() < 55
 

@@ -12,8 +12,8 @@ from jaxsat.engine import FixedStepper, NativeEngine
 from jaxsat.engine.native import kernel, threads
 from jaxsat.montecarlo import Threads, run_study
 from jaxsat.montecarlo.ensemble import _by_column
+from montecarlo.stores import contents, same, without_status
 from montecarlo.studies import tumbling
-from montecarlo.test_ensemble import contents, same, without_status
 
 pytestmark = pytest.mark.slow  # ten seconds to make the machine code
 

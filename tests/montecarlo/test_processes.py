@@ -15,8 +15,8 @@ from jaxsat.assembly.study import build_study
 from jaxsat.montecarlo import Threads, run_study
 from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.results import open_study
+from montecarlo.stores import contents, same
 from montecarlo.studies import tumbling
-from montecarlo.test_ensemble import contents, same
 
 TESTS = Path(__file__).parents[1]
 PATHS = {"PYTHONPATH": os.pathsep.join([str(TESTS.parent), str(TESTS)])}

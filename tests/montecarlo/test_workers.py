@@ -19,8 +19,8 @@ from jaxsat.montecarlo import ClusterError, Processes, run_study
 from jaxsat.montecarlo import processes as module
 from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.montecarlo.shipping import packed
+from montecarlo.stores import contents, same, without_status
 from montecarlo.studies import tumbling
-from montecarlo.test_ensemble import contents, same, without_status
 from montecarlo.workloads import Deadly, EndsAtOnce, NotHere, deaf, fails, told
 
 ALL = range(6)

@@ -10,8 +10,6 @@ from jaxsat.reproduction import RUNS, ClaimVerdict, judge, markdown_table, paper
 from jaxsat.results import time_to_settle, trajectory_dataset
 from jaxsat.scenario import dump
 
-pytestmark = pytest.mark.xdist_group("reproduction")  # one worker, so that all runs are made once
-
 
 @pytest.fixture(scope="module")
 def datasets():

@@ -6,17 +6,14 @@ import shutil
 import subprocess
 import sys
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from jaxsat.results import OutputError, StudyStore, open_study, study_columns
-from results.test_store import COLUMNS, IDENTITY, made, values
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from corruption import KINDS, corrupt, files_of
+from jaxsat.results import OutputError, StudyStore, open_study, study_columns
+from results.stores import COLUMNS, IDENTITY, made, values
 
 COUNT, CHUNK = 22, 4
 TRUTH = values(np.arange(COUNT))
@@ -209,7 +206,7 @@ def test_a_store_is_as_large_as_what_is_done(tmp_path):
 KILLED = """
 import os, sys
 sys.path[:0] = sys.argv[2:]
-from results.test_store import made, values
+from results.stores import made, values
 from jaxsat.results import store as module
 plain = module.write_file
 def write(path, *arguments, **options):

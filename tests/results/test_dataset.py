@@ -1,14 +1,13 @@
 """The dataset of a run: labels, units, and a round trip through netCDF."""
 
 import random
-import sys
-from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
 import xarray as xr
 
+from corruption import KINDS
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.results import (
@@ -21,9 +20,6 @@ from jaxsat.results import (
 )
 from jaxsat.results.dataset import TOTALS, VARIABLES, dataset_bytes
 from jaxsat.scenario import dump
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from corruption import KINDS
 
 
 @pytest.fixture(scope="module")

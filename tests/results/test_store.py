@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from jaxsat.results import (
-    Column,
     OutputError,
     OutputFolder,
     StudyStore,
@@ -22,25 +21,7 @@ from jaxsat.results import store as store_module
 from jaxsat.results.differences import differences
 from jaxsat.results.locking import lock_folder
 from jaxsat.results.temporary import remove_stale, temporary_folder
-
-COLUMNS = {
-    "cost": Column((), "float64", "1", "the cost"),
-    "omega": Column((3,), "float64", "rad s-1", "the rates"),
-    "code": Column((), "int8", "1", "how it ended"),
-}
-IDENTITY = {"seed": 1, "program": {"duration": 2.0}}
-
-
-def values(numbers):
-    return {
-        "cost": numbers * 0.1,
-        "omega": numbers[:, None] * np.ones(3),
-        "code": numbers % 2,
-    }
-
-
-def made(path, count=10, chunk=4, identity=IDENTITY, **options):
-    return StudyStore(path, identity, COLUMNS, count, chunk, **options)
+from results.stores import IDENTITY, made, values
 
 
 def test_a_store_is_filled_chunk_by_chunk(tmp_path):
@@ -111,7 +92,7 @@ def test_what_is_no_store_is_refused(tmp_path):
 def test_a_second_writer_is_refused(tmp_path):
     code = (
         "import sys; sys.path[:0] = sys.argv[2:]\n"
-        "from results.test_store import made\n"
+        "from results.stores import made\n"
         "from jaxsat.results import OutputError\n"
         "try:\n    made(sys.argv[1])\nexcept OutputError as error:\n    print(error)\n"
     )

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from helpers.references import RATES, THREE_AXIS_STATES
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.control.switching import SwitchingMode
@@ -53,44 +54,24 @@ def test_loop_that_suits(name, loop):
     assert type(build(load(name)).loop) is loop
 
 
-# Columns w1, w2, z, ω1, ω2 from an independent DOP853 solution at a tolerance of 1e-12.
-THREE_AXIS_REFERENCE = {
-    1: [-0.851881952, 0.854286967, 1.27668478, 0.108906382, -0.115762285],
-    10: [-0.0771835613, 0.0996920062, 1.25752275, 0.119500366, -0.108519713],
-    50: [-0.27100682, -0.426002561, 0.0201378003, 0.0380914367, 0.0669546727],
-    100: [0.475167421, 0.425509462, -0.0211442977, -0.0167520541, -0.016106661],
-    200: [0.00403253398, 0.0380743072, -1.2147126e-4, 0.00315826567, 0.0201422991],
-    500: [6.53474535e-4, 0.00282377877, -6.56529e-7, 2.88946e-4, -3.18765e-5],
-}
-
-
 @pytest.mark.slow
 def test_paper_three_axis_numbers():
     run = build(load("paper-three-axis"))
     trajectory = run.simulate()
     signals = trajectory.signals
     found = jnp.column_stack([signals.w, signals.z, signals.omega[:, :2]])
-    for time, expected in THREE_AXIS_REFERENCE.items():
+    for time, expected in THREE_AXIS_STATES.items():
         (row,) = np.flatnonzero(np.asarray(trajectory.times) == time)
         np.testing.assert_allclose(found[row], expected, rtol=0, atol=6e-9)
     np.testing.assert_allclose(signals.torque[0], [4.64475, -1.96820, 0], atol=5e-6)
     assert np.all(np.asarray(signals.omega[:, 2]) == 0)
 
 
-# Columns ω1, ω2, ω3 with d1 and d2 cancelled and d3 = 0, from the same solution.
-RATE_REFERENCE = {
-    0.1: [-0.1585116283, 0.9360311234, 0.0971152926],
-    0.5: [-0.1926189075, 0.9657223368, 0.0381903163],
-    1.0: [-0.0936715593, 0.4683755027, 0.0087779016],
-    5.0: [-2.523999840e-4, 1.261999920e-3, 6.370575e-8],
-}
-
-
 @pytest.mark.slow
 def test_paper_rate_numbers():
     changes = ["disturbance.amplitude_N_m=[0.01, 0.02, 0]", "simulation.duration_s=5"]
     trajectory = build(load("paper-rate", changes)).simulate()
-    for time, expected in RATE_REFERENCE.items():
+    for time, expected in RATES.items():
         row = round(time / 0.1)
         np.testing.assert_allclose(trajectory.signals.omega[row], expected, rtol=0, atol=1e-9)
     np.testing.assert_allclose(trajectory.signals.torque[0], [-1866.845, 4462.509, 0], atol=5e-4)

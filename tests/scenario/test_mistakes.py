@@ -8,69 +8,7 @@ import pytest
 from jaxsat.assembly.load import load
 from jaxsat.errors import ArgumentError
 from jaxsat.scenario import ScenarioError, ScenarioWarning
-from jaxsat.scenario.tuning_checks import USUAL_OPTIMISERS
-from jaxsat.tuning.optimisers import OptimiserSettings
-
-THREE_AXIS = """\
-title = "Test"
-[spacecraft]
-inertia_kg_m2 = [449.5, 264.6, 312.5]
-thruster_torque_axes = [
-  [1, 0, 0],
-  [0, 1, 0],
-  [0, 0, 1],
-]
-failed_thrusters = [3]
-third_rate = "held"
-[orbit]
-rate_rad_s = 0.0011
-[disturbance]
-frequency_rad_s = [0.7, 0.8, 0.1]
-[initial]
-w = [-1.0, 1.0]
-z_rad = 1.27
-omega_rad_s = [0.1, -0.11, 0.0]
-[control]
-law = "three-axis"
-k3 = 0.05
-mu = 1.0
-a = 0.1
-k4 = 0.01
-[control.model]
-orbit_rate_rad_s = 0.0011
-[simulation]
-duration_s = 500.0
-save_every_s = 0.5
-[simulation.solver]
-steps = "adaptive"
-"""
-
-SWITCHING = """\
-title = "Test"
-[spacecraft]
-inertia_kg_m2 = [449.5, 264.6, 312.5]
-thruster_torque_axes = [[1, 0, 0], [0, 1, 0]]
-torque_limit_N_m = 5
-[orbit]
-altitude_km = 400
-[initial]
-quaternion = [1, 0, 0, 0]
-omega_rad_s = [0.1, -0.11, 0.0]
-[control]
-law = "switching"
-k1 = 0.4
-k2 = 0.2
-k3 = 0.2
-mu = 0.8
-a = 0.05
-k4 = [163, 96]
-internal_model = false
-upper_threshold_rad_s = 8e-3
-lower_threshold_rad_s = 1e-3
-period_s = 0.1
-[simulation]
-duration_s = 100
-"""
+from scenario.mistakes import SWITCHING, THREE_AXIS, check, problems_of
 
 # text to replace, its replacement, then for each mistake: line, key, part of the message
 BROKEN = [
@@ -221,27 +159,6 @@ BROKEN_SWITCHING = [
 ]  # fmt: skip
 
 
-def problems_of(text, tmp_path, overrides=()):
-    path = tmp_path / "broken.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(ScenarioError) as caught:
-        load(path, overrides)
-    for problem in caught.value.problems:
-        assert str(problem) in str(caught.value).split("\n")
-    return caught.value.problems
-
-
-def check(base, old, new, expected, tmp_path):
-    assert base.count(old) == 1
-    found = problems_of(base.replace(old, new), tmp_path)
-    assert sorted((p.line, p.key) for p in found) == sorted((e[0], e[1]) for e in expected)
-    for line, key, message in expected:
-        (problem,) = [p for p in found if (p.line, p.key) == (line, key)]
-        assert message in problem.message
-        assert problem.message.startswith("must ")
-        assert str(problem).startswith(f"{tmp_path}/broken.toml:{line}: key {key}: must ")
-
-
 @pytest.mark.parametrize(("old", "new", "expected"), BROKEN)
 def test_mistake(old, new, expected, tmp_path):
     check(THREE_AXIS, old, new, expected, tmp_path)
@@ -341,63 +258,3 @@ def test_what_is_odd_but_allowed_is_a_warning(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         load("paper-rate")
-
-
-SYNTAX = [
-    (b'title = "a\n[spacecraft]\n', 1, "must be valid TOML"),
-    (b'title = "a"\n\n[spacecraft\n', 3, "must be valid TOML"),
-    (b"title = 'a'\ntitle = 'b'\n", 2, "must be valid TOML"),
-    (b"title = 'a'\nx = [1,\n2,\n", 3, "must be valid TOML"),
-    (b"title = 'a'\n# caf\xe9\n", 2, "must be UTF-8 text, got byte 0xe9"),
-    ("title = 'a'\n".encode("utf-16"), 1, "must be UTF-8 text"),
-    (b"a = " + b"[" * 100_000, 1, "brackets at most 16 deep"),
-    (b"a = 1\n\x00", 2, "must be valid TOML"),
-]
-
-
-@pytest.mark.parametrize(("content", "line", "message"), SYNTAX)
-def test_not_toml(content, line, message, tmp_path):
-    path = tmp_path / "broken.toml"
-    path.write_bytes(content)
-    with pytest.raises(ScenarioError) as caught:
-        load(path)
-    (problem,) = caught.value.problems
-    assert (problem.line, problem.key) == (line, None)
-    assert message in problem.message
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("paper-rats", "or a TOML file, got neither, did you mean paper-rate?"),
-        ("nothing-like-it", "paper-rate, paper-three-axis, rate-limited, switching"),
-        ("missing.toml", "must be a file that exists"),
-        ("paper-rate.toml", "(jaxsat has a scenario paper-rate)"),
-        (".", "got a folder"),
-        ("nul\0byte.toml", "must be a file that"),
-    ],
-)
-def test_no_such_scenario(name, message):
-    with pytest.raises(ScenarioError) as caught:
-        load(name)
-    (problem,) = caught.value.problems
-    assert message in str(problem)
-
-
-def test_empty_file_misses_every_required_table(tmp_path):
-    found = problems_of("", tmp_path)
-    keys = ["title", "spacecraft", "orbit", "initial", "control", "simulation"]
-    assert [(p.line, p.key) for p in found] == [(1, key) for key in keys]
-
-
-def test_windows_line_ends_and_byte_order_mark(tmp_path):
-    path = tmp_path / "windows.toml"
-    text = THREE_AXIS.replace("k3 = 0.05", "k3 = -1").replace("\n", "\r\n")
-    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
-    with pytest.raises(ScenarioError, match=r"windows\.toml:21: key control\.k3"):
-        load(path)
-
-
-@pytest.mark.parametrize("name", USUAL_OPTIMISERS)
-def test_optimisers_that_are_not_tried_will_do(name):
-    OptimiserSettings(name)

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from core.cases import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
-from core.test_switching import CASE, start, switching_loop
+from helpers.paper import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
+from helpers.switching import CASE, start, switching_loop
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import (
     AbstractCaseFactory,

@@ -10,7 +10,7 @@ import pytest
 from jaxtyping import Array, Float
 from scipy.spatial.transform import Rotation
 
-from core.test_switching import CASE, start, switching_loop
+from helpers.switching import CASE, start, switching_loop
 from jaxsat.attitude import WZ, Quaternion
 from jaxsat.checks import as_float
 from jaxsat.control import AbstractSampledController

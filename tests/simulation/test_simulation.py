@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
-from core.cases import (
+from helpers.paper import (
     PAPER_RATE,
     PAPER_THREE_AXIS,
     actuators,

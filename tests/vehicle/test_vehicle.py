@@ -7,7 +7,7 @@ import sympy
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from core.strategies import inertias, vectors
+from helpers.strategies import inertias, vectors
 from jaxsat.vehicle import (
     Actuators,
     Spacecraft,

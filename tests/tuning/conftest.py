@@ -1,0 +1,30 @@
+"""One tuning run for all tests, from a scenario to its receipt."""
+
+import pytest
+
+from jaxsat.assembly.load import load
+from jaxsat.assembly.tuning import build_plan
+from jaxsat.tuning import descend, initial_state, make_receipt
+from tuning.scenarios import RATE
+
+
+@pytest.fixture(scope="session")
+def scenario(tmp_path_factory):
+    file = tmp_path_factory.mktemp("scenario") / "rate.toml"
+    file.write_text(RATE, encoding="utf-8")
+    return load(file)
+
+
+@pytest.fixture(scope="session")
+def plan(scenario):
+    return build_plan(scenario, width=4)
+
+
+@pytest.fixture(scope="session")
+def final(plan):
+    return descend(plan, initial_state(plan))
+
+
+@pytest.fixture(scope="session")
+def receipt(plan, final):
+    return make_receipt(plan, final)
