@@ -34,7 +34,7 @@ def contenders(overrides, engine, ways, args):
     common = [f"simulation.duration_s={args.duration:g}", *overrides]
     for way in ways:
         scenario = load(args.scenario, [*common, f"tuning.gradient={way}"])
-        yield way, build_plan(scenario, engine=engine, width=args.width).exact
+        yield way, build_plan(scenario, engine=engine, batch_size=args.batch_size).exact
 
 
 def timed(work):
@@ -68,7 +68,7 @@ def main():
     parser.add_argument("--scenario", default="benchmark-three-axis")
     parser.add_argument("--cases", type=int, default=1024)
     parser.add_argument("--duration", type=float, default=100.0)
-    parser.add_argument("--width", type=int, default=64)
+    parser.add_argument("--batch-size", type=int, default=64)
     parser.add_argument("--only", help="part of the label of what to measure", default="")
     args = parser.parse_args()
     for label, (overrides, engine, ways) in WAYS.items():

@@ -45,9 +45,9 @@ COAST = {
     "dispersion.omega_rad_s": "{distribution='uniform', low=-0.1, high=0.1}",
     "simulation.duration_s": 50,
 }
-STUDY = ("montecarlo", "paper-rate", *settings(COAST), "--chunk", "64", "--width", "8")
+STUDY = ("montecarlo", "paper-rate", *settings(COAST), "--chunk", "64", "--batch-size", "8")
 COMPARISON = ("--level", "mc", "--law", "rate", "--law", "switching", "--torque-limit", "20")
-TUNING = ("tune", "rate-limited", "--width", "4", "--workers", "1")
+TUNING = ("tune", "rate-limited", "--batch-size", "4", "--workers", "1")
 SHORT = {
     "simulation.duration_s": 8,
     "tuning.steps": 40,

@@ -69,7 +69,7 @@ def tune(
     scenario: Scenario,
     *,
     engine: EngineName = "auto",
-    width: int = 32,
+    batch_size: int = 32,
     workers: int | None = None,
     baselines: bool = False,
     out: str | Path | None = None,
@@ -78,13 +78,15 @@ def tune(
 ) -> TuningResult:
     """Tune gains of a scenario over its dispersions, as its `[tuning]` table says.
 
-    `engine`, `width`, `workers` (None: as many as processors), `baselines` and `elsewhere` are the
-    options of `jaxsat tune`. With `out` the run is kept in that folder, with the files that the
+    `engine`, `batch_size`, `workers` (None: as many as processors), `baselines` and `elsewhere`
+    are the options of `jaxsat tune`. With `out` the run is kept in that folder, with the files that the
     command writes, and the same call resumes it. `report` is called after every step. Raises
     `ValueError` where the scenario cannot be tuned and `OutputError` for a folder that cannot be
     used.
     """
-    plan = build_plan(scenario, engine=engine, width=width, workers=workers or processors())
+    plan = build_plan(
+        scenario, engine=engine, batch_size=batch_size, workers=workers or processors()
+    )
     if out is None:
         return conclude(scenario, plan, run_descent(scenario, plan, report=report), None, baselines)
     with TuningFolder(out, plan_identity(plan), elsewhere=elsewhere) as folder:

@@ -67,7 +67,7 @@ def build_study(
     *,
     seed: int | None = None,
     engine: EngineName = "auto",
-    width: int = 64,
+    batch_size: int = 64,
     chunk: int | None = None,
     history: int | None = None,
 ) -> Study:
@@ -79,18 +79,18 @@ def build_study(
     that cannot be, the study's `remark` says why, and it is "scan", or "diffrax" if the scenario
     names a solver that the adaptive steps cannot take. Raises `ValueError` where the scenario
     disperses nothing or something that its loop does not have, and for "native" where that cannot
-    be. `chunk` is the number of cases written together, by default what suits the engine;
-    `history` the number of instants at which signals of every case are kept.
+    be. `batch_size` cases are in memory together; `chunk` are written together, by default what
+    suits the engine; `history` is the number of instants at which signals of every case are kept.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
-    require_counts(count=count, width=width, chunk=1 if chunk is None else chunk)
+    require_counts(count=count, batch_size=batch_size, chunk=1 if chunk is None else chunk)
     run = build(scenario)
     seed = scenario.simulation.seed if seed is None else seed
     copies, program = study_program(scenario, run, seed)
     design = _design(scenario.dispersion, seed, count)
     example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
-    chosen, remark = _engine(scenario, run, (program, example), engine, width)
+    chosen, remark = _engine(scenario, run, (program, example), engine, batch_size)
     description = {"scenario": _numbers(scenario)}
     chunk = _suitable_chunk(chosen, count) if chunk is None else chunk
     return Study(
@@ -156,7 +156,7 @@ def _engine(
     run: Run,
     work: tuple[Program, StudyCase],
     name: EngineName,
-    width: int,
+    batch_size: int,
 ) -> tuple[AbstractEngine, str | None]:
     """The engine, and why it is not the native one if that was wanted."""
     loop, solver = run.loop, scenario.simulation.solver
@@ -165,7 +165,7 @@ def _engine(
     adaptive = not isinstance(loop, SampledLoop) and (solver.steps == "adaptive" or not fixed)
     suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)
     if name == "diffrax" or (name == "auto" and not suits):
-        return ReferenceEngine(method=run.method, batch_size=width), None
+        return ReferenceEngine(method=run.method, batch_size=batch_size), None
     method = solver.name or ("dopri8" if adaptive else "tsit5")
     if adaptive:
         tolerance = _tolerance(solver, ADAPTIVE_SOLVERS.get(method))
@@ -177,11 +177,11 @@ def _engine(
     if name == "native" or (name == "auto" and jax.default_backend() == "cpu"):
         obstacle = native_obstacle(stepper, *work)
         if obstacle is None:
-            return NativeEngine(stepper=stepper, batch_size=width), None
+            return NativeEngine(stepper=stepper, batch_size=batch_size), None
         if name == "native":
             raise ValueError(f"The native engine cannot run this: {obstacle}")
         remark = f"not the native engine: {obstacle}"
-    return ScanEngine(stepper=stepper, batch_size=width), remark
+    return ScanEngine(stepper=stepper, batch_size=batch_size), remark
 
 
 def _tolerance(solver: SolverTable, usual: float | None) -> Tolerance:

@@ -51,12 +51,12 @@ the loop stiff would hold up all others."""
 
 
 def build_plan(
-    scenario: Scenario, *, engine: EngineName = "auto", width: int = 64, workers: int = 1
+    scenario: Scenario, *, engine: EngineName = "auto", batch_size: int = 64, workers: int = 1
 ) -> TuningPlan:
     """The tuning run that a scenario describes.
 
-    `engine` and `width` are those of a study; where "auto" does not come to the native engine the
-    plan's `remark` says why. Raises `ValueError` where the scenario has no `[tuning]` table or
+    `engine` and `batch_size` are those of a study; where "auto" does not come to the native engine
+    the plan's `remark` says why. Raises `ValueError` where the scenario has no `[tuning]` table or
     disperses what its loop does not have, and for "native" where that cannot be.
     """
     table = scenario.tuning
@@ -72,7 +72,11 @@ def build_plan(
 
     def evaluator(chosen: Scenario, cost: RunningCost, number: int) -> CostEvaluator:
         study = build_study(
-            chosen, 1, seed=number, engine=engine if engine == "diffrax" else "scan", width=width
+            chosen,
+            1,
+            seed=number,
+            engine=engine if engine == "diffrax" else "scan",
+            batch_size=batch_size,
         )
         program = _with_cost(study.program, cost, _tolerances(scenario))
         return CostEvaluator(

@@ -50,7 +50,7 @@ def montecarlo(
     overrides: Overrides = (),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
-    width: BatchSize = 64,
+    batch_size: BatchSize = 64,
     chunk: OptionalBatchSize = None,
     until_ci: Text = None,
     case: Case = None,
@@ -97,7 +97,7 @@ def montecarlo(
         tcp://host:8786, or the scheduler's JSON file.
     devices
         Devices (accelerators) of this machine to share the chunks out to.
-    width
+    batch_size
         Cases that go through the compiled loop together; results may depend on it in their last
         bits.
     chunk
@@ -145,7 +145,7 @@ def montecarlo(
                 count,
                 seed=seed,
                 engine=engine,
-                width=width,
+                batch_size=batch_size,
                 chunk=chunk,
                 history=history,
             )

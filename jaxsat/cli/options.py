@@ -20,7 +20,7 @@ MAX_CASES = 2**32
 """Case numbers are 32-bit words of the noise's key."""
 
 MAX_BATCH_SIZE = 2**20
-"""Cases of a chunk or of a width: each takes memory for all of them at once."""
+"""Cases of a chunk or of a batch: each takes memory for all of them at once."""
 
 MAX_INSTANTS = 100_000
 MAX_SEED = 2**64 - 1

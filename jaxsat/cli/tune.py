@@ -40,7 +40,7 @@ def tune(
     overrides: Overrides = (),
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
-    width: BatchSize = 32,
+    batch_size: BatchSize = 32,
     baselines: Flag = False,
     yes: Flag = False,
     elsewhere: Flag = False,
@@ -66,7 +66,7 @@ def tune(
         method of a single run; auto is native where that can be, else scan.
     workers
         Threads that share a batch out; as many as processors if left out.
-    width
+    batch_size
         Cases that go through the compiled loop together.
     baselines
         Afterwards spend as many trajectories, or what [tuning] says, on Nelder-Mead, random
@@ -91,7 +91,9 @@ def tune(
     try:
         show_progress("compiling")
         plan = interruptibly(
-            lambda: build_plan(chosen, engine=engine, width=width, workers=workers or processors())
+            lambda: build_plan(
+                chosen, engine=engine, batch_size=batch_size, workers=workers or processors()
+            )
         )
         if plan.remark is not None and not quiet:
             print_stderr(plan.remark, "")

@@ -128,7 +128,7 @@ class ComparisonRun:
     def _columns(
         self, setting: ComparisonSetting, start: Start, count: int
     ) -> dict[str, np.ndarray]:
-        single: Any = {} if start is Start.RANDOM else {"width": 1, "chunk": 1}
+        single: Any = {} if start is Start.RANDOM else {"batch_size": 1, "chunk": 1}
         try:
             study = comparison_study(setting, start, count, self.seed, engine=self.engine, **single)
         except ValueError as error:

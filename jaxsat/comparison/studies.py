@@ -22,7 +22,7 @@ def comparison_study(
     seed: int,
     *,
     engine: EngineName = "auto",
-    width: int = 50,
+    batch_size: int = 50,
     chunk: int | None = None,
 ) -> Study:
     """`count` cases of one law on the acceptance set.
@@ -33,7 +33,9 @@ def comparison_study(
     scenario = comparison_scenario(setting)
     if start is Start.PAPER:
         scenario = _from_the_papers_start(scenario)
-    return build_study(scenario, count, seed=seed, engine=engine, width=width, chunk=chunk)
+    return build_study(
+        scenario, count, seed=seed, engine=engine, batch_size=batch_size, chunk=chunk
+    )
 
 
 def _from_the_papers_start(scenario: Scenario) -> Scenario:

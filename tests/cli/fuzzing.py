@@ -127,13 +127,13 @@ SETS = (
 OPTIONS = {
     "simulate": {"--out": PLACES, "--overwrite": None, "--quiet": None},
     "montecarlo": {
-        "-n": NUMBERS, "--count": NUMBERS, "--seed": NUMBERS, "--width": NUMBERS,
+        "-n": NUMBERS, "--count": NUMBERS, "--seed": NUMBERS, "--batch-size": NUMBERS,
         "--chunk": NUMBERS, "--workers": NUMBERS, "--case": NUMBERS, "--devices": NUMBERS,
         "--until-ci": (*TEXTS, *NUMBERS), "--out": PLACES, "--figures": PLACES,
         "--engine": ("native", "scan", "auto", "", "x"), "--elsewhere": None, "--quiet": None,
     },
     "tune": {
-        "--width": NUMBERS, "--workers": NUMBERS, "--out": PLACES, "--baselines": None,
+        "--batch-size": NUMBERS, "--workers": NUMBERS, "--out": PLACES, "--baselines": None,
         "--engine": ("scan", "native", "x"), "--quiet": None,
     },
     "bound": {

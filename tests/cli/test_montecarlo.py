@@ -17,7 +17,7 @@ SHORT = [
     *("--set", "simulation.duration_s=3"),
     *("--set", "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=0.1}"),
     *("--set", "dispersion.inertia={distribution='uniform', low=-0.1, high=0.1}"),
-    *("--width", "4", "--workers", "1"),
+    *("--batch-size", "4", "--workers", "1"),
 ]
 
 

@@ -32,7 +32,7 @@ CASES = {
         "-n": WHOLE,
         "--count": WHOLE,
         "--seed": ["-1", "3.7", str(2**64), "1e20", "", "none"],
-        "--width": WHOLE,
+        "--batch-size": WHOLE,
         "--chunk": WHOLE,
         "--history": [*WHOLE, "1"],
         "--workers": WHOLE,
@@ -47,7 +47,7 @@ CASES = {
     },
     ("tune", "benchmark-three-axis"): {
         "--workers": WHOLE,
-        "--width": WHOLE,
+        "--batch-size": WHOLE,
         "--out": ["", "x" * 300],
         "--engine": ["", "x"],
     },

@@ -30,7 +30,7 @@ def jaxsat(command_line):
 
 @pytest.mark.slow
 def test_a_run_leaves_everything_in_its_folder(jaxsat, tmp_path):
-    short = ("rate.toml", "--set", "tuning.steps=2", "--width", "4", "--workers", "1")
+    short = ("rate.toml", "--set", "tuning.steps=2", "--batch-size", "4", "--workers", "1")
     status, out, err = jaxsat(*short, "--out", "run")
     assert status == 0, err
     assert out.startswith("# Tuning: A slow tumble, stopped\n\n## Gains")
@@ -101,7 +101,7 @@ def test_a_full_disk_is_a_failure_and_no_mistake(jaxsat, monkeypatch):
 
 @pytest.mark.slow
 def test_an_interrupted_run_keeps_its_best_and_goes_on(jaxsat, tmp_path):
-    short = ("rate.toml", "--set", "tuning.steps=60", "--width", "4", "--workers", "1")
+    short = ("rate.toml", "--set", "tuning.steps=60", "--batch-size", "4", "--workers", "1")
     root = Path(__file__).parents[2]
     command = [sys.executable, "-m", "jaxsat", "tune", *short, "--out", "run"]
     environment = {**os.environ, "PYTHONPATH": str(root)}

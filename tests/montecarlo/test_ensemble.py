@@ -185,7 +185,7 @@ def test_the_place_in_a_block_changes_no_bit():
     """Every case once in every place, in a loop that decodes rates from error coordinates."""
     overrides = ["simulation.duration_s=2", "simulation.solver.step_s=0.1"]
     scenario = load("benchmark-three-axis", overrides)
-    study = build_study(scenario, 16, seed=3, engine="scan", width=16)
+    study = build_study(scenario, 16, seed=3, engine="scan", batch_size=16)
     expected = _by_column(study.evaluate(np.arange(16)))
     for turn in range(1, 16):
         order = np.roll(np.arange(16), turn)

@@ -72,7 +72,7 @@ SETTINGS = [
     "simulation.duration_s=500",
     "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=0.1}",
 ]
-COAST = ["paper-rate", "--chunk", "8", "--width", "8"]
+COAST = ["paper-rate", "--chunk", "8", "--batch-size", "8"]
 COAST += [token for setting in SETTINGS for token in ("--set", setting)]
 MAIN = "from jaxsat.cli import main; main()"
 
@@ -90,7 +90,7 @@ def begun_study(store, *more):
 
 def same_study(count, engine):
     """The study of the command, here."""
-    return build_study(load("paper-rate", SETTINGS), count, engine=engine, width=8, chunk=8)
+    return build_study(load("paper-rate", SETTINGS), count, engine=engine, batch_size=8, chunk=8)
 
 
 def assert_ended_as_told(process, store, status):

@@ -21,7 +21,7 @@ def test_no_sample_needs_more_cases_than_the_most(half_width):
 
 def test_work_of_a_study():
     scenario = load("acceptance-mc", ["simulation.duration_s=5"])
-    study = build_study(scenario, 10**8, engine="scan", chunk=100, width=8)
+    study = build_study(scenario, 10**8, engine="scan", chunk=100, batch_size=8)
     work = study_work(study)
     assert work.trajectories == 10**8
     assert work.steps == 10**8 * study.program.intervals * study.case_factory.loop.substeps

@@ -226,7 +226,7 @@ def test_a_disturbance_of_a_package_has_a_name(tmp_path, monkeypatch):
 
 
 def study(scenario, engine):
-    return build_study(scenario, 6, engine=engine, width=4, chunk=3)
+    return build_study(scenario, 6, engine=engine, batch_size=4, chunk=3)
 
 
 def costs(made, target, executor=None):
@@ -255,4 +255,4 @@ def test_a_changed_part_does_not_resume_a_study(own, tmp_path):
     (own.parent / "own_parts.py").write_text(text, encoding="utf-8")
     sys.modules.pop("own_parts")
     with pytest.raises(OutputError, match="program"):
-        costs(build_study(load(own), 9, engine="scan", width=4, chunk=3), target)
+        costs(build_study(load(own), 9, engine="scan", batch_size=4, chunk=3), target)

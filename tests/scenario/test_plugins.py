@@ -162,7 +162,7 @@ def test_what_has_no_native_rule_is_named_with_its_place_and_runs_on_scan(own):
 
 
 def study(scenario, engine, count=6):
-    return build_study(scenario, count, engine=engine, width=4, chunk=3)
+    return build_study(scenario, count, engine=engine, batch_size=4, chunk=3)
 
 
 def columns(made, target, executor=None):

@@ -17,7 +17,7 @@ def scenario(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def plan(scenario):
-    return build_plan(scenario, width=4)
+    return build_plan(scenario, batch_size=4)
 
 
 @pytest.fixture(scope="session")

@@ -61,7 +61,7 @@ class Flipped(RateLaw):
 
 @pytest.fixture(scope="module")
 def by_scan(scenario):
-    plan = build_plan(scenario, width=4, engine="scan")
+    plan = build_plan(scenario, batch_size=4, engine="scan")
     return plan, plan_identity(plan)
 
 

@@ -22,12 +22,12 @@ def test_only_what_has_no_rule_leads_to_another_engine(scenario, monkeypatch, er
         monkeypatch.setattr("jaxsat.assembly.tuning._native", fail)
 
     failing(CannotLower("No rule"))
-    assert build_plan(scenario, width=4).remark == "not the native engine: No rule"
+    assert build_plan(scenario, batch_size=4).remark == "not the native engine: No rule"
     with pytest.raises(ValueError, match="The native engine cannot run this: No rule"):
-        build_plan(scenario, width=4, engine="native")
+        build_plan(scenario, batch_size=4, engine="native")
     failing(error)
     with pytest.raises(type(error)):
-        build_plan(scenario, width=4)
+        build_plan(scenario, batch_size=4)
 
 
 def test_the_tuned_scenario_flies_with_the_tuned_gains(scenario, plan, final, tmp_path):
