@@ -79,10 +79,10 @@ def tune(
     """Tune gains of a scenario over its dispersions, as its `[tuning]` table says.
 
     `engine`, `batch_size`, `workers` (None: as many as processors), `baselines` and `elsewhere`
-    are the options of `jaxsat tune`. With `out` the run is kept in that folder, with the files that the
-    command writes, and the same call resumes it. `report` is called after every step. Raises
-    `ValueError` where the scenario cannot be tuned and `OutputError` for a folder that cannot be
-    used.
+    are the options of `jaxsat tune`. With `out` the run is kept in that folder, with the files
+    that the command writes, and the same call resumes it. `report` is called after every step.
+    Raises `ValueError` where the scenario cannot be tuned and `OutputError` for a folder that
+    cannot be used.
     """
     plan = build_plan(
         scenario, engine=engine, batch_size=batch_size, workers=workers or processors()
