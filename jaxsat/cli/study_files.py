@@ -148,6 +148,7 @@ def replayed(
     from jaxsat.declaration.quantities import DISPERSIBLE
     from jaxsat.results import trajectory_dataset
     from jaxsat.scenario import dump
+    from jaxsat.scenario.laws import find_law
     from jaxsat.simulation import Assessment, Trajectory
 
     replay = study.replay(number)
@@ -157,7 +158,11 @@ def replayed(
     settled = Assessment(jnp.asarray(replay.outputs.settling_time))
     trajectory = Trajectory(jnp.asarray(replay.times), signals, None, code, steps, settled)
     dataset = trajectory_dataset(
-        trajectory, title=scenario.title, scenario=dump(scenario), seed=study.design.seed
+        trajectory,
+        title=scenario.title,
+        scenario=dump(scenario),
+        modes=getattr(find_law(scenario.control.law).controller, "modes", None),
+        seed=study.design.seed,
     )
     dataset.attrs["case"] = number
     lines = []

@@ -48,6 +48,7 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     run = open_trajectory(tmp_path / "case")
     np.testing.assert_array_equal(run["omega"][-1], larger["omega"][5])
     assert run.attrs["case"] == 5
+    assert run["mode"].attrs["flag_meanings"] == "three-axis_law rate_law"
     np.testing.assert_array_equal(run["omega"][0], larger["drawn_omega"][5])
 
     status, _, err = jaxsat(*SHORT, "-n", "9", "--seed", "4", "--out", "s")
