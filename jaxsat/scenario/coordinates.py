@@ -37,6 +37,8 @@ def error_coordinate_obstacle(values: Values) -> str | None:
         return f'the law is "{values["control.law"]}"'
     if values["spacecraft.torque_limit_N_m"] is not None:
         return "the torque is limited"
+    if "actuators.kind" in values:
+        return "the actuators are not jaxsat's own"
     inertia = inertia_matrix(values["spacecraft.inertia_kg_m2"])
     if np.any(inertia != np.diag(np.diag(inertia))):
         return "the body axes are not principal axes"

@@ -1,5 +1,6 @@
 """Disturbances and actuators that do not come with jaxsat."""
 
+import contextlib
 import sys
 
 import jax.numpy as jnp
@@ -55,6 +56,11 @@ class Flat(Wind):
 class Broken(Wind):
     def __call__(self, t, attitude, inertia):
         return inertia @ jnp.zeros(2)
+
+
+class OnlyQuaternions(Wind):
+    def __call__(self, t, attitude, inertia):
+        return self.torque * attitude.q[1:]
 
 
 class Unbuildable(Wind):
@@ -159,6 +165,16 @@ def test_actuators_displace_the_thrusters_and_keep_their_limit(own):
     np.testing.assert_array_equal(actuators(jnp.array([99.0, -99.0])), [5.0, -5.0, 0.0])
 
 
+def test_actuators_are_never_left_out_for_error_coordinates(own):
+    printed = "paper-three-axis"
+    actuators = 'actuators={kind="own_parts:Coarse", step_N_m=0.5}'
+    with contextlib.chdir(own.parent):
+        assert type(build(load(printed)).loop).__name__ == "ErrorCoordinateLoop"
+        assert type(build(load(printed, [actuators])).loop).__name__ == "ContinuousLoop"
+        told = refused(printed, actuators, "simulation.coordinates=error")
+    assert "because the actuators are not jaxsat's own" in told
+
+
 def test_the_same_disturbance_can_act_twice(own):
     twice = 'disturbance.torques.again={kind="own_parts:Wind", torque_N_m=1e-3}'
     assert len(build(load(own, [twice])).loop.plant.disturbance.terms) == 4
@@ -208,6 +224,12 @@ def test_parts_that_cannot_be_used_are_refused(own, override, told):
 def test_an_exception_is_told_with_the_line_of_the_file(own):
     line = PARTS.split("\n").index("        return inertia @ jnp.zeros(2)") + 1
     assert f"own_parts.py:{line})" in refused(own, "disturbance.torques.wind.kind=own_parts:Broken")
+
+
+def test_a_disturbance_is_tried_with_the_attitude_that_is_integrated(own):
+    kind = "disturbance.torques.wind.kind=own_parts:OnlyQuaternions"
+    assert load(own, [kind]).disturbance.torques["wind"].kind == "own_parts:OnlyQuaternions"
+    assert "can be run, got AttributeError" in refused(own, kind, "simulation.attitude=wz")
 
 
 def test_a_disturbance_of_a_package_has_a_name(tmp_path, monkeypatch):
