@@ -48,7 +48,9 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
     except Exception as error:
         if not is_plugin(law.name):
             raise
-        raise BuildError(broken(law, error, "can be built")) from error
+        raise BuildError(
+            broken(law, ("control", "law"), law.controller, error, "can be built")
+        ) from error
     if not isinstance(made, law.controller):
         message = f'must be such that `from_table` of the law "{law.name}" gives the law, got '
         raise BuildError(Issue(("control", "law"), message + type(made).__name__))

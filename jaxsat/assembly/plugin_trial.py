@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping
+from operator import attrgetter
 from typing import Any
 
 import equinox as eqx
@@ -9,13 +10,15 @@ import jax
 import jax.numpy as jnp
 
 from jaxsat.assembly.errors import BuildError
-from jaxsat.control import AbstractController, AbstractSampledController
+from jaxsat.control import AbstractController, AbstractFeedbackLaw, AbstractSampledController
 from jaxsat.declaration.laws import Law
 from jaxsat.dynamics import PlantState
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.plugins import Part, place_in
+from jaxsat.vehicle import AbstractActuators
 
 Controller = AbstractController | AbstractSampledController
+LAW = ("control", "law")
 
 
 def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
@@ -23,30 +26,48 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
 
     Nothing is computed: JAX traces the law with the shapes of the start.
     """
+    _require_arrays(law, LAW, controller)
+    _require_tunable(law, controller)
     try:
         memory = eqx.filter_eval_shape(controller.init, start)
-        command, following = eqx.filter_eval_shape(_once, controller, start)
-        eqx.filter_eval_shape(_rest, controller, start)
+        given = eqx.filter_eval_shape(_run, controller, start)
+        told = eqx.filter_eval_shape(_what_is_told, controller, start)
     except Exception as error:
-        raise BuildError(broken(law, error)) from error
-    wanted = (law.declaration.torques or 2,)
-    shape = getattr(command, "shape", None)
-    if shape != wanted:
-        found = f"one of shape {shape}" if shape is not None else type(command).__name__
-        raise BuildError(_issue(law, f"commands an array of shape {wanted}, got {found}"))
-    if _kinds(memory) != _kinds(following):
+        raise BuildError(broken(law, LAW, law.controller, error)) from error
+    method = _method(controller)
+    if not (isinstance(given, tuple) and len(given) == 2):
+        what = "its next memory" if law.declaration.sampled else "the rate of its memory"
+        _refuse(law, LAW, f"gives two things from `{method}`, the torque and {what}", given)
+    place = _defined(law.controller, method)
+    _require_shape(law, LAW, given[0], (law.declaration.torques or 2,), f"commands {{}}{place}")
+    for name, (found, shape) in told.items():
+        place = _defined(law.controller, name)
+        _require_shape(law, LAW, found, shape, f"gives {{}} from `{name}`{place}")
+    if _kinds(memory) != _kinds(given[1]):
         raise BuildError(
             _issue(
                 law,
-                f"keeps its memory's structure, got {_told(memory)} from `init` and "
-                f"{_told(following)} from a run",
+                LAW,
+                "keeps a memory of arrays of the same shapes and types, "
+                f"got {_shapes(memory)} from `init` and {_shapes(given[1])} from `{method}`",
             )
         )
 
 
-def broken(law: Law, error: Exception, wanted: str = "can be run") -> Issue:
-    """What an exception of the law's own code is told as."""
-    return _issue(law, f"{wanted}, got {_of_their_code(law.controller, error)}")
+def broken(
+    part: Law | Part, location: Location, made: type, error: Exception, wanted: str = "can be run"
+) -> Issue:
+    """What an exception of a part's own code is told as."""
+    text = str(error).strip().split("\n", 1)[0]
+    hint = ""
+    if isinstance(error, jax.errors.ConcretizationTypeError):
+        hint = "; use jnp.where in place of `if`, and functions of jnp in place of those of math"
+    elif isinstance(error, jax.errors.TracerArrayConversionError):
+        hint = "; use functions of jnp in place of those of numpy"
+    elif isinstance(error, KeyError):
+        hint = f"; the declared keys are {', '.join(key.name for key in part.declaration.keys)}"
+    place = place_in(inspect.getfile(made), error)
+    return _issue(part, location, f"{wanted}, got {type(error).__name__}: {text}{hint}{place}")
 
 
 def made_part(part: Part, location: Location, values: Mapping[str, Any], context: Any) -> Any:
@@ -54,11 +75,10 @@ def made_part(part: Part, location: Location, values: Mapping[str, Any], context
     try:
         made = part.made.from_table(values, context)
     except Exception as error:
-        message = f"can be built, got {_of_their_code(part.made, error)}"
-        raise BuildError(_about(part, location, message)) from error
+        raise BuildError(broken(part, location, part.made, error, "can be built")) from error
     if not isinstance(made, part.made):
-        message = f"is made by its `from_table`, got {type(made).__name__}"
-        raise BuildError(_about(part, location, message))
+        _refuse(part, location, "is made by its `from_table`", made)
+    _require_arrays(part, location, made)
     return made
 
 
@@ -67,47 +87,106 @@ def require_torque(part: Part, location: Location, torque: Callable[..., Any], *
     try:
         found = eqx.filter_eval_shape(torque, *given)
     except Exception as error:
-        message = f"can be run, got {_of_their_code(part.made, error)}"
-        raise BuildError(_about(part, location, message)) from error
-    shape = getattr(found, "shape", None)
-    if shape != (3,):
-        what = f"one of shape {shape}" if shape is not None else type(found).__name__
-        message = f"gives an array of shape (3,), a torque in N m, got {what}"
-        raise BuildError(_about(part, location, message))
+        raise BuildError(broken(part, location, part.made, error)) from error
+    place = _defined(part.made, "__call__")
+    _require_shape(part, location, found, (3,), f"gives {{}}, a torque in N m{place}")
 
 
-def _of_their_code(made: type, error: Exception) -> str:
-    text = str(error).strip().split("\n", 1)[0]
-    return f"{type(error).__name__}: {text}{place_in(inspect.getfile(made), error)}"
+def require_events(
+    part: Part, location: Location, actuators: AbstractActuators, *given: Any
+) -> None:
+    """Raise `BuildError` where actuators have another number of event functions than they say."""
+    try:
+        count = actuators.event_count
+        found = eqx.filter_eval_shape(actuators.event_functions, *given)
+        piece = actuators.smooth_piece(jnp.ones(count, bool))
+    except Exception as error:
+        raise BuildError(broken(part, location, part.made, error)) from error
+    wanted = "gives {} from `event_functions`, as `event_count` says"
+    _require_shape(part, location, found, (count,), wanted + _defined(part.made, "event_functions"))
+    require_torque(part, location, piece, *given)
 
 
-def _about(part: Part, location: Location, message: str) -> Issue:
-    return Issue(location, f'must be such that "{part.name}" {message}')
-
-
-def _once(controller: Controller, start: PlantState) -> Any:
-    t = jnp.zeros(())
-    memory = controller.init(start)
+def _run(controller: Controller, start: PlantState) -> Any:
+    t, memory = jnp.zeros(()), controller.init(start)
     if isinstance(controller, AbstractSampledController):
         return controller.step(t, start, memory)
     return controller(t, start, memory)
 
 
-def _rest(controller: Controller, start: PlantState) -> Any:
-    """What a loop asks of a law besides its torque."""
+def _method(controller: Controller) -> str:
+    if isinstance(controller, AbstractSampledController):
+        return "step"
+    return "torque" if isinstance(controller, AbstractFeedbackLaw) else "__call__"
+
+
+def _what_is_told(controller: Controller, start: PlantState) -> dict[str, tuple[Any, tuple]]:
+    """What a loop asks of a law besides its torque, by the method, and of which shape it must be.
+
+    The number of event functions is the law's own.
+    """
     memory = controller.init(start)
     if isinstance(controller, AbstractSampledController):
-        return controller.rate_error(start, memory), controller.mode(memory)
+        return {
+            "rate_error": (controller.rate_error(start, memory), (2,)),
+            "mode": (controller.mode(memory), ()),
+        }
     none = jnp.zeros(2)
-    return (
-        controller.rate_error(start),
-        controller.lyapunov(start, memory, none, none),
-        controller.event_functions(start),
-    )
+    events = controller.event_functions(start)
+    controller.smooth_piece(jnp.ones(jnp.shape(events), bool))(jnp.zeros(()), start, memory)
+    return {
+        "rate_error": (controller.rate_error(start), (2,)),
+        "lyapunov": (controller.lyapunov(start, memory, none, none), ()),
+        "event_functions": (events, jnp.shape(events)[:1] or (0,)),
+    }
+
+
+def _require_arrays(part: Law | Part, location: Location, made: Any) -> None:
+    """Refuse attributes that are neither numbers nor told apart as what they are not."""
+    for path, leaf in jax.tree_util.tree_flatten_with_path(made)[0]:
+        if not eqx.is_array_like(leaf):
+            name = jax.tree_util.keystr(path).lstrip(".")
+            message = f"holds arrays and numbers, got {leaf!r} in `{name}`"
+            cure = "; declare the attribute with `= equinox.field(static=True)`"
+            raise BuildError(_issue(part, location, message[:200] + cure))
+
+
+def _require_tunable(law: Law, controller: Controller) -> None:
+    for key, place in law.declaration.tunable.items():
+        try:
+            attrgetter(place)(controller)
+        except AttributeError:
+            message = (
+                f'has an attribute `{place}`, as its key {key} is tunable (tunable="name" tells of '
+                "another name), got none"
+            )
+            raise BuildError(_issue(law, LAW, message)) from None
+
+
+def _require_shape(
+    part: Law | Part, location: Location, found: Any, shape: tuple[int, ...], wanted: str
+) -> None:
+    if getattr(found, "shape", None) != shape:
+        _refuse(part, location, wanted.format(f"an array of shape {shape}"), found)
+
+
+def _refuse(part: Law | Part, location: Location, wanted: str, found: Any) -> None:
+    shape = getattr(found, "shape", None)
+    got = f"one of shape {shape}" if shape is not None else type(found).__name__
+    raise BuildError(_issue(part, location, f"{wanted}, got {got}"))
+
+
+def _defined(made: type, method: str) -> str:
+    """Where a method of a part stands, " (file:12)", or nothing."""
+    try:
+        function = inspect.unwrap(getattr(made, method))
+        return f" ({inspect.getfile(function)}:{inspect.getsourcelines(function)[1]})"
+    except (OSError, TypeError):
+        return ""
 
 
 def _kinds(tree: Any) -> Any:
-    shapes = [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(eqx.filter(tree, _is_array))]
+    shapes = [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(tree) if _is_array(leaf)]
     return shapes, jax.tree.structure(tree)
 
 
@@ -115,9 +194,15 @@ def _is_array(leaf: Any) -> bool:
     return isinstance(leaf, jax.Array | jax.ShapeDtypeStruct)
 
 
-def _told(tree: Any) -> str:
-    return eqx.tree_pformat(tree, short_arrays=True).replace("\n", " ")[:200]
+def _shapes(tree: Any) -> str:
+    """What a memory is made of, in few words."""
+    leaves = [
+        f"{leaf.dtype} {leaf.shape}" if _is_array(leaf) else f"the number {leaf!r}"
+        for leaf in jax.tree.leaves(tree)
+    ]
+    return (" and ".join(leaves) or "nothing")[:200]
 
 
-def _issue(law: Law, message: str) -> Issue:
-    return Issue(("control", "law"), f'must be such that the law "{law.name}" {message}')
+def _issue(part: Law | Part, location: Location, message: str) -> Issue:
+    what = f'the law "{part.name}"' if isinstance(part, Law) else f'"{part.name}"'
+    return Issue(location, f"must be such that {what} {message}")

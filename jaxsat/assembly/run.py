@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from jaxsat.assembly.controller import build_controller
 from jaxsat.assembly.errors import BuildError, at_key, made_of_numbers
 from jaxsat.assembly.plant import build_plant
-from jaxsat.assembly.plugin_trial import made_part, require_runs, require_torque
+from jaxsat.assembly.plugin_trial import made_part, require_events, require_runs, require_torque
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_array, as_float
 from jaxsat.control import (
@@ -152,6 +152,7 @@ def build_actuators(scenario: Scenario) -> AbstractActuators:
     values = {key.name: getattr(table, key.name) for key in part.declaration.keys}
     made = made_part(part, location, values, ActuatorContext(ideal, torques))
     require_torque(part, location, made, jnp.zeros(torques or 2))
+    require_events(part, location, made, jnp.zeros(torques or 2))
     return made
 
 

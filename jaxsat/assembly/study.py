@@ -160,7 +160,7 @@ def _engine(
 ) -> tuple[AbstractEngine, str | None]:
     """The engine, and why it is not the native one if that was wanted."""
     loop, solver = run.loop, scenario.simulation.solver
-    smooth = isinstance(loop, ContinuousLoop) and loop.controller.is_smooth()
+    smooth = isinstance(loop, ContinuousLoop) and loop.is_smooth()
     fixed = smooth or solver.step_s is not None
     adaptive = not isinstance(loop, SampledLoop) and (solver.steps == "adaptive" or not fixed)
     suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from jaxsat.assembly.load import load
 from jaxsat.scenario import Problem, Scenario, ScenarioError, ScenarioWarning
 from jaxsat.scenario.errors import key_of
-from jaxsat.scenario.laws import is_plugin
+from jaxsat.scenario.laws import is_plugin, known_law
 from jaxsat.search_path import add_folders
 
 LEVELS = ("nominal", "mc", "hard")
@@ -98,6 +98,7 @@ def comparison_scenario(setting: ComparisonSetting) -> Scenario:
     data = base.model_dump(exclude_none=True)
     data["title"] = f"{base.title}: {setting.law}, {setting.torque_limit:g} N m"
     data["control"] = _control(setting.law)
+    _require_sampled(setting.law, str(data["control"].get("law")))
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
@@ -106,6 +107,17 @@ def comparison_scenario(setting: ComparisonSetting) -> Scenario:
         raise ScenarioError(
             [Problem(source, issue.message, key_of(issue.location)) for issue in issues]
         ) from None
+
+
+def _require_sampled(name: str, law: str) -> None:
+    """Raise `ValueError` for a law that cannot fly with two thrusters on samples."""
+    found = known_law(law)
+    if found is not None and not (found.declaration.sampled and found.declaration.torques == 2):
+        kind = "sampled" if found.declaration.sampled else "continuous"
+        raise ValueError(
+            f"Argument `law` must be a sampled law for two torques on the acceptance set, but got "
+            f"{name}, which is {kind} and commands {found.declaration.torques} torques."
+        )
 
 
 def _control(law: str) -> dict[str, Any]:

@@ -38,9 +38,9 @@ class AbstractController(eqx.Module):
     ) -> tuple[Float[Array, " torques"], Memory]:
         """The commanded torque, N m, and the time derivative of the memory."""
 
-    @abc.abstractmethod
     def is_smooth(self) -> bool:
         """Whether the law has no corner or jump, so that fixed steps suit it; asked untraced."""
+        return True
 
     def event_functions(self, state: PlantState) -> Float[Array, " m"]:
         """Event functions: the law is smooth while none changes its sign; here, none."""
@@ -58,11 +58,10 @@ class AbstractController(eqx.Module):
         """What at time `t` (s) the memory's own motion has done, if it is known; here, None."""
         del t
 
-    @abc.abstractmethod
     def rate_error(self, state: PlantState) -> Float[Array, "2"]:
-        """η_i = ω_i - ω_id, how far the rates are from their reference, rad/s; NaN without one."""
+        """η_i = ω_i - ω_id, how far the rates are from their reference, rad/s; here NaN: none."""
+        return jnp.full(2, jnp.nan, state.omega.dtype)
 
-    @abc.abstractmethod
     def lyapunov(
         self,
         state: PlantState,
@@ -70,11 +69,13 @@ class AbstractController(eqx.Module):
         unmodelled: Float[Array, "2"],
         unmodelled_rate: Float[Array, "2"],
     ) -> Float[Array, ""]:
-        """The Lyapunov function of the law's stability proof; NaN where there is none.
+        """The Lyapunov function of the law's stability proof; here NaN, for none.
 
         `unmodelled` is the disturbance about the first two axes that the controller's model does
         not know, N m, and `unmodelled_rate` its time derivative.
         """
+        del memory, unmodelled, unmodelled_rate
+        return jnp.full((), jnp.nan, state.omega.dtype)
 
 
 class AbstractFeedbackLaw(AbstractController):
@@ -94,25 +95,6 @@ class AbstractFeedbackLaw(AbstractController):
     ) -> tuple[Float[Array, " torques"], Memory]:
         """The torque of this instant."""
         return self.torque(t, state), memory
-
-    def is_smooth(self) -> bool:
-        """It is."""
-        return True
-
-    def rate_error(self, state: PlantState) -> Float[Array, "2"]:
-        """NaN: there is no reference."""
-        return jnp.full(2, jnp.nan, state.omega.dtype)
-
-    def lyapunov(
-        self,
-        state: PlantState,
-        memory: Memory,
-        unmodelled: Float[Array, "2"],
-        unmodelled_rate: Float[Array, "2"],
-    ) -> Float[Array, ""]:
-        """NaN: there is no proof."""
-        del memory, unmodelled, unmodelled_rate
-        return jnp.full((), jnp.nan, state.omega.dtype)
 
 
 class Coast(AbstractFeedbackLaw):

@@ -51,9 +51,10 @@ class AbstractSampledController(eqx.Module):
     ) -> tuple[Float[Array, " torques"], Memory]:
         """The torque to hold, N m, and the memory for the next sample."""
 
-    @abc.abstractmethod
     def rate_error(self, state: PlantState, memory: Memory) -> Float[Array, "2"]:
-        """How far the rates are from the reference of the law that is active, rad/s."""
+        """How far the rates are from the reference of the active law, rad/s; here NaN, for none."""
+        del memory
+        return jnp.full(2, jnp.nan, state.omega.dtype)
 
     def mode(self, memory: Memory) -> Int[Array, ""]:
         """Which part of the controller is at work, a member of `modes`; here, the only one."""

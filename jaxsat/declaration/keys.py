@@ -59,6 +59,21 @@ class Key:
             raise ValueError(f"Argument `name` must be an identifier, but got {self.name!r}.")
         if isinstance(self.default, list):
             object.__setattr__(self, "default", tuple(self.default))
+        if isinstance(self.kind, Numeric) and self.default not in (..., None):
+            self._require_within(self.kind)
+
+    def _require_within(self, kind: Numeric) -> None:
+        """Raise `ValueError` for a default that the key would not take."""
+        entries = self.default if isinstance(self.default, tuple) else (self.default,)
+        for entry in entries:
+            too_low = (kind.above is not None and not entry > kind.above) or (
+                kind.at_least is not None and not entry >= kind.at_least
+            )
+            if too_low or not entry <= kind.at_most:
+                raise ValueError(
+                    f"Argument `default` of the key {self.name} must lie within its bounds, "
+                    f"but got {entry!r}."
+                )
 
 
 def number(

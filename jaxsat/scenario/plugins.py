@@ -4,6 +4,7 @@ A scenario names them by the name of an entry point, or as "module:Class". Modul
 the folder of the scenario file and the current folder too, but only where a scenario asks for one.
 """
 
+import difflib
 import functools
 import importlib
 import importlib.util
@@ -196,9 +197,13 @@ def _checked(kind: PluginKind, name: str, module: ModuleType, attribute: str) ->
     """A class that has all that its kind needs."""
     found = getattr(module, attribute, None)
     if not inspect.isclass(found):
-        raise PluginError(
-            kind, f"must name a class of {module.__name__}, got {name}, which is none"
-        )
+        classes = {
+            one.lower(): one for one, value in vars(module).items() if inspect.isclass(value)
+        }
+        close = difflib.get_close_matches(attribute.lower(), classes, 1, 0.6)
+        hint = f", did you mean {classes[close[0]]}?" if close else ""
+        message = f"must name a class of {module.__name__}, got {name}, which is none{hint}"
+        raise PluginError(kind, message)
     bases = kind.resolved()
     if not issubclass(found, bases):
         allowed = " or ".join(base.__name__ for base in bases)
@@ -206,7 +211,7 @@ def _checked(kind: PluginKind, name: str, module: ModuleType, attribute: str) ->
         raise PluginError(kind, message)
     lacking = sorted(getattr(found, "__abstractmethods__", ()))
     if lacking:
-        message = f"must name {kind.what} that has {', '.join(lacking)}, got {name} without"
+        message = f"must name {kind.what} with {', '.join(lacking)}, got {name} without"
         raise PluginError(kind, message)
     if not isinstance(getattr(found, "declaration", None), kind.declaration):
         raise PluginError(

@@ -20,7 +20,7 @@ from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.vehicle import AbstractActuators, DrawnSensors, Sensors
+from jaxsat.vehicle import AbstractActuators, Actuators, DrawnSensors, Sensors
 
 
 class AbstractLoop(eqx.Module):
@@ -97,6 +97,14 @@ class ContinuousLoop(AbstractContinuousLoop):
     plant: RigidBody
     controller: AbstractController
     actuators: AbstractActuators
+
+    def is_smooth(self) -> bool:
+        """Whether fixed steps suit the loop: no corner of the law or of actuators of a user's own.
+
+        A thruster that reaches its limit is no corner here: a smooth law passes it in few steps.
+        """
+        own = isinstance(self.actuators, Actuators) or self.actuators.event_count == 0
+        return own and self.controller.is_smooth()
 
     def start(self, state: PlantState) -> LoopState:
         """The plant's state and the controller's first memory."""

@@ -68,6 +68,6 @@ def default_method(loop: AbstractLoop) -> Method:
     """
     if isinstance(loop, ErrorCoordinateLoop):
         return adaptive(min_step=MIN_STEP)
-    if isinstance(loop, ContinuousLoop) and not loop.controller.is_smooth():
+    if isinstance(loop, ContinuousLoop) and not loop.is_smooth():
         return adaptive(min_step=MIN_STEP)
     return fixed(0.01, diffrax.Dopri8())

@@ -151,7 +151,10 @@ def test_a_law_that_settles_is_taken(jaxsat):
         (["--level", "soft"], "--level"),
         (["--law", "coast"], "must be one of three-slew, oscillatory"),
         (["--law", "no_such_law:X"], "there is no module no_such_law"),
-        (["--law", "my_compared_law:Own", "--level", "mc"], "must belong to a sampled law"),
+        (
+            ["--law", "my_compared_law:Own", "--level", "mc"],
+            "must be a sampled law for two torques",
+        ),
     ],
 )
 def test_mistakes_exit_with_two(jaxsat, own_law, tokens, message):

@@ -53,3 +53,16 @@ def test_its_commands_simulate_disperse_and_tune(command_line, tmp_path):
     case = ("montecarlo", "mine.toml", "-n", "8", "--seed", "3", "--case", "2", "--out", "case")
     status, out, err = command_line(*case)
     assert status == 0, err
+
+
+def test_the_law_with_an_integral_is_all_right_too(command_line, tmp_path):
+    text = PAGE.read_text(encoding="utf-8")
+    first, second = blocks(text, "python")
+    imports = first.replace("AbstractFeedbackLaw,", "AbstractController, AbstractFeedbackLaw,", 1)
+    imports = imports.replace("import number", "import choice, number")
+    code = f"import equinox as eqx\n{imports}\n\n{second}"
+    (tmp_path / "quaternion_pd.py").write_text(code, encoding="utf-8")
+    law = ("--set", "control.law=quaternion_pd:QuaternionPID", "--set", "control.rate=inertial")
+    status, out, err = command_line("scenarios", "check", "mine.toml", *law)
+    assert status == 0, err
+    assert "all right" in out

@@ -76,6 +76,59 @@ class Broken(PD):
         return self.kp @ state.omega
 
 
+class WithText(PD):
+    frame: str = "orbit"
+
+
+class NoSuchGain(PD):
+    declaration = LawDeclaration(
+        summary="",
+        keys=(
+            number("kp", "Gain", tunable="gain_p"), number("kd", "Gain", tunable=True),
+            *PD.declaration.keys[2:],
+        ),
+        torques=3,
+    )
+
+
+class RateErrorIsANumber(PD):
+    def rate_error(self, state):
+        return jnp.nan
+
+
+class LyapunovIsAVector(PD):
+    def lyapunov(self, state, memory, unmodelled, unmodelled_rate):
+        return state.omega
+
+
+class Branches(PD):
+    def torque(self, t, state):
+        return -self.kp * state.omega if state.omega[0] > 0 else -self.kd * state.omega
+
+
+class Integral(AbstractController):
+    declaration = PD.declaration
+    kp: jax.Array
+    kd: jax.Array
+    from_table = classmethod(PD.from_table.__func__)
+
+    def init(self, state):
+        return jnp.zeros(3)
+
+    def __call__(self, t, state, memory):
+        return -self.kp * memory - self.kd * state.omega, state.omega
+
+
+class NoMemoryRate(Integral):
+    def __call__(self, t, state, memory):
+        return -self.kd * state.omega
+
+
+class OtherMemory(Integral):
+    def __call__(self, t, state, memory):
+        return -self.kd * state.omega, memory[:2]
+
+
 class Linear(PD):
     def torque(self, t, state):
         size = jnp.linalg.eigvalsh(jnp.eye(3) + jnp.outer(state.omega, state.omega))

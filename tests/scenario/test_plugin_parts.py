@@ -22,7 +22,8 @@ PARTS = """
 import jax
 import jax.numpy as jnp
 
-from jaxsat import AbstractDisturbance, AbstractSmoothActuators, Actuators, PartDeclaration
+from jaxsat import AbstractActuators, AbstractDisturbance, AbstractSmoothActuators, Actuators
+from jaxsat import PartDeclaration
 from jaxsat.declaration import choice, number
 
 
@@ -92,6 +93,38 @@ class Coarse(AbstractSmoothActuators):
 
     def __call__(self, command):
         return self.thrusters(self.step * jnp.round(command / self.step))
+
+
+class Cornered(AbstractActuators):
+    declaration = Coarse.declaration
+    thrusters: Actuators
+    step: jax.Array
+    event_count = 2
+
+    @classmethod
+    def from_table(cls, values, context):
+        return cls(context.ideal, jnp.asarray(values["step_N_m"]))
+
+    def __call__(self, command):
+        return self.thrusters(jnp.where(jnp.abs(command) < self.step, 0.0, command))
+
+    def event_functions(self, command):
+        return jnp.abs(command) - self.step
+
+    def smooth_piece(self, signs):
+        return Held(self.thrusters, signs)
+
+
+class Held(AbstractSmoothActuators):
+    thrusters: Actuators
+    passes: jax.Array
+
+    def __call__(self, command):
+        return self.thrusters(jnp.where(self.passes, command, 0.0))
+
+
+class Miscounted(Cornered):
+    event_count = 3
 
 
 class Weak(Coarse):
@@ -175,6 +208,19 @@ def test_actuators_are_never_left_out_for_error_coordinates(own):
     assert "because the actuators are not jaxsat's own" in told
 
 
+def test_corners_of_actuators_take_adaptive_steps(own):
+    cornered = ["actuators.kind=own_parts:Cornered", "control={law='rate', k1=0.2, k2=0.2}"]
+    smooth = "control.omega3_width_rad_s=0.01"
+    loop = build(load(own, [*cornered, smooth])).loop
+    assert loop.controller.is_smooth()
+    assert not loop.is_smooth()
+    start = loop.start(build(load(own)).start)
+    assert loop.event_functions(jnp.array(0.0), start).shape == (2,)
+    scenario = load(own, [*cornered, smooth], purpose="study")
+    stepper = build_study(scenario, 1, engine="scan").engine.stepper
+    assert type(stepper).__name__ == "AdaptiveStepper"
+
+
 def test_the_same_disturbance_can_act_twice(own):
     twice = 'disturbance.torques.again={kind="own_parts:Wind", torque_N_m=1e-3}'
     assert len(build(load(own, [twice])).loop.plant.disturbance.terms) == 4
@@ -215,6 +261,7 @@ def test_mistakes_are_told_like_those_of_jaxsats_own_keys(own):
         ("actuators.kind=own_parts:Wind", "a subclass of AbstractActuators"),
         ("actuators.kind=own_parts:Weak", "gives an array of shape (3,)"),
         ("actuators.step_N_m=0", "must be greater than 0 N m, got 0"),
+        ("actuators.kind=own_parts:Miscounted", "gives an array of shape (3,) from `event_func"),
     ],
 )
 def test_parts_that_cannot_be_used_are_refused(own, override, told):

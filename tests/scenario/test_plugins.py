@@ -70,13 +70,29 @@ def test_a_law_beside_the_scenario_is_simulated_and_written_out_again(own):
         ("control.law=own_law:QD", "control.law", "must name a class of own_law"),
         ("control.law=own_law:not_a_class", "control.law", "must name a class of own_law"),
         ("control.law=own_law:Rule", "control.law", "a subclass of AbstractController or"),
-        ("control.law=own_law:Abstract", "control.law", "must name a law that has __call__"),
+        ("control.law=own_law:Abstract", "control.law", "must name a law with __call__"),
         ("control.law=own_law:NoDeclaration", "control.law", "that is a LawDeclaration"),
         ("control.law=own-law:PD", "control.law", 'the form "module:Class"'),
         ("control.law=no_such_law:PD", "control.law", "there is no module no_such_law beside"),
-        ("control.law=own_law:Unbuildable", "control.law", "can be built, got KeyError: 'kq' ("),
+        (
+            "control.law=own_law:Unbuildable",
+            "control.law",
+            "KeyError: 'kq'; the declared keys are kp, kd",
+        ),
         ("control.law=own_law:Other", "control.law", "gives the law, got int"),
-        ("control.law=own_law:TwoTorques", "control.law", "shape (3,), got one of shape (2,)"),
+        ("control.law=own_law:Pd", "control.law", "did you mean PD?"),
+        ("control.law=own_law:TwoTorques", "control.law", "commands an array of shape (3,) ("),
+        ("control.law=own_law:WithText", "control.law", "equinox.field(static=True)"),
+        ("control.law=own_law:NoSuchGain", "control.law", "has an attribute `gain_p`"),
+        (
+            "control.law=own_law:RateErrorIsANumber",
+            "control.law",
+            "of shape (2,) from `rate_error`",
+        ),
+        ("control.law=own_law:LyapunovIsAVector", "control.law", "of shape () from `lyapunov`"),
+        ("control.law=own_law:Branches", "control.law", "use jnp.where in place of `if`"),
+        ("control.law=own_law:NoMemoryRate", "control.law", "and the rate of its memory, got one"),
+        ("control.law=own_law:OtherMemory", "control.law", "got float64 (3,) from `init`"),
         ("control.law=own_law:Broken", "control.law", "own_law.py:"),
         ("control.law=own_law:BrokenRule", "control.law", "rule over control.kd can run, got Typ"),
     ],
@@ -86,6 +102,12 @@ def test_every_mistake_is_one_message_at_its_key(own, override, key, message):
     assert message in found, found
     assert f"key {key}" in found or f".{key}" in found
     assert len(found.splitlines()) == 1
+
+
+def test_a_law_with_a_memory_needs_no_more_than_its_torque(own):
+    run = build(load(own, ["control.law=own_law:Integral", "simulation.duration_s=1"]))
+    assert run.loop.is_smooth()
+    assert np.isnan(np.asarray(run.simulate().signals.lyapunov)).all()
 
 
 @pytest.mark.parametrize(
