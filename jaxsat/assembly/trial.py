@@ -13,14 +13,14 @@ def what_cannot_be_built(scenario: Scenario, *, law: bool, study: bool) -> list[
     """
     try:
         if law:
-            return _of_a_run(scenario, study)
+            return _issues_of_run(scenario, study)
         build_uncontrolled(scenario)
     except BuildError as error:
         return [error.issue]
     return []
 
 
-def _of_a_run(scenario: Scenario, study: bool) -> list[Issue]:
+def _issues_of_run(scenario: Scenario, study: bool) -> list[Issue]:
     run = build(scenario)
     if scenario.dispersion is None:
         return []

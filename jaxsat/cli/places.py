@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from jaxsat.results import OutputFolder
 
 
-class _Tried(Exception):
-    """Ends a folder that was opened only to see whether that can be."""
+class _Opened(Exception):
+    """Ends a folder that was opened only to see whether it can be."""
 
 
 def try_folder(open_folder: "Callable[[], OutputFolder]") -> None:
@@ -21,8 +21,8 @@ def try_folder(open_folder: "Callable[[], OutputFolder]") -> None:
     from jaxsat.results import OutputError
 
     try:
-        with contextlib.suppress(_Tried), open_folder():
-            raise _Tried
+        with contextlib.suppress(_Opened), open_folder():
+            raise _Opened
     except OutputError as error:
         raise output_problem(error) from None
 
