@@ -1,12 +1,13 @@
 """From a scenario to the plant."""
 
 import pkgutil
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
+from jaxtyping import Array, Float
 
 from jaxsat.assembly.plugin_trial import made_part, require_torque
-from jaxsat.attitude import AbstractAttitude, Quaternion
+from jaxsat.attitude import Quaternion
 from jaxsat.checks import as_float
 from jaxsat.declaration.disturbances import DISTURBANCES
 from jaxsat.dynamics import RigidBody
@@ -65,20 +66,23 @@ def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance
         values = {key.name: getattr(table, key.name) for key in declaration.keys}
         made = pkgutil.resolve_name(place).from_table(values, context)
         terms += [] if made is None else [made]
-    attitude: AbstractAttitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))
-    if scenario.simulation.attitude == "wz":
-        attitude = attitude.as_wz()
-    terms += [_other(name, other, context, attitude) for name, other in table.torques.items()]
+    in_wz = scenario.simulation.attitude == "wz"
+    terms += [_other(name, other, context, in_wz) for name, other in table.torques.items()]
     return terms[0] if len(terms) == 1 else SumOfDisturbances(tuple(terms))
 
 
 def _other(
-    name: str, table: PartTable, context: DisturbanceContext, attitude: AbstractAttitude
+    name: str, table: PartTable, context: DisturbanceContext, in_wz: bool
 ) -> AbstractDisturbance:
     """A disturbance that does not come with jaxsat."""
     part = find_part(DISTURBANCE, table.kind)
     location = ("disturbance", "torques", name, "kind")
     values = {key.name: getattr(table, key.name) for key in part.declaration.keys}
     made = made_part(part, location, values, context)
-    require_torque(part, location, made, as_float(0.0), attitude, as_float(context.inertia))
+
+    def torque(t: Float[Array, ""], inertia: Float[Array, "3 3"]) -> Any:
+        attitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))
+        return made(t, attitude.as_wz() if in_wz else attitude, inertia)
+
+    require_torque(part, location, torque, as_float(0.0), as_float(context.inertia))
     return made
