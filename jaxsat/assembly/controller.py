@@ -20,6 +20,7 @@ from jaxsat.environment import (
     NoDisturbance,
 )
 from jaxsat.scenario.control_tables import ModelTable
+from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law, is_plugin
 from jaxsat.scenario.schema import Scenario
@@ -32,7 +33,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
     Raises `BuildError` where the law cannot be built for its model.
     """
     law, control = find_law(scenario.control.law), scenario.control
-    values = {key.name: getattr(control, key.name) for key in law.declaration.keys}
+    values = values_of(law.declaration.keys, control)
     table = getattr(control, "model", ModelTable())
     disturbance = scenario.disturbance
     context = LawContext(

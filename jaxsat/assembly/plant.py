@@ -21,6 +21,7 @@ from jaxsat.environment import (
     SumOfDisturbances,
     circular_orbit_rate,
 )
+from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.schema import Scenario
@@ -63,8 +64,7 @@ def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance
     context = DisturbanceContext(inertia, orbit_rate(scenario))
     terms: list[AbstractDisturbance] = []
     for place, declaration in DISTURBANCES.items():
-        values = {key.name: getattr(table, key.name) for key in declaration.keys}
-        made = pkgutil.resolve_name(place).from_table(values, context)
+        made = pkgutil.resolve_name(place).from_table(values_of(declaration.keys, table), context)
         terms += [] if made is None else [made]
     in_wz = scenario.simulation.attitude == "wz"
     terms += [_other(name, other, context, in_wz) for name, other in table.torques.items()]
@@ -77,8 +77,7 @@ def _other(
     """A disturbance that does not come with jaxsat."""
     part = find_part(DISTURBANCE, table.kind)
     location = ("disturbance", "torques", name, "kind")
-    values = {key.name: getattr(table, key.name) for key in part.declaration.keys}
-    made = made_part(part, location, values, context)
+    made = made_part(part, location, table, context)
 
     def torque(t: Float[Array, ""], inertia: Float[Array, "3 3"]) -> Any:
         attitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))

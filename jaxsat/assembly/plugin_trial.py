@@ -1,7 +1,7 @@
 """Whether parts that do not come with jaxsat give what a loop needs, found out by tracing them."""
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
@@ -13,7 +13,9 @@ from jaxsat.assembly.errors import BuildError
 from jaxsat.control import AbstractController, AbstractFeedbackLaw, AbstractSampledController
 from jaxsat.declaration.laws import Law
 from jaxsat.dynamics import PlantState
+from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue, Location
+from jaxsat.scenario.part_tables import PartTable
 from jaxsat.scenario.plugins import Part, place_in
 from jaxsat.vehicle import AbstractActuators
 
@@ -70,10 +72,10 @@ def broken(
     return _issue(part, location, f"{wanted}, got {type(error).__name__}: {text}{hint}{place}")
 
 
-def made_part(part: Part, location: Location, values: Mapping[str, Any], context: Any) -> Any:
+def made_part(part: Part, location: Location, table: PartTable, context: Any) -> Any:
     """A disturbance or actuators of a checked table; raises `BuildError` where it makes none."""
     try:
-        made = part.made.from_table(values, context)
+        made = part.made.from_table(values_of(part.declaration.keys, table), context)
     except Exception as error:
         raise BuildError(broken(part, location, part.made, error, "can be built")) from error
     if not isinstance(made, part.made):

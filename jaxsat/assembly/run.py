@@ -149,8 +149,7 @@ def build_actuators(scenario: Scenario) -> AbstractActuators:
     if table is None:
         return ideal
     part, location = find_part(ACTUATORS, table.kind), ("actuators", "kind")
-    values = {key.name: getattr(table, key.name) for key in part.declaration.keys}
-    made = made_part(part, location, values, ActuatorContext(ideal, torques))
+    made = made_part(part, location, table, ActuatorContext(ideal, torques))
     require_torque(part, location, made, jnp.zeros(torques or 2))
     require_events(part, location, made, jnp.zeros(torques or 2))
     return made

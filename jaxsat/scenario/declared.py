@@ -20,6 +20,11 @@ def table_with(fields: Mapping[str, Any]) -> type[Table]:
     return create_model("Declared", __base__=Table, **fields)
 
 
+def values_of(keys: Iterable[Key], table: Table) -> dict[str, Any]:
+    """What a checked table has under declared keys, as `from_table` takes it."""
+    return {key.name: getattr(table, key.name) for key in keys}
+
+
 def _field(key: Key) -> Any:
     if key.unit is None:
         return choice(key.meaning, key.default)
