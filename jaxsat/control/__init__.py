@@ -24,6 +24,7 @@ from jaxsat.control.presets import (
     ripple_filter,
     three_slew_settling,
 )
+from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.riccati import reachable_rank, regulator_gain
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, RippleObserver
@@ -54,6 +55,7 @@ __all__ = [
     "OscillatorState",
     "OscillatoryLaw",
     "OscillatorySettling",
+    "QuaternionFeedback",
     "RateLaw",
     "RecursiveLeastSquares",
     "RippleFilter",

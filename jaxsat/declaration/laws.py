@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from jaxsat.declaration.law import LawDeclaration
+from jaxsat.declaration.quaternion_feedback import QUATERNION_FEEDBACK
 from jaxsat.declaration.rate import RATE
 from jaxsat.declaration.settling import OSCILLATORY, THREE_SLEW
 from jaxsat.declaration.switching import SWITCHING
@@ -48,6 +49,11 @@ LAWS: Mapping[str, Law] = MappingProxyType(
             Law("coast", COAST, "jaxsat.control.controller:Coast"),
             Law("rate", RATE, "jaxsat.control.rate:RateLaw"),
             Law("three-axis", THREE_AXIS, "jaxsat.control.three_axis:ThreeAxisLaw"),
+            Law(
+                "quaternion-feedback",
+                QUATERNION_FEEDBACK,
+                "jaxsat.control.quaternion_feedback:QuaternionFeedback",
+            ),
             Law("switching", SWITCHING, "jaxsat.control.switching:SwitchingLaw"),
             Law(
                 "oscillatory",

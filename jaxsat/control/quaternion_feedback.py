@@ -1,0 +1,91 @@
+"""Quaternion feedback with three torques: the law of a spacecraft that has lost nothing.
+
+Wie, Weiss, Arapostathis, J. Guidance, Control, and Dynamics 12(3), 1989; the limit on the rate of a
+slew as in Wie and Lu, J. Guidance, Control, and Dynamics 18(6), 1995.
+"""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.checks import as_float, require_positive
+from jaxsat.control.context import LawContext
+from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.declaration import LawDeclaration
+from jaxsat.declaration.quaternion_feedback import QUATERNION_FEEDBACK
+from jaxsat.dynamics import PlantState, RigidBody
+
+SMALLEST = 1e-30
+"""Keeps a quotient of two zeros finite."""
+
+
+class QuaternionFeedbackMemory(NamedTuple):
+    """The rate relative to the orbit frame that was asked for last, rad/s."""
+
+    wanted: Float[Array, "3"]
+
+
+class QuaternionFeedback(AbstractSampledController):
+    """u = ω × Jω + J (ω_f × ω_r) - 2ζΩ J (ω_r - ω_d), ω_d = -(Ω / ζ) sgn(q0) q, at most a rate.
+
+    ω_f is the orbit frame's rate and ω_r the one relative to it, in body axes; q the vector part of
+    the attitude. Small errors then obey dθ²/dt² + 2ζΩ dθ/dt + Ω² θ = 0 about each axis.
+    `natural_frequency` is Ω (rad/s), `damping` ζ; |ω_d| is at most `max_rate` (rad/s, may be
+    infinite). `period` is in s. The first two terms cancel the rotation of body and orbit frame.
+    """
+
+    declaration: ClassVar[LawDeclaration] = QUATERNION_FEEDBACK
+
+    model: RigidBody
+    natural_frequency: Float[Array, ""] = eqx.field(converter=as_float)
+    damping: Float[Array, ""] = eqx.field(converter=as_float)
+    max_rate: Float[Array, ""] = eqx.field(converter=as_float)
+    period: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        for name in ("natural_frequency", "damping", "max_rate", "period"):
+            require_positive(name, getattr(self, name))
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "QuaternionFeedback":
+        """The law of a table of a scenario."""
+        rate = values["max_rate_rad_s"]
+        return cls(
+            context.model,
+            values["natural_frequency_rad_s"],
+            values["damping"],
+            jnp.inf if rate is None else rate,
+            values["period_s"],
+        )
+
+    def init(self, state: PlantState) -> QuaternionFeedbackMemory:
+        """Nothing asked for."""
+        return QuaternionFeedbackMemory(jnp.zeros_like(state.omega))
+
+    def step(
+        self, t: Float[Array, ""], state: PlantState, memory: QuaternionFeedbackMemory
+    ) -> tuple[Float[Array, "3"], QuaternionFeedbackMemory]:
+        """The torque, N m."""
+        del t, memory
+        inertia = self.model.spacecraft.inertia
+        frame = self.model.orbit.frame_rate(state.attitude)
+        relative = state.omega - frame
+        wanted = self._wanted_rate(state)
+        turning = jnp.cross(frame, relative)
+        pull = 2 * self.damping * self.natural_frequency * (relative - wanted)
+        torque = jnp.cross(state.omega, inertia @ state.omega) + inertia @ (turning - pull)
+        return torque, QuaternionFeedbackMemory(wanted)
+
+    def _wanted_rate(self, state: PlantState) -> Float[Array, "3"]:
+        quaternion = state.attitude.as_quaternion().q
+        shorter = jnp.where(quaternion[0] < 0, -1.0, 1.0)
+        rate = -(self.natural_frequency / self.damping) * shorter * quaternion[1:]
+        size = jnp.sqrt(jnp.sum(rate**2) + SMALLEST)
+        return rate * jnp.minimum(1.0, self.max_rate / size)
+
+    def rate_error(self, state: PlantState, memory: QuaternionFeedbackMemory) -> Float[Array, "2"]:
+        """ω_r - ω_d about the first two axes, rad/s."""
+        return (self.model.relative_rate(state) - memory.wanted)[:2]
