@@ -53,7 +53,7 @@ def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Arra
         torque = hold.torque_after(t - begin)
         wz = state.attitude.as_wz()
         cost = program.cost(wz.w, wz.z, loop.plant.relative_rate(state), torque)
-        effort = jnp.sum(jnp.abs(torque))
+        effort = jnp.sum(hold.mean_size())
         return loop.plant_rate(t, state, torque), Integrals(cost, effort)
 
     return rate

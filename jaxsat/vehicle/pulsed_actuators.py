@@ -37,6 +37,17 @@ class Hold(NamedTuple):
             return self.torque
         return self.torque + elapsed * self.torque_rate
 
+    def mean_size(self) -> Float[Array, "3"]:
+        """The mean of the torque's size about each axis (N m), whichever way it points."""
+        first = jnp.abs(self.torque)
+        if self.torque_rate is None:
+            return first
+        end = self.torque + self.length * self.torque_rate
+        last = jnp.abs(end)
+        both = first + last
+        crossing = (first**2 + last**2) / jnp.where(both > 0, 2 * both, 1.0)
+        return jnp.where(self.torque * end < 0, crossing, both / 2)
+
 
 class Usage(NamedTuple):
     """What actuators did in a period.

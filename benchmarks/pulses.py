@@ -1,0 +1,99 @@
+"""What pulses cost: a study with six on/off thrusters beside the same with ideal torques.
+
+    python benchmarks/pulses.py [CASES]
+
+The same law, sensors, cases and duration, on one thread, by the native engine; with thrusters also
+pulse-width modulation, allocation by least propellant and a failure in flight. Times are the least
+of several runs, compiling left out.
+"""
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import diffrax
+import jax
+import numpy as np
+
+from jaxsat.assembly.load import load
+from jaxsat.assembly.study import build_study
+from jaxsat.engine import NativeEngine, SampledStepper
+from jaxsat.scenario import library
+
+SIX = "".join(
+    f"""
+[[thruster]]
+torque_axis = {[sign * (axis == k) for k in range(3)]}
+torque_N_m = 5
+min_on_time_s = 0.005
+specific_impulse_s = 220
+"""
+    for axis in range(3)
+    for sign in (1, -1)
+)
+FAILURE = """
+[[failure]]
+of = "thruster 1"
+at_s = 50
+kind = "degraded"
+fraction = 0.8
+"""
+CHANGES = ("simulation.duration_s=100", "simulation.solver.substeps=1")
+REPEATS = 5
+
+
+def scenario_text(pulsed: bool) -> str:
+    """acceptance-hard, with ideal torques or with six thrusters that push."""
+    text = library()["acceptance-hard"].read_text(encoding="utf-8")
+    if not pulsed:
+        return text
+    for line in (
+        "thruster_torque_axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n",
+        "failed_thrusters = [3]\n",
+    ):
+        assert line in text
+        text = text.replace(line, "")
+    before, mark, after = text.partition("[orbit]")
+    return f'{before}{SIX}{FAILURE}[modulation]\nkind = "pwm"\n\n{mark}{after}'
+
+
+def study_of(pulsed: bool, count: int):
+    """A study of the scenario, read from a file as a user would."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scenario.toml"
+        file.write_text(scenario_text(pulsed), encoding="utf-8")
+        return build_study(load(file, CHANGES), count, seed=1)
+
+
+def processor_seconds(study, count: int) -> tuple[float, float]:
+    """The least of several runs, and the mean effort (N m s) of their cases."""
+    engine = NativeEngine(SampledStepper(diffrax.Bosh3()), workers=1)
+    cases, best = study.cases(np.arange(count)), np.inf
+    outputs = engine.evaluate(study.program, cases)
+    for _ in range(REPEATS):
+        begin = time.process_time()
+        outputs = engine.evaluate(study.program, cases)
+        best = min(best, time.process_time() - begin)
+    return best, float(np.mean(outputs.effort))
+
+
+def main() -> None:
+    """Print both paces and their ratio."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 512
+    found = {}
+    for name, pulsed in (("ideal torques", False), ("six thrusters, pulses", True)):
+        taken, effort = processor_seconds(study_of(pulsed, count), count)
+        found[name] = taken
+        print(
+            f"{name:24} {count / taken:8.0f} cases a processor second, "
+            f"mean effort {effort:.1f} N m s",
+            flush=True,
+        )
+    ideal, pulses = found.values()
+    print(f"pulses take {pulses / ideal:.2f} times as long")
+
+
+if __name__ == "__main__":
+    jax.config.update("jax_enable_x64", True)
+    main()
