@@ -8,7 +8,7 @@ from jaxsat.allocation import least_propellant, plane_map
 from jaxsat.declaration.laws import LAWS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
-from jaxsat.scenario.rules import at, rule
+from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.thruster_tables import FAILURE_AMOUNTS, thruster_number, working_torques
 from jaxsat.scenario.wording import shown
 
@@ -60,8 +60,8 @@ def _thrusters_have_names_of_their_own(thrusters):
             yield Issue(("thruster", number, "name"), message)
 
 
-@rule("thruster", "control.law", "actuators")
-def _thrusters_need_a_sampled_law(thrusters, law, actuators):
+@rule("thruster", "control.law")
+def _thrusters_need_a_sampled_law(thrusters, law):
     if thrusters and not find_law(law).declaration.sampled:
         allowed = [f'"{name}"' for name, one in LAWS.items() if one.declaration.sampled]
         yield at(
@@ -69,8 +69,12 @@ def _thrusters_need_a_sampled_law(thrusters, law, actuators):
             f'must belong to a sampled law ({", ".join(allowed)}), got "{law}", whose torque '
             "changes all the time (spacecraft.thruster_torque_axes has ideal torques)",
         )
-    if thrusters and actuators is not None:
-        yield at("actuators", "must not be given beside [[thruster]]")
+
+
+@rule("thruster", "actuators.kind")
+def _one_kind_of_actuators(thrusters, kind):
+    if thrusters:
+        yield at("actuators", f"must not be given beside [[thruster]], got {shown(kind)}")
 
 
 def _whole(thrusters) -> bool:
@@ -95,9 +99,10 @@ def _thrusters_make_what_the_law_commands(thrusters, law):
         yield at("thruster", message + str(error).rstrip("."))
 
 
-@rule("thruster", "control.period_s", "sampling")
-def _thrust_follows_within_a_period(thrusters, period, sampling):
-    delay = 0.0 if sampling is None else sampling.delay_s
+@rule_over("thruster", "control.period_s")
+def _thrust_follows_within_a_period(values):
+    thrusters, period = values["thruster"], values["control.period_s"]
+    delay = values.get("sampling.delay_s", 0.0)
     for number, one in enumerate(thrusters):
         for key in ("min_on_time_s", "rise_time_s", "fall_time_s"):
             if getattr(one, key) > period:
@@ -109,30 +114,37 @@ def _thrust_follows_within_a_period(thrusters, period, sampling):
             yield Issue(("thruster", number, "valve_delay_s"), found)
 
 
-@rule("thruster", "modulation")
-def _modulation_suits_the_valves(thrusters, modulation):
-    if modulation is not None and not thrusters:
-        yield at("modulation", "must belong to tables [[thruster]], got none")
-    if modulation is None:
-        return
+@rule("thruster", "modulation.kind")
+def _modulation_suits_the_valves(thrusters, kind):
+    if not thrusters:
+        yield at("modulation", f"must belong to tables [[thruster]], got {shown(kind)} and none")
     for number, one in enumerate(thrusters):
-        place = ("thruster", number, "min_on_time_s")
-        if modulation.kind == "delta-sigma" and one.min_on_time_s == 0:
-            why = "as ΔΣ modulation gives out multiples of it"
-            yield Issue(place, f"must be above 0 {why}, got 0", (), True)
-    if modulation.kind != "pwpf":
+        if kind == "delta-sigma" and one.min_on_time_s == 0:
+            message = "must be above 0, as delta-sigma modulation gives out multiples of it, got 0"
+            yield Issue(("thruster", number, "min_on_time_s"), message)
+
+
+@rule(
+    "thruster",
+    "modulation.kind",
+    "modulation.gain",
+    "modulation.time_constant_s",
+    "modulation.on_level",
+    "modulation.off_level",
+)
+def _schmitt_trigger_switches(thrusters, kind, gain, lag, high, low):
+    if kind != "pwpf":
         return
-    gain, high, low = modulation.gain, modulation.on_level, modulation.off_level
     if not low < high < gain:
-        message = f"must be above on_level and that above off_level, got {gain}, {high}, {low}"
-        yield at("modulation.gain", message)
+        message = f"must be above on_level = {high:g}, and that above off_level = {low:g}"
+        yield at("modulation.gain", f"{message}, got {gain:g}")
         return
-    shortest = modulation.time_constant_s * math.log((gain + high) / (gain + low))
+    shortest = lag * math.log((gain + high) / (gain + low))
     for number, one in enumerate(thrusters):
         if one.min_on_time_s > shortest:
             message = f"must be at most the shortest pulse of the PWPF, {shortest:.4g} s"
             yield Issue(
-                ("thruster", number, "min_on_time_s"), f"{message}, got {one.min_on_time_s}"
+                ("thruster", number, "min_on_time_s"), f"{message}, got {one.min_on_time_s:g}"
             )
 
 
