@@ -58,9 +58,6 @@ SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
     "dopri5": diffrax.Dopri5,
     "dopri8": diffrax.Dopri8,
 }
-DEFAULT_SUBSTEPS = 4
-PULSED_SUBSTEPS = 1
-"""Of each time between two instants at which a valve moves."""
 
 
 @dataclass(frozen=True)
@@ -131,13 +128,17 @@ def _closed(
     controller: AbstractController | AbstractSampledController,
 ) -> AbstractLoop:
     if isinstance(controller, AbstractSampledController):
-        default = PULSED_SUBSTEPS if scenario.thruster else DEFAULT_SUBSTEPS
-        substeps = scenario.simulation.solver.substeps or default
+        substeps = substeps_of(scenario)
         sensors, delay = build_sampling(scenario)
         return SampledLoop(plant, controller, build_actuators(scenario), substeps, sensors, delay)
     if uses_error_coordinates(flattened(scenario)):
         return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
     return ContinuousLoop(plant, controller, cast(AbstractActuators, build_actuators(scenario)))
+
+
+def substeps_of(scenario: Scenario) -> int:
+    """Steps in each period of a sampled law, or in each time between two edges of pulses."""
+    return scenario.simulation.solver.substeps or (1 if scenario.thruster else 4)
 
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:

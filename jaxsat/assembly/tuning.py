@@ -10,7 +10,7 @@ import numpy as np
 
 from jaxsat.assembly.errors import BuildError, at_key
 from jaxsat.assembly.plant import orbit_rate
-from jaxsat.assembly.run import DEFAULT_SUBSTEPS, build, build_loop
+from jaxsat.assembly.run import build, build_loop, substeps_of
 from jaxsat.assembly.study import EngineName, build_study
 from jaxsat.checks import as_float
 from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
@@ -22,6 +22,7 @@ from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario, flattened
+from jaxsat.scenario.thruster_tables import ModulationTable
 from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
 from jaxsat.scenario.wording import shown
 from jaxsat.tuning import (
@@ -127,8 +128,18 @@ def _prepared(scenario: Scenario, table: TuningTable) -> _Prepared:
     scenario = _in_one_form(scenario, table)
     space, start = _search(scenario, table.parameters)
     widths = dict(table.smoothing)
-    smooth = _with_control(scenario, widths)
+    smooth = _throttled(_with_control(scenario, widths))
     return _Prepared(scenario, smooth, _refined(smooth), widths, space, start)
+
+
+def _throttled(scenario: Scenario) -> Scenario:
+    """With thrust in place of pulses, whose dead zones and sums have no derivative.
+
+    Gradients are taken of that; costs are of the pulses all the same.
+    """
+    if not scenario.thruster:
+        return scenario
+    return scenario.model_copy(update={"modulation": ModulationTable(kind="ideal")})
 
 
 def try_tuning(scenario: Scenario) -> None:
@@ -214,7 +225,7 @@ def _refined(scenario: Scenario) -> Scenario:
     """The scenario in finer steps."""
     solver = scenario.simulation.solver
     if find_law(scenario.control.law).declaration.sampled:
-        changes: dict[str, Any] = {"substeps": 2 * (solver.substeps or DEFAULT_SUBSTEPS)}
+        changes: dict[str, Any] = {"substeps": 2 * substeps_of(scenario)}
     elif solver.step_s is not None:
         changes = {"step_s": solver.step_s / 2}
     else:
