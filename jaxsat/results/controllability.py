@@ -16,19 +16,23 @@ def failure_dataset(
     names = cases[0].working  # the first case has no failure
     arrays = failure_arrays(cases, names)
     meaning = {
-        "failed": "whether the thruster has failed",
-        "rank": "rank of the Lie algebra at rest, 6 at most",
-        "controllable": "rank 6",
+        "failed": "whether the actuator has failed",
+        "rank": "rank of the Lie algebra at rest, of `dimension`",
+        "dimension": "dimension of the states that the conserved momentum leaves",
+        "verdict": "what the rest can do",
+        "controllable": "every attitude and rate of these states can be reached",
         "borderline": "the margin is too small to be sure",
         "margin": "smallest singular value of the normalised generating vectors (directions)",
         "turn_time": "time to turn 1 rad about the axis hardest to reach, 1 N m a thruster",
-        "directions": "torque directions available without the drift",
+        "directions": "dimension of the torques of both signs without the drift",
+        "torques": "shape of the set of torques",
+        "laws": "laws of jaxsat that can be flown, by the torques they need",
         "lost": "what the failure takes away",
     }
     units = {"margin": "1", "turn_time": "s"}
     variables = {}
     for name, values in arrays.items():
-        dimensions = ("case", "thruster")[: values.ndim]
+        dimensions = ("case", "actuator")[: values.ndim]
         attributes = {"long_name": meaning[name]}
         if name in units:
             attributes["units"] = units[name]
@@ -42,4 +46,4 @@ def failure_dataset(
         "turn_time_s": analysis.turn_time,
         **provenance_attributes(),
     }
-    return xr.Dataset(variables, {"thruster": list(names)}, attributes)
+    return xr.Dataset(variables, {"actuator": list(names)}, attributes)

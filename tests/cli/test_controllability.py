@@ -30,7 +30,7 @@ def test_controllability_writes_tables_maps_and_a_page(capsys, tmp_path):
     assert [int(row["rank"]) for row in rows] == [6, 6, 6, 6, 2, 2, 2, 0]
     with xr.open_dataset(folder / "failures.nc", engine="h5netcdf") as dataset:
         assert dataset.attrs["rank"] == 6
-        np.testing.assert_array_equal(dataset["failed"].sum("thruster"), [0, 1, 1, 1, 2, 2, 2, 3])
+        np.testing.assert_array_equal(dataset["failed"].sum("actuator"), [0, 1, 1, 1, 2, 2, 2, 3])
     names = {file.name for file in folder.iterdir()}
     assert {"controllability.md", "inertia-map.png", "angle-map.svg", "energy.png"} <= names
 
