@@ -41,6 +41,7 @@ class Judgement:
     `Analysis`, of the torques that laws use; NaN turn time where wheels decide.
     """
 
+    inertia: Float[np.ndarray, "3 3"]
     actuators: ActuatorSet
     verdict: Verdict
     rank: int
@@ -101,7 +102,16 @@ def judge_only(
     if wheels.borderline or cone.borderline:
         verdict = "borderline"
     return Judgement(
-        left, verdict, rank, dimension, laws, wheels.margin, np.nan, cone, level_set=wheels
+        inertia=layout.inertia,
+        actuators=left,
+        verdict=verdict,
+        rank=rank,
+        dimension=dimension,
+        laws=laws,
+        margin=wheels.margin,
+        turn_time=np.nan,
+        cone=cone,
+        level_set=wheels,
     )
 
 
@@ -144,6 +154,7 @@ def _by_torques(
     if decision.borderline or flown.borderline or cone.borderline or undecided:
         verdict = "borderline"
     return Judgement(
+        inertia=layout.inertia,
         actuators=left,
         verdict=verdict,
         rank=decision.rank,

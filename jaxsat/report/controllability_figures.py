@@ -12,6 +12,7 @@ from jaxtyping import Float
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from jaxsat.controllability import ActuatorSet, TorqueCone
 from jaxsat.report.style import escape_mathematics
 
 _FLOOR = 1e-3  # margins below share the darkest shade
@@ -127,13 +128,16 @@ def angle_map(
 def failure_chart(records: Sequence[dict]) -> Figure:
     """Margins of every failure case as bars (`failure_records` gives `records`).
 
-    Hatching marks borderline, a cross uncontrollable cases, so no colour is needed.
+    Hatching tells the verdicts apart, a cross marks uncontrollable cases, so no colour is needed.
     """
     figure = Figure(figsize=(7.5, 1.2 + 0.32 * len(records)), layout="constrained")
     axes = figure.add_subplot()
     rows = np.arange(len(records))
     looks = {
         "controllable": ("#0072b2", ""),
+        "by drift": ("#56b4e9", "..."),
+        "some attitudes": ("#f0f0f0", "\\\\\\"),
+        "not decided": ("#f0f0f0", "xxx"),
         "borderline": ("#e8c468", "///"),
         "uncontrollable": ("none", ""),
     }
@@ -161,6 +165,57 @@ def failure_chart(records: Sequence[dict]) -> Figure:
     axes.legend(loc="lower right", frameon=False)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+    return figure
+
+
+def torque_map(cone: TorqueCone, actuators: ActuatorSet) -> Figure:
+    """Angle from every direction of torque to the nearest torque that can be made.
+
+    Zero inside the cone of the actuators; thrusters, wheels (both ends of their axes) and the
+    direction farthest from all torques are marked.
+    """
+    figure = Figure(figsize=(7.5, 4.4), layout="constrained")
+    axes = figure.add_subplot()
+    azimuths, elevations = np.linspace(-np.pi, np.pi, 91), np.linspace(-np.pi / 2, np.pi / 2, 46)
+    angles = [
+        [
+            cone.angle(np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]))
+            for a in azimuths
+        ]
+        for e in elevations
+    ]
+    image = axes.pcolormesh(
+        np.degrees(azimuths),
+        np.degrees(elevations),
+        np.degrees(angles),
+        shading="nearest",
+        cmap="cividis_r",
+        vmin=0,
+        vmax=max(90.0, float(np.degrees(np.max(angles)))),
+        rasterized=True,
+    )
+    pushes = [actuators.torques, -actuators.torques[:, actuators.two_sided]]
+    wheels = [actuators.wheel_axes, -actuators.wheel_axes]
+    worst = [] if cone.opposed is None else [cone.opposed[:, None]]
+    for columns, marker, label in (
+        (pushes, "o", "thruster"),
+        (wheels, "s", "wheel"),
+        (worst, "X", "farthest from all torques"),
+    ):
+        shown = np.concatenate([np.zeros((3, 0)), *columns], axis=1)
+        shown = shown[:, np.any(shown != 0, axis=0)]
+        if shown.shape[1]:
+            x, y, z = shown / np.linalg.norm(shown, axis=0)
+            places = np.degrees([np.arctan2(y, x), np.arcsin(np.clip(z, -1, 1))])
+            axes.plot(*places, marker, ls="none", mfc="w", mec=_MARK, mew=1.5, ms=8, label=label)
+    axes.legend(loc="upper right", framealpha=0.9)
+    axes.set_xlabel("azimuth of the torque (deg, body x towards y)")
+    axes.set_ylabel("elevation (deg, towards z)")
+    axes.set_xticks(np.arange(-180, 181, 60))
+    axes.set_yticks(np.arange(-90, 91, 30))
+    axes.set_title(f"Torques that can be made: {cone.kind}")
+    bar = figure.colorbar(image, ax=axes, shrink=0.85)
+    bar.set_label("angle to the nearest torque that can be made (deg)")
     return figure
 
 

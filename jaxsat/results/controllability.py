@@ -4,15 +4,15 @@ from collections.abc import Sequence
 
 import xarray as xr
 
-from jaxsat.controllability import Analysis, FailureCase, failure_arrays
+from jaxsat.controllability import FailureCase, Judgement, failure_arrays, verdict_sentence
 from jaxsat.results.provenance import provenance_attributes
 from jaxsat.text import clean
 
 
 def failure_dataset(
-    cases: Sequence[FailureCase], analysis: Analysis, *, title: str, scenario: str
+    cases: Sequence[FailureCase], judgement: Judgement, *, title: str, scenario: str
 ) -> xr.Dataset:
-    """Every failure case with rank, margin and what is lost; the analysis in the attributes."""
+    """Every failure case with rank, margin and what is lost; the judgement in the attributes."""
     names = cases[0].working  # the first case has no failure
     arrays = failure_arrays(cases, names)
     meaning = {
@@ -40,10 +40,10 @@ def failure_dataset(
     attributes = {
         "title": clean(title),
         "scenario": scenario,
-        "verdict": analysis.verdict,
-        "rank": analysis.rank,
-        "margin": analysis.margin,
-        "turn_time_s": analysis.turn_time,
+        "verdict": verdict_sentence(judgement),
+        "rank": judgement.rank,
+        "margin": judgement.margin,
+        "turn_time_s": judgement.turn_time,
         **provenance_attributes(),
     }
     return xr.Dataset(variables, {"actuator": list(names)}, attributes)
