@@ -1,5 +1,7 @@
 """The plant: a rigid body in a circular orbit, equations (1), (10), (11), (36), (37)."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -15,6 +17,10 @@ class PlantState(eqx.Module):
 
     attitude: AbstractAttitude
     omega: Float[Array, "3"] = eqx.field(converter=as_float)
+
+    def normalised(self) -> "PlantState":
+        """The same with attitude parameters that obey their constraint to rounding."""
+        return dataclasses.replace(self, attitude=self.attitude.normalised())
 
 
 class RigidBody(eqx.Module):

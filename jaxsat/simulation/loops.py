@@ -6,8 +6,9 @@ in between.
 """
 
 import abc
+import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -20,7 +21,15 @@ from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.vehicle import AbstractActuators, Actuators, DrawnSensors, Sensors
+from jaxsat.vehicle import (
+    AbstractActuators,
+    AbstractPulsedActuators,
+    Actuators,
+    DrawnSensors,
+    Hold,
+    Sensors,
+    Usage,
+)
 
 
 class AbstractLoop(eqx.Module):
@@ -154,19 +163,15 @@ class ContinuousLoop(AbstractContinuousLoop):
 
 
 class SampledState(NamedTuple):
-    """State of the plant, memory of its controller, and the torque (N m) now being made."""
+    """State of the plant, memory of its controller, and the torque (N m) now being made.
+
+    Actuators that run once a period have a memory, and no torque is kept for them.
+    """
 
     plant: PlantState
     memory: Memory
-    torque: Float[Array, "3"]
-
-
-class Hold(NamedTuple):
-    """A time during which the torque (N m) stays: `begin` and `length` in s, from the sample on."""
-
-    begin: Float[Array, ""]
-    length: Float[Array, ""]
-    torque: Float[Array, "3"]
+    torque: Float[Array, "3"] | None
+    actuators: PyTree = None
 
 
 Integrator = Callable[[Float[Array, ""], Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
@@ -175,18 +180,18 @@ gives the plant's state at the end of the hold, and the carry."""
 
 
 class SampledLoop(AbstractLoop):
-    """Plant and thrusters under a sampled controller whose torque is held between samples.
+    """Plant and actuators under a sampled controller.
 
-    The plant is integrated over each period in `substeps` equal steps. `sensors` stand between the
-    true state and what the controller is told; None tells it the truth. A `delay` (s, at most one
-    period) is the time the controller takes to compute: for so long after each sample the
-    thrusters go on with what they did; None is a loop without. Each part of a delayed period is
-    integrated in `substeps` steps of its own.
+    The torque is held between samples, or changes at instants of the actuators' own. The plant is
+    integrated over each time without such an instant in `substeps` equal steps. `sensors` stand
+    between the true state and what the controller is told; None tells it the truth. A `delay` (s,
+    at most one period) is the time the controller takes to compute: for so long after each sample
+    the actuators go on with what they did; None is a loop without.
     """
 
     plant: RigidBody
     controller: AbstractSampledController
-    actuators: AbstractActuators
+    actuators: AbstractActuators | AbstractPulsedActuators
     substeps: int = eqx.field(static=True, default=4)
     sensors: Sensors | DrawnSensors | None = None
     delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
@@ -204,8 +209,10 @@ class SampledLoop(AbstractLoop):
 
     def start(self, state: PlantState) -> SampledState:
         """The plant's state, the controller's first memory for what is measured, and no torque."""
-        measured = self.measured(jnp.array(0), state)
-        return SampledState(state, self.controller.init(measured), jnp.zeros_like(state.omega))
+        memory = self.controller.init(self.measured(jnp.array(0), state))
+        if isinstance(self.actuators, AbstractPulsedActuators):
+            return SampledState(state, memory, None, self.actuators.init())
+        return SampledState(state, memory, jnp.zeros_like(state.omega))
 
     def measured(self, number: Int[Array, ""], state: PlantState) -> PlantState:
         """What the controller is told at sample `number` of the run when the truth is `state`."""
@@ -213,56 +220,96 @@ class SampledLoop(AbstractLoop):
             return state
         return PlantState(*self.sensors(number, state.attitude, state.omega))
 
-    def sample(
+    def command(
         self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState
-    ) -> tuple[Float[Array, "3"], Memory, Signals]:
-        """One run of the controller, sample `number` of the run at time `t` (s).
+    ) -> tuple[Float[Array, " torques"], Memory]:
+        """What the controller asks for at sample `number`, time `t` (s), and its next memory."""
+        return self.controller.step(t, self.measured(number, state.plant), state.memory)
 
-        Gives the torque that follows from it (N m), its next memory, and the signals of the truth
-        at this instant.
-        """
-        command, memory = self.controller.step(t, self.measured(number, state.plant), state.memory)
-        torque = self.actuators(command)
-        acting = torque
-        if self.delay is not None:
-            acting = jnp.where(self.delay > 0, state.torque, torque)
-        return torque, memory, _sampled_signals(self, t, state.plant, memory, acting)
-
-    def holds(self, state: SampledState, torque: Float[Array, "3"]) -> tuple[Hold, ...]:
-        """The parts of a period that begins in `state` and whose sample asked for `torque`."""
-        period = self.controller.period
-        if self.delay is None:
-            return (Hold(jnp.zeros_like(period), period, torque),)
-        return (
-            Hold(jnp.zeros_like(period), self.delay, state.torque),
-            Hold(self.delay, period - self.delay, torque),
-        )
+    def signals(self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState) -> Signals:
+        """The signals of the truth at sample `number` of the run, which is at time `t` (s)."""
+        command, memory = self.command(number, t, state)
+        if isinstance(self.actuators, AbstractPulsedActuators):
+            usage = self.actuators.usage(*self._plan(t, command, state))
+            return self._signals_of_usage(t, state.plant, memory, usage)
+        acting = self._acting(state, self.actuators(command))
+        return _sampled_signals(self, t, state.plant, memory, acting)
 
     def period(
         self,
         number: Int[Array, ""],
         t: Float[Array, ""],
         state: SampledState,
-        integrate: Callable[
-            [Float[Array, ""], Hold, PlantState, PyTree], tuple[PlantState, PyTree]
-        ],
+        integrate: Integrator,
         carry: PyTree,
     ) -> tuple[SampledState, PyTree, Signals]:
         """One period, that of sample `number` of the run, which is at time `t` (s).
 
         Gives the state at its end, the carry, and the signals at its begin.
         """
-        torque, memory, signals = self.sample(number, t, state)
+        command, memory = self.command(number, t, state)
+        if isinstance(self.actuators, AbstractPulsedActuators):
+            after, carry, usage = self._pulsed(t, command, state, integrate, carry)
+            signals = self._signals_of_usage(t, state.plant, memory, usage)
+            return after._replace(memory=memory), carry, signals
+        torque = self.actuators(command)
         plant = state.plant
-        for hold in self.holds(state, torque):
+        signals = _sampled_signals(self, t, plant, memory, self._acting(state, torque))
+        for hold in self._holds(state, torque):
             plant, carry = integrate(t + hold.begin, hold, plant, carry)
-        plant = PlantState(plant.attitude.normalised(), plant.omega)
-        return SampledState(plant, memory, torque), carry, signals
+        return SampledState(plant.normalised(), memory, torque), carry, signals
+
+    def _acting(self, state: SampledState, torque: Float[Array, "3"]) -> Float[Array, "3"]:
+        """The torque (N m) right after a sample that asked for `torque`."""
+        if self.delay is None:
+            return torque
+        return jnp.where(self.delay > 0, cast(Array, state.torque), torque)
+
+    def _holds(self, state: SampledState, torque: Float[Array, "3"]) -> tuple[Hold, ...]:
+        """The parts of a period that begins in `state` and whose sample asked for `torque`."""
+        period = self.controller.period
+        if self.delay is None:
+            return (Hold(jnp.zeros_like(period), period, torque),)
+        return (
+            Hold(jnp.zeros_like(period), self.delay, cast(Array, state.torque)),
+            Hold(self.delay, period - self.delay, torque),
+        )
+
+    def _plan(self, t, command, state: SampledState) -> tuple[PyTree, PyTree]:
+        actuators = cast(AbstractPulsedActuators, self.actuators)
+        return actuators.plan(t, command, state.actuators, self.controller.period, self.delay)
+
+    def _pulsed(
+        self, t, command, state: SampledState, integrate: Integrator, carry
+    ) -> tuple[SampledState, PyTree, Usage]:
+        """A period from one instant of the actuators to the next."""
+        actuators = cast(AbstractPulsedActuators, self.actuators)
+        plan, running = self._plan(t, command, state)
+
+        def hold_by_hold(_, now):
+            running, plant, carry = now
+            hold, running = actuators.advance(plan, running)
+            return running, *integrate(t + hold.begin, hold, plant, carry)
+
+        running, plant, carry = jax.lax.fori_loop(
+            0, actuators.holds, hold_by_hold, (running, state.plant, carry)
+        )
+        memory, usage = actuators.finish(plan, running)
+        return SampledState(plant.normalised(), state.memory, None, memory), carry, usage
+
+    def _signals_of_usage(self, t, plant: PlantState, memory, usage: Usage) -> Signals:
+        signals = _sampled_signals(self, t, plant, memory, usage.torque)
+        return dataclasses.replace(
+            signals,
+            thrust_level=usage.level,
+            propellant=usage.propellant,
+            valve_openings=usage.openings,
+        )
 
     def plant_rate(
         self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
     ) -> PlantState:
-        """The plant under a held torque, in the form diffrax integrates."""
+        """The plant under a torque (N m), in the form diffrax integrates."""
         return self.plant.rate(t, state, torque)
 
 

@@ -221,22 +221,24 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances
 
 
 def _over_hold(loop, solver, t, state, hold, record, tolerances):
-    """The plant's state and the record at the end of a hold."""
-    term = diffrax.ODETerm(loop.plant_rate)
+    """The plant's state and the record at the end of a hold that begins at time `t` (s)."""
+    term = diffrax.ODETerm(
+        lambda now, state, hold: loop.plant_rate(now, state, hold.torque_after(now - t))
+    )
     step = hold.length / loop.substeps
-    solver_state = solver.init(term, t, t + step, state, hold.torque)
+    solver_state = solver.init(term, t, t + step, state, hold)
 
     def substep(number, carry):
         current, inner, record = carry
         begin = t + number * step
         after, _, _, inner, _ = solver.step(
-            term, begin, begin + step, current, hold.torque, inner, made_jump=False
+            term, begin, begin + step, current, hold, inner, made_jump=False
         )
-        plant, torque, before, now, length = stop_gradient(
-            (loop.plant, hold.torque, current, after, step)
+        plant, held, before, now, length, gone = stop_gradient(
+            (loop.plant, hold, current, after, step, number * step)
         )
-        rate = effort_rate(plant, begin, before, torque)
-        rate = rate + effort_rate(plant, begin + length, now, torque)
+        rate = effort_rate(plant, begin, before, held.torque_after(gone))
+        rate = rate + effort_rate(plant, begin + length, now, held.torque_after(gone + length))
         record = record.at(begin + length, Observation.of(plant, now), tolerances)
         return after, inner, record._replace(integral=record.integral + length / 2 * rate)
 

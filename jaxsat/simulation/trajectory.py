@@ -38,7 +38,10 @@ class Signals(eqx.Module):
     `torque` is what the thrusters make, `constraint_torque` the ideal torque about the third axis
     that holds the third rate, None where that is free, `rate_error` is η of the active law, `mode`
     tells which part of a sampled controller is at work, by its own numbers (zero for continuous
-    ones). With a leading axis it is a history.
+    ones). Of thrusters that push, `torque` is the mean over the period that begins here, as is
+    `thrust_level`, that of each thruster in parts of its full thrust; `propellant` (kg) and
+    `valve_openings` have been used so far. They are None for other actuators. With a leading axis
+    it is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -52,6 +55,9 @@ class Signals(eqx.Module):
     lyapunov: Float[Array, "*times"]
     mode: Float[Array, "*times"]
     constraint_torque: Float[Array, "*times"] | None = None
+    thrust_level: Float[Array, "*times m"] | None = None
+    propellant: Float[Array, "*times"] | None = None
+    valve_openings: Float[Array, "*times m"] | None = None
 
 
 class Trajectory(eqx.Module):
