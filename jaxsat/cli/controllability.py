@@ -16,7 +16,7 @@ from jaxsat.cli.terminal import SUCCESS, output_problem, print_stdout, show_tabl
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from jaxsat.controllability import ActuatorSet, Analysis, FailureCase, Judgement
+    from jaxsat.controllability import Analysis, FailureCase, Judgement
     from jaxsat.scenario import Scenario
 
 COLOURS = {
@@ -92,27 +92,16 @@ def controllability(
     return SUCCESS
 
 
-def _actuators(scenario: "Scenario") -> "tuple[ActuatorSet, list[int]]":
-    """All actuators of a scenario, and the places of those that work."""
-    import numpy as np
-
-    from jaxsat.controllability import actuator_set
-
-    table = scenario.spacecraft
-    axes = np.array(table.thruster_torque_axes, float).T  # as given: exact numbers stay exact
-    working = [i for i in range(axes.shape[1]) if i + 1 not in table.failed_thrusters]
-    return actuator_set(axes, two_sided=True), working
-
-
 def _analyse(
     scenario: "Scenario", tolerance: float
 ) -> "tuple[Judgement, Analysis | None, tuple[FailureCase, ...]]":
     """What the working actuators can do, the rank of their torques, and every failure."""
+    from jaxsat.assembly.actuator_set import all_actuators
     from jaxsat.assembly.plant import orbit_rate
     from jaxsat.controllability import analyse, failure_table, judge
 
     inertia = scenario.spacecraft.inertia_kg_m2
-    actuators, working = _actuators(scenario)
+    actuators, working = all_actuators(scenario)
     left = actuators.only(working)
     judgement, analysis = judge(inertia, left, tolerance=tolerance), None
     disturbance = scenario.disturbance.amplitude_N_m
@@ -279,6 +268,6 @@ def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -
         verdict = Text(str(record["verdict"]), style=COLOURS[str(record["verdict"])])
         margin, turn = (f"{float(record[name]):.3g}" for name in ("margin", "turn_time_s"))
         rank = "{rank}" if record["dimension"] == 6 else "{rank} of {dimension}"
-        row = (str(record["failed"]), rank.format(**record), verdict, margin, turn)
+        row = (Text(str(record["failed"])), rank.format(**record), verdict, margin, turn)
         table.add_row(*row, str(record["lost"]))
     show_table(table)

@@ -4,6 +4,7 @@ Lightness alone carries the values (cividis), the uncontrollable set is hatched 
 figures read in grey and with any colour vision.
 """
 
+import textwrap
 from collections.abc import Sequence
 
 import matplotlib.tri as mtri
@@ -14,6 +15,8 @@ from matplotlib.figure import Figure
 
 from jaxsat.controllability import ActuatorSet, TorqueCone
 from jaxsat.report.style import escape_mathematics
+
+_MOST_ROWS = 48  # of a chart of failures
 
 _FLOOR = 1e-3  # margins below share the darkest shade
 _MARK = "#d55e00"
@@ -130,9 +133,12 @@ def failure_chart(records: Sequence[dict]) -> Figure:
 
     Hatching tells the verdicts apart, a cross marks uncontrollable cases, so no colour is needed.
     """
-    figure = Figure(figsize=(7.5, 1.2 + 0.32 * len(records)), layout="constrained")
+    shown, count = records[:_MOST_ROWS], len(records)
+    texts = [textwrap.fill(f"rank {one['rank']}: lost {one['lost']}", 72) for one in shown]
+    wide = any("\n" in text for text in texts)
+    figure = Figure(figsize=(10 if wide else 7.5, 1.2 + 0.32 * len(shown)), layout="constrained")
     axes = figure.add_subplot()
-    rows = np.arange(len(records))
+    rows = np.arange(len(shown))
     looks = {
         "controllable": ("#0072b2", ""),
         "by drift": ("#56b4e9", "..."),
@@ -142,24 +148,27 @@ def failure_chart(records: Sequence[dict]) -> Figure:
         "uncontrollable": ("none", ""),
     }
     for verdict, (colour, hatch) in looks.items():
-        chosen = [k for k, record in enumerate(records) if record["verdict"] == verdict]
-        widths = [float(records[k]["margin"]) for k in chosen]
+        chosen = [k for k, record in enumerate(shown) if record["verdict"] == verdict]
+        widths = [float(shown[k]["margin"]) for k in chosen]
         if chosen and verdict != "uncontrollable":
             axes.barh(chosen, widths, color=colour, hatch=hatch, edgecolor="k", label=verdict)
         elif chosen:
             axes.plot(np.zeros(len(chosen)), chosen, "x", color=_MARK, ms=8, mew=2, label=verdict)
-    for row, record in zip(rows, records, strict=True):
+    for row, record, text in zip(rows, shown, texts, strict=True):
+        bar = 0.0 if record["verdict"] == "uncontrollable" else float(record["margin"])
         axes.annotate(
-            f"rank {record['rank']}: lost {record['lost']}",
-            (float(record["margin"]), row),
+            text,
+            (bar, row),
             xytext=(8, 0),
             textcoords="offset points",
             va="center",
             fontsize=8,
         )
-    axes.set_yticks(rows, [f"failed: {record['failed']}" for record in records])
+    axes.set_yticks(rows, [f"failed: {record['failed']}" for record in shown])
     axes.invert_yaxis()
-    axes.set_xlim(-0.03, 2.0)
+    axes.set_xlim(-0.03, 3.0 if wide else 2.0)
+    if count > len(shown):
+        axes.set_title(f"The first {len(shown)} of {count} cases")
     axes.set_xticks(np.arange(0.0, 1.3, 0.25))
     axes.set_xlabel("controllability margin (smallest singular value)")
     axes.legend(loc="lower right", frameon=False)

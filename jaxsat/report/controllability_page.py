@@ -36,9 +36,10 @@ def controllability_lines(
         momentum_words(judgement),
         net_force_words(net_force(judgement.actuators, jets)),
     ]
+    verdict, torques = verdict_sentence(judgement), cone_words(judgement.cone)
     return [
-        f"**Verdict**: {verdict_sentence(judgement)}",
-        f"Torques: {cone_words(judgement.cone)}",
+        f"**Verdict**: {verdict}",
+        *([] if torques.lower() in verdict.lower() else [f"Torques: {torques}"]),
         f"Laws: {LAW_WORDS[judgement.laws]}",
         *[line for line in found if line is not None],
         *([] if analysis is None else _rank_lines(judgement, analysis, torque)),
