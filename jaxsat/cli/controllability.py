@@ -1,4 +1,4 @@
-"""`jaxsat controllability`: can what is left of the thrusters still steer the spacecraft?"""
+"""`jaxsat controllability`: can what is left of the actuators still steer the spacecraft?"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,18 +11,25 @@ from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import Flag, OptionalPath, Overrides, number
 from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout, show_table
+from jaxsat.cli.terminal import SUCCESS, output_problem, print_stdout, show_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from jaxsat.controllability import Analysis, FailureCase
+    from jaxsat.controllability import Analysis, FailureCase, Judgement
     from jaxsat.scenario import Scenario
 
-COLOURS = {"controllable": "green", "borderline": "yellow", "uncontrollable": "red"}
+COLOURS = {
+    "controllable": "green",
+    "by drift": "cyan",
+    "some attitudes": "yellow",
+    "not decided": "yellow",
+    "borderline": "yellow",
+    "uncontrollable": "red",
+}
 MAP_STEPS = 450  # about 10⁵ bodies
 MAP_ANGLES = (361, 181)
-MAX_THRUSTERS = 8  # 256 cases; more make no table that a person reads
+MAX_ACTUATORS = 8  # 256 cases; of more actuators, single and double failures are told
 
 
 def controllability(
@@ -63,11 +70,13 @@ def controllability(
         try_folder(lambda: OutputFolder(out, kind="controllability", overwrite=overwrite))
     use_double_precision()
     show_progress("deciding controllability")
-    analysis, cases = interruptibly(lambda: _analyse(chosen, tolerance))
+    judgement, analysis, cases = interruptibly(lambda: _analyse(chosen, tolerance))
     from jaxsat.report.controllability_page import controllability_lines
 
     torque = chosen.spacecraft.torque_limit_N_m or 1.0
-    lines = controllability_lines(analysis, torque=torque)
+    lines = controllability_lines(judgement, analysis, torque=torque)
+    if len(cases[0].working) > MAX_ACTUATORS:
+        lines.append(f"More than {MAX_ACTUATORS} actuators: single and double failures alone")
     if chosen.disturbance.torques:
         names = ", ".join(chosen.disturbance.torques)
         lines.append(f"Disturbances that are left out of it: {names}.")
@@ -75,7 +84,7 @@ def controllability(
     found = interruptibly(lambda: _follow_drift(chosen)) if drift else ([], {})
     if out is not None:
         show_progress("drawing maps")
-        _write_folder(out, overwrite, chosen, analysis, cases, lines, found)
+        _write_folder(out, overwrite, chosen, judgement, cases, lines, found)
     if not quiet:
         _print(lines, cases, found[0])
         if out is not None:
@@ -83,32 +92,31 @@ def controllability(
     return SUCCESS
 
 
-def _analyse(scenario: "Scenario", tolerance: float) -> "tuple[Analysis, tuple[FailureCase, ...]]":
-    import numpy as np
-
+def _analyse(
+    scenario: "Scenario", tolerance: float
+) -> "tuple[Judgement, Analysis | None, tuple[FailureCase, ...]]":
+    """What the working actuators can do, the rank of their torques, and every failure."""
+    from jaxsat.assembly.actuator_set import all_actuators
     from jaxsat.assembly.plant import orbit_rate
-    from jaxsat.controllability import analyse, failure_table
+    from jaxsat.controllability import analyse, failure_table, judge
 
-    table = scenario.spacecraft
-    axes = np.array(table.thruster_torque_axes, float).T  # as given: exact numbers stay exact
-    count = axes.shape[1]
-    if count > MAX_THRUSTERS:
-        raise UserMistake(
-            f"spacecraft.thruster_torque_axes: must have at most {MAX_THRUSTERS} thrusters for a "
-            f"table of all failures, got {count}"
-        )
-    names = [f"g{number}" for number in range(1, count + 1)]
-    working = [i for i in range(count) if i + 1 not in table.failed_thrusters]
+    inertia = scenario.spacecraft.inertia_kg_m2
+    actuators, working = all_actuators(scenario)
+    left = actuators.only(working)
+    judgement, analysis = judge(inertia, left, tolerance=tolerance), None
     disturbance = scenario.disturbance.amplitude_N_m
-    analysis = analyse(
-        table.inertia_kg_m2,
-        axes[:, working],
-        disturbance=disturbance if any(disturbance) else None,
-        orbit_rate=orbit_rate(scenario),
-        tolerance=tolerance,
-        labels=[names[i] for i in working],
-    )
-    return analysis, failure_table(table.inertia_kg_m2, axes, names=names, tolerance=tolerance)
+    if judgement.decision is not None:
+        analysis = analyse(
+            inertia,
+            left.columns,
+            disturbance=disturbance if any(disturbance) else None,
+            orbit_rate=orbit_rate(scenario),
+            tolerance=tolerance,
+            labels=left.names,
+        )
+    most = None if len(actuators.names) <= MAX_ACTUATORS else 2
+    cases = failure_table(inertia, actuators, tolerance=tolerance, most_failed=most)
+    return judgement, analysis, cases
 
 
 def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]":
@@ -166,7 +174,7 @@ def _write_folder(
     out: Path,
     overwrite: bool,
     scenario: "Scenario",
-    analysis: "Analysis",
+    judgement: "Judgement",
     cases: "Sequence[FailureCase]",
     lines: list[str],
     drift: "tuple[list[str], dict[str, Figure]]",
@@ -185,9 +193,9 @@ def _write_folder(
         folder.write("scenario.toml", text)
         folder.write("controllability.md", page)
         folder.write("failures.csv", failure_csv(cases))
-        dataset = failure_dataset(cases, analysis, title=title, scenario=text)
+        dataset = failure_dataset(cases, judgement, title=title, scenario=text)
         folder.write("failures.nc", dataset_bytes(dataset))
-        save_figures({**_figures(analysis, cases), **drift[1]}, folder.write)
+        save_figures({**_figures(judgement, cases), **drift[1]}, folder.write)
 
     try:
         with OutputFolder(out, kind="controllability", overwrite=overwrite) as folder:
@@ -196,8 +204,8 @@ def _write_folder(
         raise output_problem(error) from None
 
 
-def _figures(analysis: "Analysis", cases: "Sequence[FailureCase]") -> "dict[str, Figure]":
-    """Margins of every failure, of every body shape, and of every direction of one thruster."""
+def _figures(judgement: "Judgement", cases: "Sequence[FailureCase]") -> "dict[str, Figure]":
+    """Margins of every failure; torques that can be made, or margins of bodies and directions."""
     import numpy as np
 
     from jaxsat.controllability import (
@@ -208,13 +216,23 @@ def _figures(analysis: "Analysis", cases: "Sequence[FailureCase]") -> "dict[str,
         physical_inertias,
         uncontrollable_single_directions,
     )
-    from jaxsat.report.controllability_figures import angle_map, failure_chart, inertia_map
+    from jaxsat.report.controllability_figures import (
+        angle_map,
+        failure_chart,
+        inertia_map,
+        torque_map,
+    )
 
     figures = {"failures": failure_chart(failure_records(cases))}
-    inertia, axes = analysis.inertia, analysis.torque_axes
+    inertia, axes = judgement.inertia, judgement.actuators.torques
+    if judgement.one_signed or judgement.actuators.wheels:
+        figures["torque-map"] = torque_map(judgement.cone, judgement.actuators)
+        return figures
     if axes.shape[1] == 0:
         return figures
-    if np.array_equal(inertia, np.diag(np.diag(inertia))) and analysis.physical:
+    moments = np.diag(inertia)
+    physical = 2 * np.max(moments) <= np.sum(moments) * (1 + 1e-12)
+    if np.array_equal(inertia, np.diag(moments)) and physical:
         points, moments = physical_inertias(MAP_STEPS)
         margins = np.asarray(margins_over_inertias(moments, axes))
         figures["inertia-map"] = inertia_map(
@@ -249,6 +267,7 @@ def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -
     for record in failure_records(cases):
         verdict = Text(str(record["verdict"]), style=COLOURS[str(record["verdict"])])
         margin, turn = (f"{float(record[name]):.3g}" for name in ("margin", "turn_time_s"))
-        row = (str(record["failed"]), str(record["rank"]), verdict, margin, turn)
+        rank = "{rank}" if record["dimension"] == 6 else "{rank} of {dimension}"
+        row = (Text(str(record["failed"])), rank.format(**record), verdict, margin, turn)
         table.add_row(*row, str(record["lost"]))
     show_table(table)

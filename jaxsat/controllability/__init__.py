@@ -1,5 +1,6 @@
 """Controllability of a spacecraft from its inertia and torque axes alone."""
 
+from jaxsat.controllability.actuators import ActuatorSet, actuator_set, thruster_torques
 from jaxsat.controllability.authority import turn_time
 from jaxsat.controllability.closed_forms import (
     ClosedForm,
@@ -13,6 +14,8 @@ from jaxsat.controllability.closure import (
     singular_values,
     symmetric_product,
 )
+from jaxsat.controllability.cone import TorqueCone, torque_cone
+from jaxsat.controllability.drift_barrier import momentum_barrier, separatrix_normals
 from jaxsat.controllability.energy import (
     EnergyCounterexample,
     energy_bound,
@@ -27,6 +30,7 @@ from jaxsat.controllability.failures import (
     failure_records,
     failure_table,
 )
+from jaxsat.controllability.judgement import Judgement, judge
 from jaxsat.controllability.lie import (
     ControlField,
     DriftField,
@@ -54,6 +58,7 @@ from jaxsat.controllability.maps import (
     physical_inertias,
     uncontrollable_single_directions,
 )
+from jaxsat.controllability.net_force import NetForce, net_force
 from jaxsat.controllability.pointwise import rank_at_state
 from jaxsat.controllability.rank import Analysis, analyse, ranks_away_from_rest
 from jaxsat.controllability.recurrence import (
@@ -63,20 +68,28 @@ from jaxsat.controllability.recurrence import (
     drift_trajectory,
     recurrence,
 )
+from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set
+from jaxsat.controllability.wording import verdict_sentence
 
 __all__ = [
+    "ActuatorSet",
     "Analysis",
     "ClosedForm",
     "ControlField",
     "DriftField",
     "EnergyCounterexample",
     "FailureCase",
+    "Judgement",
     "LieBracket",
     "LinearControllability",
     "LocalControllability",
+    "MomentumLevelSet",
+    "NetForce",
     "NoEquilibriumError",
     "Recurrence",
+    "TorqueCone",
     "Trajectory",
+    "actuator_set",
     "analyse",
     "angle_grid",
     "bracket_words",
@@ -96,23 +109,31 @@ __all__ = [
     "generator_names",
     "gramian",
     "gramian_time_scales",
+    "judge",
     "lie_bracket",
     "linear_controllability",
     "lvlh_linearisation",
     "margins_over_angles",
     "margins_over_inertias",
+    "momentum_barrier",
+    "momentum_level_set",
+    "net_force",
     "one_thruster_condition",
     "pack",
     "physical_inertias",
     "rank_at_state",
     "ranks_away_from_rest",
     "recurrence",
+    "separatrix_normals",
     "singular_values",
     "small_time_local_controllability",
     "symmetric_product",
     "tangent_matrix",
+    "thruster_torques",
     "to_tangent",
+    "torque_cone",
     "turn_time",
     "two_thruster_condition",
     "uncontrollable_single_directions",
+    "verdict_sentence",
 ]

@@ -1,122 +1,119 @@
-"""Every failure case: which thrusters may fail, and what is lost."""
+"""Every failure case: which thrusters and wheels may fail, and what is lost."""
 
 import csv
 import io
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
-from jaxsat.controllability.authority import decided_turn_time
-from jaxsat.controllability.decision import RankDecision, decide_rank
-from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
+from jaxsat.controllability.actuators import ActuatorSet, actuator_set
+from jaxsat.controllability.judgement import Judgement, actuator_layout, judge_only
+from jaxsat.controllability.layout import TOLERANCE, Numbers
+from jaxsat.controllability.wording import lost_words
 
 COLUMNS = (
     "failed",
     "working",
     "rank",
+    "dimension",
     "verdict",
     "margin",
     "turn_time_s",
     "directions",
+    "torques",
+    "laws",
     "lost",
 )
+
+MOST_SUBSETS = 1 << 14
+"""Subsets in a table at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class FailureCase:
-    """One subset of failed thrusters.
+    """One subset of failed actuators.
 
-    `verdict` is "controllable", "borderline" or "uncontrollable"; `turn_time` (s) is that of
-    `jaxsat.controllability.turn_time` for thrusters of 1 N m; `directions` the dimension of the
-    torques available without brackets (0 to 3); `lost` says in words what this failure takes away;
-    `missing` spans the body torque directions that not even brackets reach.
+    `judgement` is what the rest can do; `lost` says in words what this failure takes away.
     """
 
     failed: tuple[str, ...]
     working: tuple[str, ...]
-    rank: int
-    controllable: bool
-    borderline: bool
-    margin: float
-    turn_time: float
-    directions: int
+    judgement: Judgement
     lost: str
-    missing: Float[np.ndarray, "3 e"]
+
+    @property
+    def rank(self) -> int:
+        """Directions that brackets reach at rest, of `judgement.dimension`."""
+        return self.judgement.rank
 
     @property
     def verdict(self) -> str:
-        """One word for tables and colours."""
-        if self.borderline:
-            return "borderline"
-        return "controllable" if self.controllable else "uncontrollable"
+        """As `Judgement` has it, for tables and colours."""
+        return self.judgement.verdict
 
+    @property
+    def controllable(self) -> bool:
+        """Whether every attitude and rate that the momentum allows can be reached."""
+        return self.judgement.controllable
 
-def _words(direction: Float[np.ndarray, "3"]) -> str:
-    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    k = int(np.argmax(direction))
-    if direction[k] > 1.0 - 1e-9:
-        return "xyz"[k]
-    return "(" + ", ".join(f"{entry + 0.0:.2f}" for entry in direction) + ")"
+    @property
+    def borderline(self) -> bool:
+        """Whether the data or their rounding decide."""
+        return self.verdict == "borderline"
 
+    @property
+    def margin(self) -> float:
+        """Smallest singular value of the generating vectors."""
+        return self.judgement.margin
 
-def _lost(decision: RankDecision, directions: int) -> str:
-    if decision.rank == 0:
-        return "all control"
-    if decision.rank == 2:
-        return f"all but rotation about {_words(decision.reached[:, 0])}"
-    if decision.rank == 5:
-        return f"angular acceleration along torque {_words(decision.missing[:, 0])}"
-    if directions == 3:
-        return "nothing"
-    if directions == 2:
-        return "direct torque about one axis; reached through the drift"
-    return "direct torque about two axes; small-time control"
+    @property
+    def turn_time(self) -> float:
+        """That of `jaxsat.controllability.turn_time`, s, at 1 N m; NaN where wheels decide."""
+        return self.judgement.turn_time
+
+    @property
+    def directions(self) -> int:
+        """Dimension of the torques of both signs available without brackets, 0 to 3."""
+        return self.judgement.cone.two_sided
 
 
 def failure_table(
     inertia: Numbers,
-    torque_axes: Numbers,
+    actuators: Numbers | ActuatorSet,
     *,
     names: Sequence[str] | None = None,
     tolerance: float | int = TOLERANCE,
+    most_failed: int | None = None,
 ) -> tuple[FailureCase, ...]:
-    """All 2^m subsets of failed thrusters, fewest failures first.
+    """All subsets of failed actuators, fewest failures first.
 
-    `inertia` (3,) or (3, 3) in kg m²; `torque_axes` (3, m); `names` of the thrusters (default g1,
-    g2, …). Brackets are computed once for the whole table. Raises ValueError as `analyse`, and for
-    more than 14 thrusters (16384 cases).
+    `inertia` (3,) or (3, 3) in kg m²; `actuators` an `ActuatorSet`, or torque axes (3, m) of both
+    signs with `names` (default g1, g2, …). `most_failed` ends the table at so many failures, 2 for
+    single and double ones. Brackets are computed once for the whole table. Raises ValueError as
+    `analyse`, and for more than 14 actuators (16384 cases) with `most_failed` left out.
     """
-    layout = make_layout(inertia, torque_axes, labels=names)
-    count = len(layout.labels)
-    if count > 14:
-        raise ValueError(
-            f"Argument `torque_axes` must have at most 14 columns for a table, but got {count}"
-        )
+    if not isinstance(actuators, ActuatorSet):
+        actuators = actuator_set(actuators, two_sided=True, names=names)
+    layout = actuator_layout(inertia, actuators)
+    labels = actuators.names
+    count = len(labels)
+    most = count if most_failed is None else min(most_failed, count)
+    if sum(math.comb(count, size) for size in range(most + 1)) > MOST_SUBSETS:
+        raise ValueError(f"Argument `actuators` must be at most 14 for a table, but got {count}")
     cases = []
-    for size in range(count + 1):
+    for size in range(most + 1):
         for failed in itertools.combinations(range(count), size):
             working = tuple(i for i in range(count) if i not in failed)
-            decision = decide_rank(layout, working, tolerance)
-            axes = layout.vectors[:, list(working)]
-            values = np.linalg.svd(axes, compute_uv=False) if working else np.zeros(0)
-            directions = int(np.sum(values > decision.tolerance))
+            judgement = judge_only(layout, actuators, working, tolerance)
             cases.append(
                 FailureCase(
-                    failed=tuple(layout.labels[i] for i in failed),
-                    working=tuple(layout.labels[i] for i in working),
-                    rank=decision.rank,
-                    controllable=decision.controllable,
-                    borderline=decision.borderline,
-                    margin=decision.margin,
-                    turn_time=decided_turn_time(
-                        decision, layout.inertia, layout.torque_axes[:, list(working)]
-                    ),
-                    directions=directions,
-                    lost=_lost(decision, directions),
-                    missing=decision.missing,
+                    failed=tuple(labels[i] for i in failed),
+                    working=tuple(labels[i] for i in working),
+                    judgement=judgement,
+                    lost=lost_words(judgement),
                 )
             )
     return tuple(cases)
@@ -129,10 +126,13 @@ def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | 
             "failed": " ".join(case.failed) or "none",
             "working": " ".join(case.working) or "none",
             "rank": case.rank,
+            "dimension": case.judgement.dimension,
             "verdict": case.verdict,
             "margin": case.margin,
             "turn_time_s": case.turn_time,
             "directions": case.directions,
+            "torques": case.judgement.cone.kind,
+            "laws": case.judgement.laws,
             "lost": case.lost,
         }
         for case in cases
@@ -142,8 +142,8 @@ def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | 
 def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[str, np.ndarray]:
     """Plain arrays with the case as first axis, for storage.
 
-    `failed` (case, thruster) bool, `rank` int, `controllable` and `borderline` bool, `margin`
-    (dimensionless), `turn_time` (s), `directions` int, `lost` str.
+    `failed` (case, actuator) bool, `rank`, `dimension` and `directions` int, `controllable` and
+    `borderline` bool, `margin` (dimensionless), `turn_time` (s), the others str.
     """
     return {
         "failed": np.array([[name in case.failed for name in names] for case in cases], bool),
@@ -153,7 +153,10 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
         "margin": np.array([case.margin for case in cases]),
         "turn_time": np.array([case.turn_time for case in cases]),
         "directions": np.array([case.directions for case in cases]),
-        "lost": np.array([case.lost for case in cases]),
+        **{
+            column: np.array([record[column] for record in failure_records(cases)])
+            for column in ("dimension", "verdict", "torques", "laws", "lost")
+        },
     }
 
 

@@ -23,7 +23,11 @@ TOLERANCE = 1e-6
 ROUNDING_UNITS = 128.0
 
 
-def _finite(name: str, values: Numbers) -> tuple[Float[np.ndarray, "..."], float]:
+def finite(name: str, values: Numbers) -> tuple[Float[np.ndarray, "..."], float]:
+    """An argument in doubles, and the rounding of the precision it came in.
+
+    Raises TypeError or ValueError unless it holds finite real numbers.
+    """
     given = np.asarray(values)
     small_float = given.dtype.kind == "V" and jnp.issubdtype(given.dtype, jnp.floating)
     if given.dtype.kind not in "iuf" and not small_float:
@@ -41,7 +45,7 @@ def inertia_matrix(inertia: Numbers) -> tuple[Float[np.ndarray, "3 3"], float]:
     Raises ValueError unless it is finite, symmetric (to 1e-6 of its largest entry) and positive
     definite. Moments that no body has (one larger than the sum of the others) are let through.
     """
-    array, eps = _finite("inertia", inertia)
+    array, eps = finite("inertia", inertia)
     if array.shape == (3,):
         array = np.diag(array)
     if array.shape != (3, 3):
@@ -122,7 +126,7 @@ def make_layout(
     symmetric positive definite, or labels that do not match the columns.
     """
     matrix, eps_inertia = inertia_matrix(inertia)
-    axes, eps_axes = _finite("torque_axes", torque_axes)
+    axes, eps_axes = finite("torque_axes", torque_axes)
     if axes.ndim != 2 or axes.shape[0] != 3:
         raise ValueError(f"Argument `torque_axes` must have shape (3, m), but got {axes.shape}")
     count = axes.shape[1]

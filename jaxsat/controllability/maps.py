@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.controllability.closure import controllability_margin
+from jaxsat.controllability.drift_barrier import separatrix_normals
 
 
 def physical_inertias(steps: int) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 3"]]:
@@ -98,24 +99,22 @@ def uncontrollable_single_directions(
 ) -> tuple[Float[np.ndarray, "_ 2"], ...]:
     """Curves and points (azimuth, elevation, rad) where a single thruster is not controllable.
 
-    With moments J1 > J2 > J3: the two separatrix planes ω·n = 0,
-    n = (√(J1(J1−J2)), 0, ±√(J3(J2−J3))), which the free body never leaves, seen as torques Jω
-    (great circles, rank 5 along them), and both ends of the three principal axes (rank 2).
+    With moments J1 > J2 > J3: the two separatrix planes, which the free body never leaves, seen as
+    torques Jω (`separatrix_normals`; great circles, rank 5 along them), and both ends of the three
+    principal axes (rank 2).
     Two equal moments merge both planes into the equator; a sphere has no curve to draw (every
     direction is uncontrollable).
     """
-    moments, axes = np.linalg.eigh(inertia)
-    (j3, j2, j1), (e3, e2, e1) = moments, axes.T
     curves = []
-    if j1 - j3 > 1e-12 * j1:
-        for sign in (1.0, -1.0):
-            tilt = np.sqrt(j1 * max(j1 - j2, 0.0)), sign * np.sqrt(j3 * max(j2 - j3, 0.0))
-            # Torque plane: normal J⁻¹n; it holds e2 and the direction across.
-            normal = tilt[0] / j1 * e1 + tilt[1] / j3 * e3
-            across = np.cross(normal / np.linalg.norm(normal), e2)
+    found = separatrix_normals(inertia)
+    if found is not None:
+        normals, middle = found
+        for normal in normals:
+            across = np.cross(normal, middle)
             angle = np.linspace(0.0, 2.0 * np.pi, count)[:, None]
-            curves.append(np.cos(angle) * e2 + np.sin(angle) * across)
-    curves += [end * axis[None, :] for axis in (e1, e2, e3) for end in (1.0, -1.0)]
+            curves.append(np.cos(angle) * middle + np.sin(angle) * across)
+    axes = np.linalg.eigh(inertia)[1].T
+    curves += [end * axis[None, :] for axis in axes[::-1] for end in (1.0, -1.0)]
     return tuple(
         np.stack([np.arctan2(p[:, 1], p[:, 0]), np.arcsin(np.clip(p[:, 2], -1, 1))], axis=1)
         for p in curves

@@ -15,7 +15,6 @@ from jaxsat.controllability.closed_forms import (
 )
 from jaxsat.controllability.decision import (
     RANK_OF_DIMENSION,
-    RankDecision,
     closure_growth,
     decide_rank,
 )
@@ -27,6 +26,7 @@ from jaxsat.controllability.linear import (
 )
 from jaxsat.controllability.local import LocalControllability, small_time_local_controllability
 from jaxsat.controllability.pointwise import rank_at_state
+from jaxsat.controllability.wording import rank_verdict
 
 # Directions in no special position, for "moving" and "disturbed" states.
 _MOVING = np.array([0.6180, -0.5291, 0.8437])
@@ -99,40 +99,6 @@ class Analysis:
             )
         except NoEquilibriumError:
             return None
-
-
-def _direction(vector: Float[np.ndarray, "3"]) -> str:
-    vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
-    return "(" + ", ".join(f"{entry + 0.0:.3f}" for entry in vector) + ")"
-
-
-def _verdict(decision: RankDecision, count: int) -> str:
-    names = ", ".join(decision.generators)
-    if decision.borderline and decision.exact_rank != decision.rank:
-        return (
-            f"Borderline: rank {decision.rank} of 6 to rounding, although the numbers exactly as "
-            f"given have rank {decision.exact_rank}; treat as not controllable."
-        )
-    if decision.borderline:
-        smallest = decision.singular_values[decision.dimension - 1]
-        return (
-            f"Borderline: rank {decision.rank} of 6 for the numbers as given, but the singular "
-            f"value that decides, {smallest:.1e}, is below the tolerance {decision.tolerance:.0e}."
-        )
-    if decision.rank == 6:
-        return f"Controllable: rank 6 of 6, margin {decision.margin:.3g}, from {names} and [f,·]."
-    if decision.rank == 5:
-        return (
-            "Not controllable: rank 5 of 6 at rest; no torque or bracket acts along the body "
-            f"torque direction {_direction(decision.missing[:, 0])}."
-        )
-    if decision.rank == 2:
-        return (
-            "Not controllable: rank 2 of 6 at rest; only the rotation about the principal axis "
-            f"{_direction(decision.reached[:, 0])} can be commanded."
-        )
-    reason = "no thrusters" if count == 0 else "every torque axis is zero"
-    return f"Not controllable: rank 0 of 6, {reason}."
 
 
 def ranks_away_from_rest(
@@ -235,7 +201,7 @@ def analyse(
         borderline=decision.borderline,
         margin=decision.margin,
         turn_time=decided_turn_time(decision, layout.inertia, layout.torque_axes),
-        verdict=_verdict(decision, len(everyone)),
+        verdict=rank_verdict(decision, len(everyone)),
         singular_values=decision.singular_values,
         tolerance=decision.tolerance,
         rounding=layout.rounding,

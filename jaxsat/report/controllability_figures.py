@@ -4,6 +4,7 @@ Lightness alone carries the values (cividis), the uncontrollable set is hatched 
 figures read in grey and with any colour vision.
 """
 
+import textwrap
 from collections.abc import Sequence
 
 import matplotlib.tri as mtri
@@ -12,7 +13,10 @@ from jaxtyping import Float
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from jaxsat.controllability import ActuatorSet, TorqueCone
 from jaxsat.report.style import escape_mathematics
+
+_MOST_ROWS = 48  # of a chart of failures
 
 _FLOOR = 1e-3  # margins below share the darkest shade
 _MARK = "#d55e00"
@@ -127,40 +131,100 @@ def angle_map(
 def failure_chart(records: Sequence[dict]) -> Figure:
     """Margins of every failure case as bars (`failure_records` gives `records`).
 
-    Hatching marks borderline, a cross uncontrollable cases, so no colour is needed.
+    Hatching tells the verdicts apart, a cross marks uncontrollable cases, so no colour is needed.
     """
-    figure = Figure(figsize=(7.5, 1.2 + 0.32 * len(records)), layout="constrained")
+    shown, count = records[:_MOST_ROWS], len(records)
+    texts = [textwrap.fill(f"rank {one['rank']}: lost {one['lost']}", 72) for one in shown]
+    wide = any("\n" in text for text in texts)
+    figure = Figure(figsize=(10 if wide else 7.5, 1.2 + 0.32 * len(shown)), layout="constrained")
     axes = figure.add_subplot()
-    rows = np.arange(len(records))
+    rows = np.arange(len(shown))
     looks = {
         "controllable": ("#0072b2", ""),
+        "by drift": ("#56b4e9", "..."),
+        "some attitudes": ("#f0f0f0", "\\\\\\"),
+        "not decided": ("#f0f0f0", "xxx"),
         "borderline": ("#e8c468", "///"),
         "uncontrollable": ("none", ""),
     }
     for verdict, (colour, hatch) in looks.items():
-        chosen = [k for k, record in enumerate(records) if record["verdict"] == verdict]
-        widths = [float(records[k]["margin"]) for k in chosen]
+        chosen = [k for k, record in enumerate(shown) if record["verdict"] == verdict]
+        widths = [float(shown[k]["margin"]) for k in chosen]
         if chosen and verdict != "uncontrollable":
             axes.barh(chosen, widths, color=colour, hatch=hatch, edgecolor="k", label=verdict)
         elif chosen:
             axes.plot(np.zeros(len(chosen)), chosen, "x", color=_MARK, ms=8, mew=2, label=verdict)
-    for row, record in zip(rows, records, strict=True):
+    for row, record, text in zip(rows, shown, texts, strict=True):
+        bar = 0.0 if record["verdict"] == "uncontrollable" else float(record["margin"])
         axes.annotate(
-            f"rank {record['rank']}: lost {record['lost']}",
-            (float(record["margin"]), row),
+            text,
+            (bar, row),
             xytext=(8, 0),
             textcoords="offset points",
             va="center",
             fontsize=8,
         )
-    axes.set_yticks(rows, [f"failed: {record['failed']}" for record in records])
+    axes.set_yticks(rows, [f"failed: {record['failed']}" for record in shown])
     axes.invert_yaxis()
-    axes.set_xlim(-0.03, 2.0)
+    axes.set_xlim(-0.03, 3.0 if wide else 2.0)
+    if count > len(shown):
+        axes.set_title(f"The first {len(shown)} of {count} cases")
     axes.set_xticks(np.arange(0.0, 1.3, 0.25))
     axes.set_xlabel("controllability margin (smallest singular value)")
     axes.legend(loc="lower right", frameon=False)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+    return figure
+
+
+def torque_map(cone: TorqueCone, actuators: ActuatorSet) -> Figure:
+    """Angle from every direction of torque to the nearest torque that can be made.
+
+    Zero inside the cone of the actuators; thrusters, wheels (both ends of their axes) and the
+    direction farthest from all torques are marked.
+    """
+    figure = Figure(figsize=(7.5, 4.4), layout="constrained")
+    axes = figure.add_subplot()
+    azimuths, elevations = np.linspace(-np.pi, np.pi, 91), np.linspace(-np.pi / 2, np.pi / 2, 46)
+    angles = [
+        [
+            cone.angle(np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]))
+            for a in azimuths
+        ]
+        for e in elevations
+    ]
+    image = axes.pcolormesh(
+        np.degrees(azimuths),
+        np.degrees(elevations),
+        np.degrees(angles),
+        shading="nearest",
+        cmap="cividis_r",
+        vmin=0,
+        vmax=max(90.0, float(np.degrees(np.max(angles)))),
+        rasterized=True,
+    )
+    pushes = [actuators.torques, -actuators.torques[:, actuators.two_sided]]
+    wheels = [actuators.wheel_axes, -actuators.wheel_axes]
+    worst = [] if cone.opposed is None else [cone.opposed[:, None]]
+    for columns, marker, label in (
+        (pushes, "o", "thruster"),
+        (wheels, "s", "wheel"),
+        (worst, "X", "farthest from all torques"),
+    ):
+        shown = np.concatenate([np.zeros((3, 0)), *columns], axis=1)
+        shown = shown[:, np.any(shown != 0, axis=0)]
+        if shown.shape[1]:
+            x, y, z = shown / np.linalg.norm(shown, axis=0)
+            places = np.degrees([np.arctan2(y, x), np.arcsin(np.clip(z, -1, 1))])
+            axes.plot(*places, marker, ls="none", mfc="w", mec=_MARK, mew=1.5, ms=8, label=label)
+    axes.legend(loc="upper right", framealpha=0.9)
+    axes.set_xlabel("azimuth of the torque (deg, body x towards y)")
+    axes.set_ylabel("elevation (deg, towards z)")
+    axes.set_xticks(np.arange(-180, 181, 60))
+    axes.set_yticks(np.arange(-90, 91, 30))
+    axes.set_title(f"Torques that can be made: {cone.kind}")
+    bar = figure.colorbar(image, ax=axes, shrink=0.85)
+    bar.set_label("angle to the nearest torque that can be made (deg)")
     return figure
 
 

@@ -30,7 +30,7 @@ def test_controllability_writes_tables_maps_and_a_page(capsys, tmp_path):
     assert [int(row["rank"]) for row in rows] == [6, 6, 6, 6, 2, 2, 2, 0]
     with xr.open_dataset(folder / "failures.nc", engine="h5netcdf") as dataset:
         assert dataset.attrs["rank"] == 6
-        np.testing.assert_array_equal(dataset["failed"].sum("thruster"), [0, 1, 1, 1, 2, 2, 2, 3])
+        np.testing.assert_array_equal(dataset["failed"].sum("actuator"), [0, 1, 1, 1, 2, 2, 2, 3])
     names = {file.name for file in folder.iterdir()}
     assert {"controllability.md", "inertia-map.png", "angle-map.svg", "energy.png"} <= names
 
@@ -67,3 +67,32 @@ def test_reproduce_refuses_before_it_computes(capsys, tmp_path):
     status, _, err = run(capsys, "reproduce", "--out", str(tmp_path))
     assert status == 2
     assert str(tmp_path) in err
+
+
+@pytest.mark.slow
+def test_thrusters_that_push_are_told_apart_from_torques_of_both_signs(capsys, tmp_path):
+    with pytest.raises(SystemExit):
+        main(("scenarios", "show", "paper-three-axis"))
+    text = capsys.readouterr().out
+    given = ("thruster_torque_axes", "failed_thrusters", "third_rate")
+    lines = [line for line in text.splitlines() if not line.startswith(given)]
+    for axis in ("[1, 0, 1]", "[-1, 0, 1]", "[0, 1, 1]", "[0, -1, 1]"):
+        lines += ["[[thruster]]", f"torque_axis = {axis}", "torque_N_m = 1.0"]
+    scenario = tmp_path / "pushing.toml"
+    scenario.write_text("\n".join(lines))
+    folder = tmp_path / "out"
+    status, out, _ = run(capsys, "controllability", str(scenario), "--out", str(folder))
+    assert status == 0
+    assert "Controllable by drift" in out
+    assert "No law of jaxsat uses it" in out
+    with (folder / "failures.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 16
+    assert rows[0]["lost"].startswith("torque along -z")
+    with xr.open_dataset(folder / "failures.nc", engine="h5netcdf") as dataset:
+        assert dataset["laws"].values.tolist() == ["none"] * 16
+        assert dataset["verdict"].values[0] == "by drift"
+    names = {file.name for file in folder.iterdir()}
+    assert {"torque-map.png", "failures.svg"} <= names
+    assert "angle-map.png" not in names
+    assert "none towards -z" in (folder / "controllability.md").read_text()

@@ -1,0 +1,121 @@
+"""What thrusters and wheels can do, as plain arrays: the input of `judge` and `failure_table`."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxsat.controllability.layout import Numbers, finite
+
+LEVER_ROUNDING = 1e-9
+"""A torque r × f smaller than this times |r||f| is rounding: the force points at the centre."""
+
+
+@dataclass(frozen=True, eq=False)
+class ActuatorSet:
+    """The torque of every thruster at full force, and the axis of every wheel.
+
+    - `torques`: columns in N m, body axes; `two_sided` says which thrusters make both signs.
+    - `forces`: columns in N, the force on the body with the torque; None where positions and
+      directions are not known.
+    - `wheel_axes`: columns of any length; a wheel takes up momentum of either sign.
+    - `momentum`: total angular momentum Jω + Σ a h at the start, N m s, body axes; without
+      external torque it is conserved in inertial axes.
+    """
+
+    torques: Float[np.ndarray, "3 m"]
+    two_sided: Bool[np.ndarray, " m"]
+    forces: Float[np.ndarray, "3 m"] | None
+    thrusters: tuple[str, ...]
+    wheel_axes: Float[np.ndarray, "3 k"]
+    wheels: tuple[str, ...]
+    momentum: Float[np.ndarray, "3"]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all thrusters, then of all wheels."""
+        return (*self.thrusters, *self.wheels)
+
+    @property
+    def columns(self) -> Float[np.ndarray, "3 n"]:
+        """Torques of the thrusters, then axes of the wheels."""
+        return np.concatenate([self.torques, self.wheel_axes], axis=1)
+
+    def only(self, kept: Sequence[int]) -> "ActuatorSet":
+        """The actuators of these places in `names`; the momentum stays what it is."""
+        count = len(self.thrusters)
+        jets = [i for i in kept if i < count]
+        spun = [i - count for i in kept if i >= count]
+        return dataclasses.replace(
+            self,
+            torques=self.torques[:, jets],
+            two_sided=self.two_sided[jets],
+            forces=None if self.forces is None else self.forces[:, jets],
+            thrusters=tuple(self.thrusters[i] for i in jets),
+            wheel_axes=self.wheel_axes[:, spun],
+            wheels=tuple(self.wheels[i] for i in spun),
+        )
+
+
+def actuator_set(
+    torques: Numbers = ((), (), ()),
+    *,
+    two_sided: Sequence[bool] | bool = False,
+    forces: Numbers | None = None,
+    names: Sequence[str] | None = None,
+    wheel_axes: Numbers = ((), (), ()),
+    wheel_names: Sequence[str] | None = None,
+    momentum: Numbers = (0.0, 0.0, 0.0),
+) -> ActuatorSet:
+    """Check arrays and make an `ActuatorSet` of them.
+
+    `torques` and `forces` (3, m), `wheel_axes` (3, k), `momentum` (3,); `two_sided` for all
+    thrusters or for each. Names default to g1, g2, … and w1, w2, …. Raises ValueError or
+    TypeError for a wrong shape, entries that are not finite, and names that do not match or repeat.
+    """
+    columns = _columns("torques", torques)
+    count = columns.shape[1]
+    pushes = None if forces is None else _columns("forces", forces)
+    if pushes is not None and pushes.shape != columns.shape:
+        raise ValueError(f"Argument `forces` must have shape (3, {count}), but got {pushes.shape}")
+    signs = np.broadcast_to(np.asarray(two_sided, bool), (count,))
+    axes = _columns("wheel_axes", wheel_axes)
+    total = finite("momentum", momentum)[0]
+    if total.shape != (3,):
+        raise ValueError(f"Argument `momentum` must have shape (3,), but got {total.shape}")
+    thrusters = _names("names", names, "g", count)
+    wheels = _names("wheel_names", wheel_names, "w", axes.shape[1])
+    if len({*thrusters, *wheels}) < len(thrusters) + len(wheels):
+        raise ValueError(f"Actuators must have different names, but got {[*thrusters, *wheels]}")
+    return ActuatorSet(columns, signs, pushes, thrusters, axes, wheels, total)
+
+
+def thruster_torques(
+    positions: Numbers, forces: Numbers, centre: Numbers = (0.0, 0.0, 0.0)
+) -> Float[np.ndarray, "3 m"]:
+    """Torques r × f (N m) of forces (3, m) in N at positions (3, m) in m about a centre of mass.
+
+    What is rounding beside |r||f| is zero. Raises ValueError as `actuator_set` does.
+    """
+    push = _columns("forces", forces)
+    lever = _columns("positions", positions) - finite("centre", centre)[0].reshape(3, 1)
+    torques = np.cross(lever, push, axis=0)
+    size = np.linalg.norm(lever, axis=0) * np.linalg.norm(push, axis=0)
+    return np.where(np.linalg.norm(torques, axis=0) > LEVER_ROUNDING * size, torques, 0.0)
+
+
+def _columns(name: str, values: Numbers) -> Float[np.ndarray, "3 m"]:
+    array, _ = finite(name, values)
+    if array.ndim != 2 or array.shape[0] != 3:
+        raise ValueError(f"Argument `{name}` must have shape (3, m), but got {array.shape}")
+    return array
+
+
+def _names(name: str, given: Sequence[str] | None, letter: str, count: int) -> tuple[str, ...]:
+    if given is None:
+        return tuple(f"{letter}{number}" for number in range(1, count + 1))
+    if len(given) != count:
+        raise ValueError(f"Argument `{name}` must hold {count} names, but got {len(given)}")
+    return tuple(given)

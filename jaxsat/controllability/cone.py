@@ -1,0 +1,191 @@
+"""What torques are left when some thrusters only push: the cone of their torques.
+
+Torques of one sign add up with weights ≥ 0, so all that can be made is a convex cone. Two numbers
+tell its shape: the dimension of its span, and how much of the span has torques of both signs (the
+largest subspace in the cone). The columns positively span R³ where both are 3.
+
+The shape is found by facial reduction, in well-conditioned steps alone: where zero is a convex
+combination of the unit columns, these columns span torques of both signs; they are taken out, the
+others are projected on what is left, and the search goes on. Where zero is none, the point of the
+convex hull nearest to zero separates the cone from the direction farthest from it.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.optimize import nnls
+
+from jaxsat.controllability.layout import TOLERANCE
+
+ROUNDING = 1e-9
+"""Sines below this are rounding of the data, and so are columns shorter than this times the
+longest."""
+
+KINDS = {
+    (3, 3): "space",
+    (2, 3): "half space",
+    (2, 2): "plane",
+    (1, 3): "wedge",
+    (1, 2): "half plane",
+    (1, 1): "line",
+    (0, 3): "pointed cone",
+    (0, 2): "sector",
+    (0, 1): "ray",
+    (0, 0): "nothing",
+}
+"""Name of a cone by the dimensions of the subspace in it and of its span."""
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueCone:
+    """The torques that columns of one or both signs can make.
+
+    - `rays`: unit generators, a column of both signs twice.
+    - `both_signs`: orthonormal basis of the torques of both signs.
+    - `span`: dimension of the span of all torques.
+    - `opposed`: the unit vector in the span, across `both_signs`, that is farthest from every
+      torque; None where there is none because the cone is a subspace.
+    - `neither`: orthonormal basis of the directions that no torque has a component along.
+    - `borderline`: sines between `ROUNDING` and the tolerance decide; the shape is then the smaller
+      one, with these taken as zero.
+    """
+
+    rays: Float[np.ndarray, "3 k"]
+    both_signs: Float[np.ndarray, "3 l"]
+    span: int
+    opposed: Float[np.ndarray, "3"] | None
+    neither: Float[np.ndarray, "3 e"]
+    borderline: bool
+
+    @property
+    def two_sided(self) -> int:
+        """Dimension of the torques of both signs, 0 to 3."""
+        return self.both_signs.shape[1]
+
+    @property
+    def kind(self) -> str:
+        """One of `KINDS`."""
+        return KINDS[self.two_sided, self.span]
+
+    @cached_property
+    def normal(self) -> Float[np.ndarray, "3"] | None:
+        """Normal n of the plane of the torques of both signs, None where these are no plane.
+
+        In a half space it points to the side that torques are on.
+        """
+        if self.two_sided != 2:
+            return None
+        if self.opposed is not None:
+            return -self.opposed
+        return _positive(self.neither[:, 0])
+
+    def angle(self, torque: Float[np.ndarray, "3"]) -> float:
+        """Angle (rad) between a torque that is not zero and the nearest that can be made."""
+        wanted = torque / np.linalg.norm(torque)
+        if self.rays.shape[1] == 0:
+            return np.pi
+        _, distance = nnls(self.rays, wanted, maxiter=100 * self.rays.shape[1])
+        if distance < 1 - 1e-9:
+            return float(np.arcsin(distance))
+        return float(np.arccos(np.clip(np.max(self.rays.T @ wanted), -1.0, 0.0)))
+
+
+def unit_rays(
+    columns: Float[np.ndarray, "3 m"], two_sided: Bool[np.ndarray, " m"]
+) -> Float[np.ndarray, "3 k"]:
+    """Unit generators of the cone of the columns, without those that are zero to rounding."""
+    lengths = np.linalg.norm(columns, axis=0)
+    live = lengths > ROUNDING * np.max(lengths, initial=0.0)
+    unit = columns[:, live] / lengths[live]
+    return np.concatenate([unit, -unit[:, two_sided[live]]], axis=1)
+
+
+def torque_cone(
+    columns: Float[np.ndarray, "3 m"],
+    two_sided: Bool[np.ndarray, " m"],
+    tolerance: float = TOLERANCE,
+) -> TorqueCone:
+    """The cone of torque columns (3, m) of any lengths, `two_sided` (m,) of which have both signs.
+
+    `tolerance`: sines below it count as zero.
+    """
+    rays = unit_rays(columns, two_sided)
+    both_signs, span, opposed = _shape(rays, tolerance)
+    strict, strict_span, _ = _shape(rays, ROUNDING)
+    spanned = both_signs
+    if span > both_signs.shape[1]:
+        across = _complement(both_signs)
+        spanned = np.concatenate([both_signs, across @ _basis(across.T @ rays, tolerance)], axis=1)
+    return TorqueCone(
+        rays=rays,
+        both_signs=both_signs,
+        span=span,
+        opposed=opposed,
+        neither=_complement(spanned),
+        borderline=(strict.shape[1], strict_span) != (both_signs.shape[1], span),
+    )
+
+
+def _shape(
+    rays: Float[np.ndarray, "3 k"], tolerance: float
+) -> tuple[Float[np.ndarray, "3 l"], int, Float[np.ndarray, "3"] | None]:
+    """Basis of the torques of both signs, dimension of the span, direction opposed to all."""
+    basis = np.zeros((3, 0))
+    while True:
+        complement = _complement(basis)
+        across = complement.T @ rays
+        lengths = np.linalg.norm(across, axis=0)
+        across = across[:, lengths > tolerance] / lengths[lengths > tolerance]
+        if not across.shape[1]:
+            return basis, basis.shape[1], None
+        weights, nearest = _nearest_to_zero(across)
+        distance = float(np.linalg.norm(nearest))
+        if distance > tolerance:
+            span = basis.shape[1] + _basis(across, tolerance).shape[1]
+            return basis, span, complement @ (-nearest / distance)
+        # Moved by what is left of zero, the columns add up to zero exactly.
+        balanced = across[:, weights > tolerance] - nearest[:, None]
+        basis = np.concatenate([basis, complement @ _basis(balanced, tolerance)], axis=1)
+
+
+def _nearest_to_zero(
+    points: Float[np.ndarray, "n k"],
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " n"]]:
+    """The point of the convex hull nearest to zero, and its weights.
+
+    Least squares for Σ x p = 0 and Σ x = 1 with x ≥ 0 finds the weights up to a factor.
+    """
+    rows = np.concatenate([points, np.ones((1, points.shape[1]))])
+    target = np.zeros(len(rows))
+    target[-1] = 1.0
+    weights, _ = nnls(rows, target, maxiter=100 * points.shape[1])
+    weights = weights / np.sum(weights)
+    return weights, points @ weights
+
+
+def _basis(vectors: Float[np.ndarray, "n k"], tolerance: float) -> Float[np.ndarray, "n r"]:
+    """Orthonormal basis of the span of vectors of length about one."""
+    directions, values, _ = np.linalg.svd(vectors, full_matrices=False)
+    return directions[:, values > tolerance * np.sqrt(vectors.shape[1])]
+
+
+def _complement(basis: Float[np.ndarray, "3 r"]) -> Float[np.ndarray, "3 e"]:
+    """Orthonormal basis of what is perpendicular to an orthonormal basis."""
+    if not basis.shape[1]:
+        return np.eye(3)
+    return np.linalg.svd(basis)[0][:, basis.shape[1] :]
+
+
+def _positive(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    """That of ± a direction whose largest entry is positive."""
+    return direction * np.sign(direction[np.argmax(np.abs(direction))])
+
+
+def direction_words(direction: Float[np.ndarray, "3"]) -> str:
+    """A unit vector for a person: "+x", or its entries."""
+    k = int(np.argmax(np.abs(direction)))
+    if abs(direction[k]) > 1.0 - 1e-9:
+        return ("+" if direction[k] > 0 else "-") + "xyz"[k]
+    return "(" + ", ".join(f"{entry + 0.0:.3f}" for entry in np.round(direction, 12)) + ")"

@@ -1,0 +1,192 @@
+"""What is left with real actuators: is it enough, and can a law of jaxsat fly it?"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxsat.controllability.actuators import ActuatorSet
+from jaxsat.controllability.authority import decided_turn_time, turn_time
+from jaxsat.controllability.cone import ROUNDING, TorqueCone, torque_cone
+from jaxsat.controllability.decision import RankDecision, decide_rank
+from jaxsat.controllability.drift_barrier import momentum_barrier
+from jaxsat.controllability.layout import TOLERANCE, Layout, Numbers, make_layout
+from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set
+
+Verdict = Literal[
+    "controllable", "by drift", "some attitudes", "not decided", "borderline", "uncontrollable"
+]
+Laws = Literal["three torques", "two torques", "none"]
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What a set of actuators can do with the attitude and the rate, without disturbance.
+
+    `verdict`:
+
+    - "controllable": every attitude and rate of the level set, by the laws named in `laws`;
+    - "by drift": rank 6 and a drift that returns are enough in principle, no law of jaxsat uses it;
+    - "some attitudes": two wheels with momentum left, which hold only attitudes n·CH = 0;
+    - "not decided": one wheel besides thrusters that do not give two torques of both signs;
+    - "borderline": the data or their rounding decide;
+    - "uncontrollable".
+
+    `rank` of `dimension`: directions that brackets reach at rest, of all that the conserved
+    momentum leaves. `laws`: the kind of law that can be flown. `cone` is that of thrusters and
+    wheels together. `barrier` is the unit vector m with m·Jω ≥ 0 for ever once it holds
+    (`momentum_barrier`), `decision` the rank of the columns as torques of both signs, `level_set`
+    what the wheels do alone; None where these do not decide. `margin` and `turn_time` as in
+    `Analysis`, of the torques that laws use; NaN turn time where wheels decide.
+    """
+
+    inertia: Float[np.ndarray, "3 3"]
+    actuators: ActuatorSet
+    verdict: Verdict
+    rank: int
+    dimension: int
+    laws: Laws
+    margin: float
+    turn_time: float
+    cone: TorqueCone
+    decision: RankDecision | None = None
+    barrier: Float[np.ndarray, "3"] | None = None
+    level_set: MomentumLevelSet | None = None
+
+    @property
+    def controllable(self) -> bool:
+        """Whether every attitude and rate that the momentum allows can be reached."""
+        return self.verdict in ("controllable", "by drift")
+
+    @property
+    def one_signed(self) -> bool:
+        """Whether some torque can be made in one sign only."""
+        return self.cone.span > self.cone.two_sided
+
+
+def actuator_layout(inertia: Numbers, actuators: ActuatorSet) -> Layout:
+    """The brackets of all thrusters and wheels, for `judge_only`."""
+    return make_layout(inertia, actuators.columns, labels=actuators.names)
+
+
+def judge(
+    inertia: Numbers, actuators: ActuatorSet, *, tolerance: float | int = TOLERANCE
+) -> Judgement:
+    """Judge what these actuators can do; `inertia` (3,) or (3, 3) in kg m², wheels locked.
+
+    `tolerance` as in `analyse`. Raises ValueError as `make_layout` does.
+    """
+    everyone = tuple(range(len(actuators.names)))
+    return judge_only(actuator_layout(inertia, actuators), actuators, everyone, tolerance)
+
+
+def judge_only(
+    layout: Layout, actuators: ActuatorSet, kept: tuple[int, ...], tolerance: float | int
+) -> Judgement:
+    """Judge a subset, by places in `actuators.names`, with the brackets of all."""
+    left = actuators.only(kept)
+    thrusters = len(left.thrusters)
+    jets = torque_cone(left.torques, left.two_sided, tolerance)
+    wheels = momentum_level_set(layout.inertia, left, tolerance)
+    if wheels.axes == 0 or (wheels.axes == 1 and jets.span):
+        return _by_torques(layout, left, kept, wheels, tolerance)
+    signs = np.concatenate([left.two_sided, np.ones(len(kept) - thrusters, bool)])
+    cone = torque_cone(left.columns, signs, tolerance)
+    if jets.span == 0:
+        verdict, laws = _wheels_alone(wheels)
+        rank, dimension = wheels.rank, wheels.dimension
+    else:  # thrusters take momentum up in any inertial direction, wheels having turned the body
+        verdict, rank, dimension = "controllable", 6, 6
+        laws = "three torques" if cone.two_sided == 3 else "two torques"
+    if wheels.borderline or cone.borderline:
+        verdict = "borderline"
+    return Judgement(
+        inertia=layout.inertia,
+        actuators=left,
+        verdict=verdict,
+        rank=rank,
+        dimension=dimension,
+        laws=laws,
+        margin=wheels.margin,
+        turn_time=np.nan,
+        cone=cone,
+        level_set=wheels,
+    )
+
+
+def _wheels_alone(wheels: MomentumLevelSet) -> tuple[Verdict, Laws]:
+    if wheels.axes == 3:
+        return "controllable", "three torques"
+    if wheels.axes == 2:
+        return ("some attitudes", "none") if wheels.momentum else ("controllable", "two torques")
+    return "uncontrollable", "none"
+
+
+def _by_torques(
+    layout: Layout,
+    left: ActuatorSet,
+    kept: tuple[int, ...],
+    wheels: MomentumLevelSet,
+    tolerance: float,
+) -> Judgement:
+    """By the cone of torques and the rank condition; one wheel counts as a torque of both signs."""
+    signs = np.concatenate([left.two_sided, np.ones(len(left.wheels), bool)])
+    cone = torque_cone(left.columns, signs, tolerance)
+    decision = decide_rank(layout, kept, tolerance)
+    flown = decision
+    if cone.two_sided == 2 and cone.span == 3:
+        flown = decide_rank(layout, _in_plane(left.columns, kept, cone, tolerance), tolerance)
+    laws: Laws = "none"
+    if cone.two_sided >= 2 and flown.controllable:
+        laws = "three torques" if cone.two_sided == 3 else "two torques"
+    barrier = momentum_barrier(layout.inertia, cone, tolerance)
+    strict = momentum_barrier(layout.inertia, cone, ROUNDING)
+    verdict: Verdict = "uncontrollable"
+    if laws != "none":
+        verdict = "controllable"
+    elif decision.controllable and wheels.axes:
+        verdict = "not decided"
+    elif decision.controllable and barrier is None:
+        verdict = "by drift"
+    one_signed = cone.span > cone.two_sided
+    undecided = one_signed and laws == "none" and (barrier is None) != (strict is None)
+    if decision.borderline or flown.borderline or cone.borderline or undecided:
+        verdict = "borderline"
+    return Judgement(
+        inertia=layout.inertia,
+        actuators=left,
+        verdict=verdict,
+        rank=decision.rank,
+        dimension=6,
+        laws=laws,
+        margin=decision.margin,
+        turn_time=_turn_time(decision, layout.inertia, left.columns, signs, cone, laws),
+        cone=cone,
+        decision=decision,
+        barrier=barrier if one_signed else None,
+        level_set=wheels if wheels.axes else None,
+    )
+
+
+def _in_plane(
+    columns: Float[np.ndarray, "3 m"], kept: tuple[int, ...], cone: TorqueCone, tolerance: float
+) -> tuple[int, ...]:
+    """Those of the actuators whose torques lie in the plane of the torques of both signs."""
+    assert cone.normal is not None
+    beside = np.abs(cone.normal @ columns) <= tolerance * np.linalg.norm(columns, axis=0)
+    return tuple(i for i, inside in zip(kept, beside, strict=True) if inside)
+
+
+def _turn_time(
+    decision: RankDecision,
+    inertia: Float[np.ndarray, "3 3"],
+    columns: Float[np.ndarray, "3 m"],
+    two_sided: Bool[np.ndarray, " m"],
+    cone: TorqueCone,
+    laws: Laws,
+) -> float:
+    """Turn time (s) at 1 N m a thruster, or about each axis of a basis of those of both signs."""
+    if np.all(two_sided):
+        return decided_turn_time(decision, inertia, columns)
+    return turn_time(inertia, cone.both_signs) if laws != "none" else np.inf

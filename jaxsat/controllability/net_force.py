@@ -1,0 +1,72 @@
+"""What a torque costs in net force: couples turn the body alone, other thrusters push it along."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import nnls
+
+from jaxsat.controllability.actuators import ActuatorSet
+from jaxsat.controllability.cone import TorqueCone, unit_rays
+
+COUPLE = 1e-7
+"""A least net force below this times the forces that make the torque is rounding."""
+
+_WEIGHT = 1e5  # of the torque beside the force, in units of the shortest lever
+
+
+@dataclass(frozen=True, eq=False)
+class NetForce:
+    """The least net force that goes with torques that thrusters can make.
+
+    `directions` are unit torques: ± the body axes where all torques can be made, else ± a basis of
+    those of both signs and the thrusters' own. `ratios` are in N per N m, so also the linear
+    impulse (N s) for each N m s of angular impulse; a spacecraft of mass m gets it as ΔV times m.
+    """
+
+    directions: Float[np.ndarray, "3 q"]
+    ratios: Float[np.ndarray, " q"]
+
+    @property
+    def couples(self) -> bool:
+        """Whether every torque can be made without net force."""
+        return not np.any(self.ratios > 0)
+
+
+def net_force(actuators: ActuatorSet, cone: TorqueCone) -> NetForce | None:
+    """The least net force of the thrusters' torques; None where forces are not known.
+
+    `cone` is that of the thrusters alone. For each direction, non-negative least squares finds the
+    thrusts of least net force.
+    """
+    if actuators.forces is None or not cone.rays.shape[1]:
+        return None
+    signs = actuators.two_sided
+    torques = np.concatenate([actuators.torques, -actuators.torques[:, signs]], axis=1)
+    forces = np.concatenate([actuators.forces, -actuators.forces[:, signs]], axis=1)
+    if cone.two_sided == 3:
+        directions = np.concatenate([np.eye(3), -np.eye(3)], axis=1)
+    else:
+        one_way = unit_rays(actuators.torques[:, ~signs], signs[~signs])
+        directions = np.concatenate([cone.both_signs, -cone.both_signs, one_way], axis=1)
+    ratios = [_least(torques, forces, direction) for direction in directions.T]
+    return NetForce(directions, np.array(ratios))
+
+
+def _least(
+    torques: Float[np.ndarray, "3 k"],
+    forces: Float[np.ndarray, "3 k"],
+    direction: Float[np.ndarray, "3"],
+) -> float:
+    """Least |Σ λ f| for Σ λ τ = direction with λ ≥ 0; thrusters without torque may balance it."""
+    pushes = np.linalg.norm(forces, axis=0)
+    turns = np.linalg.norm(torques, axis=0)
+    size = np.where(turns > 0, turns, 1.0)
+    lever = max(float(np.max(pushes / size, where=turns > 0, initial=0.0)), 1e-300)
+    scale = np.where(turns > 0, 1.0 / size, 1.0 / np.where(pushes > 0, pushes, 1.0) * lever)
+    rows = np.concatenate([_WEIGHT * torques * scale, forces * scale / lever])
+    target = np.concatenate([_WEIGHT * direction, np.zeros(3)])
+    shares, _ = nnls(rows, target, maxiter=200 * rows.shape[1])
+    net = float(np.linalg.norm(rows[3:] @ shares))
+    effort = float(np.sum(np.linalg.norm(rows[3:], axis=0) * shares))
+    return net * lever if net > COUPLE * effort else 0.0

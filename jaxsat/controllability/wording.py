@@ -1,0 +1,242 @@
+"""Judgements in words: for the command line, the table of failures and the written page."""
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.controllability.cone import TorqueCone, direction_words
+from jaxsat.controllability.decision import RankDecision
+from jaxsat.controllability.judgement import Judgement
+from jaxsat.controllability.net_force import NetForce
+
+LAW_WORDS = {
+    "three torques": "every law can be flown, its torques shared among the actuators",
+    "two torques": "the laws of two torques can be flown",
+    "none": "no law of jaxsat can be flown",
+}
+
+
+def _direction(vector: Float[np.ndarray, "3"]) -> str:
+    vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
+    return "(" + ", ".join(f"{entry + 0.0:.3f}" for entry in vector) + ")"
+
+
+def rank_verdict(decision: RankDecision, count: int) -> str:
+    """One sentence about the rank of `count` torques of both signs."""
+    names = ", ".join(decision.generators)
+    if decision.borderline and decision.exact_rank != decision.rank:
+        return (
+            f"Borderline: rank {decision.rank} of 6 to rounding, although the numbers exactly as "
+            f"given have rank {decision.exact_rank}; treat as not controllable."
+        )
+    if decision.borderline:
+        smallest = decision.singular_values[decision.dimension - 1]
+        return (
+            f"Borderline: rank {decision.rank} of 6 for the numbers as given, but the singular "
+            f"value that decides, {smallest:.1e}, is below the tolerance {decision.tolerance:.0e}."
+        )
+    if decision.rank == 6:
+        return f"Controllable: rank 6 of 6, margin {decision.margin:.3g}, from {names} and [f,·]."
+    if decision.rank == 5:
+        return (
+            "Not controllable: rank 5 of 6 at rest; no torque or bracket acts along the body "
+            f"torque direction {_direction(decision.missing[:, 0])}."
+        )
+    if decision.rank == 2:
+        return (
+            "Not controllable: rank 2 of 6 at rest; only the rotation about the principal axis "
+            f"{_direction(decision.reached[:, 0])} can be commanded."
+        )
+    reason = "no thrusters" if count == 0 else "every torque axis is zero"
+    return f"Not controllable: rank 0 of 6, {reason}."
+
+
+def _words(direction: Float[np.ndarray, "3"]) -> str:
+    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    k = int(np.argmax(direction))
+    if direction[k] > 1.0 - 1e-9:
+        return "xyz"[k]
+    return "(" + ", ".join(f"{entry + 0.0:.2f}" for entry in direction) + ")"
+
+
+def _rank_lost(decision: RankDecision, directions: int) -> str:
+    if decision.rank == 0:
+        return "all control"
+    if decision.rank == 2:
+        return f"all but rotation about {_words(decision.reached[:, 0])}"
+    if decision.rank == 5:
+        return f"angular acceleration along torque {_words(decision.missing[:, 0])}"
+    if directions == 3:
+        return "nothing"
+    if directions == 2:
+        return "direct torque about one axis; reached through the drift"
+    return "direct torque about two axes; small-time control"
+
+
+def _lost_ways(cone: TorqueCone) -> str:
+    """Which torques cannot be made because torques have one sign."""
+    assert cone.opposed is not None
+    return f"torque along {direction_words(cone.opposed)}"
+
+
+def _plane(normal: Float[np.ndarray, "3"]) -> str:
+    return f"the plane with normal {direction_words(normal)}"
+
+
+def lost_words(judgement: Judgement) -> str:
+    """What a failure takes away."""
+    found, cone = judgement.level_set, judgement.cone
+    if judgement.decision is None:
+        assert found is not None
+        return _wheels_lost(judgement)
+    if not judgement.one_signed:
+        return _rank_lost(judgement.decision, cone.span)
+    ways = _lost_ways(cone)
+    if judgement.rank < 6:
+        return f"{_rank_lost(judgement.decision, cone.span)}; {ways}"
+    if judgement.barrier is not None and judgement.verdict == "uncontrollable":
+        return f"{ways}; any return from momentum along {direction_words(judgement.barrier)}"
+    if judgement.verdict == "by drift":
+        return f"{ways}; reached through the drift, by no law"
+    return ways
+
+
+def _wheels_lost(judgement: Judgement) -> str:
+    found = judgement.level_set
+    assert found is not None
+    if judgement.laws == "three torques":
+        return "nothing"
+    if found.axes == 2:
+        normal = _axis(found.missing[:, 0])
+        if judgement.dimension == 6:
+            return f"direct torque of both signs about {normal}"
+        rest = "rest but where the momentum is across it"
+        return f"torque about {normal}; " + (rest if found.momentum else "Jω along it stays zero")
+    if found.turned_about is None:
+        return "rest but where the momentum is along the wheel"
+    return f"all but rotation about {direction_words(found.turned_about)}"
+
+
+def verdict_sentence(judgement: Judgement) -> str:
+    """The verdict and why, in a sentence or two."""
+    if judgement.decision is None or judgement.verdict == "not decided":
+        return _wheel_sentence(judgement)
+    by_rank = rank_verdict(judgement.decision, len(judgement.actuators.names))
+    rank = f"rank {judgement.rank} of 6, margin {judgement.margin:.3g}"
+    cone = judgement.cone
+    if judgement.decision.borderline:
+        return by_rank
+    if judgement.verdict == "borderline":
+        return f"Borderline: signs of torques that the data leave open decide; {rank}."
+    if judgement.verdict == "by drift":
+        return (
+            f"Controllable by drift: {rank}, and the drift returns; {cone_words(cone)}. "
+            "No law of jaxsat uses it."
+        )
+    if not judgement.one_signed:
+        return by_rank
+    if judgement.verdict == "controllable":
+        return f"Controllable: {rank}; {cone_words(cone)}."
+    if judgement.barrier is None or judgement.rank < 6:
+        return f"{by_rank} {cone_words(cone).capitalize()}."
+    normal = direction_words(judgement.barrier)
+    return (
+        f"Not controllable, although the rank is 6 of 6: {cone_words(cone)}. Neither torques nor "
+        f"drift leave the half space m·Jω ≥ 0 with m = {normal}."
+    )
+
+
+def cone_words(cone: TorqueCone) -> str:
+    """Which torques can be made, and which direction cannot."""
+    normal = cone.normal
+    if cone.two_sided == 3:
+        return "the torques positively span all three axes"
+    if normal is not None:
+        text = f"two torques of both signs, in {_plane(normal)}"
+        if cone.span == 2:
+            return f"{text}; none about it"
+        return f"{text}, and towards {direction_words(normal)} alone; none towards the other side"
+    if cone.span == 0:
+        return "no torque at all"
+    text = f"the torques are a {cone.kind}"
+    if cone.two_sided:
+        text += f", of both signs along {_axis(cone.both_signs[:, 0])} alone"
+    if cone.opposed is not None:
+        text += f"; none towards {direction_words(cone.opposed)}"
+    if cone.span < 3:
+        axes = " and ".join(_axis(axis) for axis in cone.neither.T)
+        text += f"; none of either sign along {axes}"
+    return text
+
+
+def _axis(direction: Float[np.ndarray, "3"]) -> str:
+    """A direction whose sign does not matter."""
+    entry = direction[np.argmax(np.abs(direction))]
+    return direction_words(direction * np.sign(entry)).removeprefix("+")
+
+
+def _wheel_sentence(judgement: Judgement) -> str:
+    found = judgement.level_set
+    assert found is not None
+    rank = f"rank {judgement.rank} of {judgement.dimension}"
+    if judgement.verdict == "borderline":
+        return "Borderline: wheel axes or torques that the data leave open decide."
+    if judgement.verdict == "not decided":
+        return (
+            f"Not decided: {rank} with one wheel at rest, but {cone_words(judgement.cone)}, and "
+            "the drift with the wheel's momentum is not judged. No law of jaxsat uses it."
+        )
+    if judgement.dimension == 6 and found.axes == 3:
+        return f"Controllable: {rank} by three independent wheel axes."
+    if judgement.dimension == 6:
+        return (
+            f"Controllable: {rank}; two wheels turn the body to any attitude, where thrusters take "
+            f"up or give back momentum. {cone_words(judgement.cone).capitalize()}."
+        )
+    where = "on the level set of the conserved momentum"
+    if found.axes == 2:
+        normal = _axis(found.missing[:, 0])
+        if not found.momentum:
+            return (
+                f"Controllable: {rank} {where}. Two wheels and no momentum: n·Jω = 0 for ever "
+                f"with n = {normal}; the bracket of the two rates left reaches every attitude."
+            )
+        return (
+            f"Some attitudes: {rank} {where}. Two wheels with {found.momentum:.3g} N m s of total "
+            "momentum: every attitude can be passed, but rest is held only where the momentum is "
+            f"across n = {normal}."
+        )
+    if found.turned_about is not None:
+        turned = direction_words(found.turned_about)
+        return f"Not controllable: {rank} {where}; one wheel turns the body about {turned} alone."
+    return (
+        f"Not controllable: {rank} {where}; with {found.momentum:.3g} N m s of total momentum "
+        "rest is held only where it is along the one wheel."
+    )
+
+
+def momentum_words(judgement: Judgement) -> str | None:
+    """What becomes of the wheels' momentum; None without wheels."""
+    found = judgement.level_set
+    if found is None:
+        return None
+    start = f"Momentum: {found.momentum:.3g} N m s in all at the start"
+    if judgement.dimension < 6 or not judgement.actuators.thrusters:
+        return f"{start}, conserved: nothing takes momentum out of the wheels"
+    if found.axes == 1:
+        return f"{start}; the wheel counts as a torque of both signs while its momentum is small"
+    return f"{start}; thrusters can take it out, in any inertial direction once the body is turned"
+
+
+def net_force_words(found: NetForce | None) -> str | None:
+    """Couples, or the linear impulse that comes with a torque; None where forces are not known."""
+    if found is None:
+        return None
+    if found.couples:
+        return "Net force: none, every torque can be made by couples"
+    worst = int(np.argmax(found.ratios))
+    pure = int(np.sum(found.ratios == 0))
+    return (
+        f"Net force: at least {found.ratios[worst]:.3g} N for each N m of torque along "
+        f"{direction_words(found.directions[:, worst])} (as much linear impulse, N s, for each "
+        f"N m s); {pure} of {len(found.ratios)} directions looked at can be made by couples"
+    )

@@ -1,0 +1,162 @@
+"""What is said of one-signed thrusters, wheels and both, alone and in the table of failures."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from jaxsat.controllability import (
+    actuator_set,
+    analyse,
+    failure_csv,
+    failure_markdown,
+    failure_table,
+    judge,
+    verdict_sentence,
+)
+
+PAPER = [449.5, 264.6, 312.5]
+X, Y, Z = np.eye(3)
+TURNING_ABOUT_Z = np.array([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]], float).T
+SIX = np.concatenate([np.eye(3), -np.eye(3)], axis=1)
+
+
+def thrusters(*columns, **options):
+    return actuator_set(np.array(columns, float).reshape(-1, 3).T, **options)
+
+
+def wheels(*axes, momentum=(0.0, 0.0, 0.0), **options):
+    return actuator_set(
+        wheel_axes=np.array(axes, float).T.reshape(3, -1), momentum=momentum, **options
+    )
+
+
+def test_four_thrusters_that_all_turn_about_z_lose_something():
+    [case] = failure_table(PAPER, actuator_set(TURNING_ABOUT_Z), most_failed=0)
+    assert case.lost == "torque along -z; reached through the drift, by no law"
+    assert (case.rank, case.verdict, case.directions) == (6, "by drift", 0)
+    assert case.judgement.laws == "none"
+    sentence = verdict_sentence(case.judgement)
+    assert "none towards -z" in sentence
+    assert "No law of jaxsat" in sentence
+    # About the axis of largest moment the drift does not bring it back, although the rank is 6.
+    other = judge([264.6, 312.5, 449.5], actuator_set(TURNING_ABOUT_Z))
+    assert (other.rank, other.verdict) == (6, "uncontrollable")
+    assert "half space m·Jω ≥ 0" in verdict_sentence(other)
+
+
+@pytest.mark.parametrize(
+    ("actuators", "verdict", "laws", "said"),
+    [
+        (actuator_set(SIX), "controllable", "three torques", "rank 6 of 6"),
+        (thrusters(X, -X, Y, -Y), "controllable", "two torques", "rank 6 of 6"),
+        (thrusters(X, -X, Y, -Y, Z), "controllable", "two torques", "towards +z alone"),
+        (thrusters(X, Y, Z), "uncontrollable", "none", "(-0.577, -0.577, -0.577)"),
+        (thrusters(Z, Z), "uncontrollable", "none", "none towards -z"),
+        (thrusters(X + Y + Z, two_sided=True), "by drift", "none", "No law"),
+        (thrusters(X + Y + Z), "uncontrollable", "none", "although the rank is 6"),
+        (thrusters(), "uncontrollable", "none", "no thrusters"),
+        (wheels(X, Y, Z), "controllable", "three torques", "three independent wheel axes"),
+        (wheels(X, Y), "controllable", "two torques", "rank 5 of 5"),
+        (wheels(X, Y, momentum=Z), "some attitudes", "none", "across n = z"),
+        (wheels(X), "uncontrollable", "none", "about +x alone"),
+        (wheels(X, momentum=Z), "uncontrollable", "none", "along the one wheel"),
+        (
+            thrusters(X + Y + Z, wheel_axes=np.array([X, Y]).T),
+            "controllable",
+            "two torques",
+            "two wheels",
+        ),
+        (
+            thrusters(Z, -Z, wheel_axes=np.array([X, Y]).T, two_sided=False),
+            "controllable",
+            "three torques",
+            "two wheels",
+        ),
+        (thrusters(Y, -Y, wheel_axes=X[:, None]), "controllable", "two torques", "rank 6"),
+        (thrusters(X + Y + Z, wheel_axes=X[:, None]), "not decided", "none", "one wheel"),
+        (thrusters(X, -X + 1e-8 * Y, Y, -Y, Z), "controllable", "two torques", "+z alone"),
+        (thrusters(X, -X, Y, -Y + 1e-8 * Z), "borderline", "two torques", "Borderline"),
+    ],
+)
+def test_verdicts_in_words(actuators, verdict, laws, said):
+    found = judge(PAPER, actuators)
+    assert (found.verdict, found.laws) == (verdict, laws)
+    assert said in verdict_sentence(found)
+
+
+def test_two_signs_in_a_plane_that_brackets_do_not_leave_are_no_control():
+    half = thrusters(X, -X, Y, -Y, Z)
+    assert judge([5.0, 5.0, 7.0], half).verdict == "uncontrollable"
+    assert judge([5.0, 5.0, 7.0], half).barrier == pytest.approx(Z)
+    assert judge([5.0, 4.0, 7.0], half).verdict == "controllable"
+
+
+def test_torques_of_both_signs_are_judged_as_before():
+    rng = np.random.default_rng(3)
+    for count in (0, 1, 2, 3, 4):
+        axes = rng.integers(-2, 3, size=(3, count)).astype(float)
+        found = judge(PAPER, actuator_set(axes, two_sided=True))
+        alone = analyse(PAPER, axes)
+        assert (found.rank, found.margin, found.turn_time) == (
+            alone.rank,
+            alone.margin,
+            alone.turn_time,
+        )
+        assert found.controllable == alone.controllable
+        # One-signed pairs are the same torques.
+        pairs = judge(PAPER, actuator_set(np.concatenate([axes, -axes], axis=1)))
+        assert (pairs.verdict, pairs.laws) == (found.verdict, found.laws)
+
+
+def test_no_actuator_lost_is_ever_a_gain():
+    rng = np.random.default_rng(5)
+    actuators = actuator_set(
+        np.concatenate([TURNING_ABOUT_Z, rng.normal(size=(3, 1))], axis=1),
+        wheel_axes=np.array([X]).T,
+    )
+    order = ("uncontrollable", "not decided", "by drift", "controllable")
+    cases = failure_table(PAPER, actuators)
+    assert len({case.failed for case in cases}) == 64
+    for a, b in itertools.permutations(cases, 2):
+        if set(a.failed) < set(b.failed) and ("w1" in a.failed) == ("w1" in b.failed):
+            assert order.index(b.verdict) <= order.index(a.verdict)
+            assert b.directions <= a.directions
+
+
+def test_single_and_double_failures_of_many():
+    rng = np.random.default_rng(6)
+    many = actuator_set(rng.normal(size=(3, 12)), wheel_axes=np.eye(3), momentum=[0, 0, 0.1])
+    cases = failure_table(PAPER, many, most_failed=2)
+    assert len(cases) == 1 + 15 + 15 * 14 // 2
+    assert {case.verdict for case in cases} == {"controllable"}
+    with pytest.raises(ValueError, match="at most 14"):
+        failure_table(PAPER, many)
+
+
+def test_exports_of_wheels_have_their_own_dimension():
+    cases = failure_table(PAPER, wheels(X, Y, Z, momentum=[0, 0, 0.3]))
+    assert [case.judgement.dimension for case in cases] == [6, 5, 5, 5, 4, 4, 4, 6]
+    assert [case.verdict for case in cases[:5]] == [
+        "controllable",
+        *["some attitudes"] * 3,
+        "uncontrollable",
+    ]
+    assert "some attitudes" in failure_markdown(cases)
+    assert failure_csv(cases).splitlines()[2].startswith("w1,w2 w3,5,5,some attitudes,1.0,nan,2,")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"torques": np.eye(2)}, "shape"),
+        ({"torques": np.full((3, 1), np.nan)}, "finite"),
+        ({"torques": np.eye(3), "forces": np.ones((3, 2))}, "forces"),
+        ({"torques": np.eye(3), "names": ["a", "b"]}, "hold 3 names"),
+        ({"torques": np.eye(3), "names": ["a", "b", "b"]}, "different names"),
+        ({"wheel_axes": np.eye(3), "momentum": [1.0]}, "momentum"),
+    ],
+)
+def test_bad_actuators_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        actuator_set(**options)

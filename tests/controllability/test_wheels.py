@@ -1,0 +1,110 @@
+"""Wheels on their momentum level set, against integration and brackets by differentiation."""
+
+import itertools
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxsat.controllability import (
+    actuator_set,
+    lie_bracket,
+    momentum_level_set,
+)
+
+JA = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])
+AXES = np.array([[1.0, 0.3, 0.1], [0.2, -1.0, 0.5], [0.5, 0.4, 1.0]])
+
+
+def level_set(inertia, axes, momentum=(0.0, 0.0, 0.0)):
+    return momentum_level_set(inertia, actuator_set(wheel_axes=axes, momentum=momentum))
+
+
+def rank_by_brackets(inertia, axes, momentum):
+    """Rank, in attitude and wheel momenta, of brackets up to depth 4 and two of three letters."""
+    inverse, axes = jnp.linalg.inv(inertia), jnp.asarray(axes)
+
+    def drift(state):
+        attitude, stored = state[:9].reshape(3, 3), state[9:]
+        x, y, z = inverse @ (attitude @ jnp.asarray(momentum) - axes @ stored)
+        turn = jnp.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        return jnp.concatenate([(-turn @ attitude).reshape(9), jnp.zeros_like(stored)])
+
+    def wheel(number):
+        unit = jnp.zeros(9 + axes.shape[1]).at[9 + number].set(1.0)
+        return lambda state: unit + 0 * state
+
+    rng = np.random.default_rng(4)
+    attitude, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    state = jnp.concatenate([jnp.asarray(attitude).reshape(9), jnp.full(axes.shape[1], 0.0)])
+    # With no momentum the level set is taken at rest, its state of lowest rank.
+    state = state.at[9:].set(rng.normal(size=axes.shape[1]) * (np.linalg.norm(momentum) > 0))
+    controls = [wheel(number) for number in range(axes.shape[1])]
+    second = [lie_bracket(drift, control) for control in controls]
+    third = [lie_bracket(drift, field) for field in second]
+    third += [lie_bracket(a, b) for a, b in itertools.combinations(second, 2)]
+    fourth = [lie_bracket(a, b) for a in second for b in third]
+    words = [*controls, *second, *third, *fourth]
+    return int(np.linalg.matrix_rank(np.stack([word(state) for word in words]), tol=1e-9))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("momentum", [(0.0, 0.0, 0.0), (0.3, -0.8, 0.5)])
+def test_rank_is_that_of_the_brackets(count, momentum):
+    found = level_set(JA, AXES[:, :count], momentum)
+    assert found.rank == rank_by_brackets(JA, AXES[:, :count], momentum)
+    assert found.dimension == 3 + count
+    assert (found.rank == found.dimension) == (count > 1 or any(momentum))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("moments", "axis", "rank"), [((5.0, 5.0, 7.0), 2, 2), ((9.0, 5.0, 7.0), 2, 4)]
+)
+def test_one_wheel_along_a_principal_axis(moments, axis, rank):
+    axes = np.eye(3)[:, [axis]]
+    assert level_set(np.diag(moments), axes, (0.3, -0.8, 0.5)).rank == rank
+    assert rank_by_brackets(np.diag(moments), axes, (0.3, -0.8, 0.5)) == rank
+
+
+@pytest.mark.parametrize("momentum", [0.0, 0.4])
+def test_two_wheels_keep_the_momentum_about_their_normal(momentum):
+    axes = AXES[:, :2]
+    found = level_set(JA, axes, (0.0, 0.0, momentum))
+    normal = found.missing[:, 0]
+    np.testing.assert_allclose(normal @ axes, 0, atol=1e-15)
+
+    def flow(time, state):
+        attitude, omega, stored = state[:9].reshape(3, 3), state[9:12], state[12:]
+        torque = np.array([np.sin(time), np.cos(1.7 * time)])
+        total = JA @ omega + axes @ stored
+        x, y, z = omega
+        turn = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        rate = np.linalg.solve(JA, axes @ torque - np.cross(omega, total))
+        return np.concatenate([(-turn @ attitude).reshape(9), rate, -torque])
+
+    start = np.concatenate([np.eye(3).reshape(9), np.linalg.solve(JA, [0, 0, momentum]), [0, 0]])
+    states = solve_ivp(flow, (0, 20), start, rtol=1e-10, atol=1e-12).y.T
+    for state in states:
+        total = state[:9].reshape(3, 3) @ [0, 0, momentum]
+        np.testing.assert_allclose(normal @ JA @ state[9:12], normal @ total, atol=1e-7)
+    if momentum == 0.0:
+        assert np.max(np.abs(states[:, 9:12])) > 0.05
+        assert np.max(np.abs(states[:, 9:12] @ JA @ normal)) < 1e-9
+
+
+def test_wheels_are_counted_by_independent_axes():
+    pyramid = np.array([[1, -1, 0, 0], [0, 0, 1, -1], [1, 1, 1, 1.0]])
+    assert level_set(JA, pyramid).axes == 3
+    assert level_set(JA, np.array([[1, -2], [0, 0], [1, -2.0]])).axes == 1
+    assert level_set(JA, np.zeros((3, 2))).axes == 0
+    assert level_set(JA, np.zeros((3, 0))).dimension == 3
+    near = np.array([[1, 1], [0, 1e-8], [0, 0.0]])
+    assert (level_set(JA, near).axes, level_set(JA, near).borderline) == (1, True)
+
+
+def test_one_wheel_without_momentum_turns_about_one_axis():
+    turn = level_set(JA, AXES[:, :1]).turned_about
+    np.testing.assert_allclose(np.cross(JA @ turn, AXES[:, 0]), 0, atol=1e-12)

@@ -1,0 +1,67 @@
+"""The written page and the map say of one-signed thrusters and wheels what is judged."""
+
+import numpy as np
+import pytest
+
+from jaxsat.controllability import actuator_set, analyse, judge
+from jaxsat.report.controllability_figures import torque_map
+from jaxsat.report.controllability_page import controllability_lines
+
+PAPER = [449.5, 264.6, 312.5]
+TURNING_ABOUT_Z = np.array([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]], float).T
+
+
+def lines_of(actuators):
+    judgement = judge(PAPER, actuators)
+    columns = judgement.decision and analyse(PAPER, actuators.columns)
+    return "\n".join(controllability_lines(judgement, columns))
+
+
+def test_one_signed_thrusters_are_told_apart_from_rank_6():
+    text = lines_of(actuator_set(TURNING_ABOUT_Z, forces=np.ones((3, 4))))
+    for said in (
+        "Verdict**: Controllable by drift",
+        "none towards -z",
+        "no law of jaxsat can be flown",
+        "torques of one sign counted as of both",
+        "at rest: disproved. Every torque has a component against -z",
+        "Turn time: infinite",
+        "Net force: at least",
+    ):
+        assert said in text
+
+
+def test_torques_of_both_signs_in_a_half_space_keep_the_laws_of_two():
+    columns = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1]], float).T
+    text = lines_of(actuator_set(columns))
+    for said in (
+        "the plane with normal +z, and towards +z alone",
+        "the laws of two torques can be flown",
+        "Turn time: 39.4 s with 1 N m about each axis of both signs",
+        "at rest: proved. Two independent torque axes",
+    ):
+        assert said in text
+
+
+@pytest.mark.parametrize(
+    ("momentum", "said"), [((0, 0, 0), "n·Jω = 0 for ever"), ((0, 0.2, 0), "Some attitudes")]
+)
+def test_wheels_are_judged_by_momentum_and_no_rank_of_thrusters_is_told(momentum, said):
+    text = lines_of(actuator_set(wheel_axes=np.eye(3)[:, :2], momentum=momentum))
+    assert said in text
+    assert "conserved: nothing takes momentum out of the wheels" in text
+    assert "Turn time" not in text
+
+
+def test_the_map_marks_actuators_and_what_cannot_be_made():
+    judgement = judge(PAPER, actuator_set(TURNING_ABOUT_Z, wheel_axes=np.array([[1.0], [0], [0]])))
+    figure = torque_map(judgement.cone, judgement.actuators)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    marked = {line.get_label(): line.get_xydata() for line in axes.lines}
+    np.testing.assert_allclose(marked["thruster"][:, 1], 45)
+    assert len(marked["wheel"]) == 2
+    assert abs(marked["farthest from all torques"][0, 1]) == pytest.approx(90)
+    angles = axes.collections[0].get_array()
+    assert angles.min() == pytest.approx(0, abs=1e-4)
+    assert axes.get_title() == "Torques that can be made: wedge"
