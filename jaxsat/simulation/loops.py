@@ -6,6 +6,7 @@ in between.
 """
 
 import abc
+import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -20,7 +21,13 @@ from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.vehicle import AbstractActuators, Actuators, DrawnSensors, Sensors
+from jaxsat.vehicle import (
+    AbstractActuators,
+    Actuators,
+    ActuatorsWithWheels,
+    DrawnSensors,
+    Sensors,
+)
 
 
 class AbstractLoop(eqx.Module):
@@ -35,7 +42,7 @@ class AbstractLoop(eqx.Module):
 
 class Motion(NamedTuple):
     """A loop at one instant: time derivative of its state, the plant's state with its ω_r (rad/s)
-    and rate error η (rad/s), and the torque of the thrusters (N m)."""
+    and rate error η (rad/s), and the torque of thrusters and wheels on the body (N m)."""
 
     rate: PyTree
     plant: PlantState
@@ -98,16 +105,28 @@ class ContinuousLoop(AbstractContinuousLoop):
     controller: AbstractController
     actuators: AbstractActuators
 
-    def is_smooth(self) -> bool:
-        """Whether fixed steps suit the loop: no corner of the law or of actuators of a user's own.
+    def __check_init__(self):
+        wheels = self.plant.wheels
+        if wheels is not None and wheels.coulomb_friction is not None:
+            raise ValueError(
+                "Wheels with Coulomb friction must have a command that is held, which that of a "
+                "continuous controller is not."
+            )
 
-        A thruster that reaches its limit is no corner here: a smooth law passes it in few steps.
+    def is_smooth(self) -> bool:
+        """Whether fixed steps suit the loop: no corner of the law, of actuators of a user's own or
+        of wheels, whose torque ends at the limit of their momentum.
+
+        A thruster or wheel that reaches the limit of its torque is no corner here: a smooth law
+        passes it in few steps.
         """
-        own = isinstance(self.actuators, Actuators) or self.actuators.event_count == 0
-        return own and self.controller.is_smooth()
+        own = (Actuators, ActuatorsWithWheels)
+        corners = 0 if isinstance(self.actuators, own) else self.actuators.event_count
+        return not corners and not _wheel_events(self.plant) and self.controller.is_smooth()
 
     def start(self, state: PlantState) -> LoopState:
         """The plant's state and the controller's first memory."""
+        state = self.plant.with_wheel_momentum(state)
         return LoopState(state, self.controller.init(state))
 
     @property
@@ -123,30 +142,45 @@ class ContinuousLoop(AbstractContinuousLoop):
         """Equations (1) and (36) under the controller's torque."""
         command, memory_rate = self.controller(t, state.plant, state.memory)
         torque = self.actuators(command)
-        rate = LoopState(self.plant.rate(t, state.plant, torque), memory_rate)
+        wheels = self._wheel_torque(state.plant, command)
+        rate = LoopState(self.plant.rate(t, state.plant, torque, wheels), memory_rate)
         relative_rate = self.plant.relative_rate(state.plant)
         error = self.controller.rate_error(state.plant)
+        torque = self.plant.control_torque(torque, wheels)
         return Motion(rate, state.plant, relative_rate, error, torque)
+
+    def _wheel_torque(self, state: PlantState, command) -> Float[Array, " wheels"] | None:
+        return self.plant.wheel_torque(state, self.actuators.wheel_command(command))
 
     def signals(self, t: Float[Array, ""], state: LoopState) -> Signals:
         """Everything worth saving at one instant."""
-        torque = self.motion(t, state).torque
-        return continuous_signals(self.plant, self.controller, t, state.plant, state.memory, torque)
+        motion = self.motion(t, state)
+        signals = continuous_signals(
+            self.plant, self.controller, t, state.plant, state.memory, motion.torque
+        )
+        rate = motion.rate.plant.wheel_momentum
+        return signals if rate is None else dataclasses.replace(signals, wheel_torque=-rate)
 
     def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
-        """Those of the controller and of the thrusters."""
+        """Those of the controller, of the actuators and of the wheels' momenta."""
         command, _ = self.controller(t, state.plant, state.memory)
         own = self.controller.event_functions(state.plant)
-        return jnp.concatenate([own, self.actuators.event_functions(command)])
+        events = jnp.concatenate([own, self.actuators.event_functions(command)])
+        if not _wheel_events(self.plant):
+            return events
+        share = self.actuators.wheel_command(command)
+        return jnp.concatenate([events, self.plant.wheel_events(state.plant, share)])
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ContinuousLoop":
-        """Controller and thrusters held in a piece of theirs each."""
-        count = signs.size - self.actuators.event_count
+        """Controller, actuators and wheels held in a piece of theirs each."""
+        wheels = signs.size - _wheel_events(self.plant)
+        count = wheels - self.actuators.event_count
         held = (
             self.controller.smooth_piece(signs[:count]),
-            self.actuators.smooth_piece(signs[count:]),
+            self.actuators.smooth_piece(signs[count:wheels]),
         )
-        return eqx.tree_at(lambda loop: (loop.controller, loop.actuators), self, held)
+        made = eqx.tree_at(lambda loop: (loop.controller, loop.actuators), self, held)
+        return dataclasses.replace(made, plant=self.plant.wheel_piece(signs[wheels:]))
 
     def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
         """That of the controller."""
@@ -193,6 +227,8 @@ class SampledLoop(AbstractLoop):
 
     def __check_init__(self):
         require_counts(substeps=self.substeps)
+        if self.plant.wheels is not None:
+            raise ValueError("Wheels must have a continuous controller; sampled loops have none.")
         if self.delay is None:
             return
         require_positive("delay", self.delay, zero_allowed=True)
@@ -211,7 +247,8 @@ class SampledLoop(AbstractLoop):
         """What the controller is told at sample `number` of the run when the truth is `state`."""
         if self.sensors is None:
             return state
-        return PlantState(*self.sensors(number, state.attitude, state.omega))
+        attitude, omega = self.sensors(number, state.attitude, state.omega)
+        return PlantState(attitude, omega, state.wheel_momentum)
 
     def sample(
         self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState
@@ -256,7 +293,7 @@ class SampledLoop(AbstractLoop):
         plant = state.plant
         for hold in self.holds(state, torque):
             plant, carry = integrate(t + hold.begin, hold, plant, carry)
-        plant = PlantState(plant.attitude.normalised(), plant.omega)
+        plant = dataclasses.replace(plant, attitude=plant.attitude.normalised())
         return SampledState(plant, memory, torque), carry, signals
 
     def plant_rate(
@@ -264,6 +301,11 @@ class SampledLoop(AbstractLoop):
     ) -> PlantState:
         """The plant under a held torque, in the form diffrax integrates."""
         return self.plant.rate(t, state, torque)
+
+
+def _wheel_events(plant: RigidBody) -> int:
+    """How many event functions the wheels of a plant have."""
+    return 0 if plant.wheels is None else plant.wheels.event_count
 
 
 def continuous_signals(plant, controller, t, state, memory, torque) -> Signals:
@@ -302,4 +344,5 @@ def _plant_signals(plant, t, state, torque, rate_error, lyapunov, mode) -> Signa
         lyapunov=lyapunov,
         mode=mode,
         constraint_torque=plant.constraint_torque(t, state, torque),
+        wheel_momentum=state.wheel_momentum,
     )

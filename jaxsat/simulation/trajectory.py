@@ -35,10 +35,12 @@ _EXPLANATIONS = {
 class Signals(eqx.Module):
     """Everything a person may want to see at one instant; body axes, SI units, angles in rad.
 
-    `torque` is what the thrusters make, `constraint_torque` the ideal torque about the third axis
-    that holds the third rate, None where that is free, `rate_error` is η of the active law, `mode`
-    tells which part of a sampled controller is at work, by its own numbers (zero for continuous
-    ones). With a leading axis it is a history.
+    `torque` is what thrusters and wheels make, `constraint_torque` the ideal torque about the third
+    axis that holds the third rate, None where that is free, `rate_error` is η of the active law,
+    `mode` tells which part of a sampled controller is at work, by its own numbers (zero for
+    continuous ones). `wheel_momentum` is that of each wheel relative to the body and `wheel_torque`
+    what it does to the body along its axis, None without wheels. With a leading axis it is a
+    history.
     """
 
     w: Float[Array, "*times 2"]
@@ -52,6 +54,8 @@ class Signals(eqx.Module):
     lyapunov: Float[Array, "*times"]
     mode: Float[Array, "*times"]
     constraint_torque: Float[Array, "*times"] | None = None
+    wheel_momentum: Float[Array, "*times wheels"] | None = None
+    wheel_torque: Float[Array, "*times wheels"] | None = None
 
 
 class Trajectory(eqx.Module):

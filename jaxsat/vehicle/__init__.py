@@ -1,4 +1,4 @@
-"""The spacecraft: its inertia, its thrusters and what is left of them after failures."""
+"""The spacecraft: its inertia, its thrusters, what is left of them after failures, its wheels."""
 
 from jaxsat.vehicle.actuators import (
     AbstractActuators,
@@ -14,16 +14,21 @@ from jaxsat.vehicle.thrusters import (
     one_thruster_coupling,
     two_thruster_coupling,
 )
+from jaxsat.vehicle.wheel_actuators import ActuatorsWithWheels
+from jaxsat.vehicle.wheels import WheelPiece, Wheels
 
 __all__ = [
     "AbstractActuators",
     "AbstractSmoothActuators",
     "ActuatorContext",
     "Actuators",
+    "ActuatorsWithWheels",
     "DrawnSensors",
     "Sensors",
     "Spacecraft",
     "Thrusters",
+    "WheelPiece",
+    "Wheels",
     "allocation",
     "one_thruster_coupling",
     "two_thruster_coupling",
