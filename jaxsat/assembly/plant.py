@@ -1,5 +1,6 @@
 """From a scenario to the plant."""
 
+import math
 import pkgutil
 from typing import Any, cast
 
@@ -14,6 +15,7 @@ from jaxsat.dynamics import RigidBody
 from jaxsat.environment import (
     AbstractDisturbance,
     AbstractOrbit,
+    CircularOrbit,
     DisturbanceContext,
     ExactOrbit,
     PeriodicTorque,
@@ -49,6 +51,18 @@ def orbit_of(relation: str, rate: float) -> AbstractOrbit:
     return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
 
 
+def _place(scenario: Scenario) -> CircularOrbit:
+    """Where the orbit of the scenario is."""
+    table = scenario.orbit
+    angles = (
+        table.inclination_deg,
+        table.ascending_node_deg,
+        table.argument_of_latitude_deg,
+        table.sidereal_angle_deg,
+    )
+    return CircularOrbit(orbit_rate(scenario), *map(math.radians, angles))
+
+
 def periodic_torque(
     amplitude: tuple[float, ...] | np.ndarray, table: DisturbanceTable
 ) -> PeriodicTorque:
@@ -61,7 +75,7 @@ def periodic_torque(
 def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
     """All torques that are asked for; that of (2) is always there."""
     table = scenario.disturbance
-    context = DisturbanceContext(inertia, orbit_rate(scenario))
+    context = DisturbanceContext(inertia, orbit_rate(scenario), _place(scenario))
     terms: list[AbstractDisturbance] = []
     for place, declaration in DISTURBANCES.items():
         made = pkgutil.resolve_name(place).from_table(values_of(declaration.keys, table), context)
