@@ -26,6 +26,12 @@ TORQUE = Range(-1e9, 1e9)
 TORQUE_LIMIT = Range(1e-9, 1e9)
 """What a thruster makes at most, N m."""
 
+WHEEL_MOMENTUM = Range(1e-9, 1e9)
+"""What a wheel takes at most, N m s."""
+
+FRICTION = Range(0.0, 1e6)
+"""Of a wheel, N m or N m s."""
+
 FREQUENCY = Range(-1e6, 1e6)
 """Of a periodic torque, rad/s; of either sign as it is printed."""
 

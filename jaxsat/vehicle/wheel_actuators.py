@@ -7,13 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jaxsat.allocation import allocation_matrix
+from jaxsat.allocation import least_squares_map, unit_columns, what_is_left
 from jaxsat.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.vehicle.actuators import AbstractActuators
-
-ROUNDING = 1e-12
-"""A part of a command, relative to it, that is as good as none."""
-
 
 class ActuatorsWithWheels(AbstractActuators):
     """Wheels that make as much of a commanded torque as they can, and thrusters for the rest.
@@ -54,23 +50,21 @@ class ActuatorsWithWheels(AbstractActuators):
         Least squares share what all of them can make. Raises `ValueError` where that leaves
         something to `thrusters` and there are none.
         """
-        known = np.asarray(axes, float)
-        known = known / np.linalg.norm(known, axis=0)
+        known = unit_columns(np.asarray(axes, float))
         working = [number not in failed for number in range(1, known.shape[1] + 1)]
-        wheel_map = np.zeros((known.shape[1], torques))
-        wheel_map[working] = _least_squares(known[:, working], torques)
-        rest = np.eye(torques) - (known @ wheel_map)[:torques]
-        complete = np.abs(rest).max() < ROUNDING
-        if thrusters is None and not complete:
+        shares = np.zeros((known.shape[1], torques))
+        shares[working] = least_squares_map(known[:, working], torques)
+        rest = what_is_left(known, shares)
+        limit = None if wheel_limit is None else as_float(wheel_limit) * jnp.ones(known.shape[1])
+        if not rest.any():
+            return ActuatorsWithWheels(as_array(shares), limit)
+        if thrusters is None:
             which = "x and y" if torques == 2 else "x, y and z"
             raise ValueError(
                 f"The wheels left must make independent torques about body axes {which}, "
                 f"but their axes are the columns of {known[:, working].round(6).tolist()}."
             )
-        limit = None if wheel_limit is None else as_float(wheel_limit) * jnp.ones(known.shape[1])
-        if complete:
-            return ActuatorsWithWheels(as_array(wheel_map), limit)
-        return ActuatorsWithWheels(as_array(wheel_map), limit, thrusters, as_array(rest))
+        return ActuatorsWithWheels(as_array(shares), limit, thrusters, as_array(rest))
 
     def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:
         """The torque that each wheel is to put on the body, N m."""
@@ -117,16 +111,3 @@ class ActuatorsWithWheels(AbstractActuators):
         return (
             made if self.wheel_limit is None else dataclasses.replace(made, limiting=signs[:count])
         )
-
-
-def _least_squares(axes: Float[np.ndarray, "3 wheels"], torques: int) -> np.ndarray:
-    """What each wheel makes of a command, where they cannot make all of it the nearest.
-
-    Two wheels under two torques make these exactly, and about z what follows, as in equation (5).
-    """
-    if not axes.size:
-        return np.zeros((0, torques))
-    try:
-        return allocation_matrix(axes, torques)
-    except ValueError:
-        return np.linalg.pinv(axes)[:, :torques]
