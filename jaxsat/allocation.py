@@ -1,4 +1,6 @@
-"""How thrusters share a commanded torque: (5) and its like, by NumPy alone."""
+"""How thrusters share a commanded torque, by NumPy alone: (5), and thrusters that push."""
+
+import itertools
 
 import numpy as np
 from jaxtyping import Float
@@ -8,6 +10,10 @@ NORMALISER_FLOOR = 1e-9
 
 LEFT_BY_ROUNDING = 1e-12
 """A part of a command, relative to it, that is as good as none."""
+
+
+BASIS_TOLERANCE = 1e-9
+"""Of torques scaled to the largest: what is below counts as zero."""
 
 
 def unit_columns(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 m"]:
@@ -62,3 +68,115 @@ def allocation_matrix(
             f"but their torque axes are the columns of {torque_axes.round(6).tolist()}."
         )
     return np.linalg.pinv(rows)[:, :torques]
+
+
+def plane_map(torque: Float[np.ndarray, "3 m"], torques: int) -> Float[np.ndarray, "3 torques"]:
+    """The torque on the body for a command about the first two body axes, or about all three.
+
+    Where the thrusters make torques in one plane only, two commanded torques have the third with
+    them that keeps to the plane. Raises `ValueError` where the plane holds no such torques.
+    """
+    if torques == 3:
+        return np.eye(3)
+    rows = _independent_rows(torque)
+    if len(rows) != 2:
+        return np.eye(3)[:, :2]
+    upper = rows[:, :2].T
+    if abs(np.linalg.det(upper)) < NORMALISER_FLOOR:
+        normal = np.cross(rows[0], rows[1])
+        raise ValueError(
+            "The thrusters left must make independent torques about body axes x and y, but make "
+            f"none along {(normal + 0.0).round(3).tolist()}."
+        )
+    return rows.T @ np.linalg.inv(upper)
+
+
+def least_propellant(
+    torque: Float[np.ndarray, "3 m"],
+    cost: Float[np.ndarray, " m"],
+    command_map: Float[np.ndarray, "3 torques"],
+) -> Float[np.ndarray, "bases m torques"]:
+    """Duties a unit of command, for every basis of the linear programme that is optimal somewhere.
+
+    The duties d >= 0 of thrusters that push minimise costᵀd subject to B d = M u, with B = `torque`
+    at full thrust (N m) and M = `command_map`, from a command to the torque on the body. Which
+    basis is optimal depends on the direction of u alone; it is one that gives no negative duty.
+    Raises `ValueError`, which names a torque that cannot be made, where some u has no solution.
+    """
+    torque, cost = np.asarray(torque, float), np.asarray(cost, float)
+    rows = _independent_rows(torque)
+    reduced, wanted = rows @ torque, rows @ command_map
+    size = np.sqrt(np.sum(torque**2, axis=0)).max()
+    price = np.maximum(cost / np.max(cost), BASIS_TOLERANCE)
+    possible, optimal = [], []
+    for basis in map(list, itertools.combinations(range(torque.shape[1]), len(rows))):
+        square = reduced[:, basis]
+        if abs(np.linalg.det(square / size)) < BASIS_TOLERANCE:
+            continue
+        duties = np.zeros((torque.shape[1], command_map.shape[1]))
+        duties[basis] = np.linalg.solve(square, wanted)
+        possible.append(duties)
+        dual = np.linalg.solve(square.T, price[basis])
+        if np.all(dual @ reduced <= price * (1 + BASIS_TOLERANCE) + BASIS_TOLERANCE):
+            optimal.append(duties)
+    _require_all_ways(possible, size, rows, command_map)
+    return np.stack(_optimal_somewhere(optimal))
+
+
+def _independent_rows(torque: np.ndarray) -> np.ndarray:
+    """An orthonormal basis, as rows, of the space that the torques span."""
+    left, sizes, _ = np.linalg.svd(torque)
+    return left[:, : int(np.sum(sizes > BASIS_TOLERANCE * sizes[0]))].T
+
+
+def _require_all_ways(
+    possible: list[np.ndarray], size: float, rows: np.ndarray, command_map: np.ndarray
+) -> None:
+    """Raise `ValueError` unless both ways along each commanded axis are combinations of columns.
+
+    What thrusters that push can make is a convex cone, and whatever is in it is a combination of
+    as many of them as a basis has (Carathéodory).
+    """
+    for number, axis in enumerate(command_map.T):
+        inside = np.allclose(rows.T @ (rows @ axis), axis, rtol=0, atol=BASIS_TOLERANCE)
+        for sign in (1.0, -1.0):
+            made = (np.min(sign * duties[:, number]) * size for duties in possible)
+            if inside and any(least >= -BASIS_TOLERANCE for least in made):
+                continue
+            missing = (sign * axis / np.sqrt(axis @ axis) + 0.0).round(3).tolist()
+            raise ValueError(
+                "The thrusters left must make torques of either sign about the commanded axes, "
+                f"but none of their combinations makes a torque along {missing}."
+            )
+
+
+def _optimal_somewhere(found: list[np.ndarray]) -> list[np.ndarray]:
+    """The duties that have no negative entry for some range of commands, each once."""
+    kept: list[np.ndarray] = []
+    for duties in found:
+        rows = duties[np.any(np.abs(duties) > BASIS_TOLERANCE * np.abs(duties).max(), axis=1)]
+        if not _has_interior(rows):
+            continue
+        if not any(np.allclose(duties, other, rtol=1e-9, atol=0) for other in kept):
+            kept.append(duties)
+    return kept
+
+
+def _has_interior(rows: np.ndarray) -> bool:
+    """Whether rows @ u > 0 for some u, for independent rows or vectors u of two entries."""
+    if rows.shape[0] <= rows.shape[1]:
+        return True
+    normals = np.arctan2(rows[:, 1], rows[:, 0])
+    bounds = np.sort(np.concatenate([normals - np.pi / 2, normals + np.pi / 2]) % (2 * np.pi))
+    middle = (bounds + np.append(bounds[1:], bounds[0] + 2 * np.pi)) / 2
+    sides = np.cos(middle[:, None] - normals[None, :])
+    return bool(np.any(np.all(sides > BASIS_TOLERANCE, axis=1)))
+
+
+def largest_torque(duties: Float[np.ndarray, "bases m torques"]) -> float:
+    """The torque (N m) that can be made about each commanded axis, either way, at full duty."""
+    torques = duties.shape[2]
+    wanted = np.concatenate([np.eye(torques), -np.eye(torques)])
+    candidates = np.einsum("bmt,wt->wbm", duties, wanted)
+    best = np.argmax(np.min(candidates, axis=2), axis=1)
+    return float(1 / np.max(candidates[np.arange(len(wanted)), best]))

@@ -26,6 +26,10 @@ class PlantState(eqx.Module):
         converter=as_optional_float, default=None
     )
 
+    def normalised(self) -> "PlantState":
+        """The same with attitude parameters that obey their constraint to rounding."""
+        return dataclasses.replace(self, attitude=self.attitude.normalised())
+
 
 class RigidBody(eqx.Module):
     """A rigid body in a circular orbit under a torque and a disturbance.

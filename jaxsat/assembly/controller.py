@@ -4,6 +4,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from jaxsat.assembly.actuators import torque_limit
 from jaxsat.assembly.errors import BuildError
 from jaxsat.assembly.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.assembly.plugin_trial import broken
@@ -38,7 +39,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
     disturbance = scenario.disturbance
     context = LawContext(
         _model(scenario, table, getattr(control, "measured_disturbance", ())),
-        scenario.spacecraft.torque_limit_N_m,
+        torque_limit(scenario),
         disturbance.amplitude_N_m,
         disturbance.frequency_rad_s,
     )

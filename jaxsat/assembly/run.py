@@ -2,19 +2,18 @@
 
 import dataclasses
 import enum
-import math
 from dataclasses import dataclass
 from typing import Any, cast
 
 import diffrax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.assembly.actuators import build_actuators, ideal_thrusters
 from jaxsat.assembly.controller import build_controller
 from jaxsat.assembly.errors import BuildError, at_key, made_of_numbers
 from jaxsat.assembly.plant import build_plant
-from jaxsat.assembly.plugin_trial import made_part, require_events, require_runs, require_torque
+from jaxsat.assembly.plugin_trial import require_runs
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_array, as_float
 from jaxsat.control import (
@@ -32,7 +31,6 @@ from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law, is_plugin
-from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable
 from jaxsat.simulation import (
@@ -48,7 +46,7 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import MIN_STEP
-from jaxsat.vehicle import AbstractActuators, ActuatorContext, Actuators, Sensors, Thrusters
+from jaxsat.vehicle import AbstractActuators, Sensors
 
 SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
     "euler": diffrax.Euler,
@@ -61,6 +59,8 @@ SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
     "dopri8": diffrax.Dopri8,
 }
 DEFAULT_SUBSTEPS = 4
+PULSED_SUBSTEPS = 1
+"""Of each time between two instants at which a valve moves."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
     Raises `BuildError` as `build` does.
     """
     with at_key("spacecraft"):
-        loop = ContinuousLoop(build_plant(scenario), Coast(), _thrusters(scenario, torques=0))
+        loop = ContinuousLoop(build_plant(scenario), Coast(), ideal_thrusters(scenario, torques=0))
     simulation = scenario.simulation.model_copy(update={"attitude": "quaternion"})
     with at_key("initial"):
         start = build_start(scenario.model_copy(update={"simulation": simulation}))
@@ -131,39 +131,13 @@ def _closed(
     controller: AbstractController | AbstractSampledController,
 ) -> AbstractLoop:
     if isinstance(controller, AbstractSampledController):
-        substeps = scenario.simulation.solver.substeps or DEFAULT_SUBSTEPS
+        default = PULSED_SUBSTEPS if scenario.thruster else DEFAULT_SUBSTEPS
+        substeps = scenario.simulation.solver.substeps or default
         sensors, delay = build_sampling(scenario)
         return SampledLoop(plant, controller, build_actuators(scenario), substeps, sensors, delay)
     if uses_error_coordinates(flattened(scenario)):
         return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
-    return ContinuousLoop(plant, controller, build_actuators(scenario))
-
-
-def build_actuators(scenario: Scenario) -> AbstractActuators:
-    """The thrusters left, and how they share the torque that the law commands.
-
-    Or what the scenario has in place of thrusters that make that torque exactly.
-    """
-    torques = find_law(scenario.control.law).declaration.torques
-    ideal, table = _thrusters(scenario, torques), scenario.actuators
-    if table is None:
-        return ideal
-    part, location = find_part(ACTUATORS, table.kind), ("actuators", "kind")
-    made = made_part(part, location, table, ActuatorContext(ideal, torques))
-    require_torque(part, location, made, jnp.zeros(torques or 2))
-    require_events(part, location, made, jnp.zeros(torques or 2))
-    return made
-
-
-def _thrusters(scenario: Scenario, torques: int) -> Actuators:
-    """The thrusters left; any will do where no torque is commanded."""
-    table = scenario.spacecraft
-    axes = np.array(table.thruster_torque_axes, dtype=float).T
-    thrusters = Thrusters(axes).without(table.failed_thrusters)
-    limit = math.inf if table.torque_limit_N_m is None else table.torque_limit_N_m
-    if not torques:
-        return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
-    return Actuators.of(thrusters, limit, torques)
+    return ContinuousLoop(plant, controller, cast(AbstractActuators, build_actuators(scenario)))
 
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:

@@ -73,6 +73,11 @@ def bound(
     if out is not None:
         _refuse_existing(out, overwrite)
     chosen = load_or_explain(scenario, overrides, "motion")
+    if chosen.thruster:
+        raise UserMistake(
+            "thruster: must be left out for a bound, which knows thrusters that make a torque of "
+            f"either sign, got {len(chosen.thruster)}"
+        )
     if chosen.spacecraft.torque_limit_N_m is None:
         raise UserMistake(
             "spacecraft.torque_limit_N_m: must be given in N m, as thrusters without a limit need "

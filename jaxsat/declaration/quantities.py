@@ -59,6 +59,18 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
             DispersibleQuantity(
                 "attitude_noise", "standard deviation of the attitude sensors", "rad"
             ),
+            DispersibleQuantity("failure_time", "when each [[failure]] strikes", "s"),
+            DispersibleQuantity(
+                "failed_thruster",
+                "number from 0, rounded, of the thruster that each [[failure]] strikes; "
+                "a two-sided one counts as two",
+            ),
+            DispersibleQuantity(
+                "failure_kind",
+                "kind of each [[failure]], rounded: 0 dead, 1 degraded, 2 stuck on, 3 stuck at, "
+                "4 leaking, 5 delayed, 6 intermittent",
+            ),
+            DispersibleQuantity("failure_amount", "fraction (or delay, s) of each [[failure]]"),
             DispersibleQuantity("delay", "time that the controller takes to compute", "s"),
             DispersibleQuantity(
                 "attitude",

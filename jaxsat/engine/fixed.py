@@ -123,7 +123,7 @@ class SampledStepper(AbstractStepper):
 
         def integrate(t, hold, plant, carry):
             integrals, settled = carry
-            rate, both = held_rate(program, loop, hold.torque), (plant, integrals)
+            rate, both = held_rate(program, loop, hold, t), (plant, integrals)
             (plant, integrals), settled = _equal_steps(
                 tableau, rate, t, hold.length, loop.substeps, (both, settled), judged
             )
@@ -145,7 +145,7 @@ class SampledStepper(AbstractStepper):
 
     def signals(self, program, case, progress, number):
         """Those of the sample."""
-        return _sampled_loop(case).sample(number, number * program.interval, progress.state)[2]
+        return _sampled_loop(case).signals(number, number * program.interval, progress.state)
 
 
 def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper:

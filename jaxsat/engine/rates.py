@@ -12,6 +12,7 @@ from jaxsat.simulation import (
     Motion,
     SampledLoop,
 )
+from jaxsat.vehicle import Hold
 
 
 def continuous_loop(case: Case) -> AbstractContinuousLoop:
@@ -44,14 +45,15 @@ def running_cost(cost: RunningCost, motion: Motion) -> Float[Array, ""]:
     return cost(wz.w, wz.z, motion.relative_rate, motion.torque)
 
 
-def held_rate(program: Program, loop: SampledLoop, torque: Float[Array, "3"]):
-    """Right-hand side for the plant under a held torque, together with the integrals."""
+def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Array, ""]):
+    """Right-hand side for the plant and its integrals in a hold that begins at `begin` (s)."""
 
     def rate(t, both):
         state, _ = both
+        torque = loop.torque(state, hold, t - begin)
         wz = state.attitude.as_wz()
         cost = program.cost(wz.w, wz.z, loop.plant.relative_rate(state), torque)
         effort = jnp.sum(jnp.abs(torque))
-        return loop.plant_rate(t, state, torque), Integrals(cost, effort)
+        return loop.plant_rate(t, state, hold, t - begin), Integrals(cost, effort)
 
     return rate

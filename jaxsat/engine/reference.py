@@ -176,7 +176,7 @@ def _sampled(program: Program, case: Case, solver, adjoint):
 def _over_hold(program, loop, solver, adjoint, begin, hold, plant, carry):
     """Equal steps, counted out by a time of their own so that a hold of no length is none."""
     integrals, settled = carry
-    rate = held_rate(program, loop, hold.torque)
+    rate = held_rate(program, loop, hold, begin)
     step = hold.length / loop.substeps
 
     def scaled(number, both, args):

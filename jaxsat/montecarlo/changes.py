@@ -19,7 +19,7 @@ from jaxsat.environment import (
     SumOfDisturbances,
 )
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.vehicle import Actuators, Spacecraft
+from jaxsat.vehicle import Actuators, FailureEvents, Spacecraft, ThrusterSet
 from jaxsat.vehicle.sensors import turned_slightly
 
 
@@ -92,33 +92,68 @@ def set_products(perturbed: PerturbedLoop, share: Values) -> PerturbedLoop:
 
 
 def set_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
-    """Torque axes turned; the thrust map stays the nominal one."""
+    """Torque axes turned; how the command is shared stays the nominal one."""
 
-    def turned(thrusters: Actuators) -> Actuators:
-        count = thrusters.torque_axes.shape[1]
-        return thrusters.misaligned(angles.reshape(count, 2), jnp.zeros(count, angles.dtype))
+    def turned(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
+        pairs = angles.reshape(thruster_count(thrusters), 2)
+        if isinstance(thrusters, ThrusterSet):
+            return thrusters.misaligned(pairs)
+        return thrusters.misaligned(pairs, jnp.zeros(len(pairs), angles.dtype))
 
     return _with_thrusters_changed(perturbed, turned)
 
 
 def set_torque_gain(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """Torque axes lengthened by relative changes."""
+    """Torques made larger by relative changes."""
 
-    def stronger(thrusters: Actuators) -> Actuators:
+    def stronger(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
+        if isinstance(thrusters, ThrusterSet):
+            return thrusters.stronger(change)
         axes = thrusters.torque_axes * (1 + change)[None, :]
         return eqx.tree_at(lambda one: one.torque_axes, thrusters, axes)
 
     return _with_thrusters_changed(perturbed, stronger)
 
 
-def _with_thrusters_changed(
-    perturbed: PerturbedLoop, change: Callable[[Actuators], Actuators]
-) -> PerturbedLoop:
-    def changed(part):
-        return change(part) if isinstance(part, Actuators) else part
+def thrusters_of(loop: AbstractLoop) -> list[Actuators | ThrusterSet]:
+    """All that the loop has of thrusters."""
+    actuators = with_thrusters(loop).actuators
+    return [*parts_of(Actuators, actuators), *parts_of(ThrusterSet, actuators)]
 
-    actuators = _map(changed, Actuators, with_thrusters(perturbed.loop).actuators)
+
+def thruster_count(thrusters: Actuators | ThrusterSet) -> int:
+    """How many thrusters there are; a two-sided one that pushes either way counts as two."""
+    if isinstance(thrusters, ThrusterSet):
+        return thrusters.count
+    return thrusters.torque_axes.shape[1]
+
+
+def _with_thrusters_changed(
+    perturbed: PerturbedLoop,
+    change: Callable[[Actuators | ThrusterSet], Actuators | ThrusterSet],
+) -> PerturbedLoop:
+    kinds = (Actuators, ThrusterSet)
+
+    def changed(part):
+        return change(part) if isinstance(part, kinds) else part
+
+    actuators = _map(changed, kinds, with_thrusters(perturbed.loop).actuators)
     return _in_loop(perturbed, lambda loop: loop.actuators, actuators)
+
+
+def failures_of(loop: AbstractLoop) -> FailureEvents:
+    """The failures in flight of a loop that has some."""
+    (events,) = parts_of(FailureEvents, with_thrusters(loop).actuators)
+    return events
+
+
+def set_failure(field: str):
+    """Other numbers in one field of all failures."""
+
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        return _in_loop(perturbed, lambda loop: getattr(failures_of(loop), field), values)
+
+    return apply
 
 
 def set_periodic(field: str, new: Callable[[Array, Values], Array]):

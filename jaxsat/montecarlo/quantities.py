@@ -8,10 +8,18 @@ from jaxsat.attitude import WZ
 from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.environment import AbstractOrbit, PeriodicTorque
 from jaxsat.montecarlo import changes, limits
-from jaxsat.montecarlo.changes import PerturbedLoop, Values, controller_of, parts_of, with_thrusters
+from jaxsat.montecarlo.changes import (
+    PerturbedLoop,
+    Values,
+    controller_of,
+    failures_of,
+    parts_of,
+    thruster_count,
+    thrusters_of,
+)
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.vehicle import Actuators, Sensors, Spacecraft
+from jaxsat.vehicle import FailureEvents, FailureKind, Sensors, Spacecraft
 
 
 class Quantity(NamedTuple):
@@ -74,17 +82,32 @@ def _fixed(size: int) -> Callable[[AbstractLoop], int]:
 
 def _needs_thrusters(loop: AbstractLoop) -> str | None:
     obstacle = _needs_torque_level(loop)
-    if obstacle is None and len(parts_of(Actuators, with_thrusters(loop).actuators)) != 1:
+    if obstacle is None and len(thrusters_of(loop)) != 1:
         return "the actuators are no thrusters"
     return obstacle
 
 
 def _thrusters(each: int) -> Callable[[AbstractLoop], int]:
     def size(loop: AbstractLoop) -> int:
-        (thrusters,) = parts_of(Actuators, with_thrusters(loop).actuators)
-        return each * thrusters.torque_axes.shape[1]
+        (thrusters,) = thrusters_of(loop)
+        return each * thruster_count(thrusters)
 
     return size
+
+
+def _needs_failures(loop: AbstractLoop) -> str | None:
+    if not isinstance(loop, SampledLoop) or not parts_of(FailureEvents, loop.actuators):
+        return "the scenario has no failure in flight"
+    return None
+
+
+def _failures(loop: AbstractLoop) -> int:
+    return failures_of(loop).count
+
+
+def _of_failed_thrusters(loop: AbstractLoop) -> limits.Limits:
+    (thrusters,) = thrusters_of(loop)
+    return limits.between(Range(-0.5, thruster_count(thrusters) - 0.5))(loop)
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -159,6 +182,30 @@ QUANTITIES: dict[str, Quantity] = {
         changes.set_sensor("attitude_noise"),
         _needs_sensors,
         limits.between(ranges.ATTITUDE_NOISE),
+    ),
+    "failure_time": Quantity(
+        _failures,
+        changes.set_failure("at"),
+        _needs_failures,
+        limits.between(Range(0.0, ranges.SECONDS.high)),
+    ),
+    "failed_thruster": Quantity(
+        _failures,
+        changes.set_failure("thruster"),
+        _needs_failures,
+        _of_failed_thrusters,
+    ),
+    "failure_kind": Quantity(
+        _failures,
+        changes.set_failure("kind"),
+        _needs_failures,
+        limits.between(Range(-0.5, FailureKind.INTERMITTENT + 0.5)),
+    ),
+    "failure_amount": Quantity(
+        _failures,
+        changes.set_failure("amount"),
+        _needs_failures,
+        limits.between(Range(0.0, 1.0)),
     ),
     "delay": Quantity(
         _fixed(1),

@@ -54,8 +54,14 @@ VARIABLES = {
     "constraint_torque": _Variable(
         (), "N m", "ideal torque about the third axis that holds the third rate"
     ),
+    "thrust_level": _Variable(
+        ("thruster",), "1", "mean thrust in parts of full thrust, from here to the next sample"
+    ),
+    "propellant": _Variable((), "kg", "propellant used until the next sample"),
+    "valve_openings": _Variable(("thruster",), "1", "how often each valve was opened"),
 }
-"""Signals, each over `time`; `constraint_torque` only where the third rate is held."""
+"""Signals, each over `time`: `constraint_torque` only where the third rate is held, those after it
+only of thrusters that push, of which a two-sided one counts as two."""
 
 TOTALS = {
     "settled_from": _Variable(
@@ -95,7 +101,10 @@ def trajectory_dataset(
     time = xr.Variable(
         "time", np.asarray(trajectory.times), {"units": "s", "long_name": "time since the start"}
     )
-    labels = {name: list(entries) for name, entries in COORDINATES.items()}
+    labels: dict[str, Any] = {name: list(entries) for name, entries in COORDINATES.items()}
+    level = trajectory.signals.thrust_level
+    if level is not None:
+        labels["thruster"] = np.arange(1, level.shape[1] + 1)
     return xr.Dataset(
         variables,
         coords={"time": time, **labels},

@@ -30,6 +30,8 @@ millionth of what it is a multiple of."""
 
 @rule("spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")
 def _failed_thrusters_exist(axes, failed):
+    if axes is None:
+        return
     for position, number in enumerate(failed):
         location = ("spacecraft", "failed_thrusters", position)
         if number > len(axes):
@@ -41,7 +43,7 @@ def _failed_thrusters_exist(axes, failed):
 @rule("control.law", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")
 def _law_has_its_torques(law, axes, failed):
     torques = find_law(law).declaration.torques
-    if not torques or any(number > len(axes) for number in failed):
+    if axes is None or not torques or any(number > len(axes) for number in failed):
         return
     try:
         allocation_matrix(working_axes(axes, failed), torques)
@@ -177,9 +179,9 @@ def _error_coordinates_hold(values):
         )
 
 
-@rule("control.law", "spacecraft.torque_limit_N_m")
-def _gains_need_a_limit(law, limit):
-    if find_law(law).declaration.needs_torque_limit and limit is None:
+@rule("control.law", "spacecraft.torque_limit_N_m", "thruster")
+def _gains_need_a_limit(law, limit, thrusters):
+    if find_law(law).declaration.needs_torque_limit and limit is None and not thrusters:
         yield at(
             "spacecraft.torque_limit_N_m",
             f'must be given in N m under the law "{law}", whose gains depend on it, got nothing',

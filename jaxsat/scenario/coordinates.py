@@ -39,6 +39,8 @@ def error_coordinate_obstacle(values: Values) -> str | None:
         return "the torque is limited"
     if "actuators.kind" in values:
         return "the actuators are not jaxsat's own"
+    if values["spacecraft.thruster_torque_axes"] is None:
+        return "the thrusters push"
     inertia = inertia_matrix(values["spacecraft.inertia_kg_m2"])
     if np.any(inertia != np.diag(np.diag(inertia))):
         return "the body axes are not principal axes"

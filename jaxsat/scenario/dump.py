@@ -16,7 +16,8 @@ _OTHER_LAW = {
 
 def dump(scenario: Scenario) -> str:
     """The scenario as a TOML file, defaults written out, that loads to an equal scenario."""
-    return toml_document(scenario.model_dump())
+    tables = scenario.model_dump()
+    return toml_document({name: table for name, table in tables.items() if table != ()})
 
 
 def json_schema() -> dict[str, Any]:

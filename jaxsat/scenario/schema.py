@@ -1,8 +1,9 @@
 """The scenario: everything one run needs, validated once, with units in the names of its keys."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Annotated, Any
 
+from annotated_types import Len
 from pydantic import (
     BaseModel,
     ValidationError,
@@ -13,6 +14,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
+from jaxsat.scenario import thruster_checks as _thruster_checks  # noqa: F401
 from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401
 from jaxsat.scenario.control_tables import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
@@ -26,6 +28,7 @@ from jaxsat.scenario.tables import (
     SimulationTable,
     SpacecraftTable,
 )
+from jaxsat.scenario.thruster_tables import FailureTable, ModulationTable, ThrusterTable
 from jaxsat.scenario.tuning_tables import TuningTable
 from jaxsat.scenario.wording import issue_of, item_kind, table_at, validated
 
@@ -44,6 +47,13 @@ class Scenario(Table):
     orbit: OrbitTable = choice("The circular orbit")
     disturbance: DisturbanceTable = choice("Disturbance torques", DisturbanceTable())
     actuators: ActuatorsOfAKind | None = choice("Actuators that do not come with jaxsat", None)
+    thruster: Annotated[tuple[ThrusterTable, ...], Len(0, 1000)] = choice(
+        "Thrusters that push, in place of those that make a torque of either sign", ()
+    )
+    modulation: ModulationTable | None = choice("How [[thruster]] are pulsed", None)
+    failure: Annotated[tuple[FailureTable, ...], Len(0, 100)] = choice(
+        "What fails in flight, without the law being told", ()
+    )
     initial: InitialTable = choice("The state at the start")
     control: ControlTable = choice("The control law")
     simulation: SimulationTable = choice("How to integrate and what to save")

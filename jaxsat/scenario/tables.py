@@ -52,16 +52,20 @@ class SpacecraftTable(Table):
         "definite matrix",
         "kg m²",
     )
-    thruster_torque_axes: TorqueAxes = quantity(
+    thruster_torque_axes: TorqueAxes | None = quantity(
         "One row a thruster: direction cosines of its torque in body axes, (3) of the paper; "
-        "each thruster makes a torque of either sign",
+        "each thruster makes a torque of either sign. Tables [[thruster]] have real ones",
         "1",
+        None,
     )
     failed_thrusters: Annotated[tuple[Annotated[Whole, Ge(1), Le(1000)], ...], Len(0, 1000)] = (
         quantity("Numbers, from 1, of the thrusters that have failed", "1", ())
     )
     torque_limit_N_m: Annotated[Number, within(TORQUE_LIMIT)] | None = quantity(
-        "Largest torque of each thruster; left out, it is unlimited", "N m", None
+        "Largest torque of each thruster; left out, it is unlimited. Of [[thruster]], what the law "
+        "asks for about each axis; left out, what they can make",
+        "N m",
+        None,
     )
     third_rate: Literal["free", "held"] = choice(
         'Whether ω3 moves as (37) has it ("free") or an ideal torque holds it at zero ("held")',

@@ -37,7 +37,11 @@ def toml_key(key: str) -> str:
 
 def toml_document(tables: Mapping[str, Any], prefix: tuple[str, ...] = ()) -> str:
     """Nested tables as a document; keys whose value is None and empty tables are left out."""
-    plain = {k: v for k, v in tables.items() if v is not None and not isinstance(v, Mapping)}
+    plain = {
+        k: v
+        for k, v in tables.items()
+        if v is not None and not isinstance(v, Mapping) and not _is_array_of_tables(v)
+    }
     lines = [f"{toml_key(key)} = {_long(value)}" for key, value in plain.items()]
     if prefix and lines:
         lines.insert(0, f"[{'.'.join(map(toml_key, prefix))}]")
@@ -46,7 +50,23 @@ def toml_document(tables: Mapping[str, Any], prefix: tuple[str, ...] = ()) -> st
         if isinstance(value, Mapping):
             block = toml_document(value, (*prefix, key))
             blocks += [block] if block else []
+        elif _is_array_of_tables(value):
+            header = f"[[{'.'.join(map(toml_key, (*prefix, key)))}]]\n"
+            blocks += [header + toml_document(entry) for entry in value]
     return "\n".join(blocks)
+
+
+def _is_array_of_tables(value: Any) -> bool:
+    """Whether a list holds tables alone, and these no tables in turn: then each has a header."""
+    if not isinstance(value, list | tuple) or not value:
+        return False
+    return all(isinstance(entry, Mapping) and _is_flat(entry) for entry in value)
+
+
+def _is_flat(table: Mapping[str, Any]) -> bool:
+    lists = (one for one in table.values() if isinstance(one, list | tuple))
+    inside = [entry for one in lists for entry in one]
+    return not any(isinstance(entry, Mapping) for entry in [*table.values(), *inside])
 
 
 def _long(value: Any) -> str:

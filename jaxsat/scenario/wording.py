@@ -44,11 +44,13 @@ def table_at(root: type[BaseModel], data: Any, location: Location) -> type[BaseM
     for part in location:
         if get_origin(kind) is dict:
             kind = item_kind(kind)
+        elif isinstance(part, int) and get_origin(kind) is tuple:
+            kind = get_args(kind)[0]
         else:
             table = _table_class(kind, data)
             field = table.model_fields.get(part) if table and isinstance(part, str) else None
             kind = field.annotation if field else None
-        data = data.get(part) if isinstance(data, Mapping) else None
+        data = _entry(data, part)[1]
     return _table_class(kind, data)
 
 

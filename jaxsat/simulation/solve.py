@@ -221,23 +221,24 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances
 
 
 def _over_hold(loop, solver, t, state, hold, record, tolerances):
-    """The plant's state and the record at the end of a hold."""
-    term = diffrax.ODETerm(loop.plant_rate)
+    """The plant's state and the record at the end of a hold that begins at time `t` (s)."""
+    term = diffrax.ODETerm(lambda now, state, hold: loop.plant_rate(now, state, hold, now - t))
     step = hold.length / loop.substeps
-    solver_state = solver.init(term, t, t + step, state, hold.torque)
+    solver_state = solver.init(term, t, t + step, state, hold)
 
     def substep(number, carry):
         current, inner, record = carry
         begin = t + number * step
         after, _, _, inner, _ = solver.step(
-            term, begin, begin + step, current, hold.torque, inner, made_jump=False
+            term, begin, begin + step, current, hold, inner, made_jump=False
         )
-        plant, torque, before, now, length = stop_gradient(
-            (loop.plant, hold.torque, current, after, step)
+        same, held, before, now, length, gone = stop_gradient(
+            (loop, hold, current, after, step, number * step)
         )
-        rate = effort_rate(plant, begin, before, torque)
-        rate = rate + effort_rate(plant, begin + length, now, torque)
-        record = record.at(begin + length, Observation.of(plant, now), tolerances)
+        rate = effort_rate(same.plant, begin, before, same.torque(before, held, gone))
+        torque = same.torque(now, held, gone + length)
+        rate = rate + effort_rate(same.plant, begin + length, now, torque)
+        record = record.at(begin + length, Observation.of(same.plant, now), tolerances)
         return after, inner, record._replace(integral=record.integral + length / 2 * rate)
 
     after, _, record = jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state, record))

@@ -39,8 +39,10 @@ class Signals(eqx.Module):
     axis that holds the third rate, None where that is free, `rate_error` is η of the active law,
     `mode` tells which part of a sampled controller is at work, by its own numbers (zero for
     continuous ones). `wheel_momentum` is that of each wheel relative to the body and `wheel_torque`
-    what it does to the body along its axis, None without wheels. With a leading axis it is a
-    history.
+    what it does to the body along its axis, None without wheels. Of thrusters that push, `torque`
+    is the mean over the period that begins here, as is `thrust_level`, that of each thruster in
+    parts of its full thrust; `propellant` (kg) and `valve_openings` have been used so far. They are
+    None for other actuators. With a leading axis it is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -56,6 +58,9 @@ class Signals(eqx.Module):
     constraint_torque: Float[Array, "*times"] | None = None
     wheel_momentum: Float[Array, "*times wheels"] | None = None
     wheel_torque: Float[Array, "*times wheels"] | None = None
+    thrust_level: Float[Array, "*times m"] | None = None
+    propellant: Float[Array, "*times"] | None = None
+    valve_openings: Float[Array, "*times m"] | None = None
 
 
 class Trajectory(eqx.Module):

@@ -6,27 +6,59 @@ from jaxsat.vehicle.actuators import (
     ActuatorContext,
     Actuators,
 )
+from jaxsat.vehicle.allocation import LeastPropellant
+from jaxsat.vehicle.failures import FailureEvents, FailureKind
+from jaxsat.vehicle.modulation import (
+    AbstractModulation,
+    DeltaSigma,
+    IdealThrottle,
+    Pulses,
+    PulseWidth,
+    PulseWidthPulseFrequency,
+)
+from jaxsat.vehicle.pulsed_actuators import (
+    AbstractPulsedActuators,
+    Hold,
+    PulsedThrusters,
+    Usage,
+)
 from jaxsat.vehicle.sensors import DrawnSensors, Sensors
 from jaxsat.vehicle.spacecraft import Spacecraft
+from jaxsat.vehicle.thruster_set import ThrusterSet
 from jaxsat.vehicle.thrusters import (
     Thrusters,
     allocation,
     one_thruster_coupling,
     two_thruster_coupling,
 )
-from jaxsat.vehicle.wheel_actuators import ActuatorsWithWheels
+from jaxsat.vehicle.wheel_actuators import ActuatorsWithWheels, PulsedActuatorsWithWheels
 from jaxsat.vehicle.wheels import WheelPiece, Wheels
 
 __all__ = [
     "AbstractActuators",
+    "AbstractModulation",
+    "AbstractPulsedActuators",
     "AbstractSmoothActuators",
     "ActuatorContext",
     "Actuators",
     "ActuatorsWithWheels",
+    "DeltaSigma",
     "DrawnSensors",
+    "FailureEvents",
+    "FailureKind",
+    "Hold",
+    "IdealThrottle",
+    "LeastPropellant",
+    "PulseWidth",
+    "PulseWidthPulseFrequency",
+    "PulsedActuatorsWithWheels",
+    "PulsedThrusters",
+    "Pulses",
     "Sensors",
     "Spacecraft",
+    "ThrusterSet",
     "Thrusters",
+    "Usage",
     "WheelPiece",
     "Wheels",
     "allocation",

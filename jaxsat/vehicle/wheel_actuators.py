@@ -5,11 +5,13 @@ import dataclasses
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
 from jaxsat.allocation import least_squares_map, unit_columns, what_is_left
 from jaxsat.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.vehicle.actuators import AbstractActuators
+from jaxsat.vehicle.pulsed_actuators import AbstractPulsedActuators
+
 
 class ActuatorsWithWheels(AbstractActuators):
     """Wheels that make as much of a commanded torque as they can, and thrusters for the rest.
@@ -111,3 +113,40 @@ class ActuatorsWithWheels(AbstractActuators):
         return (
             made if self.wheel_limit is None else dataclasses.replace(made, limiting=signs[:count])
         )
+
+
+class PulsedActuatorsWithWheels(AbstractPulsedActuators):
+    """`wheels` that make as much of a commanded torque as they can, and pulses for the `rest`.
+
+    The wheels have no thrusters of their own; `rest` (torques, torques) is the part of the command
+    that is left to the `thrusters`.
+    """
+
+    wheels: ActuatorsWithWheels
+    thrusters: AbstractPulsedActuators
+    rest: Float[Array, "torques torques"] = eqx.field(converter=as_float)
+
+    @property
+    def holds(self) -> int:
+        """Those of the thrusters."""
+        return self.thrusters.holds
+
+    def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:
+        """The torque that each wheel is to put on the body, N m."""
+        return self.wheels.wheel_command(command)
+
+    def init(self) -> PyTree:
+        """The thrusters' memory."""
+        return self.thrusters.init()
+
+    def plan(self, t, command, memory, period, delay):
+        """The thrusters' plan of what the wheels leave."""
+        return self.thrusters.plan(t, self.rest @ command, memory, period, delay)
+
+    def advance(self, plan, running):
+        """As the thrusters do."""
+        return self.thrusters.advance(plan, running)
+
+    def finish(self, plan, running):
+        """As the thrusters do."""
+        return self.thrusters.finish(plan, running)

@@ -1,0 +1,217 @@
+"""From a scenario to its actuators."""
+
+import math
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsat.allocation import largest_torque, least_propellant, plane_map, unit_columns
+from jaxsat.assembly.plugin_trial import made_part, require_events, require_torque
+from jaxsat.checks import as_float
+from jaxsat.declaration.sensors import DELAY
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.plugins import ACTUATORS, find_part
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.thruster_tables import (
+    FAILURE_AMOUNTS,
+    FailureTable,
+    ModulationTable,
+    ThrusterTable,
+    signs,
+    thruster_number,
+    working_torques,
+)
+from jaxsat.vehicle import (
+    AbstractActuators,
+    AbstractModulation,
+    AbstractPulsedActuators,
+    ActuatorContext,
+    Actuators,
+    DeltaSigma,
+    FailureEvents,
+    FailureKind,
+    IdealThrottle,
+    LeastPropellant,
+    PulsedThrusters,
+    PulseWidth,
+    PulseWidthPulseFrequency,
+    Thrusters,
+    ThrusterSet,
+)
+from jaxsat.vehicle.thruster_set import STANDARD_GRAVITY
+
+NO_FLOW = 1e-3
+"""kg/s a N m, by which torque is shared where thrusters tell no specific impulse."""
+
+
+ONE_WAY = ("stuck-on", "stuck-at", "leaking")
+"""Failures that strike a two-sided thruster the way that it is declared."""
+
+
+def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedActuators:
+    """The thrusters left, and how they share the torque that the law commands.
+
+    Or what the scenario has in place of thrusters that make that torque exactly.
+    """
+    torques = find_law(scenario.control.law).declaration.torques
+    if scenario.thruster:
+        return _pulsed_thrusters(scenario, torques)
+    ideal, table = ideal_thrusters(scenario, torques), scenario.actuators
+    if table is None:
+        return ideal
+    part, location = find_part(ACTUATORS, table.kind), ("actuators", "kind")
+    made = made_part(part, location, table, ActuatorContext(ideal, torques))
+    require_torque(part, location, made, jnp.zeros(torques or 2))
+    require_events(part, location, made, jnp.zeros(torques or 2))
+    return made
+
+
+def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
+    """The thrusters left as makers of torques; any will do where no torque is commanded."""
+    table = scenario.spacecraft
+    limit = math.inf if table.torque_limit_N_m is None else table.torque_limit_N_m
+    if scenario.thruster:
+        axes = unit_columns(working_torques(scenario.thruster))
+        return Actuators(axes, jnp.zeros((axes.shape[1], torques or 2)), as_float(limit))
+    axes = np.array(table.thruster_torque_axes, dtype=float).T
+    thrusters = Thrusters(axes).without(table.failed_thrusters)
+    if not torques:
+        return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
+    return Actuators.of(thrusters, limit, torques)
+
+
+def torque_limit(scenario: Scenario) -> float | None:
+    """The largest torque (N m) that the law asks for about each axis; None for no limit."""
+    given, torques = (
+        scenario.spacecraft.torque_limit_N_m,
+        find_law(scenario.control.law).declaration.torques,
+    )
+    if given is not None or not scenario.thruster or not torques:
+        return given
+    return largest_torque(_duties(scenario.thruster, torques))
+
+
+def _pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
+    working = [one for one in scenario.thruster if not one.failed]
+    modulation = scenario.modulation or ModulationTable()
+    sampling = scenario.sampling and scenario.sampling.model_dump()
+    dispersed = getattr(scenario.dispersion, DELAY.name, None) is not None
+    delay = dispersed or bool(sampling and sampling[DELAY.name] > 0)
+    thrusters = _thruster_set(working)
+    drawn = getattr(scenario.dispersion, "failure_kind", None) is not None
+    late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
+    return PulsedThrusters(
+        thrusters,
+        LeastPropellant(_duties(scenario.thruster, torques or 3), _rank(scenario.thruster)),
+        _modulation(modulation, scenario),
+        _failures(scenario.failure, scenario.thruster),
+        late or thrusters.valve_delay is not None,
+    )
+
+
+def _thruster_set(working: list[ThrusterTable]) -> ThrusterSet:
+    sided = [(one, sign) for one in working for sign in signs(one)]
+
+    def each(name: str) -> np.ndarray:
+        return np.array([getattr(one, name) for one, _ in sided], float)
+
+    def unless_zero(*names: str) -> list[Any]:
+        values = [each(name) for name in names]
+        return values if any(value.any() for value in values) else [None] * len(names)
+
+    rise, fall = unless_zero("rise_time_s", "fall_time_s")
+    return ThrusterSet(
+        torque=np.array([sign * one.torque() for one, sign in sided]).T,
+        force=np.array([sign * one.force() for one, sign in sided]).T,
+        flow=np.array([_flow(one) for one, _ in sided]),
+        min_on_time=each("min_on_time_s"),
+        valve_delay=unless_zero("valve_delay_s")[0],
+        rise_time=rise,
+        fall_time=fall,
+    )
+
+
+def _flow(thruster: ThrusterTable) -> float:
+    """Propellant at full thrust, kg/s; none where it is not told."""
+    if thruster.specific_impulse_s is None or thruster.force_N is None:
+        return 0.0
+    return thruster.force_N / (thruster.specific_impulse_s * STANDARD_GRAVITY)
+
+
+def _duties(thrusters: tuple[ThrusterTable, ...], torques: int) -> np.ndarray:
+    torque = working_torques(thrusters)
+    flows = [_flow(one) for one in thrusters if not one.failed for _ in signs(one)]
+    cost = np.array(flows) if all(flows) else np.sqrt(np.sum(torque**2, axis=0))
+    return least_propellant(torque, cost, plane_map(torque, torques))
+
+
+def _rank(thrusters: tuple[ThrusterTable, ...]) -> int:
+    torque = working_torques(thrusters)
+    return int(np.linalg.matrix_rank(torque, tol=1e-9 * np.abs(torque).max()))
+
+
+def _modulation(table: ModulationTable, scenario: Scenario) -> AbstractModulation:
+    if table.kind == "pwpf":
+        period: Any = getattr(scenario.control, "period_s")  # noqa: B009
+        return PulseWidthPulseFrequency.of(
+            period, table.gain, table.time_constant_s, table.on_level, table.off_level
+        )
+    return {"pwm": PulseWidth, "delta-sigma": DeltaSigma, "ideal": IdealThrottle}[table.kind]()
+
+
+def _failures(
+    tables: tuple[FailureTable, ...], thrusters: tuple[ThrusterTable, ...]
+) -> FailureEvents | None:
+    """Events on working thrusters; those on one that has failed already change nothing."""
+    events = []
+    places = _places(thrusters)
+    nominal = working_torques(thrusters)
+    for table in tables:
+        number = thruster_number(table.of, thrusters)
+        assert number is not None
+        struck = places[number][:1] if table.kind in ONE_WAY else places[number]
+        for place in struck:
+            turned = nominal.copy()
+            if table.turn_rad is not None:
+                turned[:, place] = _turned(thrusters[number], nominal[:, place], table.turn_rad)
+            events.append((table, place, turned))
+    if not events:
+        return None
+    names = list(FAILURE_AMOUNTS)
+    return FailureEvents(
+        thruster=[place for _, place, _ in events],
+        at=[table.at_s for table, _, _ in events],
+        kind=[FailureKind(names.index(table.kind)) for table, _, _ in events],
+        amount=[table.delay_s or table.fraction or 0.0 for table, _, _ in events],
+        turned=np.stack([turned for _, _, turned in events]),
+    )
+
+
+def _places(thrusters: tuple[ThrusterTable, ...]) -> list[list[int]]:
+    """Columns of each thruster among those that work: none, one, or two of a two-sided one."""
+    places, column = [], 0
+    for one in thrusters:
+        count = 0 if one.failed else len(signs(one))
+        places.append(list(range(column, column + count)))
+        column += count
+    return places
+
+
+def _turned(thruster: ThrusterTable, torque: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
+    """The torque (N m) once the force, or the torque itself, is turned by a rotation vector."""
+    vector = np.array(rotation)
+    angle = float(np.linalg.norm(vector))
+    if angle == 0:
+        return torque
+    axis = vector / angle
+
+    def rotated(value: np.ndarray) -> np.ndarray:
+        along = axis * (axis @ value)
+        across = np.cross(axis, value)
+        return along + math.cos(angle) * (value - along) + math.sin(angle) * across
+
+    if thruster.position_m is None:
+        return rotated(torque)
+    way = math.copysign(1.0, float(torque @ thruster.torque()))
+    return np.cross(np.array(thruster.position_m), rotated(way * thruster.force()))

@@ -1,0 +1,161 @@
+"""Rules on `[[thruster]]`, `[modulation]` and `[[failure]]`."""
+
+import math
+
+import numpy as np
+
+from jaxsat.allocation import least_propellant, plane_map
+from jaxsat.declaration.laws import LAWS
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.rules import at, rule
+from jaxsat.scenario.thruster_tables import FAILURE_AMOUNTS, thruster_number, working_torques
+from jaxsat.scenario.wording import shown
+
+MAX_THRUSTERS = 24
+"""Of which the table of bases stays small."""
+
+NO_TORQUE = 1e-12
+"""N m; a force through the centre of mass makes less by rounding."""
+
+
+@rule("thruster", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")
+def _one_kind_of_thruster(thrusters, axes, failed):
+    if not thrusters:
+        if axes is None:
+            message = "must be given, or tables [[thruster]], got neither"
+            yield at("spacecraft.thruster_torque_axes", message, True)
+        return
+    for name, value in (("thruster_torque_axes", axes), ("failed_thrusters", failed or None)):
+        if value is not None:
+            message = f"must not be given beside [[thruster]], got {shown(value)}"
+            yield at(f"spacecraft.{name}", message)
+
+
+@rule("thruster")
+def _each_thruster_is_whole(thrusters):
+    if len(thrusters) > MAX_THRUSTERS:
+        yield at("thruster", f"must be at most {MAX_THRUSTERS} tables, got {len(thrusters)}")
+    by_force, by_torque = ("position_m", "direction", "force_N"), ("torque_axis", "torque_N_m")
+    for number, one in enumerate(thrusters):
+        given = {key for key in by_force + by_torque if getattr(one, key) is not None}
+        if given in (set(by_force), set(by_torque)):
+            if np.abs(one.torque()).max() <= NO_TORQUE:
+                message = "must have a force that does not point through the centre of mass"
+                yield Issue(("thruster", number, "direction"), f"{message}, got no torque")
+            continue
+        found = " and ".join(sorted(given)) or "none of them"
+        yield Issue(
+            ("thruster", number),
+            f"must have {', '.join(by_force)}, or {' and '.join(by_torque)}, got {found}",
+        )
+
+
+@rule("thruster")
+def _thrusters_have_names_of_their_own(thrusters):
+    names = [one.name or str(number) for number, one in enumerate(thrusters, 1)]
+    for number, name in enumerate(names):
+        if names.index(name) < number:
+            message = f"must be a name of its own, got {shown(name)} again"
+            yield Issue(("thruster", number, "name"), message)
+
+
+@rule("thruster", "control.law", "actuators")
+def _thrusters_need_a_sampled_law(thrusters, law, actuators):
+    if thrusters and not find_law(law).declaration.sampled:
+        allowed = [f'"{name}"' for name, one in LAWS.items() if one.declaration.sampled]
+        yield at(
+            "thruster",
+            f'must belong to a sampled law ({", ".join(allowed)}), got "{law}", whose torque '
+            "changes all the time (spacecraft.thruster_torque_axes has ideal torques)",
+        )
+    if thrusters and actuators is not None:
+        yield at("actuators", "must not be given beside [[thruster]]")
+
+
+def _whole(thrusters) -> bool:
+    return all((one.force_N is None) != (one.torque_N_m is None) for one in thrusters) and all(
+        None not in ((one.position_m, one.direction) if one.force_N else (one.torque_axis,))
+        for one in thrusters
+    )
+
+
+@rule("thruster", "control.law")
+def _thrusters_make_what_the_law_commands(thrusters, law):
+    torques = find_law(law).declaration.torques
+    if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
+        return
+    torque = working_torques(thrusters)
+    try:
+        if not torque.size:
+            raise ValueError("all have failed")
+        least_propellant(torque, np.ones(torque.shape[1]), plane_map(torque, torques))
+    except ValueError as error:
+        message = "must leave thrusters that the law can use, got those that cannot be used: "
+        yield at("thruster", message + str(error).rstrip("."))
+
+
+@rule("thruster", "control.period_s", "sampling")
+def _thrust_follows_within_a_period(thrusters, period, sampling):
+    delay = 0.0 if sampling is None else sampling.delay_s
+    for number, one in enumerate(thrusters):
+        for key in ("min_on_time_s", "rise_time_s", "fall_time_s"):
+            if getattr(one, key) > period:
+                message = f"must be at most control.period_s = {shown(period)}"
+                yield Issue(("thruster", number, key), f"{message}, got {getattr(one, key)}")
+        if one.valve_delay_s + delay > period:
+            message = f"must be at most control.period_s = {shown(period)} with sampling.delay_s"
+            found = f"{message} = {delay:g}, got {one.valve_delay_s:g}"
+            yield Issue(("thruster", number, "valve_delay_s"), found)
+
+
+@rule("thruster", "modulation")
+def _modulation_suits_the_valves(thrusters, modulation):
+    if modulation is not None and not thrusters:
+        yield at("modulation", "must belong to tables [[thruster]], got none")
+    if modulation is None:
+        return
+    for number, one in enumerate(thrusters):
+        place = ("thruster", number, "min_on_time_s")
+        if modulation.kind == "delta-sigma" and one.min_on_time_s == 0:
+            why = "as ΔΣ modulation gives out multiples of it"
+            yield Issue(place, f"must be above 0 {why}, got 0", (), True)
+    if modulation.kind != "pwpf":
+        return
+    gain, high, low = modulation.gain, modulation.on_level, modulation.off_level
+    if not low < high < gain:
+        message = f"must be above on_level and that above off_level, got {gain}, {high}, {low}"
+        yield at("modulation.gain", message)
+        return
+    shortest = modulation.time_constant_s * math.log((gain + high) / (gain + low))
+    for number, one in enumerate(thrusters):
+        if one.min_on_time_s > shortest:
+            message = f"must be at most the shortest pulse of the PWPF, {shortest:.4g} s"
+            yield Issue(
+                ("thruster", number, "min_on_time_s"), f"{message}, got {one.min_on_time_s}"
+            )
+
+
+@rule("failure", "thruster")
+def _failures_have_something_to_strike(failures, thrusters):
+    for number, one in enumerate(failures):
+        if thruster_number(one.of, thrusters) is None:
+            names = [f'"thruster {t.name or n}"' for n, t in enumerate(thrusters, 1)]
+            allowed = f"one of {', '.join(names[:6])}" if names else "a table [[thruster]]"
+            message = f"must name {allowed}, got {shown(one.of)}"
+            yield Issue(("failure", number, "of"), message)
+
+
+@rule("failure")
+def _failures_say_how_much(failures):
+    keys = ("fraction", "delay_s", "turn_rad")
+    for number, one in enumerate(failures):
+        needed = FAILURE_AMOUNTS[one.kind]
+        for key in keys:
+            value = getattr(one, key)
+            if key == needed and value is None:
+                message = f'must be given for a failure of kind "{one.kind}", got nothing'
+                yield Issue(("failure", number, key), message, (), True)
+            elif key != needed and value is not None:
+                message = f'must not be given for a failure of kind "{one.kind}"'
+                yield Issue(("failure", number, key), f"{message}, got {shown(value)}")

@@ -1,0 +1,171 @@
+"""`[[thruster]]`, `[modulation]`, `[[failure]]`: thrusters that push, and what breaks in flight."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Len
+from pydantic import AfterValidator
+
+from jaxsat.errors import ArgumentError
+from jaxsat.ranges import ROTATION, SECONDS, TORQUE_LIMIT, Range
+from jaxsat.scenario.quantities import (
+    Line,
+    Number,
+    Switch,
+    Table,
+    Vector3,
+    choice,
+    quantity,
+    within,
+)
+
+FORCE = Range(1e-9, 1e9)
+"""Of a thruster, N."""
+
+POSITION = Range(-1e3, 1e3)
+"""Of a thruster, m."""
+
+SPECIFIC_IMPULSE = Range(1.0, 1e5)
+"""s; cold gas has 60, an ion engine some thousands."""
+
+
+def _direction(value: tuple) -> tuple:
+    if not 1e-12 <= sum(entry * entry for entry in value) <= 1e12:
+        raise ArgumentError("value", "must be a direction", value)
+    return value
+
+
+Direction = Annotated[Vector3, AfterValidator(_direction)]
+Position3 = Annotated[tuple[Annotated[Number, within(POSITION)], ...], Len(3, 3)]
+Rotation3 = Annotated[tuple[Annotated[Number, within(ROTATION)], ...], Len(3, 3)]
+Time = Annotated[Number, Ge(0), Le(SECONDS.high)]
+
+
+class ThrusterTable(Table):
+    """`[[thruster]]`: one thruster, by its place and force or by its torque."""
+
+    name: Line | None = choice("A name of its own; left out, it goes by its number from 1", None)
+    position_m: Position3 | None = quantity(
+        "Where it sits, from the centre of mass, body axes", "m", None
+    )
+    direction: Direction | None = quantity(
+        "Direction of its force on the body, body axes", "1", None
+    )
+    force_N: Annotated[Number, within(FORCE)] | None = quantity("Full thrust", "N", None)
+    torque_axis: Direction | None = quantity(
+        "Direction of its torque, body axes, in place of position and direction", "1", None
+    )
+    torque_N_m: Annotated[Number, within(TORQUE_LIMIT)] | None = quantity(
+        "Torque at full thrust, in place of the force", "N m", None
+    )
+    two_sided: Switch = choice(
+        "Whether it is a pair that also pushes the other way, else it pushes one way only", False
+    )
+    min_on_time_s: Time = quantity("Shortest time that its valve is open", "s", 0.0)
+    valve_delay_s: Time = quantity("Time from a command to the valve", "s", 0.0)
+    rise_time_s: Time = quantity("Time from no thrust to full thrust, on a straight line", "s", 0.0)
+    fall_time_s: Time = quantity("Time from full thrust to none, on a straight line", "s", 0.0)
+    specific_impulse_s: Annotated[Number, within(SPECIFIC_IMPULSE)] | None = quantity(
+        "Specific impulse; left out, its propellant is not counted", "s", None
+    )
+    failed: Switch = choice("Whether it has failed before the start, and the law knows it", False)
+
+    def torque(self) -> np.ndarray:
+        """Torque on the body at full thrust, N m."""
+        if self.torque_axis is not None and self.torque_N_m is not None:
+            axis = np.array(self.torque_axis)
+            return axis / np.linalg.norm(axis) * self.torque_N_m
+        return np.cross(np.array(self.position_m), self.force())
+
+    def force(self) -> np.ndarray:
+        """Force on the body at full thrust, N; zero for a thruster given by its torque."""
+        if self.direction is None or self.force_N is None:
+            return np.zeros(3)
+        direction = np.array(self.direction)
+        return direction / np.linalg.norm(direction) * self.force_N
+
+
+class ModulationTable(Table):
+    """`[modulation]`: how commanded thrust becomes pulses."""
+
+    kind: Literal["pwm", "delta-sigma", "pwpf", "ideal"] = choice(
+        'Pulse width ("pwm"), whole minimum pulses whose remainder is kept ("delta-sigma"), pulse '
+        'width and frequency by a Schmitt trigger behind a lag ("pwpf"), or a throttle ("ideal")',
+        "pwm",
+    )
+    gain: Annotated[Number, Gt(0), Le(1e6)] = quantity("Gain of the lag of PWPF", "1", 4.5)
+    time_constant_s: Annotated[Number, within(SECONDS)] = quantity(
+        "Time constant of the lag of PWPF", "s", 0.15
+    )
+    on_level: Annotated[Number, Gt(0), Le(1e6)] = quantity(
+        "Output of the lag at which PWPF opens", "1", 0.45
+    )
+    off_level: Annotated[Number, Gt(0), Le(1e6)] = quantity(
+        "Output of the lag at which PWPF shuts", "1", 0.15
+    )
+
+
+FAILURE_AMOUNTS = {
+    "dead": None,
+    "degraded": "fraction",
+    "stuck-on": None,
+    "stuck-at": "fraction",
+    "leaking": "fraction",
+    "delayed": "delay_s",
+    "intermittent": "fraction",
+    "turned": "turn_rad",
+}
+"""The key that says how much, by kind of failure; in the order of `jaxsat.vehicle.FailureKind`."""
+
+FailureName = Literal[
+    "dead",
+    "degraded",
+    "stuck-on",
+    "stuck-at",
+    "leaking",
+    "delayed",
+    "intermittent",
+    "turned",
+]
+
+
+class FailureTable(Table):
+    """`[[failure]]`: what happens to one thruster in flight, of which the law is not told."""
+
+    of: Line = choice('What fails, such as "thruster 3" or "thruster" and its name')
+    at_s: Time = quantity("When it fails", "s")
+    kind: FailureName = choice(
+        '"dead" (no thrust), "degraded" (fraction of it left), "stuck-on", "stuck-at" (a fraction '
+        'of full thrust), "leaking" (never less than a fraction), "delayed" (delay_s), '
+        '"intermittent" (off for a fraction of every 10 s), "turned" (turn_rad)'
+    )
+    fraction: Annotated[Number, Ge(0), Le(1)] | None = quantity(
+        "How much, of full thrust or of time", "1", None
+    )
+    delay_s: Time | None = quantity("How much later its valve follows", "s", None)
+    turn_rad: Rotation3 | None = quantity(
+        "Rotation vector by which its force, or its torque where only that is given, is turned, "
+        "body axes",
+        "rad",
+        None,
+    )
+
+
+def thruster_number(of: str, thrusters: tuple[ThrusterTable, ...]) -> int | None:
+    """Which thruster, from 0, "thruster 3" or "thruster NAME" is; None if there is none."""
+    kind, _, which = of.partition(" ")
+    if kind != "thruster":
+        return None
+    names = [one.name or str(number) for number, one in enumerate(thrusters, 1)]
+    return names.index(which) if which in names else None
+
+
+def working_torques(thrusters: tuple[ThrusterTable, ...]) -> np.ndarray:
+    """Torques (3, m) at full thrust of what works at the start, both ways of two-sided ones."""
+    columns = [sign * one.torque() for one in thrusters if not one.failed for sign in signs(one)]
+    return np.array(columns).reshape(-1, 3).T
+
+
+def signs(thruster: ThrusterTable) -> tuple[float, ...]:
+    """Which way it pushes: 1 and, where it is two-sided, -1."""
+    return (1.0, -1.0) if thruster.two_sided else (1.0,)

@@ -1,0 +1,32 @@
+"""From a commanded torque to the thrusts that make it with least propellant."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.checks import as_float
+
+
+class LeastPropellant(eqx.Module):
+    """Duties of thrusters that push, which make a torque with least propellant.
+
+    The duties d >= 0 minimise costᵀd subject to B d = M u, B (3, m) the torques at full thrust. By
+    the theory of linear programming some basis of as many thrusters as B has rows is optimal, and
+    which one depends on the direction of u alone. `duties` (bases, m, torques) has the duties a
+    unit of u for every basis that is optimal in some direction, so that the solution is the one
+    that has no negative duty: no iteration, no matrix to invert in the loop. At most `firing`
+    thrusters have a duty above zero.
+    """
+
+    duties: Float[Array, "bases m torques"] = eqx.field(converter=as_float)
+    firing: int = eqx.field(static=True)
+
+    def __call__(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+        """Duties for a command (N m): parts of full thrust on average over a period.
+
+        A command beyond what the thrusters can make is reduced in size, not turned.
+        """
+        candidates = jnp.sum(self.duties * command[None, None, :], axis=-1)
+        best = jnp.argmax(jnp.min(candidates, axis=1))
+        duty = jnp.maximum(candidates[best], 0.0)
+        return duty / jnp.maximum(jnp.max(duty), 1.0)

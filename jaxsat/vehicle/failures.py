@@ -1,0 +1,108 @@
+"""What happens to a thruster in flight: failures as events at a time."""
+
+import enum
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.checks import as_float
+
+
+class FailureKind(enum.IntEnum):
+    """How a thruster fails; `FailureEvents.amount` tells how much of it where that is needed."""
+
+    DEAD = 0
+    """It makes no thrust any more."""
+    DEGRADED = 1
+    """It makes `amount` of the thrust it should, between 0 and 1."""
+    STUCK_ON = 2
+    """Its valve stays open."""
+    STUCK_AT = 3
+    """It makes `amount` of its full thrust, whatever is commanded."""
+    LEAKING = 4
+    """It never makes less than `amount` of its full thrust."""
+    DELAYED = 5
+    """Its valve follows `amount` seconds later."""
+    INTERMITTENT = 6
+    """It makes no thrust for `amount` of every `CYCLE` seconds."""
+    TURNED = 7
+    """Its torque is turned by `turn`."""
+
+
+CYCLE = 10.0
+"""s, in which an intermittent thruster works and fails."""
+
+
+class FailureEvents(eqx.Module):
+    """F failures: of thruster `thruster` (from 0), at `at` (s), of a `FailureKind`, by an amount.
+
+    `turned` (F, 3, m) are the torques (N m) of all thrusters as each event would turn them. The
+    numbers are arrays, so that cases which differ in what fails, how and when share one program;
+    `thruster` and `kind` are rounded, which lets a study draw them. A time of infinity is never.
+    """
+
+    thruster: Float[Array, " f"] = eqx.field(converter=as_float)
+    at: Float[Array, " f"] = eqx.field(converter=as_float)
+    kind: Float[Array, " f"] = eqx.field(converter=as_float)
+    amount: Float[Array, " f"] = eqx.field(converter=as_float)
+    turned: Float[Array, "f 3 m"] = eqx.field(converter=as_float)
+
+    @property
+    def count(self) -> int:
+        """How many events there are."""
+        return self.at.shape[0]
+
+    def condition(
+        self, t: Float[Array, ""], now: Float[Array, ""], torque: Float[Array, "3 m"]
+    ) -> "Condition":
+        """State of all thrusters `now` seconds after a sample at time `t` (s).
+
+        Their torques in order are `torque`. Whether a valve is late, and whether an intermittent
+        thruster works, is judged at the sample.
+        """
+        found = Condition.sound(torque)
+        for event in range(self.count):
+            begin = self.at[event] - t
+            hit = jnp.arange(torque.shape[1]) == jnp.round(self.thruster[event])
+            found = found.after(
+                jnp.round(self.kind[event]),
+                self.amount[event],
+                self.turned[event],
+                hit & (now >= begin),
+                -begin,
+            )
+        return found
+
+
+class Condition(NamedTuple):
+    """State of all thrusters: level = max(gain x commanded, floor), valves `delay` s late."""
+
+    gain: Float[Array, " m"]
+    floor: Float[Array, " m"]
+    delay: Float[Array, " m"]
+    torque: Float[Array, "3 m"]
+
+    @staticmethod
+    def sound(torque: Float[Array, "3 m"]) -> "Condition":
+        """Nothing has failed."""
+        one = jnp.ones(torque.shape[1])
+        return Condition(one, 0 * one, 0 * one, torque)
+
+    def after(self, kind, amount, turned, hit, since) -> "Condition":
+        """With one more event, which hits some thrusters; `since` s later was the last sample."""
+        within = since - CYCLE * jnp.floor(since / CYCLE)
+        silent = (kind == FailureKind.DEAD) | (kind == FailureKind.STUCK_AT)
+        silent = silent | ((kind == FailureKind.INTERMITTENT) & (within < amount * CYCLE))
+        gain = jnp.where(silent, 0.0, jnp.where(kind == FailureKind.DEGRADED, amount, 1.0))
+        held = (kind == FailureKind.STUCK_AT) | (kind == FailureKind.LEAKING)
+        floor = jnp.where(kind == FailureKind.STUCK_ON, 1.0, jnp.where(held, amount, 0.0))
+        late = jnp.where(kind == FailureKind.DELAYED, amount, 0.0)
+        turns = hit & (kind == FailureKind.TURNED)
+        return Condition(
+            jnp.where(hit, self.gain * gain, self.gain),
+            jnp.where(hit, jnp.maximum(self.floor, floor), self.floor),
+            jnp.where(hit, self.delay + late, self.delay),
+            jnp.where(turns[None], turned, self.torque),
+        )

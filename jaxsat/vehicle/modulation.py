@@ -1,0 +1,231 @@
+"""How duties become pulses: from the part of a period that is wanted to when valves open and close.
+
+Every modulator runs once a period. Schmitt triggers and pulse widths after Wie, Space Vehicle
+Dynamics and Control (2nd ed., 2008), section 9.4.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PyTree
+
+from jaxsat.checks import as_float, concrete, require_positive
+
+
+class Pulses(NamedTuple):
+    """Commands to the valves in a period: open from `on` to `off` (s from the sample), at `level`.
+
+    A thruster has as many pulses as there are rows, in ascending order; one with `off` no later
+    than `on` is none. Valves that are open or shut have level 1; a throttle has less.
+    """
+
+    on: Float[Array, "p m"]
+    off: Float[Array, "p m"]
+    level: Float[Array, "p m"]
+
+
+class AbstractModulation(eqx.Module):
+    """From duties (parts of full thrust, on average over a period) to pulses."""
+
+    @abc.abstractmethod
+    def init(self, count: int) -> PyTree:
+        """The modulator's memory at the start, for so many thrusters."""
+
+    @abc.abstractmethod
+    def __call__(
+        self,
+        duty: Float[Array, " m"],
+        memory: PyTree,
+        period: Float[Array, ""],
+        min_on_time: Float[Array, " m"],
+    ) -> tuple[Pulses, PyTree]:
+        """The pulses of the period that begins now, and the next memory."""
+
+    def firing(self, firing: int, count: int) -> int:
+        """How many of `count` thrusters may fire in a period in which so many have a duty."""
+        del count
+        return firing
+
+    @abc.abstractmethod
+    def edges(self, firing: int, count: int) -> int:
+        """How often, in all, valves may open or shut strictly inside a period.
+
+        So many thrusters of `count` have a duty at most.
+        """
+
+    def counts_openings(self) -> bool:
+        """Whether valves open and shut, so that their openings can be counted."""
+        return True
+
+
+def _one_pulse(width: Float[Array, " m"]) -> Pulses:
+    """Pulses of these widths (s) that begin with the period."""
+    return Pulses(jnp.zeros_like(width)[None], width[None], jnp.ones_like(width)[None])
+
+
+class IdealThrottle(AbstractModulation):
+    """No modulation: the thrust is the duty, all the period long."""
+
+    def init(self, count: int) -> None:
+        """Nothing."""
+        return
+
+    def __call__(self, duty, memory, period, min_on_time):
+        """One pulse as long as the period, as strong as the duty."""
+        del min_on_time
+        pulses = _one_pulse(jnp.zeros_like(duty) + period)
+        return pulses._replace(level=duty[None]), memory
+
+    def edges(self, firing: int, count: int) -> int:
+        """None."""
+        del firing, count
+        return 0
+
+    def counts_openings(self) -> bool:
+        """A throttle is not counted."""
+        return False
+
+
+class PulseWidth(AbstractModulation):
+    """Pulse-width modulation: one pulse as long as its duty, none below the minimum on-time."""
+
+    def init(self, count: int) -> None:
+        """Nothing."""
+        return
+
+    def __call__(self, duty, memory, period, min_on_time):
+        """One pulse, which begins with the period."""
+        width = duty * period
+        return _one_pulse(jnp.where(width >= min_on_time, width, 0.0)), memory
+
+    def edges(self, firing: int, count: int) -> int:
+        """Each thruster that fires shuts once."""
+        del count
+        return firing
+
+
+class DeltaSigma(AbstractModulation):
+    """ΔΣ modulation: on-time is summed and given out in whole multiples of the minimum on-time.
+
+    What is not given out yet stays in the sum, so that the mean thrust has no dead zone.
+    """
+
+    def init(self, count: int) -> Float[Array, " m"]:
+        """No on-time is owed (s)."""
+        return jnp.zeros(count)
+
+    def __call__(self, duty, memory, period, min_on_time):
+        """One pulse, which begins with the period."""
+        owed = memory + duty * period
+        whole = jnp.floor(jnp.minimum(owed, period) / min_on_time * (1 + 1e-12))
+        width = whole * min_on_time
+        return _one_pulse(width), jnp.minimum(owed - width, period)
+
+    def firing(self, firing: int, count: int) -> int:
+        """Any may fire what it owes."""
+        del firing
+        return count
+
+    def edges(self, firing: int, count: int) -> int:
+        """Any thruster may shut once."""
+        del firing
+        return count
+
+
+class PulseWidthPulseFrequency(AbstractModulation):
+    """PWPF modulation: a Schmitt trigger behind a lag, with the thrust fed back.
+
+    With r the duty and y the valve, 0 or 1, the lag obeys df/dt = (`gain` (r - y) - f) /
+    `time_constant`; the valve opens at f >= `on_level` and shuts at f <= `off_level`. Duties are
+    held over a period, so f is an exponential between switchings and their instants are exact.
+    `switchings` of them fit in a period, see `of`. The mean thrust follows the duty
+    where it is above `on_level` / `gain`.
+    """
+
+    gain: Float[Array, ""] = eqx.field(converter=as_float)
+    time_constant: Float[Array, ""] = eqx.field(converter=as_float)
+    on_level: Float[Array, ""] = eqx.field(converter=as_float)
+    off_level: Float[Array, ""] = eqx.field(converter=as_float)
+    switchings: int = eqx.field(static=True, default=4)
+
+    def __check_init__(self):
+        for name in ("gain", "time_constant", "on_level", "off_level"):
+            require_positive(name, getattr(self, name))
+        gain, high, low = (concrete(x) for x in (self.gain, self.on_level, self.off_level))
+        if gain is not None and high is not None and low is not None and not low < high < gain:
+            raise ValueError(
+                "Arguments `off_level`, `on_level` and `gain` must ascend, but got "
+                f"{low}, {high} and {gain}."
+            )
+        if self.switchings < 1:
+            raise ValueError(f"Argument `switchings` must be at least 1, got {self.switchings}.")
+
+    @classmethod
+    def of(
+        cls, period: float, gain: float, time_constant: float, on_level: float, off_level: float
+    ) -> "PulseWidthPulseFrequency":
+        """One with as many switchings as there can be in a period (s), for duties from 0 to 1."""
+        duties = np.linspace(on_level / gain, 1, 1001)[1:]
+        left, made = gain * (1 - duties), gain * duties
+        pulse = np.log((on_level + left) / (off_level + left))
+        pause = np.log((made - off_level) / (made - on_level))
+        shortest = time_constant * float(np.min(pulse + pause)) * (1 - 1e-3)
+        return cls(gain, time_constant, on_level, off_level, 2 * int(period / shortest) + 2)
+
+    def init(self, count: int) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """The lag's output and the valves, 1 where open."""
+        return jnp.zeros(count), jnp.zeros(count)
+
+    def __call__(self, duty, memory, period, min_on_time):
+        """All switchings in their order."""
+        del min_on_time
+        was_open = memory[1]
+
+        def switch(carry, _):
+            now, output, valve = carry
+            end = self.gain * (duty - valve)
+            level = jnp.where(valve > 0, self.off_level, self.on_level)
+            wait = self._wait(output, end, level, valve)
+            switches = now + wait < period
+            length = jnp.where(switches, wait, period - now)
+            decayed = end + (output - end) * jnp.exp(-length / self.time_constant)
+            output = jnp.where(switches, level, decayed)
+            now = jnp.where(switches, now + length, period)
+            return (now, output, jnp.where(switches, 1 - valve, valve)), now
+
+        first = (jnp.zeros_like(duty), *memory)
+        (_, *after), instants = jax.lax.scan(switch, first, length=self.switchings)
+        return self._pulses(list(instants), was_open, period), tuple(after)
+
+    def _wait(self, output, end, level, valve):
+        """Time (s) until the lag's output has come to the level; infinite where it never does."""
+        way = jnp.where(valve > 0, -1.0, 1.0)
+        reached = way * (output - level) >= 0
+        comes = way * (end - level) > 0
+        quotient = jnp.where(comes & ~reached, (end - output) / (end - level), 1.0)
+        wait = self.time_constant * jnp.log(quotient)
+        return jnp.where(reached, 0.0, jnp.where(comes, wait, jnp.inf))
+
+    def _pulses(self, instants, was_open, period):
+        """Where the valve begins open, the first pulse begins with the period."""
+        bounds = [jnp.zeros_like(was_open), *instants, jnp.zeros_like(was_open) + period]
+        bounds.append(bounds[-1])
+        on, off = [], []
+        for first in range(0, len(bounds) - 2, 2):
+            on.append(jnp.where(was_open > 0, bounds[first], bounds[first + 1]))
+            off.append(jnp.where(was_open > 0, bounds[first + 1], bounds[first + 2]))
+        begins, ends = jnp.stack(on), jnp.stack(off)
+        return Pulses(begins, ends, jnp.ones_like(begins))
+
+    def firing(self, firing: int, count: int) -> int:
+        """Any may fire: one that has lost its duty goes on until its lag has decayed."""
+        del firing
+        return count
+
+    def edges(self, firing: int, count: int) -> int:
+        """A thruster without a duty shuts at most."""
+        return firing * self.switchings + (count - firing)
