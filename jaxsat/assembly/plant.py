@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.assembly.plugin_trial import made_part, require_torque
+from jaxsat.assembly.wheels import build_wheels
 from jaxsat.attitude import Quaternion
 from jaxsat.checks import as_float
 from jaxsat.declaration.disturbances import DISTURBANCES
@@ -37,7 +38,7 @@ def build_plant(scenario: Scenario) -> RigidBody:
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     held = table.third_rate == "held"
     disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
-    return RigidBody(spacecraft, orbit, disturbance, held)
+    return RigidBody(spacecraft, orbit, disturbance, held, build_wheels(scenario))
 
 
 def orbit_rate(scenario: Scenario) -> float:

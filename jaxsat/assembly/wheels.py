@@ -1,11 +1,12 @@
 """From a scenario to its wheels."""
 
 import numpy as np
+from jaxtyping import Array
 
 from jaxsat.checks import as_array
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.wheel_tables import WheelTable, failed_wheels, wheel_axes
-from jaxsat.vehicle import AbstractActuators, ActuatorsWithWheels, Wheels
+from jaxsat.scenario.wheel_tables import WheelTable, wheel_axes
+from jaxsat.vehicle import Wheels
 
 
 def build_wheels(scenario: Scenario) -> Wheels | None:
@@ -19,29 +20,15 @@ def build_wheels(scenario: Scenario) -> Wheels | None:
         inertia = np.array([one.rotor_inertia_kg_m2 or 1.0 for one in tables])
     return Wheels(
         wheel_axes(tables),
-        _limit(tables, "torque_limit_N_m"),
-        _limit(tables, "momentum_limit_N_m_s"),
+        limits_of(tables, "torque_limit_N_m"),
+        limits_of(tables, "momentum_limit_N_m_s"),
         inertia,
         viscous,
         _unless_zero(tables, "coulomb_friction_N_m"),
     )
 
 
-def with_wheels(
-    scenario: Scenario, torques: int, thrusters: AbstractActuators | None
-) -> ActuatorsWithWheels:
-    """Wheels that make what they can of the law's command, and `thrusters` for the rest."""
-    tables = scenario.wheel
-    return ActuatorsWithWheels.of(
-        wheel_axes(tables),
-        torques,
-        _limit(tables, "torque_limit_N_m"),
-        thrusters,
-        failed_wheels(tables),
-    )
-
-
-def _limit(tables: tuple[WheelTable, ...], name: str) -> np.ndarray | None:
+def limits_of(tables: tuple[WheelTable, ...], name: str) -> np.ndarray | None:
     """Limits, infinite for a wheel without; None where no wheel has one."""
     values = np.array([getattr(one, name) or np.inf for one in tables])
     return values if np.isfinite(values).any() else None
@@ -52,7 +39,7 @@ def _unless_zero(tables: tuple[WheelTable, ...], name: str) -> np.ndarray | None
     return values if values.any() else None
 
 
-def wheel_momentum(scenario: Scenario):
+def wheel_momentum(scenario: Scenario) -> Array | None:
     """Momenta at the start, N m s; None without wheels."""
     if not scenario.wheel:
         return None

@@ -40,10 +40,10 @@ def _failed_thrusters_exist(axes, failed):
             yield Issue(location, f"must name each thruster once, got {number} again")
 
 
-@rule("control.law", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")
-def _law_has_its_torques(law, axes, failed):
+@rule("control.law", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters", "wheel")
+def _law_has_its_torques(law, axes, failed, wheels):
     torques = find_law(law).declaration.torques
-    if axes is None or not torques or any(number > len(axes) for number in failed):
+    if axes is None or wheels or not torques or any(number > len(axes) for number in failed):
         return
     try:
         allocation_matrix(working_axes(axes, failed), torques)

@@ -1,9 +1,15 @@
 """Rules on `[[wheel]]`."""
 
+from jaxsat.allocation import least_squares_map, what_is_left
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.layout import working_axes
 from jaxsat.scenario.rules import at, rule
+from jaxsat.scenario.wheel_tables import left_by_wheels
 from jaxsat.scenario.wording import shown
+
+MISSING = 1e-9
+"""A part of a command, relative to it, that counts as not made."""
 
 
 @rule("wheel")
@@ -41,4 +47,46 @@ def _wheels_leave_the_third_rate_free(wheels, third_rate):
         yield at(
             "spacecraft.third_rate",
             'must be "free" beside [[wheel]], whose momenta keep it as they do, got "held"',
+        )
+
+
+@rule("wheel", "actuators")
+def _wheels_go_with_jaxsats_own_actuators(wheels, actuators):
+    if wheels and actuators is not None:
+        yield at("actuators", "must not be given beside [[wheel]]")
+
+
+@rule(
+    "control.law",
+    "wheel",
+    "thruster",
+    "spacecraft.thruster_torque_axes",
+    "spacecraft.failed_thrusters",
+)
+def _wheels_and_thrusters_make_what_the_law_commands(law, wheels, thrusters, axes, failed):
+    torques = find_law(law).declaration.torques
+    if not wheels or thrusters or not torques:
+        return
+    working = working_axes(axes or (), failed)
+    missing = what_is_left(working, least_squares_map(working, torques))
+    missing = missing @ left_by_wheels(wheels, torques)
+    if abs(missing).max() > MISSING:
+        left = sum(not one.failed for one in wheels)
+        which = "x and y" if torques == 2 else "x, y and z"
+        yield at(
+            "wheel",
+            f"must leave wheels that make independent torques about body axes {which} with the "
+            f"thrusters left, got {left} of {len(wheels)} wheels and {working.shape[1]} thrusters",
+        )
+
+
+@rule("wheel", "control.law", "simulation.solver.steps", "simulation.solver.step_s")
+def _no_fixed_steps_across_a_momentum_limit(wheels, law, steps, step):
+    if steps == "adaptive" or (steps is None and step is None) or find_law(law).declaration.sampled:
+        return
+    if any(one.momentum_limit_N_m_s is not None for one in wheels):
+        yield at(
+            f"simulation.solver.{'steps' if steps == 'fixed' else 'step_s'}",
+            "must be left to adaptive steps where a wheel has a momentum limit, as its torque "
+            f"ends there within a step, got {shown(steps if steps == 'fixed' else step)}",
         )

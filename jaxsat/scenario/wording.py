@@ -234,10 +234,13 @@ def refusal_text(error: ArgumentError, value: Any) -> str:
 
 
 def _unknown_key(root: type[BaseModel], data: Any, location: Location) -> str:
-    *parents, name = [str(part) for part in location]
-    table = table_at(root, data, tuple(parents))
+    table = table_at(root, data, location[:-1])
+    parents = [part for part in location[:-1] if isinstance(part, str)]
+    name = str(location[-1])
     known = list(table.model_fields) if table else []
-    place = f"[{'.'.join(parents)}]" if parents else "the scenario"
+    repeated = len(parents) < len(location) - 1
+    place = f"{'[' * (1 + repeated)}{'.'.join(parents)}{']' * (1 + repeated)}"
+    place = place if parents else "the scenario"
     message = f"must be one of the keys of {place} ({', '.join(known)}), got {shown(name)}"
     return message + (suggestion(name, known) or _elsewhere(root, name, parents))
 
