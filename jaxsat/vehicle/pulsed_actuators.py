@@ -34,12 +34,6 @@ class Hold(NamedTuple):
     torque_rate: Float[Array, "3"] | None = None
     wheels: WheelPiece | None = None
 
-    def torque_after(self, elapsed: RealScalar) -> Float[Array, "3"]:
-        """The torque (N m) `elapsed` seconds after the begin."""
-        if self.torque_rate is None:
-            return self.torque
-        return self.torque + elapsed * self.torque_rate
-
     def wheel_torque(self, momentum: Float[Array, " wheels"] | None):
         """What each wheel does to the body along its axis, N m; None without wheels."""
         return None if self.wheels is None or momentum is None else self.wheels.torque(momentum)
@@ -54,6 +48,12 @@ class Hold(NamedTuple):
         """The parts before and after an instant (s from the sample on)."""
         first = jnp.clip(instant - self.begin, 0.0, self.length)
         return self.part(0 * first, first), self.part(first, self.length - first)
+
+    def torque_after(self, elapsed: RealScalar) -> Float[Array, "3"]:
+        """The torque (N m) `elapsed` seconds after the begin."""
+        if self.torque_rate is None:
+            return self.torque
+        return self.torque + elapsed * self.torque_rate
 
 
 class Usage(NamedTuple):
