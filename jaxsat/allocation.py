@@ -8,6 +8,9 @@ from jaxtyping import Float
 NORMALISER_FLOOR = 1e-9
 """Below this the normalisation of (5) or (8) divides by what counts as zero (unit columns)."""
 
+LEFT_BY_ROUNDING = 1e-12
+"""A part of a command, relative to it, that is as good as none."""
+
 
 BASIS_TOLERANCE = 1e-9
 """Of torques scaled to the largest: what is below counts as zero."""
@@ -19,6 +22,31 @@ def unit_columns(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 
     if not np.all(lengths > 0):
         raise ValueError("Argument `torque_axes` must have no zero column, but one is zero.")
     return torque_axes / lengths
+
+
+def least_squares_map(
+    axes: Float[np.ndarray, "3 m"], torques: int
+) -> Float[np.ndarray, "m torques"]:
+    """What actuators along unit `axes` make of a command, where they cannot make all of it the
+    nearest.
+
+    Two of them under two torques make these exactly, and about z what follows, as in equation (5).
+    """
+    if not axes.size:
+        return np.zeros((axes.shape[1], torques))
+    try:
+        return allocation_matrix(axes, torques)
+    except ValueError:
+        return np.linalg.pinv(axes)[:, :torques]
+
+
+def what_is_left(
+    axes: Float[np.ndarray, "3 m"], shares: Float[np.ndarray, "m torques"]
+) -> Float[np.ndarray, "torques torques"]:
+    """The part of a command that actuators along unit `axes` with these shares do not make."""
+    torques = shares.shape[1]
+    left = np.eye(torques) - (axes @ shares)[:torques]
+    return np.where(np.abs(left) < LEFT_BY_ROUNDING, 0.0, left)
 
 
 def allocation_matrix(

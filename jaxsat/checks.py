@@ -29,7 +29,7 @@ def as_float(value: ArrayLike | list | tuple) -> Inexact[Array, "..."]:
     return array.astype(array.dtype if inexact else float)
 
 
-def as_optional_float(value: ArrayLike | None) -> Inexact[Array, "..."] | None:
+def as_optional_float(value: ArrayLike | list | tuple | None) -> Inexact[Array, "..."] | None:
     """The same, where None stands for something that is left out."""
     return None if value is None else as_float(value)
 

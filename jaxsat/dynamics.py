@@ -1,22 +1,30 @@
-"""The plant: a rigid body in a circular orbit, equations (1), (10), (11), (36), (37)."""
+"""The plant: a rigid body in a circular orbit, equations (1), (10), (11), (36), (37); with wheels a
+gyrostat (Hughes, Spacecraft Attitude Dynamics, 1986, section 3.4).
+"""
 
 import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.attitude import AbstractAttitude
-from jaxsat.checks import as_float
+from jaxsat.checks import as_float, as_optional_float
 from jaxsat.environment import AbstractDisturbance, AbstractOrbit, NoDisturbance
-from jaxsat.vehicle import Spacecraft
+from jaxsat.vehicle import Spacecraft, Wheels
 
 
 class PlantState(eqx.Module):
-    """Attitude relative to the orbit frame, and inertial angular velocity in body axes, rad/s."""
+    """Attitude relative to the orbit frame, and inertial angular velocity in body axes, rad/s.
+
+    `wheel_momentum` (N m s) is that of each wheel relative to the body, None without wheels.
+    """
 
     attitude: AbstractAttitude
     omega: Float[Array, "3"] = eqx.field(converter=as_float)
+    wheel_momentum: Float[Array, " wheels"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
 
     def normalised(self) -> "PlantState":
         """The same with attitude parameters that obey their constraint to rounding."""
@@ -28,14 +36,23 @@ class RigidBody(eqx.Module):
 
     With `third_rate_held` an ideal torque about the third body axis keeps ω3 from changing: the
     assumption under which the paper simulates its three-axis law, and what two reaction wheels
-    with zero total momentum would make true. A controller carries a `RigidBody` of its own, what it
+    with zero total momentum make true. A controller carries a `RigidBody` of its own, what it
     believes of the plant, so that plant and model can differ.
+
+    With `wheels` the inertia is that with the wheels locked. A state without wheel momenta is that
+    of the body whose wheels stand still. Raises `ValueError` for wheels of a body whose third rate
+    is held.
     """
 
     spacecraft: Spacecraft
     orbit: AbstractOrbit
     disturbance: AbstractDisturbance = NoDisturbance()
     third_rate_held: bool = eqx.field(static=True, default=False)
+    wheels: Wheels | None = None
+
+    def __check_init__(self):
+        if self.third_rate_held and self.wheels is not None:
+            raise ValueError("The third rate of a body with wheels must not be held.")
 
     def relative_rate(self, state: PlantState) -> Float[Array, "3"]:
         """Equation (11): ω_r, the angular velocity relative to the orbit frame, rad/s."""
@@ -45,12 +62,28 @@ class RigidBody(eqx.Module):
         """T_d at time `t` (s), N m."""
         return self.disturbance(t, state.attitude, self.spacecraft.inertia)
 
-    def angular_acceleration(
-        self, omega: Float[Array, "3"], torque: Float[Array, "3"]
-    ) -> Float[Array, "3"]:
-        """Equation (1): J dω/dt = -ω × J ω + torque, solved for dω/dt, rad/s²."""
-        inverse = self.spacecraft.inverse_inertia
+    def total_momentum(self, state: PlantState) -> Float[Array, "3"]:
+        """J ω + A h in body axes, N m s: constant in inertial axes without external torque."""
+        return self._momentum(state.omega, state.wheel_momentum)
+
+    def _momentum(self, omega, wheel_momentum) -> Float[Array, "3"]:
         momentum = self.spacecraft.inertia @ omega
+        if self.wheels is None or wheel_momentum is None:
+            return momentum
+        return momentum + self.wheels.axes @ wheel_momentum
+
+    def angular_acceleration(
+        self,
+        omega: Float[Array, "3"],
+        torque: Float[Array, "3"],
+        wheel_momentum: Float[Array, " wheels"] | None = None,
+    ) -> Float[Array, "3"]:
+        """Equation (1): J dω/dt = -ω × (J ω + A h) + torque, solved for dω/dt, rad/s².
+
+        `torque` (N m) is all that acts on the body, that of the wheels A u included.
+        """
+        inverse = self.spacecraft.inverse_inertia
+        momentum = self._momentum(omega, wheel_momentum)
         acceleration = inverse @ (torque - jnp.cross(omega, momentum))
         if self.third_rate_held:
             acceleration = acceleration - inverse[:, 2] * (acceleration[2] / inverse[2, 2])
@@ -73,10 +106,67 @@ class RigidBody(eqx.Module):
         row = spacecraft.inverse_inertia[2]
         return -(row @ total) / row[2]
 
-    def rate(self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]) -> PlantState:
-        """Time derivative of the state at time `t` (s) under a thruster torque, N m."""
-        total = torque + self.disturbance_torque(t, state)
+    def with_wheel_momentum(self, state: PlantState) -> PlantState:
+        """The state with the momenta of all wheels: zero where it has none."""
+        if self.wheels is None or state.wheel_momentum is not None:
+            return state
+        return PlantState(state.attitude, state.omega, jnp.zeros(self.wheels.count))
+
+    def wheel_torque(
+        self, state: PlantState, command: Float[Array, " wheels"] | None
+    ) -> Float[Array, " wheels"] | None:
+        """What each wheel does to the body along its axis on a command, N m; None without wheels.
+
+        Without a command, None, it is what friction does.
+        """
+        if self.wheels is None or state.wheel_momentum is None:
+            return None
+        return self.wheels.torque(state.wheel_momentum, _or_zero(state.wheel_momentum, command))
+
+    def wheel_events(
+        self, state: PlantState, command: Float[Array, " wheels"] | None
+    ) -> Float[Array, " m"]:
+        """The wheels' event functions on a command, of which there are none without wheels."""
+        momentum = state.wheel_momentum
+        if self.wheels is None or momentum is None:
+            return jnp.zeros(0, state.omega.dtype)
+        return self.wheels.event_functions(momentum, _or_zero(momentum, command))
+
+    def wheel_piece(self, signs: Bool[Array, " m"]) -> "RigidBody":
+        """This body with each wheel at its momentum limit or not, as the wheels' events tell."""
+        if self.wheels is None or not signs.size:
+            return self
+        return dataclasses.replace(self, wheels=self.wheels.smooth_piece(signs))
+
+    def control_torque(
+        self, torque: Float[Array, "3"], wheel_torque: Float[Array, " wheels"] | None
+    ) -> Float[Array, "3"]:
+        """The torque of thrusters and wheels on the body, N m."""
+        if self.wheels is None or wheel_torque is None:
+            return torque
+        return torque + self.wheels.axes @ wheel_torque
+
+    def rate(
+        self,
+        t: Float[Array, ""],
+        state: PlantState,
+        torque: Float[Array, "3"],
+        wheel_torque: Float[Array, " wheels"] | None = None,
+    ) -> PlantState:
+        """Time derivative of the state at time `t` (s) under a thruster torque, N m.
+
+        `wheel_torque` (N m) is what each wheel does to the body along its axis, None for nothing.
+        """
+        total = self.control_torque(torque, wheel_torque) + self.disturbance_torque(t, state)
+        momentum_rate = None if wheel_torque is None else -wheel_torque
+        if momentum_rate is None and state.wheel_momentum is not None:
+            momentum_rate = jnp.zeros_like(state.wheel_momentum)
         return PlantState(
             state.attitude.rate(self.relative_rate(state)),
-            self.angular_acceleration(state.omega, total),
+            self.angular_acceleration(state.omega, total, state.wheel_momentum),
+            momentum_rate,
         )
+
+
+def _or_zero(momentum: Array, command: Array | None) -> Array:
+    return jnp.zeros_like(momentum) if command is None else command

@@ -26,6 +26,12 @@ TORQUE = Range(-1e9, 1e9)
 TORQUE_LIMIT = Range(1e-9, 1e9)
 """What a thruster makes at most, N m."""
 
+WHEEL_MOMENTUM = Range(1e-9, 1e9)
+"""What a wheel takes at most, N m s."""
+
+FRICTION = Range(0.0, 1e6)
+"""Of a wheel, N m or N m s."""
+
 FREQUENCY = Range(-1e6, 1e6)
 """Of a periodic torque, rad/s; of either sign as it is printed."""
 
@@ -37,6 +43,15 @@ ANGLE = Range(-1e6, 1e6)
 
 ORBIT_RATE = Range(0.0, 1.0)
 """ω0, rad/s; a thousand times that of any orbit around the Earth."""
+
+DIPOLE = Range(-1e6, 1e6)
+"""Residual magnetic dipoles, A m²."""
+
+LENGTH = Range(-1e3, 1e3)
+"""From the centre of mass to a centre of pressure, m."""
+
+TURN = Range(-360.0, 360.0)
+"""Angles of an orbit, degrees."""
 
 RATE_NOISE = Range(0.0, 1e3)
 """Standard deviation of a rate sensor, rad/s."""

@@ -70,7 +70,7 @@ def _names(
     """Names in one word; g1, g2, … and w1, w2, … where there are none."""
 
     def words(given: Sequence[str | None], letter: str) -> list[str]:
-        named = [name and re.sub(r"[^\w.+-]+", "-", name).rstrip("-") for name in given]
+        named = [name and re.sub(r"[^\w.+-]+", "-", name.strip()) for name in given]
         return [name or f"{letter}{number}" for number, name in enumerate(named, 1)]
 
     jets, spun = words(thrusters, "g"), words(wheels, "w")

@@ -6,8 +6,15 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.allocation import largest_torque, least_propellant, plane_map, unit_columns
+from jaxsat.allocation import (
+    largest_torque,
+    least_propellant,
+    least_squares_map,
+    plane_map,
+    unit_columns,
+)
 from jaxsat.assembly.plugin_trial import made_part, require_events, require_torque
+from jaxsat.assembly.wheels import limits_of
 from jaxsat.checks import as_float
 from jaxsat.declaration.sensors import DELAY
 from jaxsat.scenario.laws import find_law
@@ -22,17 +29,20 @@ from jaxsat.scenario.thruster_tables import (
     thruster_number,
     working_torques,
 )
+from jaxsat.scenario.wheel_tables import failed_wheels, left_by_wheels, wheel_axes
 from jaxsat.vehicle import (
     AbstractActuators,
     AbstractModulation,
     AbstractPulsedActuators,
     ActuatorContext,
     Actuators,
+    ActuatorsWithWheels,
     DeltaSigma,
     FailureEvents,
     FailureKind,
     IdealThrottle,
     LeastPropellant,
+    PulsedActuatorsWithWheels,
     PulsedThrusters,
     PulseWidth,
     PulseWidthPulseFrequency,
@@ -55,6 +65,8 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
     Or what the scenario has in place of thrusters that make that torque exactly.
     """
     torques = find_law(scenario.control.law).declaration.torques
+    if scenario.wheel and torques:
+        return _with_wheels(scenario, torques)
     if scenario.thruster:
         return _pulsed_thrusters(scenario, torques)
     ideal, table = ideal_thrusters(scenario, torques), scenario.actuators
@@ -67,6 +79,23 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
     return made
 
 
+def _with_wheels(
+    scenario: Scenario, torques: int
+) -> ActuatorsWithWheels | PulsedActuatorsWithWheels:
+    """Wheels that make what they can of the law's command, and thrusters for the rest."""
+    tables = scenario.wheel
+    axes, failed = wheel_axes(tables), failed_wheels(tables)
+    limit = limits_of(tables, "torque_limit_N_m")
+    if not left_by_wheels(tables, torques).any():
+        return ActuatorsWithWheels.of(axes, torques, limit, failed=failed)
+    ideal = ideal_thrusters(scenario, torques)
+    mixed = ActuatorsWithWheels.of(axes, torques, limit, ideal, failed)
+    if not scenario.thruster or mixed.rest is None:
+        return mixed
+    alone = ActuatorsWithWheels(mixed.wheel_map, mixed.wheel_limit)
+    return PulsedActuatorsWithWheels(alone, _pulsed_thrusters(scenario, torques), mixed.rest)
+
+
 def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
     """The thrusters left as makers of torques; any will do where no torque is commanded."""
     table = scenario.spacecraft
@@ -74,8 +103,11 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
     if scenario.thruster:
         axes = unit_columns(working_torques(scenario.thruster))
         return Actuators(axes, jnp.zeros((axes.shape[1], torques or 2)), as_float(limit))
-    axes = np.array(table.thruster_torque_axes, dtype=float).T
+    axes = np.array(table.thruster_torque_axes or (), dtype=float).reshape(-1, 3).T
     thrusters = Thrusters(axes).without(table.failed_thrusters)
+    if torques and scenario.wheel:
+        left = np.asarray(thrusters.torque_axes)
+        return Actuators(left, least_squares_map(left, torques), as_float(limit))
     if not torques:
         return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
     return Actuators.of(thrusters, limit, torques)

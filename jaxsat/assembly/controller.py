@@ -25,6 +25,7 @@ from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law, is_plugin
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.wheel_tables import left_by_wheels
 from jaxsat.vehicle import Spacecraft
 
 
@@ -73,8 +74,15 @@ def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) ->
     if any(measured):
         amplitude = np.where(measured, scenario.disturbance.amplitude_N_m, 0.0)
         known = periodic_torque(amplitude, scenario.disturbance)
-    held = scenario.spacecraft.third_rate == "held"
+    held = scenario.spacecraft.third_rate == "held" or _wheels_hold_the_third_rate(scenario)
     return RigidBody(Spacecraft(as_float(inertia)), orbit_of(relation, rate), known, held)
+
+
+def _wheels_hold_the_third_rate(scenario: Scenario) -> bool:
+    """Whether wheels alone make the two torques: without momentum they turn nothing about z."""
+    if not scenario.wheel or find_law(scenario.control.law).declaration.torques != 2:
+        return False
+    return not left_by_wheels(scenario.wheel, 2).any()
 
 
 def _unsuitable(law: Law, table: ModelTable, error: UnsuitableModel) -> Issue:

@@ -1,5 +1,6 @@
 """From a scenario to the plant."""
 
+import math
 import pkgutil
 from typing import Any, cast
 
@@ -7,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.assembly.plugin_trial import made_part, require_torque
+from jaxsat.assembly.wheels import build_wheels
 from jaxsat.attitude import Quaternion
 from jaxsat.checks import as_float
 from jaxsat.declaration.disturbances import DISTURBANCES
@@ -14,6 +16,7 @@ from jaxsat.dynamics import RigidBody
 from jaxsat.environment import (
     AbstractDisturbance,
     AbstractOrbit,
+    CircularOrbit,
     DisturbanceContext,
     ExactOrbit,
     PeriodicTorque,
@@ -35,7 +38,7 @@ def build_plant(scenario: Scenario) -> RigidBody:
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     held = table.third_rate == "held"
     disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
-    return RigidBody(spacecraft, orbit, disturbance, held)
+    return RigidBody(spacecraft, orbit, disturbance, held, build_wheels(scenario))
 
 
 def orbit_rate(scenario: Scenario) -> float:
@@ -47,6 +50,18 @@ def orbit_rate(scenario: Scenario) -> float:
 def orbit_of(relation: str, rate: float) -> AbstractOrbit:
     """The orbit of the scenario or of a model of it."""
     return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
+
+
+def _place(scenario: Scenario) -> CircularOrbit:
+    """Where the orbit of the scenario is."""
+    table = scenario.orbit
+    angles = (
+        table.inclination_deg,
+        table.ascending_node_deg,
+        table.argument_of_latitude_deg,
+        table.sidereal_angle_deg,
+    )
+    return CircularOrbit(orbit_rate(scenario), *map(math.radians, angles))
 
 
 def periodic_torque(
@@ -61,7 +76,7 @@ def periodic_torque(
 def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
     """All torques that are asked for; that of (2) is always there."""
     table = scenario.disturbance
-    context = DisturbanceContext(inertia, orbit_rate(scenario))
+    context = DisturbanceContext(inertia, orbit_rate(scenario), _place(scenario))
     terms: list[AbstractDisturbance] = []
     for place, declaration in DISTURBANCES.items():
         made = pkgutil.resolve_name(place).from_table(values_of(declaration.keys, table), context)

@@ -14,6 +14,7 @@ from jaxsat.assembly.controller import build_controller
 from jaxsat.assembly.errors import BuildError, at_key, made_of_numbers
 from jaxsat.assembly.plant import build_plant
 from jaxsat.assembly.plugin_trial import require_runs
+from jaxsat.assembly.wheels import wheel_momentum
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_array, as_float
 from jaxsat.control import (
@@ -165,7 +166,7 @@ def build_start(scenario: Scenario) -> PlantState:
         attitude = Quaternion(as_float(table.quaternion))
     wanted = scenario.simulation.attitude == "wz"
     attitude = attitude.as_wz() if wanted else attitude.as_quaternion()
-    return PlantState(attitude, as_float(table.omega_rad_s))
+    return PlantState(attitude, as_float(table.omega_rad_s), wheel_momentum(scenario))
 
 
 def build_times(scenario: Scenario) -> Float[Array, " times"]:

@@ -74,6 +74,8 @@ def manoeuvre_of(loop: AbstractLoop, start: PlantState) -> Manoeuvre:
     plant = loop.plant
     if not isinstance(loop, ContinuousLoop | SampledLoop):
         raise ValueError("Bounds need thrusters with a limit, but the loop has ideal ones.")
+    if plant.wheels is not None:
+        raise ValueError("Bounds are those of thrusters alone, but the spacecraft has wheels.")
     thrusters = loop.actuators
     if not isinstance(thrusters, Actuators):
         name = type(thrusters).__name__

@@ -78,6 +78,11 @@ def bound(
             "thruster: must be left out for a bound, which knows thrusters that make a torque of "
             f"either sign, got {len(chosen.thruster)}"
         )
+    if chosen.wheel:
+        raise UserMistake(
+            "wheel: must be left out for a bound, which knows thrusters that make a torque of "
+            f"either sign, got {len(chosen.wheel)}"
+        )
     if chosen.spacecraft.torque_limit_N_m is None:
         raise UserMistake(
             "spacecraft.torque_limit_N_m: must be given in N m, as thrusters without a limit need "

@@ -54,11 +54,11 @@ class QuaternionFeedback(AbstractSampledController):
         """The law of a table of a scenario."""
         rate = values["max_rate_rad_s"]
         return cls(
-            context.model,
-            values["natural_frequency_rad_s"],
-            values["damping"],
-            jnp.inf if rate is None else rate,
-            values["period_s"],
+            model=context.model,
+            natural_frequency=values["natural_frequency_rad_s"],
+            damping=values["damping"],
+            max_rate=jnp.inf if rate is None else rate,
+            period=values["period_s"],
         )
 
     def init(self, state: PlantState) -> QuaternionFeedbackMemory:

@@ -2,7 +2,7 @@
 
 from jaxsat.declaration.keys import number, switch
 from jaxsat.declaration.part import PartDeclaration
-from jaxsat.ranges import ANGLE, FREQUENCY, TORQUE, Range
+from jaxsat.ranges import ANGLE, DIPOLE, FREQUENCY, LENGTH, TORQUE, Range
 
 _ZERO = (0.0, 0.0, 0.0)
 
@@ -28,10 +28,54 @@ GRAVITY_GRADIENT = PartDeclaration(
     "the gravity-gradient torque",
     (switch("gravity_gradient", "Whether the gravity-gradient torque acts", False),),
 )
+MAGNETIC = PartDeclaration(
+    "the torque on a residual dipole in the field of a tilted dipole that turns with the Earth",
+    (_vector("residual_dipole_A_m2", "Magnetic dipole fixed in body axes", "A m²", DIPOLE),),
+)
+AERODYNAMIC = PartDeclaration(
+    "the torque of drag, by one coefficient and the speed of the orbit",
+    (
+        number(
+            "drag_density_kg_m3", "Density of the air", "kg/m³", at_least=0, at_most=1, default=0.0
+        ),
+        number("drag_coefficient", "Drag coefficient", at_least=0, at_most=100, default=2.2),
+        number(
+            "drag_area_m2", "Area across the velocity", "m²", at_least=0, at_most=1e6, default=1.0
+        ),
+        _vector("drag_centre_m", "Centre of pressure from the centre of mass", "m", LENGTH),
+    ),
+)
+SOLAR = PartDeclaration(
+    "the torque of sunlight, by one coefficient and without eclipses",
+    (
+        number(
+            "solar_area_m2", "Area across the sunlight", "m²", at_least=0, at_most=1e6, default=0.0
+        ),
+        number(
+            "solar_coefficient",
+            "1 for a surface that absorbs all light, 2 for a mirror",
+            at_least=0,
+            at_most=2,
+            default=1.5,
+        ),
+        _vector("solar_centre_m", "Centre of pressure from the centre of mass", "m", LENGTH),
+        number(
+            "sun_direction",
+            "Direction to the Sun in inertial axes, of any length but zero",
+            at_least=-1e6,
+            at_most=1e6,
+            size=3,
+            default=(1.0, 0.0, 0.0),
+        ),
+    ),
+)
 
 DISTURBANCES = {
     "jaxsat.environment.disturbances:PeriodicTorque": PERIODIC,
     "jaxsat.environment.disturbances:ConstantTorque": CONSTANT,
     "jaxsat.environment.disturbances:GravityGradient": GRAVITY_GRADIENT,
+    "jaxsat.environment.orbital_torques:MagneticTorque": MAGNETIC,
+    "jaxsat.environment.orbital_torques:AerodynamicTorque": AERODYNAMIC,
+    "jaxsat.environment.orbital_torques:SolarPressureTorque": SOLAR,
 }
 """Declarations by the place of the class."""

@@ -50,10 +50,10 @@ def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Arra
 
     def rate(t, both):
         state, _ = both
-        torque = hold.torque_after(t - begin)
+        torque = loop.torque(state, hold, t - begin)
         wz = state.attitude.as_wz()
         cost = program.cost(wz.w, wz.z, loop.plant.relative_rate(state), torque)
-        effort = jnp.sum(hold.mean_size())
-        return loop.plant_rate(t, state, torque), Integrals(cost, effort)
+        size = jnp.abs(torque) if hold.wheels is not None else hold.mean_size()
+        return loop.plant_rate(t, state, hold, t - begin), Integrals(cost, jnp.sum(size))
 
     return rate

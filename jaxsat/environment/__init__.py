@@ -11,21 +11,31 @@ from jaxsat.environment.disturbances import (
 )
 from jaxsat.environment.orbit import (
     AbstractOrbit,
+    CircularOrbit,
     ExactOrbit,
     SmallAngleOrbit,
     circular_orbit_rate,
+)
+from jaxsat.environment.orbital_torques import (
+    AerodynamicTorque,
+    MagneticTorque,
+    SolarPressureTorque,
 )
 
 __all__ = [
     "AbstractDisturbance",
     "AbstractOrbit",
+    "AerodynamicTorque",
+    "CircularOrbit",
     "ConstantTorque",
     "DisturbanceContext",
     "ExactOrbit",
     "GravityGradient",
+    "MagneticTorque",
     "NoDisturbance",
     "PeriodicTorque",
     "SmallAngleOrbit",
+    "SolarPressureTorque",
     "SumOfDisturbances",
     "circular_orbit_rate",
 ]

@@ -13,6 +13,7 @@ from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, require_finite
 from jaxsat.declaration import PartDeclaration
 from jaxsat.declaration.disturbances import CONSTANT, GRAVITY_GRADIENT, PERIODIC
+from jaxsat.environment.orbit import CircularOrbit
 from jaxsat.trigonometry import sin
 
 RealScalar = Float[Array, ""]
@@ -21,11 +22,12 @@ RealScalar = Float[Array, ""]
 class DisturbanceContext(NamedTuple):
     """What a scenario tells a disturbance besides its own keys.
 
-    The nominal `inertia` (kg m²) and `orbit_rate` (rad/s).
+    The nominal `inertia` (kg m²) and `orbit_rate` (rad/s), and the `place` of the orbit.
     """
 
     inertia: Float[np.ndarray, "3 3"]
     orbit_rate: float
+    place: CircularOrbit
 
 
 class AbstractDisturbance(eqx.Module):

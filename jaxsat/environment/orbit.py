@@ -13,9 +13,11 @@ from jaxtyping import Array, Float
 
 from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, require_finite
+from jaxsat.trigonometry import cos, sin
 
 EARTH_GRAVITY = 3.986004418e14  # m³/s², WGS 84
 EARTH_RADIUS = 6378137.0  # m, equatorial, WGS 84
+EARTH_ROTATION = 7.292115e-5  # rad/s, WGS 84
 
 
 def circular_orbit_rate(altitude: float) -> float:
@@ -63,3 +65,38 @@ class SmallAngleOrbit(AbstractOrbit):
         del attitude
         zero = jnp.zeros_like(self.rate)
         return jnp.stack([zero, -self.rate, zero])
+
+
+class CircularOrbit(eqx.Module):
+    """Where a circular orbit is, in inertial axes with x to the equinox and z to the north pole.
+
+    `rate` ω0 in rad/s, from which the `radius` follows; at time zero the `inclination`, right
+    ascension of the ascending `node`, `argument_of_latitude` of the spacecraft, and the
+    `sidereal_angle` of Greenwich, rad. Neither the node nor the plane moves.
+    """
+
+    rate: Float[Array, ""] = eqx.field(converter=as_float)
+    inclination: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    node: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    argument_of_latitude: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    sidereal_angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self):
+        names = ("rate", "inclination", "node", "argument_of_latitude", "sidereal_angle")
+        for name in names:
+            require_finite(name, getattr(self, name))
+
+    @property
+    def radius(self) -> Float[Array, ""]:
+        """(GM / ω0²)^⅓, m."""
+        return jnp.cbrt(EARTH_GRAVITY / self.rate**2)
+
+    def axes(self, t: Float[Array, ""]) -> Float[Array, "3 3"]:
+        """Axes of the orbit frame at time `t` (s), as rows, in inertial axes."""
+        along = self.argument_of_latitude + self.rate * t
+        c, s, ci, si = cos(along), sin(along), cos(self.inclination), sin(self.inclination)
+        cn, sn = cos(self.node), sin(self.node)
+        up = jnp.stack([cn * c - sn * s * ci, sn * c + cn * s * ci, s * si])
+        forward = jnp.stack([-cn * s - sn * c * ci, -sn * s + cn * c * ci, c * si])
+        normal = jnp.stack([sn * si, -cn * si, ci])
+        return jnp.stack([forward, -normal, -up])

@@ -1,5 +1,6 @@
 """How dispersed numbers go into a closed loop and its start."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple, cast
 
@@ -264,7 +265,7 @@ def set_attitude_error(perturbed: PerturbedLoop, rotation: Values) -> PerturbedL
 
 def set_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
     """Another initial angular velocity, rad/s."""
-    return perturbed._replace(start=PlantState(perturbed.start.attitude, omega))
+    return perturbed._replace(start=dataclasses.replace(perturbed.start, omega=omega))
 
 
 def set_rate_error(perturbed: PerturbedLoop, error: Values) -> PerturbedLoop:
@@ -278,7 +279,7 @@ def set_rate_error(perturbed: PerturbedLoop, error: Values) -> PerturbedLoop:
 def _with_attitude(perturbed: PerturbedLoop, attitude: AbstractAttitude) -> PerturbedLoop:
     forms = {WZ: "as_wz", Quaternion: "as_quaternion", DCM: "as_dcm"}
     same = getattr(attitude, forms[type(perturbed.start.attitude)])()
-    return perturbed._replace(start=PlantState(same, perturbed.start.omega))
+    return perturbed._replace(start=dataclasses.replace(perturbed.start, attitude=same))
 
 
 def _in_loop(perturbed: PerturbedLoop, where, new) -> PerturbedLoop:

@@ -44,7 +44,7 @@ VARIABLES = {
     "relative_rate": _Variable(
         ("body_axis",), "rad s-1", "angular velocity relative to the orbit frame in body axes"
     ),
-    "torque": _Variable(("body_axis",), "N m", "thruster torque in body axes"),
+    "torque": _Variable(("body_axis",), "N m", "torque of thrusters and wheels in body axes"),
     "disturbance": _Variable(("body_axis",), "N m", "disturbance torque in body axes"),
     "rate_error": _Variable(
         ("driven_axis",), "rad s-1", "angular velocity less the reference of the control law"
@@ -59,16 +59,18 @@ VARIABLES = {
     ),
     "propellant": _Variable((), "kg", "propellant used until the next sample"),
     "valve_openings": _Variable(("thruster",), "1", "how often each valve was opened"),
+    "wheel_momentum": _Variable(("wheel",), "N m s", "wheel momentum relative to the body"),
+    "wheel_torque": _Variable(("wheel",), "N m", "wheel torque on the body along its axis"),
 }
 """Signals, each over `time`: `constraint_torque` only where the third rate is held, those after it
-only of thrusters that push, of which a two-sided one counts as two."""
+only of thrusters that push, of which a two-sided one counts as two, and of wheels."""
 
 TOTALS = {
     "settled_from": _Variable(
         (), "s", "when attitude and relative rate came to stay within the tolerances"
     ),
     "at_rest_from": _Variable((), "s", "when the inertial rate came to stay within its tolerance"),
-    "effort": _Variable(("body_axis",), "N m s", "integral of the size of the thruster torque"),
+    "effort": _Variable(("body_axis",), "N m s", "integral of the size of the torque"),
     "constraint_effort": _Variable((), "N m s", "the same of the torque that holds the third rate"),
 }
 """Of the whole run, judged on the integrator's steps and not at the saved times."""
@@ -105,6 +107,9 @@ def trajectory_dataset(
     level = trajectory.signals.thrust_level
     if level is not None:
         labels["thruster"] = np.arange(1, level.shape[1] + 1)
+    momentum = trajectory.signals.wheel_momentum
+    if momentum is not None:
+        labels["wheel"] = np.arange(1, momentum.shape[1] + 1)
     return xr.Dataset(
         variables,
         coords={"time": time, **labels},

@@ -40,10 +40,10 @@ def _failed_thrusters_exist(axes, failed):
             yield Issue(location, f"must name each thruster once, got {number} again")
 
 
-@rule("control.law", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")
-def _law_has_its_torques(law, axes, failed):
+@rule("control.law", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters", "wheel")
+def _law_has_its_torques(law, axes, failed, wheels):
     torques = find_law(law).declaration.torques
-    if axes is None or not torques or any(number > len(axes) for number in failed):
+    if axes is None or wheels or not torques or any(number > len(axes) for number in failed):
         return
     try:
         allocation_matrix(working_axes(axes, failed), torques)
@@ -72,6 +72,26 @@ def _one_orbit(rate, altitude):
         yield at("orbit.rate_rad_s", "must be given in rad/s, or altitude_km, got neither", True)
     if rate is not None and altitude is not None:
         yield at("orbit.altitude_km", f"must not be given beside rate_rad_s, got {shown(altitude)}")
+
+
+RATE_AT_GROUND = 0.00124
+"""rad/s; of a circular orbit at the Earth's surface."""
+
+
+@rule("orbit.rate_rad_s", "disturbance.residual_dipole_A_m2", "disturbance.drag_density_kg_m3")
+def _field_and_air_need_an_orbit(rate, dipole, density):
+    if rate is not None and not 0 < rate <= RATE_AT_GROUND and (any(dipole) or density):
+        yield at(
+            "orbit.rate_rad_s",
+            f"must be that of an orbit above the ground, greater than 0 and at most "
+            f"{RATE_AT_GROUND:g} rad/s, where a residual dipole or drag acts, got {shown(rate)}",
+        )
+
+
+@rule("disturbance.solar_area_m2", "disturbance.sun_direction")
+def _sun_has_a_direction(area, direction):
+    if area and not any(direction):
+        yield at("disturbance.sun_direction", "must be a direction, got zeros")
 
 
 @rule("initial.w", "initial.z_rad", "initial.quaternion")

@@ -18,6 +18,7 @@ ERROR_COORDINATE_KEYS = (
     "spacecraft.thruster_torque_axes",
     "spacecraft.failed_thrusters",
     "spacecraft.torque_limit_N_m",
+    "wheel",
     "orbit.rate_rad_s",
     "orbit.altitude_km",
     "orbit.relation",
@@ -37,6 +38,8 @@ def error_coordinate_obstacle(values: Values) -> str | None:
         return f'the law is "{values["control.law"]}"'
     if values["spacecraft.torque_limit_N_m"] is not None:
         return "the torque is limited"
+    if values["wheel"]:
+        return "the spacecraft has wheels"
     if "actuators.kind" in values:
         return "the actuators are not jaxsat's own"
     if values["spacecraft.thruster_torque_axes"] is None:

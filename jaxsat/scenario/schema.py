@@ -16,6 +16,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
 from jaxsat.scenario import thruster_checks as _thruster_checks  # noqa: F401
 from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401
+from jaxsat.scenario import wheel_checks as _wheel_checks  # noqa: F401
 from jaxsat.scenario.control_tables import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
 from jaxsat.scenario.errors import Issue
@@ -30,6 +31,7 @@ from jaxsat.scenario.tables import (
 )
 from jaxsat.scenario.thruster_tables import FailureTable, ModulationTable, ThrusterTable
 from jaxsat.scenario.tuning_tables import TuningTable
+from jaxsat.scenario.wheel_tables import WheelTable
 from jaxsat.scenario.wording import issue_of, item_kind, table_at, validated
 
 
@@ -49,6 +51,11 @@ class Scenario(Table):
     actuators: ActuatorsOfAKind | None = choice("Actuators that do not come with jaxsat", None)
     thruster: Annotated[tuple[ThrusterTable, ...], Len(0, 1000)] = choice(
         "Thrusters that push, in place of those that make a torque of either sign", ()
+    )
+    wheel: Annotated[tuple[WheelTable, ...], Len(0, 100)] = choice(
+        "Reaction wheels, which make what they can of the torque that the law commands; thrusters "
+        "make the rest",
+        (),
     )
     modulation: ModulationTable | None = choice("How [[thruster]] are pulsed", None)
     failure: Annotated[tuple[FailureTable, ...], Len(0, 100)] = choice(

@@ -10,6 +10,7 @@ from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.thruster_tables import FAILURE_AMOUNTS, thruster_number, working_torques
+from jaxsat.scenario.wheel_tables import left_by_wheels
 from jaxsat.scenario.wording import shown
 
 MAX_THRUSTERS = 24
@@ -19,12 +20,15 @@ NO_TORQUE = 1e-12
 """N m; a force through the centre of mass makes less by rounding."""
 
 
-@rule("thruster", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")
-def _one_kind_of_thruster(thrusters, axes, failed):
+@rule("thruster", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters", "wheel")
+def _one_kind_of_thruster(thrusters, axes, failed, wheels):
     if not thrusters:
-        if axes is None:
-            message = "must be given, or tables [[thruster]], got neither"
+        if axes is None and not wheels:
+            message = "must be given, or tables [[thruster]] or [[wheel]], got none of them"
             yield at("spacecraft.thruster_torque_axes", message, True)
+        elif axes is None and failed:
+            message = f"must not be given without thruster_torque_axes, got {shown(failed)}"
+            yield at("spacecraft.failed_thrusters", message)
         return
     for name, value in (("thruster_torque_axes", axes), ("failed_thrusters", failed or None)):
         if value is not None:
@@ -84,9 +88,11 @@ def _whole(thrusters) -> bool:
     )
 
 
-@rule("thruster", "control.law")
-def _thrusters_make_what_the_law_commands(thrusters, law):
+@rule("thruster", "control.law", "wheel")
+def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
     torques = find_law(law).declaration.torques
+    if wheels and torques and not left_by_wheels(wheels, torques).any():
+        return
     if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
         return
     torque = working_torques(thrusters)

@@ -21,10 +21,12 @@ from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
+from jaxsat.simulation.wheel_holds import through_hold
 from jaxsat.vehicle import (
     AbstractActuators,
     AbstractPulsedActuators,
     Actuators,
+    ActuatorsWithWheels,
     DrawnSensors,
     Hold,
     Sensors,
@@ -44,7 +46,7 @@ class AbstractLoop(eqx.Module):
 
 class Motion(NamedTuple):
     """A loop at one instant: time derivative of its state, the plant's state with its ω_r (rad/s)
-    and rate error η (rad/s), and the torque of the thrusters (N m)."""
+    and rate error η (rad/s), and the torque of thrusters and wheels on the body (N m)."""
 
     rate: PyTree
     plant: PlantState
@@ -107,16 +109,28 @@ class ContinuousLoop(AbstractContinuousLoop):
     controller: AbstractController
     actuators: AbstractActuators
 
-    def is_smooth(self) -> bool:
-        """Whether fixed steps suit the loop: no corner of the law or of actuators of a user's own.
+    def __check_init__(self):
+        wheels = self.plant.wheels
+        if wheels is not None and wheels.coulomb_friction is not None:
+            raise ValueError(
+                "Wheels with Coulomb friction must have a command that is held, which that of a "
+                "continuous controller is not."
+            )
 
-        A thruster that reaches its limit is no corner here: a smooth law passes it in few steps.
+    def is_smooth(self) -> bool:
+        """Whether fixed steps suit the loop: no corner of the law, of actuators of a user's own or
+        of wheels, whose torque ends at the limit of their momentum.
+
+        A thruster or wheel that reaches the limit of its torque is no corner here: a smooth law
+        passes it in few steps.
         """
-        own = isinstance(self.actuators, Actuators) or self.actuators.event_count == 0
-        return own and self.controller.is_smooth()
+        own = (Actuators, ActuatorsWithWheels)
+        corners = 0 if isinstance(self.actuators, own) else self.actuators.event_count
+        return not corners and not _wheel_events(self.plant) and self.controller.is_smooth()
 
     def start(self, state: PlantState) -> LoopState:
         """The plant's state and the controller's first memory."""
+        state = self.plant.with_wheel_momentum(state)
         return LoopState(state, self.controller.init(state))
 
     @property
@@ -132,30 +146,45 @@ class ContinuousLoop(AbstractContinuousLoop):
         """Equations (1) and (36) under the controller's torque."""
         command, memory_rate = self.controller(t, state.plant, state.memory)
         torque = self.actuators(command)
-        rate = LoopState(self.plant.rate(t, state.plant, torque), memory_rate)
+        wheels = self._wheel_torque(state.plant, command)
+        rate = LoopState(self.plant.rate(t, state.plant, torque, wheels), memory_rate)
         relative_rate = self.plant.relative_rate(state.plant)
         error = self.controller.rate_error(state.plant)
+        torque = self.plant.control_torque(torque, wheels)
         return Motion(rate, state.plant, relative_rate, error, torque)
+
+    def _wheel_torque(self, state: PlantState, command) -> Float[Array, " wheels"] | None:
+        return self.plant.wheel_torque(state, self.actuators.wheel_command(command))
 
     def signals(self, t: Float[Array, ""], state: LoopState) -> Signals:
         """Everything worth saving at one instant."""
-        torque = self.motion(t, state).torque
-        return continuous_signals(self.plant, self.controller, t, state.plant, state.memory, torque)
+        motion = self.motion(t, state)
+        signals = continuous_signals(
+            self.plant, self.controller, t, state.plant, state.memory, motion.torque
+        )
+        rate = motion.rate.plant.wheel_momentum
+        return signals if rate is None else dataclasses.replace(signals, wheel_torque=-rate)
 
     def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
-        """Those of the controller and of the thrusters."""
+        """Those of the controller, of the actuators and of the wheels' momenta."""
         command, _ = self.controller(t, state.plant, state.memory)
         own = self.controller.event_functions(state.plant)
-        return jnp.concatenate([own, self.actuators.event_functions(command)])
+        events = jnp.concatenate([own, self.actuators.event_functions(command)])
+        if not _wheel_events(self.plant):
+            return events
+        share = self.actuators.wheel_command(command)
+        return jnp.concatenate([events, self.plant.wheel_events(state.plant, share)])
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ContinuousLoop":
-        """Controller and thrusters held in a piece of theirs each."""
-        count = signs.size - self.actuators.event_count
+        """Controller, actuators and wheels held in a piece of theirs each."""
+        wheels = signs.size - _wheel_events(self.plant)
+        count = wheels - self.actuators.event_count
         held = (
             self.controller.smooth_piece(signs[:count]),
-            self.actuators.smooth_piece(signs[count:]),
+            self.actuators.smooth_piece(signs[count:wheels]),
         )
-        return eqx.tree_at(lambda loop: (loop.controller, loop.actuators), self, held)
+        made = eqx.tree_at(lambda loop: (loop.controller, loop.actuators), self, held)
+        return dataclasses.replace(made, plant=self.plant.wheel_piece(signs[wheels:]))
 
     def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
         """That of the controller."""
@@ -165,13 +194,15 @@ class ContinuousLoop(AbstractContinuousLoop):
 class SampledState(NamedTuple):
     """State of the plant, memory of its controller, and the torque (N m) now being made.
 
-    Actuators that run once a period have a memory, and no torque is kept for them.
+    Actuators that run once a period have a memory, and no torque is kept for them. `wheel_command`
+    (N m) is what is now asked of each wheel, None without wheels.
     """
 
     plant: PlantState
     memory: Memory
     torque: Float[Array, "3"] | None
     actuators: PyTree = None
+    wheel_command: Float[Array, " wheels"] | None = None
 
 
 Integrator = Callable[[Float[Array, ""], Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
@@ -209,16 +240,19 @@ class SampledLoop(AbstractLoop):
 
     def start(self, state: PlantState) -> SampledState:
         """The plant's state, the controller's first memory for what is measured, and no torque."""
+        state = self.plant.with_wheel_momentum(state)
         memory = self.controller.init(self.measured(jnp.array(0), state))
+        wheels = None if state.wheel_momentum is None else jnp.zeros_like(state.wheel_momentum)
         if isinstance(self.actuators, AbstractPulsedActuators):
-            return SampledState(state, memory, None, self.actuators.init())
-        return SampledState(state, memory, jnp.zeros_like(state.omega))
+            return SampledState(state, memory, None, self.actuators.init(), wheels)
+        return SampledState(state, memory, jnp.zeros_like(state.omega), None, wheels)
 
     def measured(self, number: Int[Array, ""], state: PlantState) -> PlantState:
         """What the controller is told at sample `number` of the run when the truth is `state`."""
         if self.sensors is None:
             return state
-        return PlantState(*self.sensors(number, state.attitude, state.omega))
+        attitude, omega = self.sensors(number, state.attitude, state.omega)
+        return PlantState(attitude, omega, state.wheel_momentum)
 
     def command(
         self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState
@@ -229,11 +263,12 @@ class SampledLoop(AbstractLoop):
     def signals(self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState) -> Signals:
         """The signals of the truth at sample `number` of the run, which is at time `t` (s)."""
         command, memory = self.command(number, t, state)
+        wheels = self._acting(state.wheel_command, self._wheel_command(state, command))
         if isinstance(self.actuators, AbstractPulsedActuators):
             usage = self.actuators.usage(*self._plan(t, command, state))
-            return self._signals_of_usage(t, state.plant, memory, usage)
-        acting = self._acting(state, self.actuators(command))
-        return _sampled_signals(self, t, state.plant, memory, acting)
+            return self._signals_of_usage(t, state.plant, memory, usage, wheels)
+        acting = self._acting(state.torque, self.actuators(command))
+        return _sampled_signals(self, t, state.plant, memory, acting, wheels)
 
     def period(
         self,
@@ -250,20 +285,33 @@ class SampledLoop(AbstractLoop):
         command, memory = self.command(number, t, state)
         if isinstance(self.actuators, AbstractPulsedActuators):
             after, carry, usage = self._pulsed(t, command, state, integrate, carry)
-            signals = self._signals_of_usage(t, state.plant, memory, usage)
+            wheels = self._acting(state.wheel_command, after.wheel_command)
+            signals = self._signals_of_usage(t, state.plant, memory, usage, wheels)
             return after._replace(memory=memory), carry, signals
-        torque = self.actuators(command)
+        torque, wheels = self.actuators(command), self._wheel_command(state, command)
         plant = state.plant
-        signals = _sampled_signals(self, t, plant, memory, self._acting(state, torque))
-        for hold in self._holds(state, torque):
-            plant, carry = integrate(t + hold.begin, hold, plant, carry)
-        return SampledState(plant.normalised(), memory, torque), carry, signals
+        acting = self._acting(state.torque, torque)
+        wheels_acting = self._acting(state.wheel_command, wheels)
+        signals = _sampled_signals(self, t, plant, memory, acting, wheels_acting)
+        asked = (wheels,) if self.delay is None else (state.wheel_command, wheels)
+        for hold, command in zip(self._holds(state, torque), asked, strict=True):
+            plant, carry = through_hold(
+                self.plant.wheels, command, t + hold.begin, hold, plant, integrate, carry
+            )
+        return SampledState(plant.normalised(), memory, torque, None, wheels), carry, signals
 
-    def _acting(self, state: SampledState, torque: Float[Array, "3"]) -> Float[Array, "3"]:
-        """The torque (N m) right after a sample that asked for `torque`."""
-        if self.delay is None:
-            return torque
-        return jnp.where(self.delay > 0, cast(Array, state.torque), torque)
+    def _acting(self, before: Array | None, asked: Array | None) -> Array | None:
+        """What acts right after a sample: what it asked for or, with a delay, what did before."""
+        if self.delay is None or asked is None:
+            return asked
+        return jnp.where(self.delay > 0, cast(Array, before), asked)
+
+    def _wheel_command(self, state: SampledState, command) -> Float[Array, " wheels"] | None:
+        """What a command asks of each wheel (N m): zero where the actuators have none of them."""
+        if state.wheel_command is None:
+            return None
+        asked = self.actuators.wheel_command(command)
+        return jnp.zeros_like(state.wheel_command) if asked is None else asked
 
     def _holds(self, state: SampledState, torque: Float[Array, "3"]) -> tuple[Hold, ...]:
         """The parts of a period that begins in `state` and whose sample asked for `torque`."""
@@ -284,21 +332,31 @@ class SampledLoop(AbstractLoop):
     ) -> tuple[SampledState, PyTree, Usage]:
         """A period from one instant of the actuators to the next."""
         actuators = cast(AbstractPulsedActuators, self.actuators)
+        wheels = self._wheel_command(state, command)
         plan, running = self._plan(t, command, state)
 
         def hold_by_hold(_, now):
             running, plant, carry = now
             hold, running = actuators.advance(plan, running)
-            return running, *integrate(t + hold.begin, hold, plant, carry)
+            parts = ((hold, wheels),)
+            if wheels is not None and self.delay is not None:
+                before, after = hold.divided(self.delay)
+                parts = ((before, state.wheel_command), (after, wheels))
+            for part, asked in parts:
+                plant, carry = through_hold(
+                    self.plant.wheels, asked, t + part.begin, part, plant, integrate, carry
+                )
+            return running, plant, carry
 
         running, plant, carry = jax.lax.fori_loop(
             0, actuators.holds, hold_by_hold, (running, state.plant, carry)
         )
         memory, usage = actuators.finish(plan, running)
-        return SampledState(plant.normalised(), state.memory, None, memory), carry, usage
+        after = SampledState(plant.normalised(), state.memory, None, memory, wheels)
+        return after, carry, usage
 
-    def _signals_of_usage(self, t, plant: PlantState, memory, usage: Usage) -> Signals:
-        signals = _sampled_signals(self, t, plant, memory, usage.torque)
+    def _signals_of_usage(self, t, plant: PlantState, memory, usage: Usage, wheels) -> Signals:
+        signals = _sampled_signals(self, t, plant, memory, usage.torque, wheels)
         return dataclasses.replace(
             signals,
             thrust_level=usage.level,
@@ -307,10 +365,21 @@ class SampledLoop(AbstractLoop):
         )
 
     def plant_rate(
-        self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
+        self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]
     ) -> PlantState:
-        """The plant under a torque (N m), in the form diffrax integrates."""
-        return self.plant.rate(t, state, torque)
+        """Time derivative of the plant `elapsed` seconds after a hold began, at time `t` (s)."""
+        wheels = hold.wheel_torque(state.wheel_momentum)
+        return self.plant.rate(t, state, hold.torque_after(elapsed), wheels)
+
+    def torque(self, state: PlantState, hold: Hold, elapsed: Float[Array, ""]) -> Float[Array, "3"]:
+        """The torque of all actuators `elapsed` seconds after a hold began, N m."""
+        wheels = hold.wheel_torque(state.wheel_momentum)
+        return self.plant.control_torque(hold.torque_after(elapsed), wheels)
+
+
+def _wheel_events(plant: RigidBody) -> int:
+    """How many event functions the wheels of a plant have."""
+    return 0 if plant.wheels is None else plant.wheels.event_count
 
 
 def continuous_signals(plant, controller, t, state, memory, torque) -> Signals:
@@ -328,11 +397,14 @@ def continuous_signals(plant, controller, t, state, memory, torque) -> Signals:
     return _plant_signals(plant, t, state, torque, error, value, jnp.zeros_like(value))
 
 
-def _sampled_signals(loop, t, state, memory, torque) -> Signals:
+def _sampled_signals(loop, t, state, memory, torque, wheel_command) -> Signals:
     error = loop.controller.rate_error(state, memory)
     none = jnp.full((), jnp.nan, error.dtype)
     mode = jnp.asarray(loop.controller.mode(memory), error.dtype)
-    return _plant_signals(loop.plant, t, state, torque, error, none, mode)
+    wheels = loop.plant.wheel_torque(state, wheel_command)
+    torque = loop.plant.control_torque(torque, wheels)
+    signals = _plant_signals(loop.plant, t, state, torque, error, none, mode)
+    return signals if wheels is None else dataclasses.replace(signals, wheel_torque=wheels)
 
 
 def _plant_signals(plant, t, state, torque, rate_error, lyapunov, mode) -> Signals:
@@ -349,4 +421,5 @@ def _plant_signals(plant, t, state, torque, rate_error, lyapunov, mode) -> Signa
         lyapunov=lyapunov,
         mode=mode,
         constraint_torque=plant.constraint_torque(t, state, torque),
+        wheel_momentum=state.wheel_momentum,
     )

@@ -222,9 +222,7 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances
 
 def _over_hold(loop, solver, t, state, hold, record, tolerances):
     """The plant's state and the record at the end of a hold that begins at time `t` (s)."""
-    term = diffrax.ODETerm(
-        lambda now, state, hold: loop.plant_rate(now, state, hold.torque_after(now - t))
-    )
+    term = diffrax.ODETerm(lambda now, state, hold: loop.plant_rate(now, state, hold, now - t))
     step = hold.length / loop.substeps
     solver_state = solver.init(term, t, t + step, state, hold)
 
@@ -234,12 +232,13 @@ def _over_hold(loop, solver, t, state, hold, record, tolerances):
         after, _, _, inner, _ = solver.step(
             term, begin, begin + step, current, hold, inner, made_jump=False
         )
-        plant, held, before, now, length, gone = stop_gradient(
-            (loop.plant, hold, current, after, step, number * step)
+        same, held, before, now, length, gone = stop_gradient(
+            (loop, hold, current, after, step, number * step)
         )
-        rate = effort_rate(plant, begin, before, held.torque_after(gone))
-        rate = rate + effort_rate(plant, begin + length, now, held.torque_after(gone + length))
-        record = record.at(begin + length, Observation.of(plant, now), tolerances)
+        rate = effort_rate(same.plant, begin, before, same.torque(before, held, gone))
+        torque = same.torque(now, held, gone + length)
+        rate = rate + effort_rate(same.plant, begin + length, now, torque)
+        record = record.at(begin + length, Observation.of(same.plant, now), tolerances)
         return after, inner, record._replace(integral=record.integral + length / 2 * rate)
 
     after, _, record = jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state, record))

@@ -35,13 +35,14 @@ _EXPLANATIONS = {
 class Signals(eqx.Module):
     """Everything a person may want to see at one instant; body axes, SI units, angles in rad.
 
-    `torque` is what the thrusters make, `constraint_torque` the ideal torque about the third axis
-    that holds the third rate, None where that is free, `rate_error` is η of the active law, `mode`
-    tells which part of a sampled controller is at work, by its own numbers (zero for continuous
-    ones). Of thrusters that push, `torque` is the mean over the period that begins here, as is
-    `thrust_level`, that of each thruster in parts of its full thrust; `propellant` (kg) and
-    `valve_openings` have been used so far. They are None for other actuators. With a leading axis
-    it is a history.
+    `torque` is what thrusters and wheels make, `constraint_torque` the ideal torque about the third
+    axis that holds the third rate, None where that is free, `rate_error` is η of the active law,
+    `mode` tells which part of a sampled controller is at work, by its own numbers (zero for
+    continuous ones). `wheel_momentum` is that of each wheel relative to the body and `wheel_torque`
+    what it does to the body along its axis, None without wheels. Of thrusters that push, `torque`
+    is the mean over the period that begins here, as is `thrust_level`, that of each thruster in
+    parts of its full thrust; `propellant` (kg) and `valve_openings` have been used so far. They are
+    None for other actuators. With a leading axis it is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -55,6 +56,8 @@ class Signals(eqx.Module):
     lyapunov: Float[Array, "*times"]
     mode: Float[Array, "*times"]
     constraint_torque: Float[Array, "*times"] | None = None
+    wheel_momentum: Float[Array, "*times wheels"] | None = None
+    wheel_torque: Float[Array, "*times wheels"] | None = None
     thrust_level: Float[Array, "*times m"] | None = None
     propellant: Float[Array, "*times"] | None = None
     valve_openings: Float[Array, "*times m"] | None = None

@@ -1,4 +1,4 @@
-"""The spacecraft: its inertia, its thrusters and what is left of them after failures."""
+"""The spacecraft: its inertia, its thrusters, what is left of them after failures, its wheels."""
 
 from jaxsat.vehicle.actuators import (
     AbstractActuators,
@@ -31,6 +31,8 @@ from jaxsat.vehicle.thrusters import (
     one_thruster_coupling,
     two_thruster_coupling,
 )
+from jaxsat.vehicle.wheel_actuators import ActuatorsWithWheels, PulsedActuatorsWithWheels
+from jaxsat.vehicle.wheels import WheelPiece, Wheels
 
 __all__ = [
     "AbstractActuators",
@@ -39,6 +41,7 @@ __all__ = [
     "AbstractSmoothActuators",
     "ActuatorContext",
     "Actuators",
+    "ActuatorsWithWheels",
     "DeltaSigma",
     "DrawnSensors",
     "FailureEvents",
@@ -48,6 +51,7 @@ __all__ = [
     "LeastPropellant",
     "PulseWidth",
     "PulseWidthPulseFrequency",
+    "PulsedActuatorsWithWheels",
     "PulsedThrusters",
     "Pulses",
     "Sensors",
@@ -55,6 +59,8 @@ __all__ = [
     "ThrusterSet",
     "Thrusters",
     "Usage",
+    "WheelPiece",
+    "Wheels",
     "allocation",
     "one_thruster_coupling",
     "two_thruster_coupling",

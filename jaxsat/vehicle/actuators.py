@@ -38,6 +38,10 @@ class AbstractActuators(eqx.Module):
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractActuators":
         """These actuators held on the side of each corner that `signs` tells."""
 
+    def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"] | None:
+        """The torque that each wheel is to put on the body, N m; here None: there are no wheels."""
+        del command
+
 
 class AbstractSmoothActuators(AbstractActuators):
     """Actuators without corners, or under a sampled law, which needs none of them told."""

@@ -12,6 +12,7 @@ from jaxsat.vehicle.allocation import LeastPropellant
 from jaxsat.vehicle.failures import Condition, FailureEvents
 from jaxsat.vehicle.modulation import AbstractModulation, Pulses
 from jaxsat.vehicle.thruster_set import ThrusterSet
+from jaxsat.vehicle.wheels import WheelPiece
 
 RealScalar = Float[Array, ""]
 
@@ -23,13 +24,30 @@ class Hold(NamedTuple):
     """A time in a period during which the torque on the body changes evenly, or not at all.
 
     `begin` and `length` are in s, `begin` from the sample on. The torque (N m) is `torque` at the
-    begin and changes by `torque_rate` (N m/s); None is a torque that stays.
+    begin and changes by `torque_rate` (N m/s); None is a torque that stays. `wheels` is the piece
+    that wheels are in, None without wheels.
     """
 
     begin: RealScalar
     length: RealScalar
     torque: Float[Array, "3"]
     torque_rate: Float[Array, "3"] | None = None
+    wheels: WheelPiece | None = None
+
+    def wheel_torque(self, momentum: Float[Array, " wheels"] | None):
+        """What each wheel does to the body along its axis, N m; None without wheels."""
+        return None if self.wheels is None or momentum is None else self.wheels.torque(momentum)
+
+    def part(self, elapsed: RealScalar, length: RealScalar) -> "Hold":
+        """The part that begins `elapsed` seconds after the begin, of this length (s)."""
+        return self._replace(
+            begin=self.begin + elapsed, length=length, torque=self.torque_after(elapsed)
+        )
+
+    def divided(self, instant: RealScalar) -> "tuple[Hold, Hold]":
+        """The parts before and after an instant (s from the sample on)."""
+        first = jnp.clip(instant - self.begin, 0.0, self.length)
+        return self.part(0 * first, first), self.part(first, self.length - first)
 
     def torque_after(self, elapsed: RealScalar) -> Float[Array, "3"]:
         """The torque (N m) `elapsed` seconds after the begin."""
@@ -96,6 +114,10 @@ class AbstractPulsedActuators(eqx.Module):
     @abc.abstractmethod
     def advance(self, plan: PyTree, running: PyTree) -> tuple[Hold, PyTree]:
         """The next hold, which has no length where the period has ended."""
+
+    def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"] | None:
+        """The torque that each wheel is to put on the body, N m; here None: there are no wheels."""
+        del command
 
     @abc.abstractmethod
     def finish(self, plan: PyTree, running: PyTree) -> tuple[PyTree, Usage]:

@@ -16,7 +16,8 @@ PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-a
 TUNED = ["oscillatory-dispersed", "rate-limited", "switching-dispersed", "switching-rounded"]
 SETTLING = ["two-torque-free", "two-torque-free-1", "two-torque-free-20"]
 ACCEPTANCE = ["acceptance-hard", "acceptance-mc", "acceptance-nominal"]
-NAMES = PAPER + SETTLING + ACCEPTANCE + TUNED
+REAL = ["two-wheel-telescope"]
+NAMES = PAPER + SETTLING + ACCEPTANCE + TUNED + REAL
 
 
 def test_names():
@@ -48,6 +49,7 @@ def test_scenario_says_what_it_is(name):
         ("paper-three-axis", ErrorCoordinateLoop),
         ("switching", SampledLoop),
         ("two-torque-free", SampledLoop),
+        ("two-wheel-telescope", ContinuousLoop),
     ],
 )
 def test_loop_that_suits(name, loop):
@@ -75,6 +77,18 @@ def test_paper_rate_numbers():
         row = round(time / 0.1)
         np.testing.assert_allclose(trajectory.signals.omega[row], expected, rtol=0, atol=1e-9)
     np.testing.assert_allclose(trajectory.signals.torque[0], [-1866.845, 4462.509, 0], atol=5e-4)
+
+
+@pytest.mark.slow
+def test_two_wheels_settle_the_telescope():
+    """With no ideal torque: the third rate stays zero by itself."""
+    trajectory = build(load("two-wheel-telescope")).simulate()
+    signals = trajectory.signals
+    assert float(trajectory.assessment.settled_from) == pytest.approx(335.6, abs=0.1)
+    assert np.abs(np.asarray(signals.omega)[:, 2]).max() < 1e-15
+    assert np.abs(np.asarray(signals.w[-1])).max() < 1e-4
+    assert abs(float(signals.z[-1])) < 1e-4
+    assert np.abs(np.asarray(signals.wheel_torque)).max() == pytest.approx(0.4)
 
 
 @pytest.mark.slow

@@ -151,9 +151,18 @@ def installed(tmp_path, monkeypatch):
     forget_package()
 
 
-def test_the_law_of_a_package_flies_as_published(installed):
-    """Tsiotras and Luo (Automatica 36, 2000), section 5: the numbers of an own simulation."""
-    trajectory = build(load(installed)).simulate()
+TWO_WHEELS = ["wheel=[{axis=[1.0,0.0,0.0],momentum_limit_N_m_s=9.0},{axis=[0.0,1.0,0.0]}]"]
+
+
+@pytest.mark.parametrize(
+    "actuators", [[], pytest.param(TWO_WHEELS, marks=pytest.mark.slow)], ids=["torques", "wheels"]
+)
+def test_the_law_of_a_package_flies_as_published(installed, actuators):
+    """Tsiotras and Luo (Automatica 36, 2000), section 5: the numbers of an own simulation.
+
+    Two wheels without momentum in all turn the body as two torques do where it does not spin.
+    """
+    trajectory = build(load(installed, actuators)).simulate()
     signals, times = trajectory.signals, np.asarray(trajectory.times)
     tilt = np.hypot(*np.asarray(signals.w).T)
     turn, torque = np.asarray(signals.z), np.abs(np.asarray(signals.torque))

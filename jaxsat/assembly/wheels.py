@@ -1,0 +1,46 @@
+"""From a scenario to its wheels."""
+
+import numpy as np
+from jaxtyping import Array
+
+from jaxsat.checks import as_array
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.wheel_tables import WheelTable, wheel_axes
+from jaxsat.vehicle import Wheels
+
+
+def build_wheels(scenario: Scenario) -> Wheels | None:
+    """The wheels of a scenario; None without any. What none of them has is left out."""
+    tables = scenario.wheel
+    if not tables:
+        return None
+    viscous = _unless_zero(tables, "viscous_friction_N_m_s")
+    inertia = None
+    if viscous is not None:
+        inertia = np.array([one.rotor_inertia_kg_m2 or 1.0 for one in tables])
+    return Wheels(
+        wheel_axes(tables),
+        limits_of(tables, "torque_limit_N_m"),
+        limits_of(tables, "momentum_limit_N_m_s"),
+        inertia,
+        viscous,
+        _unless_zero(tables, "coulomb_friction_N_m"),
+    )
+
+
+def limits_of(tables: tuple[WheelTable, ...], name: str) -> np.ndarray | None:
+    """Limits, infinite for a wheel without; None where no wheel has one."""
+    values = np.array([getattr(one, name) or np.inf for one in tables])
+    return values if np.isfinite(values).any() else None
+
+
+def _unless_zero(tables: tuple[WheelTable, ...], name: str) -> np.ndarray | None:
+    values = np.array([getattr(one, name) for one in tables])
+    return values if values.any() else None
+
+
+def wheel_momentum(scenario: Scenario) -> Array | None:
+    """Momenta at the start, N m s; None without wheels."""
+    if not scenario.wheel:
+        return None
+    return as_array(np.array([one.momentum_N_m_s for one in scenario.wheel]))

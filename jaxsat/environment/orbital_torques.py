@@ -1,0 +1,161 @@
+"""Disturbances by the place in the orbit: residual dipole, drag and solar pressure.
+
+Wertz, Spacecraft Attitude Determination and Control, 1978, sections 5.1, 17.2 and appendix H.
+"""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.attitude import AbstractAttitude
+from jaxsat.checks import as_float, require_finite, require_positive
+from jaxsat.declaration import PartDeclaration
+from jaxsat.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
+from jaxsat.environment.disturbances import AbstractDisturbance, DisturbanceContext, RealScalar
+from jaxsat.environment.orbit import EARTH_ROTATION, CircularOrbit
+from jaxsat.trigonometry import cos, sin
+
+DIPOLE = (-1450.9e-9, 4652.5e-9, -29404.8e-9)
+"""g11, h11 and g10 of IGRF-13 for 2020, T: the dipole in axes that turn with the Earth."""
+
+REFERENCE_RADIUS = 6371.2e3
+"""That of the IGRF, m."""
+
+SOLAR_PRESSURE = 4.56e-6
+"""At the Earth's mean distance from the Sun on a surface that absorbs all light, N/m²."""
+
+
+class MagneticTorque(AbstractDisturbance):
+    """A dipole fixed in the body (A m²), in the field of a tilted dipole that turns with the Earth.
+
+    The field is that of the first degree of the IGRF along the circular `orbit`.
+    """
+
+    declaration: ClassVar[PartDeclaration] = MAGNETIC
+
+    dipole: Float[Array, "3"] = eqx.field(converter=as_float)
+    orbit: CircularOrbit
+
+    def __check_init__(self):
+        require_finite("dipole", self.dipole)
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "MagneticTorque | None":
+        """The torque of a table of a scenario; None for no dipole."""
+        dipole = values["residual_dipole_A_m2"]
+        return cls(dipole, context.place) if any(dipole) else None
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """m × B in body axes."""
+        del inertia
+        return jnp.cross(self.dipole, attitude.as_dcm().matrix @ self.field(t))
+
+    def field(self, t: RealScalar) -> Float[Array, "3"]:
+        """B at time `t` (s) in orbit axes, T: (R/r)³ (3 (m·r̂) r̂ - m) of the Earth's dipole m."""
+        axes, angle = self.orbit.axes(t), self.orbit.sidereal_angle + EARTH_ROTATION * t
+        east, north = cos(angle), sin(angle)
+        x, y, z = DIPOLE
+        m = axes @ jnp.stack([x * east - y * north, x * north + y * east, z + 0 * angle])
+        up = jnp.array([0.0, 0.0, -1.0], m.dtype)
+        return (REFERENCE_RADIUS / self.orbit.radius) ** 3 * (-3 * m[2] * up - m)
+
+
+class AerodynamicTorque(AbstractDisturbance):
+    """Drag of one coefficient: the force ½ ρ v² `coefficient` `area` against the velocity.
+
+    `density` ρ in kg/m³ is constant, `area` in m², v the speed of the circular `orbit` (the air's
+    own is left out). It acts at the `centre` of pressure (m) from the centre of mass, body axes.
+    """
+
+    declaration: ClassVar[PartDeclaration] = AERODYNAMIC
+
+    density: Float[Array, ""] = eqx.field(converter=as_float)
+    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    area: Float[Array, ""] = eqx.field(converter=as_float)
+    centre: Float[Array, "3"] = eqx.field(converter=as_float)
+    orbit: CircularOrbit
+
+    def __check_init__(self):
+        for name in ("density", "coefficient", "area"):
+            require_positive(name, getattr(self, name), zero_allowed=True)
+        require_finite("centre", self.centre)
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "AerodynamicTorque | None":
+        """The torque of a table of a scenario; None where there is no air."""
+        if not values["drag_density_kg_m3"]:
+            return None
+        return cls(
+            values["drag_density_kg_m3"],
+            values["drag_coefficient"],
+            values["drag_area_m2"],
+            values["drag_centre_m"],
+            context.place,
+        )
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """centre × force in body axes."""
+        del t, inertia
+        forward = attitude.as_dcm().matrix[:, 0]
+        speed = self.orbit.rate * self.orbit.radius
+        force = -0.5 * self.density * speed**2 * self.coefficient * self.area * forward
+        return jnp.cross(self.centre, force)
+
+
+class SolarPressureTorque(AbstractDisturbance):
+    """Light of one coefficient: the force P `coefficient` `area` away from the Sun, always lit.
+
+    `coefficient` is 1 for a surface that absorbs all light and 2 for a mirror across it; `area` in
+    m². It acts at the `centre` of pressure (m) from the centre of mass, body axes. `sun` is the
+    direction to the Sun, fixed in inertial axes, of any length but zero.
+    """
+
+    declaration: ClassVar[PartDeclaration] = SOLAR
+
+    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    area: Float[Array, ""] = eqx.field(converter=as_float)
+    centre: Float[Array, "3"] = eqx.field(converter=as_float)
+    sun: Float[Array, "3"] = eqx.field(converter=as_float)
+    orbit: CircularOrbit
+
+    def __check_init__(self):
+        for name in ("coefficient", "area"):
+            require_positive(name, getattr(self, name), zero_allowed=True)
+        require_finite("centre", self.centre)
+        require_finite("sun", self.sun)
+        require_positive("sun", jnp.sum(self.sun**2))
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "SolarPressureTorque | None":
+        """The torque of a table of a scenario; None where nothing is lit."""
+        if not values["solar_area_m2"]:
+            return None
+        return cls(
+            values["solar_coefficient"],
+            values["solar_area_m2"],
+            values["solar_centre_m"],
+            values["sun_direction"],
+            context.place,
+        )
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """centre × force in body axes."""
+        del inertia
+        sun = self.sun / jnp.sqrt(jnp.sum(self.sun**2))
+        towards = attitude.as_dcm().matrix @ (self.orbit.axes(t) @ sun)
+        return jnp.cross(self.centre, -SOLAR_PRESSURE * self.coefficient * self.area * towards)

@@ -1,0 +1,54 @@
+"""`[[wheel]]`: reaction wheels."""
+
+from typing import Annotated
+
+import numpy as np
+
+from jaxsat.allocation import least_squares_map, unit_columns, what_is_left
+from jaxsat.ranges import FRICTION, MOMENT, TORQUE, TORQUE_LIMIT, WHEEL_MOMENTUM
+from jaxsat.scenario.quantities import Line, Number, Switch, Table, choice, quantity, within
+from jaxsat.scenario.thruster_tables import Direction
+
+
+class WheelTable(Table):
+    """`[[wheel]]`: one reaction wheel."""
+
+    name: Line | None = choice("A name of its own; left out, it goes by its number from 1", None)
+    axis: Direction = quantity("Direction of its axis, body axes", "1")
+    torque_limit_N_m: Annotated[Number, within(TORQUE_LIMIT)] | None = quantity(
+        "Largest torque of its motor; left out, it is unlimited", "N m", None
+    )
+    momentum_limit_N_m_s: Annotated[Number, within(WHEEL_MOMENTUM)] | None = quantity(
+        "Largest momentum relative to the body; left out, it is unlimited", "N m s", None
+    )
+    momentum_N_m_s: Annotated[Number, within(TORQUE)] = quantity(
+        "Momentum relative to the body at the start", "N m s", 0.0
+    )
+    rotor_inertia_kg_m2: Annotated[Number, within(MOMENT)] | None = quantity(
+        "Inertia of its rotor about the axis, needed for viscous friction", "kg m²", None
+    )
+    viscous_friction_N_m_s: Annotated[Number, within(FRICTION)] = quantity(
+        "Viscous friction, for each rad/s of the rotor", "N m s", 0.0
+    )
+    coulomb_friction_N_m: Annotated[Number, within(FRICTION)] = quantity(
+        "Coulomb friction, which may hold the rotor at rest", "N m", 0.0
+    )
+    failed: Switch = choice(
+        "Whether its motor has failed before the start, and the law knows it; it coasts", False
+    )
+
+
+def wheel_axes(wheels: tuple[WheelTable, ...]) -> np.ndarray:
+    """A unit column for each wheel."""
+    return unit_columns(np.array([one.axis for one in wheels], float).reshape(-1, 3).T)
+
+
+def failed_wheels(wheels: tuple[WheelTable, ...]) -> tuple[int, ...]:
+    """Numbers, from 1, of those that have failed."""
+    return tuple(number for number, one in enumerate(wheels, 1) if one.failed)
+
+
+def left_by_wheels(wheels: tuple[WheelTable, ...], torques: int) -> np.ndarray:
+    """The part (torques, torques) of a command that the working wheels do not make."""
+    axes = wheel_axes(tuple(one for one in wheels if not one.failed))
+    return what_is_left(axes, least_squares_map(axes, torques))

@@ -1,0 +1,271 @@
+"""Reaction wheels: what torque they make, and when their momenta meet a limit or zero.
+
+A wheel's momentum h is that relative to the body, and the inertia of the spacecraft is the one with
+its wheels locked. A motor that is commanded a torque c turns the body by c and the wheel by -c;
+viscous and Coulomb friction b and τ brake the wheel and take the body along:
+
+    dh/dt = -(c + b h / J_w + τ sign h)
+
+At its limit a wheel takes no torque that would raise its momentum further. While a command stays,
+the momentum of each wheel is a scalar linear ODE, monotonic in time, so the instants at which it
+comes to zero, where Coulomb friction may hold it, and to its limit are closed forms.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from jaxsat.allocation import unit_columns
+from jaxsat.checks import as_array, as_float, concrete, require_finite, require_positive
+from jaxsat.errors import ArgumentError
+
+SMALL = 1e-4
+"""Below this -log(1 - x)/x is taken from its series, whose next term is x⁵/6."""
+
+OfEach = ArrayLike | list | tuple | None
+"""One number, one for each wheel, or None."""
+
+
+class WheelPiece(NamedTuple):
+    """Wheels between two edges: the torque on the body along their axes is drive + decay h, N m.
+
+    `drive` in N m and `decay` in 1/s, of shape (wheels,), stay while the command does.
+    """
+
+    drive: Float[Array, " wheels"]
+    decay: Float[Array, " wheels"]
+
+    def torque(self, momentum: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
+        """The torque on the body along each axis, N m, at these momenta, N m s."""
+        return self.drive + self.decay * momentum
+
+
+class _Course(NamedTuple):
+    """How momenta go under a command that stays.
+
+    The sign of Coulomb friction `before` and `after` the instant `zero` (s) at which a momentum
+    comes to zero, and the instant `limit` (s) at which it comes to its limit; infinite for never.
+    """
+
+    before: Float[Array, " wheels"]
+    after: Float[Array, " wheels"]
+    zero: Float[Array, " wheels"]
+    limit: Float[Array, " wheels"]
+
+
+class Wheels(eqx.Module):
+    """Reaction wheels along any axes, of shape (3, wheels) in body axes, scaled to unit length.
+
+    `torque_limit` (N m) bounds each motor's torque and `momentum_limit` (N m s) each momentum.
+    `viscous_friction` (N m s/rad), which needs the `rotor_inertia` (kg m²), and `coulomb_friction`
+    (N m) brake the rotors. Each is one number, or one for each wheel, and None for none.
+    `limited` holds each wheel at its momentum limit or off it, see `smooth_piece`. Raises
+    `ValueError` for numbers that no wheel has.
+    """
+
+    axes: Float[Array, "3 wheels"]
+    torque_limit: Float[Array, " wheels"] | None
+    momentum_limit: Float[Array, " wheels"] | None
+    rotor_inertia: Float[Array, " wheels"] | None
+    viscous_friction: Float[Array, " wheels"] | None
+    coulomb_friction: Float[Array, " wheels"] | None
+    limited: Bool[Array, " wheels"] | None
+
+    def __init__(
+        self,
+        axes: ArrayLike | list,
+        torque_limit: OfEach = None,
+        momentum_limit: OfEach = None,
+        rotor_inertia: OfEach = None,
+        viscous_friction: OfEach = None,
+        coulomb_friction: OfEach = None,
+    ):
+        self.axes = _unit_axes(as_float(axes))
+        self.torque_limit = self._of_each(torque_limit)
+        self.momentum_limit = self._of_each(momentum_limit)
+        self.rotor_inertia = self._of_each(rotor_inertia)
+        self.viscous_friction = self._of_each(viscous_friction)
+        self.coulomb_friction = self._of_each(coulomb_friction)
+        self.limited = None
+
+    def __check_init__(self):
+        for name in ("torque_limit", "momentum_limit", "rotor_inertia"):
+            if getattr(self, name) is not None:
+                require_positive(name, getattr(self, name))
+        for name in ("viscous_friction", "coulomb_friction"):
+            if getattr(self, name) is not None:
+                require_finite(name, getattr(self, name))
+                require_positive(name, getattr(self, name), zero_allowed=True)
+        if self.viscous_friction is not None and self.rotor_inertia is None:
+            raise ArgumentError("rotor_inertia", "must be given with viscous friction", None)
+
+    def _of_each(self, value: OfEach) -> Float[Array, " wheels"] | None:
+        return None if value is None else as_float(value) * jnp.ones(self.count)
+
+    @property
+    def count(self) -> int:
+        """How many wheels there are."""
+        return self.axes.shape[1]
+
+    @property
+    def edge_count(self) -> int:
+        """How many `edges` there are in a hold."""
+        return self.count * sum(x is not None for x in (self.coulomb_friction, self.momentum_limit))
+
+    def motor_torque(self, command: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
+        """The torque that motors make on a command, N m, without friction and momentum limit."""
+        if self.torque_limit is None:
+            return command
+        return jnp.clip(command, -self.torque_limit, self.torque_limit)
+
+    def torque(
+        self, momentum: Float[Array, " wheels"], command: Float[Array, " wheels"]
+    ) -> Float[Array, " wheels"]:
+        """The torque on the body along each axis, N m, at one instant; dh/dt is its negative."""
+        torque = self._unlimited(momentum, command)
+        if self.momentum_limit is None:
+            return torque
+        limited = self.limited
+        if limited is None:
+            limited = (jnp.abs(momentum) >= self.momentum_limit) & (torque * momentum < 0)
+        return jnp.where(limited, 0.0, torque)
+
+    def _unlimited(self, momentum, command) -> Float[Array, " wheels"]:
+        """The torque off the momentum limits."""
+        drive = self.motor_torque(command)
+        return self._piece(drive, self._side(momentum, drive)).torque(momentum)
+
+    def _side(self, momentum, drive) -> Float[Array, " wheels"]:
+        """The sign of Coulomb friction: zero for a wheel that it holds at rest."""
+        if self.coulomb_friction is None:
+            return jnp.zeros_like(drive)
+        from_rest = jnp.where(jnp.abs(drive) > self.coulomb_friction, -jnp.sign(drive), 0.0)
+        return jnp.where(momentum == 0, from_rest, jnp.sign(momentum))
+
+    def _piece(self, drive, side) -> WheelPiece:
+        """Wheels off their limits whose Coulomb friction has these signs."""
+        decay = jnp.zeros_like(drive)
+        if self.viscous_friction is not None and self.rotor_inertia is not None:
+            decay = decay + self.viscous_friction / self.rotor_inertia
+        if self.coulomb_friction is None:
+            return WheelPiece(drive, decay)
+        rests = side == 0
+        drive = drive + self.coulomb_friction * side
+        return WheelPiece(jnp.where(rests, 0.0, drive), jnp.where(rests, 0.0, decay))
+
+    # A held command: edges, and the piece between two of them.
+
+    def edges(
+        self,
+        momentum: Float[Array, " wheels"],
+        command: Float[Array, " wheels"],
+        period: Float[Array, ""],
+    ) -> Float[Array, " edges"]:
+        """Instants (s) in [0, `period`] at which the torque of a wheel jumps, in no order.
+
+        The command stays for the `period` (s), from `momentum` (N m s) on. Each wheel has one edge
+        where it comes to rest, if there is Coulomb friction, and one at its limit, if it has one:
+        `period` where that does not happen.
+        """
+        course = self._course(momentum, command)
+        found = [] if self.coulomb_friction is None else [course.zero]
+        found += [] if self.momentum_limit is None else [course.limit]
+        return jnp.minimum(jnp.concatenate([*found, jnp.zeros(0, momentum.dtype)]), period)
+
+    def piece(
+        self,
+        momentum: Float[Array, " wheels"],
+        command: Float[Array, " wheels"],
+        elapsed: Float[Array, ""],
+    ) -> WheelPiece:
+        """The piece that holds `elapsed` seconds after a command began to stay at `momentum`.
+
+        Between two edges it is asked for in their middle, where rounding decides nothing.
+        """
+        course, drive = self._course(momentum, command), self.motor_torque(command)
+        piece = self._piece(drive, jnp.where(elapsed < course.zero, course.before, course.after))
+        limited = elapsed >= course.limit
+        return WheelPiece(*(jnp.where(limited, 0.0, x) for x in piece))
+
+    def _course(self, momentum, command) -> _Course:
+        drive = self.motor_torque(command)
+        before = self._side(momentum, drive)
+        after = self._side(jnp.zeros_like(momentum), drive)
+        never = jnp.full_like(momentum, jnp.inf)
+        zero = limit = never
+        if self.coulomb_friction is not None:
+            piece = self._piece(drive, before)
+            slows = piece.torque(momentum) * momentum > 0
+            zero = jnp.where(slows, _time_to(jnp.zeros_like(momentum), momentum, piece), never)
+        if self.momentum_limit is not None:
+            crosses = jnp.isfinite(zero)
+            begin = jnp.where(crosses, 0.0, momentum)
+            piece = self._piece(drive, jnp.where(crosses, after, before))
+            target = -jnp.sign(piece.torque(begin)) * self.momentum_limit
+            limit = jnp.where(crosses, zero, 0.0) + _time_to(target, begin, piece)
+        return _Course(before, after, zero, limit)
+
+    # A command that changes continuously: events, and the smooth piece between two of them.
+
+    @property
+    def event_count(self) -> int:
+        """One for each wheel with a momentum limit."""
+        return 0 if self.momentum_limit is None else self.count
+
+    def event_functions(
+        self, momentum: Float[Array, " wheels"], command: Float[Array, " wheels"]
+    ) -> Float[Array, " m"]:
+        """Positive for each wheel that is held at its limit.
+
+        A wheel comes to it by its momentum and leaves it by its command alone, so that rounding
+        of a momentum at the limit is no event.
+        """
+        if self.momentum_limit is None:
+            return jnp.zeros(0, momentum.dtype)
+        growth = -self._unlimited(momentum, command) * momentum
+        arrives = jnp.minimum((momentum / self.momentum_limit) ** 2 - 1, growth)
+        return arrives if self.limited is None else jnp.where(self.limited, growth, arrives)
+
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "Wheels":
+        """These wheels, at their momentum limits or not as told."""
+        return self._held(signs) if self.event_count else self
+
+    def _held(self, limited: Bool[Array, " wheels"]) -> "Wheels":
+        return eqx.tree_at(lambda x: x.limited, self, limited, is_leaf=lambda x: x is None)
+
+
+def _time_to(target, begin, piece: WheelPiece) -> Float[Array, " wheels"]:
+    """Seconds until momenta come from `begin` to `target`, ahead of them; infinite for never.
+
+    None are left to a target that is behind them by rounding.
+    """
+    speed = -piece.torque(begin)
+    moves = (speed != 0) & jnp.isfinite(target)
+    distance = jnp.where(moves, target - begin, 0.0)
+    straight = jnp.maximum(distance / jnp.where(moves, speed, 1.0), 0.0)
+    share = piece.decay * straight  # of the way to where friction alone would stop them
+    reached = moves & (share < 1)
+    return jnp.where(reached, straight * _log_ratio(jnp.where(reached, share, 0.0)), jnp.inf)
+
+
+def _log_ratio(x: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
+    """-log(1 - x) / x for x in [0, 1), 1 at zero."""
+    series = 1 + x * (1 / 2 + x * (1 / 3 + x * (1 / 4 + x / 5)))
+    small = x < SMALL
+    away = jnp.where(small, 0.5, x)
+    return jnp.where(small, series, -jnp.log1p(-away) / away)
+
+
+def _unit_axes(axes: Array) -> Float[Array, "3 wheels"]:
+    if axes.ndim != 2 or axes.shape[0] != 3:
+        raise ValueError(f"Argument `axes` must have shape (3, wheels), got {tuple(axes.shape)}.")
+    require_finite("axes", axes)
+    known = concrete(axes)
+    if known is None:
+        return axes / jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
+    if not np.all(np.any(known != 0, axis=0)):
+        raise ArgumentError("axes", "must have no zero column", known.tolist())
+    return as_array(unit_columns(known))

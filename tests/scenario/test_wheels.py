@@ -1,0 +1,123 @@
+"""`[[wheel]]`: what is built of it, and what is refused."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsat.assembly.actuators import build_actuators
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.control import AbstractController
+from jaxsat.results import trajectory_dataset
+from jaxsat.scenario import ScenarioError, dump
+from jaxsat.scenario.overrides import apply_overrides, parse_override
+from jaxsat.scenario.schema import Scenario
+from jaxsat.simulation import ContinuousLoop, SampledLoop
+from jaxsat.vehicle import ActuatorsWithWheels, PulsedActuatorsWithWheels
+
+X, Y = "{axis=[2.0,0.0,0.0]}", "{axis=[0.0,1.0,0.0]}"
+
+
+def test_the_telescope_flies_the_law_whose_third_rate_its_wheels_hold():
+    run = build(load("two-wheel-telescope"))
+    loop = run.loop
+    assert isinstance(loop, ContinuousLoop)
+    assert isinstance(loop.controller, AbstractController)
+    assert loop.controller.model.third_rate_held
+    wheels = loop.plant.wheels
+    assert not loop.plant.third_rate_held
+    np.testing.assert_array_equal(wheels.axes, np.eye(3))
+    np.testing.assert_array_equal(wheels.momentum_limit, [20.0, 20.0, 20.0])
+    assert wheels.coulomb_friction is None
+    np.testing.assert_array_equal(run.start.wheel_momentum, np.zeros(3))
+    np.testing.assert_array_equal(loop.actuators.wheel_map, np.eye(3)[:, :2])
+    assert loop.actuators.thrusters is None
+
+
+def test_a_sampled_law_shares_its_command_among_wheels_and_their_history_is_saved(tmp_path):
+    wheels = [
+        "wheel=[{axis=[1.0,0.0,0.0],momentum_limit_N_m_s=0.2,momentum_N_m_s=0.1},"
+        "{axis=[0.6,0.8,0.0],coulomb_friction_N_m=0.01,viscous_friction_N_m_s=1e-5,"
+        "rotor_inertia_kg_m2=0.01}]"
+    ]
+    short = ["simulation.duration_s=1", "simulation.save_every_s=0.5"]
+    scenario = load("switching", wheels + short)
+    path = tmp_path / "again.toml"
+    path.write_text(dump(scenario), encoding="utf-8")
+    assert load(path) == scenario
+    run = build(scenario)
+    assert isinstance(run.loop, SampledLoop)
+    trajectory = run.simulate()
+    data = trajectory_dataset(trajectory)
+    assert data["wheel_momentum"].dims == data["wheel_torque"].dims == ("time", "wheel")
+    assert data["wheel_momentum"].attrs["units"] == "N m s"
+    assert list(data["wheel"].values) == [1, 2]
+    np.testing.assert_array_equal(data["wheel_momentum"][0], [0.1, 0.0])
+    assert abs(data["wheel_momentum"][1:, 0]).max() <= 0.2 * (1 + 1e-12)
+    axes = np.array([[1.0, 0.6], [0.0, 0.8], [0.0, 0.0]])
+    np.testing.assert_allclose(data["torque"], data["wheel_torque"].values @ axes.T, atol=1e-12)
+
+
+def test_thrusters_make_what_wheels_leave():
+    one_wheel = load("switching", [f"wheel=[{X}]"])
+    mixed = build_actuators(one_wheel)
+    assert isinstance(mixed, ActuatorsWithWheels)
+    command = jnp.array([0.3, -0.2])
+    np.testing.assert_allclose(mixed.wheel_command(command), [0.3])
+    np.testing.assert_allclose(mixed(command), [0, -0.2, 0], atol=1e-15)
+    pushing = ",".join(
+        f"{{torque_axis=[{x},{y},0.0],torque_N_m=1.0}}"
+        for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+    )
+    wheelless = load("two-torque-free")
+    document = wheelless.model_dump()
+    document["spacecraft"] |= {"thruster_torque_axes": None, "failed_thrusters": ()}
+    changes = [parse_override(f"thruster=[{pushing}]"), parse_override(f"wheel=[{X}]")]
+    data, blocked = apply_overrides(document, changes)
+    assert not blocked
+    pulsed = build_actuators(Scenario.model_validate(data))
+    assert isinstance(pulsed, PulsedActuatorsWithWheels)
+    np.testing.assert_allclose(pulsed.wheel_command(command), [0.3])
+    np.testing.assert_allclose(pulsed.rest, [[0, 0], [0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "said"),
+    [
+        ("paper-three-axis", [f"wheel=[{X},{Y}]"], "third_rate"),
+        ("switching", ["wheel=[{axis=[0.0,0.0,0.0]}]"], r"wheel\[1\]\.axis|wheel.*axis.*direction"),
+        (
+            "switching",
+            ["wheel=[{axis=[1.0,0.0,0.0],momentum_N_m_s=2.0,momentum_limit_N_m_s=1.0}]"],
+            "momentum_limit_N_m_s",
+        ),
+        ("switching", ["wheel=[{axis=[1.0,0.0,0.0],viscous_friction_N_m_s=1.0}]"], "rotor_inertia"),
+        (
+            "free-third-rate",
+            [f"wheel=[{X},{{axis=[0.0,1.0,0.0],coulomb_friction_N_m=0.1}}]"],
+            "coulomb_friction_N_m",
+        ),
+        (
+            "switching",
+            [
+                "spacecraft.thruster_torque_axes=[[0,0,1]]",
+                "spacecraft.failed_thrusters=[]",
+                f"wheel=[{X}]",
+            ],
+            "independent torques about body axes x and y",
+        ),
+        (
+            "switching",
+            [f"wheel=[{X},{{axis=[0.0,1.0,0.0],nme='a'}}]"],
+            r"keys of \[\[wheel.*mean name",
+        ),
+        (
+            "two-wheel-telescope",
+            ["simulation.solver.steps=fixed", "simulation.solver.step_s=0.1"],
+            "momentum limit",
+        ),
+    ],
+)
+def test_what_cannot_be_is_told(name, changes, said):
+    with pytest.raises(ScenarioError, match=said):
+        load(name, changes)

@@ -1,0 +1,169 @@
+"""Wheels under a sampled command: rest and limits located, against an independent program."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array, Float
+from scipy.spatial.transform import Rotation
+
+from helpers.thruster_layouts import allocated, pairs, thruster_set
+from jaxsat.attitude import Quaternion
+from jaxsat.checks import as_float
+from jaxsat.control import AbstractSampledController
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.environment import ConstantTorque, ExactOrbit
+from jaxsat.simulation import SampledLoop, fixed, simulate
+from jaxsat.vehicle import (
+    Actuators,
+    ActuatorsWithWheels,
+    IdealThrottle,
+    PulsedActuatorsWithWheels,
+    PulsedThrusters,
+    Spacecraft,
+    Thrusters,
+    Wheels,
+)
+from oracle import gyrostat
+
+INERTIA = np.array([[4.0, 0.3, -0.2], [0.3, 2.5, 0.1], [-0.2, 0.1, 3.2]])
+AXES = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, -0.5], [0.1, 0.0, 0.7]])
+AXES = AXES / np.linalg.norm(AXES, axis=0)
+PERIOD, PERIODS = 0.5, 40
+PUSH = np.array([0.002, -0.001, 0.003])
+WHEELS = [
+    {"torque_limit": 0.25, "momentum_limit": limit, "inertia": 0.01, "viscous": 3e-4, "coulomb": c}
+    for limit, c in ((0.15, 0.02), (0.2, 0.005), (np.inf, 0.05))
+]
+OMEGA, MOMENTA = [0.05, -0.03, 0.1], [0.1, -0.2, 0.0]
+
+
+class Waves(AbstractSampledController):
+    """A command of time alone."""
+
+    period: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def init(self, state):
+        return None
+
+    def step(self, t, state, memory):
+        return 0.25 * jnp.sin(jnp.array([0.9, 1.3, 0.5]) * t + jnp.arange(3.0)), memory
+
+
+def body(**changes):
+    wheels = Wheels(
+        AXES,
+        0.25,
+        [0.15, 0.2, np.inf],
+        0.01,
+        3e-4,
+        changes.pop("coulomb", [0.02, 0.005, 0.05]),
+    )
+    return RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels, **changes)
+
+
+def start():
+    return PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, MOMENTA)
+
+
+def flown(loop, periods=PERIODS):
+    method = fixed(PERIOD, diffrax.Dopri8())
+    return simulate(loop, start(), np.arange(periods + 1) * PERIOD, method=method)
+
+
+def asked(loop, periods=PERIODS):
+    """What the law asks of each wheel in each period, shared by least squares."""
+    instants = jnp.arange(periods) * PERIOD
+    commands = np.asarray(jax.vmap(lambda t: loop.controller.step(t, None, None)[0])(instants))
+    shares = commands @ np.linalg.inv(AXES).T
+    return shares / np.maximum(np.abs(shares).max(axis=1, keepdims=True) / 0.25, 1)
+
+
+def expected(commands, period=PERIOD, external=PUSH):
+    return gyrostat.fly(
+        np.eye(3),
+        OMEGA,
+        MOMENTA,
+        commands,
+        period,
+        inertia=INERTIA,
+        axes=AXES,
+        wheels=WHEELS,
+        external=lambda t: external,
+    )
+
+
+SHARED = ActuatorsWithWheels.of(AXES, 3, wheel_limit=0.25)
+
+
+def test_wheels_come_to_rest_and_to_their_limits_at_their_true_instants():
+    loop = SampledLoop(body(disturbance=ConstantTorque(PUSH)), Waves(PERIOD), SHARED, 4)
+    found = flown(loop).signals
+    rows, edges = expected(asked(loop))
+    assert len(edges) > 15
+    np.testing.assert_allclose(found.wheel_momentum, rows[:, 12:], atol=1e-12)
+    np.testing.assert_allclose(found.omega, rows[:, 9:12], atol=1e-11)
+    largest = np.abs(found.wheel_momentum).max(axis=0)
+    np.testing.assert_allclose(largest[:2], [0.15, 0.2], rtol=1e-12)
+    # where a wheel rests, or is at its limit and pushed on, it makes no torque
+    torque = np.asarray(found.torque) - np.asarray(found.wheel_torque) @ AXES.T
+    np.testing.assert_allclose(torque, 0, atol=1e-15)
+
+
+@pytest.mark.slow
+def test_total_momentum_stays_through_rest_and_limits():
+    loop = SampledLoop(body(), Waves(PERIOD), SHARED, 4)
+    found = flown(loop).signals
+    q = np.roll(np.asarray(found.quaternion), -1, axis=1)
+    momentum = np.asarray(found.omega) @ INERTIA + np.asarray(found.wheel_momentum) @ AXES.T
+    momentum = Rotation.from_quat(q).apply(momentum)
+    size = np.linalg.norm(momentum[0])
+    assert np.abs(momentum - momentum[0]).max() < 1e-11 * size
+
+
+@pytest.mark.slow
+def test_a_delay_shifts_what_wheels_are_asked():
+    """Half a period late is the run whose commands change in the middle of each period."""
+    loop = SampledLoop(body(), Waves(PERIOD), SHARED, 4, delay=PERIOD / 2)
+    found = flown(loop).signals
+    commands = asked(loop)
+    before = np.vstack([np.zeros((1, 3)), commands[:-1]])
+    halves = np.stack([before, commands], axis=1).reshape(-1, 3)
+    rows, _ = expected(halves, PERIOD / 2, np.zeros(3))
+    np.testing.assert_allclose(found.omega, rows[::2, 9:12], atol=1e-11)
+    np.testing.assert_allclose(found.wheel_momentum, rows[::2, 12:], atol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", [None, 0.2])
+def test_wheels_beside_pulses_move_as_beside_held_torques(delay):
+    """A wheel about x and a throttle, which is the same torque held, for the rest."""
+    torque, axis = pairs(), np.array([[1.0], [0.0], [0.0]])
+    plant = RigidBody(
+        Spacecraft(INERTIA),
+        ExactOrbit(0.0),
+        wheels=Wheels(axis, 0.1, 0.12, coulomb_friction=0.02),
+    )
+    held = ActuatorsWithWheels.of(axis, 3, 0.1, Actuators.of(Thrusters(np.eye(3)), torques=3))
+    throttle = PulsedThrusters(
+        thruster_set(torque, 0.0), allocated(torque), IdealThrottle(), late=delay is not None
+    )
+    alone = ActuatorsWithWheels(held.wheel_map, held.wheel_limit)
+    pulsed = PulsedActuatorsWithWheels(alone, throttle, held.rest)
+    begin = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, [0.05])
+    method, times = fixed(PERIOD, diffrax.Dopri8()), np.arange(13) * PERIOD
+    found, expected = (
+        simulate(SampledLoop(plant, Waves(PERIOD), x, 4, delay=delay), begin, times, method=method)
+        for x in (pulsed, held)
+    )
+    for name in ("omega", "wheel_momentum", "wheel_torque"):
+        np.testing.assert_allclose(
+            getattr(found.signals, name), getattr(expected.signals, name), atol=1e-11
+        )
+    assert np.abs(found.signals.wheel_momentum).max() == pytest.approx(0.12, rel=1e-12)
+    for name in ("effort", "settled_from"):
+        np.testing.assert_allclose(
+            getattr(found.assessment, name), getattr(expected.assessment, name), rtol=1e-3
+        )
