@@ -1,4 +1,4 @@
-"""The spacecraft: its inertia, its thrusters and what is left of them after failures."""
+"""The spacecraft: its inertia, thrusters, what is left of them after failures, and sensors."""
 
 from jaxsat.vehicle.actuators import (
     AbstractActuators,
@@ -6,8 +6,10 @@ from jaxsat.vehicle.actuators import (
     ActuatorContext,
     Actuators,
 )
+from jaxsat.vehicle.gyro import Gyro
 from jaxsat.vehicle.sensors import DrawnSensors, Sensors
 from jaxsat.vehicle.spacecraft import Spacecraft
+from jaxsat.vehicle.star_tracker import StarTracker
 from jaxsat.vehicle.thrusters import (
     Thrusters,
     allocation,
@@ -21,8 +23,10 @@ __all__ = [
     "ActuatorContext",
     "Actuators",
     "DrawnSensors",
+    "Gyro",
     "Sensors",
     "Spacecraft",
+    "StarTracker",
     "Thrusters",
     "allocation",
     "one_thruster_coupling",
