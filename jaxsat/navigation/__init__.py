@@ -7,7 +7,7 @@ from jaxsat.navigation.estimator import (
     RawMeasurements,
 )
 from jaxsat.navigation.mekf import MultiplicativeFilter
-from jaxsat.navigation.navigation import Navigation, NavigationState
+from jaxsat.navigation.navigation import Navigation, NavigationState, Told
 
 __all__ = [
     "AbstractEstimator",
@@ -17,4 +17,5 @@ __all__ = [
     "Navigation",
     "NavigationState",
     "RawMeasurements",
+    "Told",
 ]

@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.attitude import Quaternion
 from jaxsat.environment import AbstractOrbit
 from jaxsat.navigation.estimator import AbstractEstimator, Estimate, Measurement
-from jaxsat.trigonometry import cos, sin
+from jaxsat.navigation.rotations import difference, product, rotation
 from jaxsat.vehicle import Gyro, StarTracker
 
 Matrix = Float[Array, "3 3"]
@@ -109,7 +109,7 @@ class MultiplicativeFilter(AbstractEstimator):
         """
         half, rates = length / 2, (begin - belief.b, end - belief.b)
         angle = half * (rates[0] + rates[1]) + length**2 / 12 * jnp.cross(*rates)
-        turn = _rotation(angle)
+        turn = rotation(angle)
         a, identity = turn.as_dcm().matrix, jnp.eye(3, dtype=angle.dtype)
         g = half * (a + identity)
         before, after = (identity * self._variance(rate, period)[:, None] for rate in (begin, end))
@@ -132,11 +132,11 @@ class MultiplicativeFilter(AbstractEstimator):
 
     def corrected(self, belief: Belief, measurement: Measurement) -> Belief:
         """The belief after the measured attitude, if there is one."""
-        difference = _difference(belief.q, measurement.attitude.q)
+        off = difference(Quaternion(belief.q), measurement.attitude)
         attitude, bias = jnp.zeros_like(belief.b), jnp.zeros_like(belief.b)
         for axis, sigma in zip(self.tracker.axes, self.tracker.deviations, strict=True):
             belief, gains, scale = _narrowed(belief, axis, sigma**2, measurement.seen)
-            surprise = scale * (axis @ (difference - attitude))
+            surprise = scale * (axis @ (off - attitude))
             attitude, bias = attitude + surprise * gains[0], bias + surprise * gains[1]
         q = Quaternion(belief.q).turned(attitude).q
         return belief._replace(q=q, b=belief.b + bias)
@@ -145,7 +145,7 @@ class MultiplicativeFilter(AbstractEstimator):
         """The attitude after the body's turn, the orbit frame's own split around it."""
         q = Quaternion(q)
         q = q.turned(-half * self.orbit.frame_rate(q))
-        q = _product(q, turn)
+        q = product(q, turn)
         return q.turned(-half * self.orbit.frame_rate(q)).q
 
     def _variance(self, rate, period) -> Float[Array, "3"]:
@@ -188,23 +188,3 @@ def _outer(x: Float[Array, "3"], y: Float[Array, "3"]) -> Matrix:
 
 def _diagonal(matrix: Matrix) -> Float[Array, "3"]:
     return jnp.stack([matrix[0, 0], matrix[1, 1], matrix[2, 2]])
-
-
-def _rotation(angle: Float[Array, "3"]) -> Quaternion:
-    """The turn of the body by a rotation vector, rad."""
-    square = jnp.sum(angle**2) / 4
-    turns = square > 0
-    half = jnp.sqrt(jnp.where(turns, square, 1.0))
-    share = jnp.where(turns, sin(half) / half, 1.0)
-    return Quaternion(jnp.concatenate([jnp.where(turns, cos(half), 1.0)[None], share / 2 * angle]))
-
-
-def _product(q: Quaternion, p: Quaternion) -> Quaternion:
-    """q ⊗ p: the attitude q, then the turn p of the body."""
-    return Quaternion(p.q[0] * q.q + 2 * q.rate(p.q[1:]).q)
-
-
-def _difference(q: Float[Array, "4"], p: Float[Array, "4"]) -> Float[Array, "3"]:
-    """The rotation (rad, body axes, to second order) from the attitude q to the attitude p."""
-    between = _product(Quaternion(q * jnp.array([1.0, -1.0, -1.0, -1.0])), Quaternion(p)).q
-    return 2 * jnp.where(between[0] < 0, -1.0, 1.0) * between[1:]

@@ -1,5 +1,7 @@
 """Sensors with a state of their own and the estimator behind them."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import equinox as eqx
@@ -11,9 +13,10 @@ from jaxsat.attitude import Quaternion
 from jaxsat.checks import as_float, require_positive
 from jaxsat.dynamics import PlantState
 from jaxsat.navigation.estimator import AbstractEstimator, Estimate, Measurement
+from jaxsat.navigation.rotations import rotation_vector
 from jaxsat.noise import fold_in, name_number, sample_noise
 from jaxsat.vehicle import Gyro, StarTracker
-from jaxsat.vehicle.sensors import as_key
+from jaxsat.vehicle.sensors import as_key, in_parameters_of
 
 
 class Delivery(NamedTuple):
@@ -32,6 +35,18 @@ class NavigationState(NamedTuple):
     bias: Float[Array, "3"]
     waiting: Delivery | None
     memory: PyTree
+
+
+class Told(NamedTuple):
+    """What a law is told at one sample; with sensors and estimator that have a state, the next one.
+
+    `errors` are those of the estimate by the names of `jaxsat.simulation.Signals`: truth less
+    estimate, and three of the deviations claimed; None for what is not estimated.
+    """
+
+    state: PlantState
+    navigation: NavigationState | None = None
+    errors: Mapping[str, Float[Array, "3"] | None] = MappingProxyType({})
 
 
 class Navigation(eqx.Module):
@@ -89,3 +104,35 @@ class Navigation(eqx.Module):
         estimate, memory = self.estimator.step(sample, period, measurement, state.memory)
         bias = self.gyro.next_bias(state.bias, noise[3:6], period)
         return estimate, NavigationState(bias, waiting, memory)
+
+    def told(
+        self,
+        sample: Int[Array, ""],
+        period: Float[Array, ""],
+        plant: PlantState,
+        state: NavigationState,
+    ) -> Told:
+        """What the law is told, the attitude in the parameters of the true one; as `step`."""
+        estimate, following = self.step(sample, period, plant, state)
+        attitude = in_parameters_of(plant.attitude, estimate.attitude)
+        errors = _errors(plant, state.bias, estimate)
+        return Told(PlantState(attitude, estimate.omega), following, errors)
+
+
+def _errors(
+    plant: PlantState, bias: Float[Array, "3"], estimate: Estimate
+) -> dict[str, Float[Array, "3"] | None]:
+    off = {
+        "attitude": rotation_vector(estimate.attitude, plant.attitude.as_quaternion()),
+        "rate": plant.omega - estimate.omega,
+        "bias": None if estimate.bias is None else bias - estimate.bias,
+    }
+    claimed = {
+        "attitude": estimate.attitude_sigma,
+        "rate": estimate.rate_sigma,
+        "bias": estimate.bias_sigma,
+    }
+    bounds = {name: None if one is None else 3 * one for name, one in claimed.items()}
+    return {f"{name}_estimate_error": error for name, error in off.items()} | {
+        f"{name}_estimate_3sigma": bound for name, bound in bounds.items()
+    }

@@ -54,8 +54,26 @@ VARIABLES = {
     "constraint_torque": _Variable(
         (), "N m", "ideal torque about the third axis that holds the third rate"
     ),
+    "attitude_estimate_error": _Variable(
+        ("body_axis",), "rad", "rotation vector from estimated to true attitude in body axes"
+    ),
+    "attitude_estimate_3sigma": _Variable(
+        ("body_axis",), "rad", "three standard deviations that the estimator claims of the same"
+    ),
+    "rate_estimate_error": _Variable(
+        ("body_axis",), "rad s-1", "angular velocity less the estimated one in body axes"
+    ),
+    "rate_estimate_3sigma": _Variable(
+        ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
+    ),
+    "bias_estimate_error": _Variable(
+        ("body_axis",), "rad s-1", "gyro bias less the estimated one in body axes"
+    ),
+    "bias_estimate_3sigma": _Variable(
+        ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
+    ),
 }
-"""Signals, each over `time`; `constraint_torque` only where the third rate is held."""
+"""Signals, each over `time`; the later ones only where there is such a torque or an estimate."""
 
 TOTALS = {
     "settled_from": _Variable(

@@ -6,6 +6,7 @@ in between.
 """
 
 import abc
+import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from jaxsat.control import AbstractBacksteppingLaw, AbstractController, Abstract
 from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.navigation import Navigation, NavigationState, Told
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.vehicle import AbstractActuators, Actuators, DrawnSensors, Sensors
 
@@ -154,11 +156,15 @@ class ContinuousLoop(AbstractContinuousLoop):
 
 
 class SampledState(NamedTuple):
-    """State of the plant, memory of its controller, and the torque (N m) now being made."""
+    """State of the plant, memory of its controller, and the torque (N m) now being made.
+
+    `navigation` is that of sensors with a state and their estimator, None where there are none.
+    """
 
     plant: PlantState
     memory: Memory
     torque: Float[Array, "3"]
+    navigation: NavigationState | None = None
 
 
 class Hold(NamedTuple):
@@ -178,10 +184,11 @@ class SampledLoop(AbstractLoop):
     """Plant and thrusters under a sampled controller whose torque is held between samples.
 
     The plant is integrated over each period in `substeps` equal steps. `sensors` stand between the
-    true state and what the controller is told; None tells it the truth. A `delay` (s, at most one
-    period) is the time the controller takes to compute: for so long after each sample the
-    thrusters go on with what they did; None is a loop without. Each part of a delayed period is
-    integrated in `substeps` steps of its own.
+    true state and what the controller is told, or `navigation` does, whose sensors and estimator
+    have a state; with None of either it is told the truth. A `delay` (s, at most one period) is the
+    time the controller takes to compute: for so long after each sample the thrusters go on with
+    what they did; None is a loop without. Each part of a delayed period is integrated in `substeps`
+    steps of its own.
     """
 
     plant: RigidBody
@@ -190,9 +197,12 @@ class SampledLoop(AbstractLoop):
     substeps: int = eqx.field(static=True, default=4)
     sensors: Sensors | DrawnSensors | None = None
     delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+    navigation: Navigation | None = None
 
     def __check_init__(self):
         require_counts(substeps=self.substeps)
+        if self.sensors is not None and self.navigation is not None:
+            raise ValueError("Arguments `sensors` and `navigation` must not both be given.")
         if self.delay is None:
             return
         require_positive("delay", self.delay, zero_allowed=True)
@@ -204,29 +214,37 @@ class SampledLoop(AbstractLoop):
 
     def start(self, state: PlantState) -> SampledState:
         """The plant's state, the controller's first memory for what is measured, and no torque."""
-        measured = self.measured(jnp.array(0), state)
-        return SampledState(state, self.controller.init(measured), jnp.zeros_like(state.omega))
+        navigation = None if self.navigation is None else self.navigation.init(state)
+        begin = SampledState(state, None, jnp.zeros_like(state.omega), navigation)
+        return begin._replace(memory=self.controller.init(self.told(jnp.array(0), begin).state))
 
-    def measured(self, number: Int[Array, ""], state: PlantState) -> PlantState:
+    def told(self, number: Int[Array, ""], state: SampledState) -> Told:
         """What the controller is told at sample `number` of the run when the truth is `state`."""
+        if self.navigation is not None and state.navigation is not None:
+            period = self.controller.period
+            return self.navigation.told(number, period, state.plant, state.navigation)
         if self.sensors is None:
-            return state
-        return PlantState(*self.sensors(number, state.attitude, state.omega))
+            return Told(state.plant)
+        attitude, omega = self.sensors(number, state.plant.attitude, state.plant.omega)
+        return Told(PlantState(attitude, omega))
 
     def sample(
         self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState
-    ) -> tuple[Float[Array, "3"], Memory, Signals]:
+    ) -> tuple[Float[Array, "3"], Memory, Signals, NavigationState | None]:
         """One run of the controller, sample `number` of the run at time `t` (s).
 
-        Gives the torque that follows from it (N m), its next memory, and the signals of the truth
-        at this instant.
+        Gives the torque that follows from it (N m), its next memory, the signals of the truth at
+        this instant, and the next state of the navigation.
         """
-        command, memory = self.controller.step(t, self.measured(number, state.plant), state.memory)
+        told = self.told(number, state)
+        command, memory = self.controller.step(t, told.state, state.memory)
         torque = self.actuators(command)
         acting = torque
         if self.delay is not None:
             acting = jnp.where(self.delay > 0, state.torque, torque)
-        return torque, memory, _sampled_signals(self, t, state.plant, memory, acting)
+        signals = _sampled_signals(self, t, state.plant, memory, acting)
+        signals = dataclasses.replace(signals, **told.errors)
+        return torque, memory, signals, told.navigation
 
     def holds(self, state: SampledState, torque: Float[Array, "3"]) -> tuple[Hold, ...]:
         """The parts of a period that begins in `state` and whose sample asked for `torque`."""
@@ -252,12 +270,12 @@ class SampledLoop(AbstractLoop):
 
         Gives the state at its end, the carry, and the signals at its begin.
         """
-        torque, memory, signals = self.sample(number, t, state)
+        torque, memory, signals, navigation = self.sample(number, t, state)
         plant = state.plant
         for hold in self.holds(state, torque):
             plant, carry = integrate(t + hold.begin, hold, plant, carry)
         plant = PlantState(plant.attitude.normalised(), plant.omega)
-        return SampledState(plant, memory, torque), carry, signals
+        return SampledState(plant, memory, torque, navigation), carry, signals
 
     def plant_rate(
         self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]

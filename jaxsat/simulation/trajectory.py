@@ -38,7 +38,9 @@ class Signals(eqx.Module):
     `torque` is what the thrusters make, `constraint_torque` the ideal torque about the third axis
     that holds the third rate, None where that is free, `rate_error` is η of the active law, `mode`
     tells which part of a sampled controller is at work, by its own numbers (zero for continuous
-    ones). With a leading axis it is a history.
+    ones). What is told of estimates is None without `jaxsat.navigation`, or where there is none:
+    truth less estimate of attitude (rotation vector), rate and gyro bias, and three of the
+    standard deviations that the estimator claims. With a leading axis it is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -52,6 +54,12 @@ class Signals(eqx.Module):
     lyapunov: Float[Array, "*times"]
     mode: Float[Array, "*times"]
     constraint_torque: Float[Array, "*times"] | None = None
+    attitude_estimate_error: Float[Array, "*times 3"] | None = None
+    attitude_estimate_3sigma: Float[Array, "*times 3"] | None = None
+    rate_estimate_error: Float[Array, "*times 3"] | None = None
+    rate_estimate_3sigma: Float[Array, "*times 3"] | None = None
+    bias_estimate_error: Float[Array, "*times 3"] | None = None
+    bias_estimate_3sigma: Float[Array, "*times 3"] | None = None
 
 
 class Trajectory(eqx.Module):

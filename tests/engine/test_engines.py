@@ -15,7 +15,10 @@ from jaxsat.simulation import Outcome, SampledLoop, simulate
 
 @pytest.fixture(
     scope="module",
-    params=["sampled", "continuous", "corners", pytest.param("error", marks=pytest.mark.slow)],
+    params=[
+        *("sampled", "continuous", "corners"),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("error", "estimated")),
+    ],
 )
 def example(request):
     return EXAMPLES[request.param]()
