@@ -46,17 +46,17 @@ DELAY = number(
 
 GYRO_KEYS = (
     number(
-        "noise_density_rad_sqrt_s",
+        "noise_density_rad_s_sqrt_Hz",
         "Density of the white noise on each measured rate (angle random walk)",
-        "rad/√s",
+        "rad/s/√Hz",
         at_least=RATE_NOISE.low,
         at_most=RATE_NOISE.high,
         default=0.0,
     ),
     number(
-        "bias_walk_rad_s_sqrt_s",
+        "bias_walk_rad_s2_sqrt_Hz",
         "Density of the white noise that moves each bias (rate random walk)",
-        "rad/(s √s)",
+        "rad/s²/√Hz",
         at_least=RATE_NOISE.low,
         at_most=RATE_NOISE.high,
         default=0.0,

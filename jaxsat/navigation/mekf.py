@@ -2,11 +2,13 @@
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.attitude import Quaternion
+from jaxsat.compiler import apart
 from jaxsat.environment import AbstractOrbit
 from jaxsat.navigation.estimator import AbstractEstimator, Estimate, Measurement
 from jaxsat.navigation.rotations import difference, product, rotation
@@ -86,9 +88,10 @@ class MultiplicativeFilter(AbstractEstimator):
         def moved(number, belief: Belief) -> Belief:
             """The belief after the turn that begins at sample `first + number`."""
             length = jnp.where(first + number >= 0, period, 0.0)  # no turn before the run
-            return self.moved(belief, rates[number], rates[number + 1], length, period)
+            arguments = (rates[number], rates[number + 1], length, period)
+            return apart(_moved, self, belief, *arguments)
 
-        belief = self.corrected(moved(0, memory.belief), measurement)
+        belief = apart(_corrected, self, moved(0, memory.belief), measurement)
         now = belief
         if self.tracker.latency:
             now = jax.lax.fori_loop(1, self.tracker.latency + 1, moved, belief)
@@ -159,6 +162,16 @@ class MultiplicativeFilter(AbstractEstimator):
         of_rate = of_bias + self._variance(rate, period) + 2 * _diagonal(belief.bias_noise)
         deviations = map(jnp.sqrt, (_diagonal(belief.attitude), of_rate, of_bias))
         return Estimate(Quaternion(belief.q), rate - belief.b, belief.b, *deviations)
+
+
+@eqx.filter_jit
+def _moved(estimator: MultiplicativeFilter, belief: Belief, *arguments: Array) -> Belief:
+    return estimator.moved(belief, *arguments)
+
+
+@eqx.filter_jit
+def _corrected(estimator: MultiplicativeFilter, belief: Belief, measurement: Measurement) -> Belief:
+    return estimator.corrected(belief, measurement)
 
 
 def _narrowed(

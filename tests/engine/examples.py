@@ -99,8 +99,8 @@ def sampled_example():
 def estimated_example():
     """The same law, told what a filter makes of a gyro and a star tracker with latency."""
     plain = switching_loop(CASE)
-    gyro = Gyro(1e-5, 1e-7, bias_sigma=1e-5, scale_factor=1e-5, limit=0.13)
-    tracker = StarTracker(5e-5, 2e-4, [0.0, 0.6, 0.8], every=3, latency=2, rate_limit=0.12)
+    gyro = Gyro(1e-5, 1e-7, bias_sigma=1e-5, scale_factor=1e-5, limit=0.3)
+    tracker = StarTracker(5e-5, 2e-4, [0.0, 0.6, 0.8], every=3, latency=2, rate_limit=0.3)
     estimator = MultiplicativeFilter(plain.plant.orbit, gyro, tracker)
     navigation = Navigation(gyro, tracker, estimator, 1e-3, key_of_seed(9))
     loop = dataclasses.replace(plain, substeps=2, delay=0.03, navigation=navigation)

@@ -15,10 +15,7 @@ from jaxsat.simulation import Outcome, SampledLoop, simulate
 
 @pytest.fixture(
     scope="module",
-    params=[
-        *("sampled", "continuous", "corners"),
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("error", "estimated")),
-    ],
+    params=["sampled", "continuous", "corners", pytest.param("error", marks=pytest.mark.slow)],
 )
 def example(request):
     return EXAMPLES[request.param]()
