@@ -1,5 +1,8 @@
 """Gyro, star tracker and estimator in a scenario: what is told of mistakes, and what is built."""
 
+import re
+from pathlib import Path
+
 import jax
 import numpy as np
 import pytest
@@ -99,6 +102,14 @@ def test_what_is_declared_is_built(tmp_path):
     assert (tracker.every, tracker.latency) == (5, 2)
     assert isinstance(navigation.estimator, MultiplicativeFilter)
     assert navigation.attitude_sigma == 0.01
+
+
+def test_the_example_of_the_page_can_be_run(tmp_path):
+    """The page docs/sensors.md, as it stands."""
+    page = Path(__file__).parents[2] / "docs" / "sensors.md"
+    (example,) = re.findall(r"(?ms)^```toml\n(.*?)^```", page.read_text(encoding="utf-8"))
+    navigation = build(loaded(tmp_path, "\n" + example)).loop.navigation
+    assert (navigation.tracker.every, navigation.tracker.latency) == (5, 2)
 
 
 def test_without_an_estimator_the_law_is_told_what_is_measured(tmp_path):
