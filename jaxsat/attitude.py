@@ -126,6 +126,13 @@ class Quaternion(AbstractAttitude):
         )
         return Quaternion(rate / 2)
 
+    def turned(self, rotation: Float[Array, "3"]) -> "Quaternion":
+        """The attitude after a small rotation of the body (rad, body axes).
+
+        The angle turned is 2 arctan(|rotation| / 2), |rotation| to third order.
+        """
+        return Quaternion(self.q + self.rate(rotation).q).normalised()
+
     def as_dcm(self) -> "DCM":
         """C = (2 q0² - |q|²) I + 2 v vᵀ - 2 q0 skew(v), divided by |q|²."""
         scalar, vector = self.q[0], self.q[1:]

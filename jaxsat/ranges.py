@@ -59,6 +59,18 @@ RATE_NOISE = Range(0.0, 1e3)
 ATTITUDE_NOISE = Range(0.0, 10.0)
 """Standard deviation of an attitude sensor, rad."""
 
+TRACKER_NOISE = Range(1e-9, 1.0)
+"""Standard deviation of a star tracker, rad; a filter divides by its square."""
+
+GYRO_BIAS = Range(-1e3, 1e3)
+"""Of a rate gyro, rad/s."""
+
+SCALE_FACTOR = Range(-0.5, 0.5)
+"""Relative error of a rate gyro."""
+
+RATE_RANGE = Range(1e-9, 1e6)
+"""Largest rate at which a sensor works, rad/s."""
+
 SECONDS = Range(1e-6, 1e8)
 """Durations, periods and steps, s."""
 

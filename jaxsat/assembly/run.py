@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from jaxsat.assembly.actuators import build_actuators, ideal_thrusters
 from jaxsat.assembly.controller import build_controller
 from jaxsat.assembly.errors import BuildError, at_key, made_of_numbers
+from jaxsat.assembly.navigation import build_navigation
 from jaxsat.assembly.plant import build_plant
 from jaxsat.assembly.plugin_trial import require_runs
 from jaxsat.assembly.wheels import wheel_momentum
@@ -131,7 +132,9 @@ def _closed(
     if isinstance(controller, AbstractSampledController):
         substeps = substeps_of(scenario)
         sensors, delay = build_sampling(scenario)
-        return SampledLoop(plant, controller, build_actuators(scenario), substeps, sensors, delay)
+        navigation = build_navigation(scenario)
+        actuators = build_actuators(scenario)
+        return SampledLoop(plant, controller, actuators, substeps, sensors, delay, navigation)
     if uses_error_coordinates(flattened(scenario)):
         return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
     return ContinuousLoop(plant, controller, cast(AbstractActuators, build_actuators(scenario)))
@@ -143,7 +146,10 @@ def substeps_of(scenario: Scenario) -> int:
 
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
-    """Sensors and delay; None for those that are perfect in every case."""
+    """Sensors and delay; None for those that are perfect in every case.
+
+    None of these sensors beside a gyro and a star tracker, see `build_navigation`.
+    """
     values = (scenario.sampling or SamplingTable()).model_dump()
 
     def is_there(key: Key) -> bool:
@@ -151,7 +157,7 @@ def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""]
 
     sensors = Sensors.from_table(values, key_of_seed(scenario.simulation.seed))
     return (
-        sensors if any(map(is_there, SENSOR_KEYS)) else None,
+        sensors if scenario.gyro is None and any(map(is_there, SENSOR_KEYS)) else None,
         as_float(values[DELAY.name]) if is_there(DELAY) else None,
     )
 

@@ -1,7 +1,19 @@
-"""The keys of `[sampling]`: what is between a sampled law and the plant."""
+"""The keys of what is between a sampled law and the plant.
 
-from jaxsat.declaration.keys import number
-from jaxsat.ranges import ATTITUDE_NOISE, RATE_NOISE, SECONDS
+`[sampling]`, or `[gyro]` and `[star_tracker]` with `[estimator]` behind them.
+"""
+
+from jaxsat.declaration.keys import choice, number
+from jaxsat.ranges import (
+    ATTITUDE_NOISE,
+    GYRO_BIAS,
+    MISALIGNMENT,
+    RATE_NOISE,
+    RATE_RANGE,
+    SCALE_FACTOR,
+    SECONDS,
+    TRACKER_NOISE,
+)
 
 SENSOR_KEYS = (
     number(
@@ -30,4 +42,137 @@ DELAY = number(
     at_least=0,
     at_most=SECONDS.high,
     default=0.0,
+)
+
+GYRO_KEYS = (
+    number(
+        "noise_density_rad_s_sqrt_Hz",
+        "Density of the white noise on each measured rate (angle random walk)",
+        "rad/s/√Hz",
+        at_least=RATE_NOISE.low,
+        at_most=RATE_NOISE.high,
+        default=0.0,
+    ),
+    number(
+        "bias_walk_rad_s2_sqrt_Hz",
+        "Density of the white noise that moves each bias (rate random walk)",
+        "rad/s²/√Hz",
+        at_least=RATE_NOISE.low,
+        at_most=RATE_NOISE.high,
+        default=0.0,
+    ),
+    number(
+        "bias_rad_s",
+        "Bias at the start, of all axes or of each",
+        "rad/s",
+        at_least=GYRO_BIAS.low,
+        at_most=GYRO_BIAS.high,
+        size=3,
+        or_one=True,
+        default=0.0,
+    ),
+    number(
+        "bias_sigma_rad_s",
+        "Standard deviation of what is drawn onto each bias at the start",
+        "rad/s",
+        at_least=RATE_NOISE.low,
+        at_most=RATE_NOISE.high,
+        default=0.0,
+    ),
+    number(
+        "scale_factor",
+        "Relative error of the measured rate, of all axes or of each",
+        "1",
+        at_least=SCALE_FACTOR.low,
+        at_most=SCALE_FACTOR.high,
+        size=3,
+        or_one=True,
+        default=0.0,
+    ),
+    number(
+        "misalignment_rad",
+        "Small rotation of the three input axes, in body axes",
+        "rad",
+        at_least=MISALIGNMENT.low,
+        at_most=MISALIGNMENT.high,
+        size=3,
+        default=(0.0, 0.0, 0.0),
+    ),
+    number(
+        "limit_rad_s",
+        "Largest rate that an axis can tell; left out, there is none",
+        "rad/s",
+        at_least=RATE_RANGE.low,
+        at_most=RATE_RANGE.high,
+        default=None,
+    ),
+)
+"""Those that `jaxsat.vehicle.Gyro` is made of."""
+
+TRACKER_KEYS = (
+    number(
+        "across_rad",
+        "Standard deviation of the measured attitude about each direction across the boresight",
+        "rad",
+        at_least=TRACKER_NOISE.low,
+        at_most=TRACKER_NOISE.high,
+    ),
+    number(
+        "along_rad",
+        "Standard deviation of the measured attitude about the boresight",
+        "rad",
+        at_least=TRACKER_NOISE.low,
+        at_most=TRACKER_NOISE.high,
+    ),
+    number(
+        "boresight",
+        "Direction of the boresight in body axes",
+        "1",
+        at_least=-1e6,
+        at_most=1e6,
+        size=3,
+        default=(0.0, 0.0, 1.0),
+    ),
+    number(
+        "update_period_s",
+        "Time between measurements, a whole multiple of control.period_s, which it is by default",
+        "s",
+        at_least=SECONDS.low,
+        at_most=SECONDS.high,
+        default=None,
+    ),
+    number(
+        "latency_s",
+        "Time from a measurement to its arrival, a whole multiple of control.period_s, or zero",
+        "s",
+        at_least=0,
+        at_most=SECONDS.high,
+        default=0.0,
+    ),
+    number(
+        "rate_limit_rad_s",
+        "Largest size of ω at which there are measurements; left out, there is none",
+        "rad/s",
+        at_least=RATE_RANGE.low,
+        at_most=RATE_RANGE.high,
+        default=None,
+    ),
+)
+"""Those that `jaxsat.vehicle.StarTracker` is made of."""
+
+ESTIMATOR = choice(
+    "kind",
+    'What the law is told: the estimates of a multiplicative extended Kalman filter ("mekf"), '
+    'or what was measured last ("none")',
+    ("mekf", "none"),
+    "mekf",
+)
+
+ATTITUDE_SIGMA = number(
+    "attitude_sigma_rad",
+    "Standard deviation of what is drawn onto the first estimate of the attitude, about each axis",
+    "rad",
+    at_least=0,
+    at_most=TRACKER_NOISE.high,
+    default=0.01,
 )

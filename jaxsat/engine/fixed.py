@@ -23,7 +23,7 @@ from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
 from jaxsat.simulation.assessment import Observation
-from jaxsat.simulation.loops import SampledState
+from jaxsat.simulation.sampled_loop import SampledState
 from jaxsat.simulation.solve import all_within
 from jaxsat.vehicle import Sensors
 

@@ -224,4 +224,6 @@ def _believed_inertia(loop: AbstractLoop) -> Float[Array, "3 3"]:
 def _with_sensor_key(loop: AbstractLoop, key: noise.Key) -> AbstractLoop:
     if isinstance(loop, SampledLoop) and isinstance(loop.sensors, Sensors):
         return eqx.tree_at(lambda loop: loop.sensors.key, loop, key)
+    if isinstance(loop, SampledLoop) and loop.navigation is not None:
+        return eqx.tree_at(lambda loop: loop.navigation.key, loop, key)
     return loop

@@ -61,9 +61,27 @@ VARIABLES = {
     "valve_openings": _Variable(("thruster",), "1", "how often each valve was opened"),
     "wheel_momentum": _Variable(("wheel",), "N m s", "wheel momentum relative to the body"),
     "wheel_torque": _Variable(("wheel",), "N m", "wheel torque on the body along its axis"),
+    "attitude_estimate_error": _Variable(
+        ("body_axis",), "rad", "rotation vector from estimated to true attitude in body axes"
+    ),
+    "attitude_estimate_3sigma": _Variable(
+        ("body_axis",), "rad", "three standard deviations that the estimator claims of the same"
+    ),
+    "rate_estimate_error": _Variable(
+        ("body_axis",), "rad s-1", "angular velocity less the estimated one in body axes"
+    ),
+    "rate_estimate_3sigma": _Variable(
+        ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
+    ),
+    "bias_estimate_error": _Variable(
+        ("body_axis",), "rad s-1", "gyro bias less the estimated one in body axes"
+    ),
+    "bias_estimate_3sigma": _Variable(
+        ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
+    ),
 }
-"""Signals, each over `time`: `constraint_torque` only where the third rate is held, those after it
-only of thrusters that push, of which a two-sided one counts as two, and of wheels."""
+"""Signals, each over `time`; those from `constraint_torque` on only where there is such a torque,
+thruster (a two-sided one counts as two), wheel or estimate."""
 
 TOTALS = {
     "settled_from": _Variable(

@@ -6,6 +6,7 @@ themselves, so that one mistake hides no other.
 
 from jaxsat.allocation import allocation_matrix
 from jaxsat.declaration.laws import LAWS
+from jaxsat.declaration.sensors import DELAY, GYRO_KEYS, TRACKER_KEYS
 from jaxsat.ranges import STATE_LIMIT
 from jaxsat.scenario.coordinates import (
     ERROR_COORDINATE_KEYS,
@@ -251,14 +252,25 @@ def _no_fixed_steps_across_jumps(values):
         )
 
 
-@rule("control.law", "sampling.delay_s")
-def _sampling_has_a_sampled_law(law, delay):
-    del delay
-    if not find_law(law).declaration.sampled:
-        allowed = ", ".join(
-            f'"{name}"' for name, known in LAWS.items() if known.declaration.sampled
-        )
-        yield at("sampling", f'must belong to a sampled law ({allowed}), got "{law}"')
+def _needs_a_sampled_law(table: str, key: str) -> None:
+    """Register that a table, known by one of its keys, belongs to a sampled law."""
+
+    @rule("control.law", f"{table}.{key}")
+    def _check(law, value):
+        del value
+        if not find_law(law).declaration.sampled:
+            allowed = ", ".join(
+                f'"{name}"' for name, known in LAWS.items() if known.declaration.sampled
+            )
+            yield at(table, f'must belong to a sampled law ({allowed}), got "{law}"')
+
+
+for _table, _key in (
+    ("sampling", DELAY),
+    ("gyro", GYRO_KEYS[0]),
+    ("star_tracker", TRACKER_KEYS[0]),
+):
+    _needs_a_sampled_law(_table, _key.name)
 
 
 @rule("control.period_s", "sampling.delay_s")

@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
+from jaxsat.scenario import sensor_checks as _sensor_checks  # noqa: F401
 from jaxsat.scenario import thruster_checks as _thruster_checks  # noqa: F401
 from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401
 from jaxsat.scenario import wheel_checks as _wheel_checks  # noqa: F401
@@ -23,6 +24,7 @@ from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.part_tables import ActuatorsOfAKind, DisturbanceTable
 from jaxsat.scenario.quantities import Line, Table, Text, choice
 from jaxsat.scenario.rules import broken_rules
+from jaxsat.scenario.sensor_tables import EstimatorTable, GyroTable, StarTrackerTable
 from jaxsat.scenario.tables import (
     InitialTable,
     OrbitTable,
@@ -65,6 +67,9 @@ class Scenario(Table):
     control: ControlTable = choice("The control law")
     simulation: SimulationTable = choice("How to integrate and what to save")
     sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
+    gyro: GyroTable | None = choice("Rate gyros of a sampled law", None)
+    star_tracker: StarTrackerTable | None = choice("Star tracker of a sampled law", None)
+    estimator: EstimatorTable | None = choice("What the law is told of both", None)
     dispersion: DispersionTable | None = choice("What a Monte-Carlo study disperses", None)
     tuning: TuningTable | None = choice("Which gains are tuned, and how", None)
 

@@ -7,9 +7,9 @@ from jaxsat.simulation.loops import (
     AbstractLoop,
     ContinuousLoop,
     Motion,
-    SampledLoop,
 )
 from jaxsat.simulation.methods import Method, adaptive, default_method, fixed
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.simulation.solve import simulate
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
 

@@ -23,14 +23,9 @@ from jaxsat.simulation.assessment import (
     effort_rate,
     stop_gradient,
 )
-from jaxsat.simulation.loops import (
-    AbstractContinuousLoop,
-    AbstractLoop,
-    Integrator,
-    SampledLoop,
-    SampledState,
-)
+from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop
 from jaxsat.simulation.methods import Method, default_method
+from jaxsat.simulation.sampled_loop import Integrator, SampledLoop, SampledState
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
 
 

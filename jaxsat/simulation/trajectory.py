@@ -42,7 +42,9 @@ class Signals(eqx.Module):
     what it does to the body along its axis, None without wheels. Of thrusters that push, `torque`
     is the mean over the period that begins here, as is `thrust_level`, that of each thruster in
     parts of its full thrust; `propellant` (kg) and `valve_openings` have been used so far. They are
-    None for other actuators. With a leading axis it is a history.
+    None for other actuators. What is told of estimates is None without `jaxsat.navigation`: truth
+    less estimate of attitude (rotation vector), rate and gyro bias, and three of the standard
+    deviations that the estimator claims. With a leading axis it is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -61,6 +63,12 @@ class Signals(eqx.Module):
     thrust_level: Float[Array, "*times m"] | None = None
     propellant: Float[Array, "*times"] | None = None
     valve_openings: Float[Array, "*times m"] | None = None
+    attitude_estimate_error: Float[Array, "*times 3"] | None = None
+    attitude_estimate_3sigma: Float[Array, "*times 3"] | None = None
+    rate_estimate_error: Float[Array, "*times 3"] | None = None
+    rate_estimate_3sigma: Float[Array, "*times 3"] | None = None
+    bias_estimate_error: Float[Array, "*times 3"] | None = None
+    bias_estimate_3sigma: Float[Array, "*times 3"] | None = None
 
 
 class Trajectory(eqx.Module):

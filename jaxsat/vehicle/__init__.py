@@ -1,4 +1,4 @@
-"""The spacecraft: its inertia, its thrusters, what is left of them after failures, its wheels."""
+"""The spacecraft: inertia, thrusters and what is left of them after failures, wheels, sensors."""
 
 from jaxsat.vehicle.actuators import (
     AbstractActuators,
@@ -8,6 +8,7 @@ from jaxsat.vehicle.actuators import (
 )
 from jaxsat.vehicle.allocation import LeastPropellant
 from jaxsat.vehicle.failures import FailureEvents, FailureKind
+from jaxsat.vehicle.gyro import Gyro
 from jaxsat.vehicle.modulation import (
     AbstractModulation,
     DeltaSigma,
@@ -24,6 +25,7 @@ from jaxsat.vehicle.pulsed_actuators import (
 )
 from jaxsat.vehicle.sensors import DrawnSensors, Sensors
 from jaxsat.vehicle.spacecraft import Spacecraft
+from jaxsat.vehicle.star_tracker import StarTracker
 from jaxsat.vehicle.thruster_set import ThrusterSet
 from jaxsat.vehicle.thrusters import (
     Thrusters,
@@ -46,6 +48,7 @@ __all__ = [
     "DrawnSensors",
     "FailureEvents",
     "FailureKind",
+    "Gyro",
     "Hold",
     "IdealThrottle",
     "LeastPropellant",
@@ -56,6 +59,7 @@ __all__ = [
     "Pulses",
     "Sensors",
     "Spacecraft",
+    "StarTracker",
     "ThrusterSet",
     "Thrusters",
     "Usage",

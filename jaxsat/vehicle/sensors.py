@@ -15,7 +15,8 @@ from jaxsat.declaration.sensors import SENSOR_KEYS
 from jaxsat.noise import sample_noise
 
 
-def _as_key(value) -> UInt32[Array, "2"]:
+def as_key(value) -> UInt32[Array, "2"]:
+    """Key data as two 32-bit words."""
     return jnp.asarray(value, jnp.uint32)
 
 
@@ -29,7 +30,7 @@ class Sensors(eqx.Module):
 
     rate_noise: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     attitude_noise: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    key: UInt32[Array, "2"] = eqx.field(converter=_as_key, default=(0, 0))
+    key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
 
     def __check_init__(self):
         for name in ("rate_noise", "attitude_noise"):
@@ -84,12 +85,15 @@ def turned_slightly(attitude: AbstractAttitude, rotation: Float[Array, "3"]) -> 
     The angle turned is 2 arctan(|rotation| / 2), |rotation| to third order. A turn z stays within
     π of what it was.
     """
-    true = attitude.as_quaternion()
-    turned = Quaternion(true.q + true.rate(rotation).q).normalised()
+    return in_parameters_of(attitude, attitude.as_quaternion().turned(rotation))
+
+
+def in_parameters_of(attitude: AbstractAttitude, other: Quaternion) -> AbstractAttitude:
+    """Another attitude in the parameters of the first; a turn z stays within π of the first's."""
     if isinstance(attitude, Quaternion):
-        return turned
+        return other
     if isinstance(attitude, WZ):
-        wz = turned.as_wz()
+        wz = other.as_wz()
         change = jnp.mod(wz.z - attitude.z + jnp.pi, 2 * jnp.pi) - jnp.pi
         return WZ(wz.w, attitude.z + change)
-    return turned.as_dcm()
+    return other.as_dcm()

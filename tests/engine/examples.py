@@ -1,5 +1,6 @@
 """Every kind of loop with engines that serve it, and cases for them."""
 
+import dataclasses
 from typing import NamedTuple
 
 import diffrax
@@ -30,6 +31,7 @@ from jaxsat.engine import (
     program_of,
 )
 from jaxsat.metrics import Tolerances
+from jaxsat.navigation import MultiplicativeFilter, Navigation
 from jaxsat.noise import key_of_seed
 from jaxsat.simulation import (
     AbstractLoop,
@@ -39,7 +41,7 @@ from jaxsat.simulation import (
     adaptive,
     fixed,
 )
-from jaxsat.vehicle import Sensors
+from jaxsat.vehicle import Gyro, Sensors, StarTracker
 
 BATCH = 8
 WIDE = Tolerances(1.3, 1.3, 0.3)
@@ -94,6 +96,17 @@ def sampled_example():
     return Example(Kicked(loop, start()), 12.0, scan, reference, 1e-9)
 
 
+def estimated_example():
+    """The same law, told what a filter makes of a gyro and a star tracker with latency."""
+    plain = switching_loop(CASE)
+    gyro = Gyro(1e-5, 1e-7, bias_sigma=1e-5, scale_factor=1e-5, limit=0.3)
+    tracker = StarTracker(5e-5, 2e-4, [0.0, 0.6, 0.8], every=3, latency=2, rate_limit=0.3)
+    estimator = MultiplicativeFilter(plain.plant.orbit, gyro, tracker)
+    navigation = Navigation(gyro, tracker, estimator, 1e-3, key_of_seed(9))
+    loop = dataclasses.replace(plain, substeps=2, delay=0.03, navigation=navigation)
+    return sampled_example()._replace(case_factory=Kicked(loop, start()))
+
+
 def continuous_example():
     plant, law = smooth_law()
     loop = ContinuousLoop(plant, law, actuators(3.0))
@@ -123,6 +136,7 @@ def corners_example():
 EXAMPLES = {
     "corners": corners_example,
     "sampled": sampled_example,
+    "estimated": estimated_example,
     "continuous": continuous_example,
     "error": error_example,
 }

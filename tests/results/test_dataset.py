@@ -44,7 +44,7 @@ def test_holds_every_signal(run, dataset):
     _, trajectory = run
     for name in VARIABLES:
         values = getattr(trajectory.signals, name)
-        if values is None:  # nothing holds the third rate, no thrusters that push, no wheels
+        if values is None:  # no held rate, thrusters that push, wheels or sensors with a state
             assert name not in dataset
         else:
             np.testing.assert_array_equal(dataset[name], values)

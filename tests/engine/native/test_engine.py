@@ -22,7 +22,10 @@ def tolerance_of(example, fixed: float) -> float:
 
 @pytest.fixture(
     scope="module",
-    params=["corners", "sampled", "continuous", pytest.param("error", marks=pytest.mark.slow)],
+    params=[
+        *("corners", "sampled", "continuous"),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("error", "estimated")),
+    ],
 )
 def example(request):
     return EXAMPLES[request.param]()

@@ -1,0 +1,155 @@
+"""Gyro, star tracker and estimator in a scenario: what is told of mistakes, and what is built."""
+
+import re
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.assembly.study import build_study
+from jaxsat.navigation import MultiplicativeFilter, RawMeasurements
+from jaxsat.scenario import ScenarioError
+from scenario.mistakes import SWITCHING, THREE_AXIS, problems_of
+
+GYRO = """
+[gyro]
+noise_density_rad_s_sqrt_Hz = 1.5e-5
+bias_walk_rad_s2_sqrt_Hz = 3e-8
+bias_rad_s = [1e-5, 0, -1e-5]
+bias_sigma_rad_s = 1e-5
+limit_rad_s = 0.2
+"""
+TRACKER = """
+[star_tracker]
+across_rad = 2.4e-5
+along_rad = 1.2e-4
+boresight = [0, 3, 4]
+update_period_s = 0.5
+latency_s = 0.2
+rate_limit_rad_s = 0.1
+"""
+BOTH = GYRO + TRACKER
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "message"),
+    [
+        (GYRO, "star_tracker", "must be given beside [gyro], got nothing"),
+        (TRACKER, "gyro", "must be given beside [star_tracker], got nothing"),
+        ("[estimator]\nkind = 'mekf'", "estimator", "must belong to [gyro] and [star_tracker]"),
+        (BOTH + "[estimator]\nkind = 'ukf'", "estimator.kind", 'one of "mekf", "none", got "ukf"'),
+        (
+            BOTH.replace("update_period_s = 0.5", "update_period_s = 0.25"),
+            "star_tracker.update_period_s",
+            "must be a multiple of control.period_s = 0.1, got 0.25",
+        ),
+        (
+            BOTH.replace("latency_s = 0.2", "latency_s = 0.05"),
+            "star_tracker.latency_s",
+            "must be a multiple of control.period_s = 0.1, got 0.05",
+        ),
+        (
+            BOTH.replace("latency_s = 0.2", "latency_s = 200"),
+            "star_tracker.latency_s",
+            "must be at most 1000 times control.period_s, got 200",
+        ),
+        (
+            BOTH.replace("[0, 3, 4]", "[0, 0, 0]"),
+            "star_tracker.boresight",
+            "must be a direction, got [0.0, 0.0, 0.0]",
+        ),
+        (
+            BOTH.replace("across_rad = 2.4e-5", "across_rad = 0"),
+            "star_tracker.across_rad",
+            "must be at least 1e-09",
+        ),
+        (
+            BOTH + "[sampling]\nattitude_noise_rad = 1e-5",
+            "sampling.attitude_noise_rad",
+            "must be left out beside [gyro] and [star_tracker], got 1e-05",
+        ),
+    ],
+)
+def test_mistakes_are_told_with_their_key(text, key, message, tmp_path):
+    (problem,) = problems_of(SWITCHING + text, tmp_path)
+    assert problem.key == key
+    assert message in problem.message
+
+
+def test_sensors_with_a_state_belong_to_a_sampled_law(tmp_path):
+    found = problems_of(THREE_AXIS + BOTH, tmp_path)
+    assert {problem.key for problem in found} == {"gyro", "star_tracker"}
+    assert all('must belong to a sampled law ("switching"' in each.message for each in found)
+
+
+def loaded(tmp_path, text, overrides=()):
+    path = tmp_path / "own.toml"
+    path.write_text(SWITCHING + text, encoding="utf-8")
+    return load(path, overrides)
+
+
+def test_what_is_declared_is_built(tmp_path):
+    navigation = build(loaded(tmp_path, BOTH)).loop.navigation
+    gyro, tracker = navigation.gyro, navigation.tracker
+    assert (gyro.noise_density, gyro.bias_walk, gyro.bias_sigma) == (1.5e-5, 3e-8, 1e-5)
+    np.testing.assert_array_equal(gyro.bias, [1e-5, 0, -1e-5])
+    assert gyro.limit == 0.2
+    assert (tracker.across, tracker.along, tracker.rate_limit) == (2.4e-5, 1.2e-4, 0.1)
+    np.testing.assert_allclose(tracker.axes[2], [0, 0.6, 0.8], atol=1e-15)
+    assert (tracker.every, tracker.latency) == (5, 2)
+    assert isinstance(navigation.estimator, MultiplicativeFilter)
+    assert navigation.attitude_sigma == 0.01
+
+
+def test_the_example_of_the_page_can_be_run(tmp_path):
+    """The page docs/sensors.md, as it stands."""
+    page = Path(__file__).parents[2] / "docs" / "sensors.md"
+    (example,) = re.findall(r"(?ms)^```toml\n(.*?)^```", page.read_text(encoding="utf-8"))
+    navigation = build(loaded(tmp_path, "\n" + example)).loop.navigation
+    assert (navigation.tracker.every, navigation.tracker.latency) == (5, 2)
+
+
+def test_without_an_estimator_the_law_is_told_what_is_measured(tmp_path):
+    run = build(loaded(tmp_path, BOTH + "[estimator]\nkind = 'none'"))
+    assert isinstance(run.loop.navigation.estimator, RawMeasurements)
+
+
+def test_noise_of_sampling_is_not_dispersed_beside_them(tmp_path):
+    path = tmp_path / "own.toml"
+    noise = "[dispersion.rate_noise_rad_s]\ndistribution = 'uniform'\nlow = 0\nhigh = 1e-5"
+    path.write_text(SWITCHING + BOTH + noise, encoding="utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        load(path, purpose="study")
+    (problem,) = caught.value.problems
+    assert "the loop has no sensors" in problem.message
+
+
+def test_a_case_draws_its_errors_from_its_own_key(tmp_path):
+    """Bias and first estimate, the same in any company and of the size that is declared."""
+    study = build_study(
+        loaded(
+            tmp_path,
+            BOTH + "[dispersion.turn_rad]\ndistribution = 'uniform'\nlow = 0\nhigh = 1",
+        ),
+        400,
+    )
+
+    def first(case):
+        made = study.case_factory(case)
+        true = made.start.attitude.as_quaternion()
+        return made.loop.navigation.init(made.start), true.q
+
+    def drawn(numbers):
+        return jax.jit(jax.vmap(first))(study.cases(np.array(numbers)))
+
+    states, true = drawn(range(400))
+    alone, _ = drawn([17])
+    np.testing.assert_array_equal(alone.bias[0], states.bias[17])
+    np.testing.assert_array_equal(alone.memory.belief.q[0], states.memory.belief.q[17])
+    off = np.asarray(states.bias) - [1e-5, 0, -1e-5]
+    assert off.std() == pytest.approx(1e-5, rel=0.1)
+    angles = 2 * np.sqrt(1 - np.sum(np.asarray(states.memory.belief.q * true), axis=1) ** 2)
+    assert np.sqrt(np.mean(angles**2)) == pytest.approx(0.01 * np.sqrt(3), rel=0.1)
