@@ -14,6 +14,7 @@ import xarray as xr
 from jaxsat.control.sampled import mode_label
 from jaxsat.results.errors import OutputError, one_line, reason, system_failure
 from jaxsat.results.files import read_or_explain, save_file
+from jaxsat.results.labels import AXES
 from jaxsat.results.marker import Marker
 from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Assessment, Signals, Trajectory
@@ -28,12 +29,6 @@ class _Variable(NamedTuple):
     long_name: str
 
 
-COORDINATES = {
-    "body_axis": ("x", "y", "z"),
-    "driven_axis": ("x", "y"),
-    "w_component": ("w1", "w2"),
-    "quaternion_component": ("q0", "q1", "q2", "q3"),
-}
 VARIABLES = {
     "w": _Variable(("w_component",), "1", "tilt relative to the orbit frame (Tsiotras-Longuski)"),
     "z": _Variable((), "rad", "turn about the third axis (Tsiotras-Longuski)"),
@@ -95,7 +90,8 @@ def trajectory_dataset(
     time = xr.Variable(
         "time", np.asarray(trajectory.times), {"units": "s", "long_name": "time since the start"}
     )
-    labels = {name: list(entries) for name, entries in COORDINATES.items()}
+    axes = dict.fromkeys(axis for variable in variables.values() for axis in variable.dims)
+    labels = {axis: list(AXES[str(axis)]) for axis in axes if axis in AXES}
     return xr.Dataset(
         variables,
         coords={"time": time, **labels},
