@@ -16,6 +16,7 @@ from jaxsat.results.errors import OutputError, one_line, reason, system_failure
 from jaxsat.results.files import read_or_explain, save_file
 from jaxsat.results.labels import AXES
 from jaxsat.results.marker import Marker
+from jaxsat.results.pointing import pointing
 from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Assessment, Signals, Trajectory
 from jaxsat.text import clean
@@ -52,6 +53,13 @@ VARIABLES = {
 }
 """Signals, each over `time`; `constraint_torque` only where the third rate is held."""
 
+RANGES = {
+    "least": ("torque_min", "least"),
+    "largest": ("torque_max", "largest"),
+    "mean": ("torque_mean", "mean"),
+}
+"""Of the torque from each saved time to the next, where that differs from the torque saved."""
+
 TOTALS = {
     "settled_from": _Variable(
         (), "s", "when attitude and relative rate came to stay within the tolerances"
@@ -75,12 +83,17 @@ def trajectory_dataset(
 
     `scenario` is the scenario as TOML text. Global attributes hold it with the outcome, the seed
     and what `provenance` tells; `modes` go to the attributes of `mode`. Values after the end
-    of a failed run are NaN. Beside the history stand the `TOTALS` of the whole run.
+    of a failed run are NaN. The attitude is also told in degrees, by `pointing`. Where the torque
+    changes between the saved times, `torque_min`, `torque_max` and `torque_mean` tell what it was
+    from each to the next. Beside the history stand the `TOTALS` of the whole run.
     """
+    found: dict[str, xr.Variable | None]
     found = {
         **_labelled(trajectory.signals, VARIABLES, ("time",)),
         **_labelled(trajectory.assessment, TOTALS, ()),
     }
+    found |= pointing(np.asarray(trajectory.signals.quaternion))
+    found |= _ranges(trajectory)
     variables = {name: variable for name, variable in found.items() if variable is not None}
     if modes is not None:
         variables["mode"].attrs |= {
@@ -97,6 +110,23 @@ def trajectory_dataset(
         coords={"time": time, **labels},
         attrs=_attributes(trajectory, title, scenario, seed),
     )
+
+
+def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
+    """The range of the torque, if the saved torque is not all that it was."""
+    told, torque = trajectory.torque_range, np.asarray(trajectory.signals.torque)
+    if told is None or all(
+        np.array_equal(getattr(told, name), torque, equal_nan=True) for name in RANGES
+    ):
+        return {}
+    return {
+        name: xr.Variable(
+            ("time", "body_axis"),
+            np.asarray(getattr(told, part)),
+            {"units": "N m", "long_name": f"{what} thruster torque until the next saved time"},
+        )
+        for part, (name, what) in RANGES.items()
+    }
 
 
 def dataset_bytes(dataset: xr.Dataset) -> bytes:

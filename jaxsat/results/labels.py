@@ -5,6 +5,7 @@ AXES: dict[str, tuple[str, ...]] = {
     "driven_axis": ("x", "y"),
     "w_component": ("w1", "w2"),
     "quaternion_component": ("q0", "q1", "q2", "q3"),
+    "euler_axis": ("roll", "pitch", "yaw"),
     "product_of_inertia": ("xy", "xz", "yz"),
 }
 """By axis; the components along any other one are numbered from 1."""
