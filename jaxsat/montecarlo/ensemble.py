@@ -24,6 +24,7 @@ from jaxsat.results import Column, OutputError, StudyStore, machine
 from jaxsat.results.chunks import Coordinate, chunk_numbers
 from jaxsat.results.differences import differences
 from jaxsat.results.labels import components
+from jaxsat.results.pointing import pointing_error
 
 DRAWN = "drawn_"
 """Prefix of the columns that hold what was drawn for a case."""
@@ -49,6 +50,7 @@ COLUMNS = {
         "final attitude, orbit to body frame, scalar first",
         ("quaternion_component",),
     ),
+    "pointing_error": Column((), "float64", "degree", "final rotation angle from the orbit frame"),
     "omega": Column(
         (3,), "float64", "rad s-1", "final inertial angular velocity in body axes", ("body_axis",)
     ),
@@ -347,6 +349,8 @@ class _StudyLedger:
 def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
     named = outputs._asdict()
     drawn = named.pop("drawn")
+    error = pointing_error(np.asarray(outputs.quaternion))
+    named["pointing_error"] = np.linalg.norm(error, axis=-1)
     columns = {
         DRAWN + name: values[..., 0] if values.shape[-1] == 1 else values
         for name, values in drawn.items()

@@ -1,7 +1,11 @@
 """The attitude in the angles that people read, in degrees."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import xarray as xr
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SEQUENCE = "3-2-1: yaw about z, then pitch about y, then roll about x"
 
@@ -33,8 +37,10 @@ def euler_angles(quaternion: np.ndarray) -> np.ndarray:
     return np.degrees(np.stack([roll, pitch, yaw], axis=-1))
 
 
-def pointing(quaternion: np.ndarray) -> dict[str, xr.Variable]:
+def pointing(quaternion: np.ndarray) -> dict[str, "xr.Variable"]:
     """What a trajectory tells of its quaternions (times, 4) in degrees."""
+    import xarray as xr  # takes its time, and not all that needs an angle needs it
+
     error = pointing_error(quaternion)
     entries = {
         "pointing_error": (error, "body_axis", "pointing error about body axes (rotation vector)"),

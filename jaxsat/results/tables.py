@@ -71,7 +71,8 @@ def _is_history(variable: xr.DataArray) -> bool:
 
 def _columns(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
     """The columns of a variable over the cases, by their names with units."""
-    unit = re.sub(r"[ /]", "_", re.sub(r"-\d+\b", "", variable.attrs.get("units", "1")))
+    unit = variable.attrs.get("units", "1").replace("degree", "deg")
+    unit = re.sub(r"[ /]", "_", re.sub(r"-\d+\b", "", unit))
     suffix = "" if unit == "1" else f"_{unit}"
     if variable.ndim == 1:
         return {f"{name}{suffix}": variable.values}

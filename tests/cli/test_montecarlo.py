@@ -36,7 +36,8 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     assert np.all(dataset["status"] == 1)
     assert np.ptp(dataset["drawn_omega"].values, axis=0).min() > 0
     names = {path.name for path in (tmp_path / "f").glob("*.png")}
-    assert names == {f"{n}.png" for n in ("attitude-fan", "rates-fan", "settling", "convergence")}
+    fans = ("pointing-fan", "attitude-fan", "rates-fan")
+    assert names == {f"{n}.png" for n in (*fans, "settling", "convergence")}
 
     (tmp_path / "t.csv").write_text("mine")
     tokens = [*SHORT, "-n", "9", "--seed", "3", "--out", "s", "--csv", "t.csv"]
