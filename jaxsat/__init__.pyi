@@ -77,6 +77,7 @@ from jaxsat.montecarlo import (
 )
 from jaxsat.results import (
     OutputError as OutputError,
+    case_table as case_table,
     open_study as open_study,
     open_trajectory as open_trajectory,
 )

@@ -11,10 +11,20 @@ from cyclopts import Parameter
 from jaxsat.cli.bound import searched
 from jaxsat.cli.comparison_text import comparison_lines, least_text
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.options import Cases, Flag, OutputPath, Seed, StartsOrNone, Workers, mistake
+from jaxsat.cli.options import (
+    Cases,
+    Flag,
+    OptionalPath,
+    OutputPath,
+    Seed,
+    StartsOrNone,
+    Workers,
+    mistake,
+)
+from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.study_executors import chosen_executor
-from jaxsat.cli.study_files import tell_repair
+from jaxsat.cli.study_files import refuse_csv, tell_repair
 from jaxsat.cli.study_text import progress_text
 from jaxsat.cli.terminal import (
     SUCCESS,
@@ -61,6 +71,8 @@ def compare(
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
     bounds: StartsOrNone = 0,
+    csv: OptionalPath = None,
+    overwrite: Flag = False,
     yes: Flag = False,
     elsewhere: Flag = False,
     quiet: Flag = False,
@@ -94,6 +106,11 @@ def compare(
     bounds
         Starts of a search for the least time and the least effort from the paper's start under
         each limit, open loop, as `jaxsat bound` does; 0 leaves it out.
+    csv
+        File for a table of all cases, one row each: law, outcome, times, effort, final state and
+        what was drawn, in columns that name their units.
+    overwrite
+        Replace the file of --csv; what is in the folder is resumed.
     yes
         Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
@@ -103,9 +120,14 @@ def compare(
         Print nothing but mistakes.
     """
     limits = _limits(torque_limit)
+    if csv is not None:
+        refuse_nested(("--csv", csv), ("--out", out))
+        refuse_csv(csv, overwrite=overwrite)
+    elif overwrite:
+        raise UserMistake("--overwrite: must be given with --csv, as a comparison is resumed")
     use_double_precision()
     from jaxsat.comparison import LAWS, LEVELS, ComparisonRun, comparison_settings
-    from jaxsat.results import OutputError, ResumableFolder
+    from jaxsat.results import OutputError, ResumableFolder, save_file
 
     others = dict.fromkeys(one for one in law if one not in (*LAWS, "all"))
     settings = comparison_settings([*_chosen(law, LAWS), *others], _chosen(level, LEVELS), limits)
@@ -121,6 +143,9 @@ def compare(
             rows, verdicts = _run(run, settings)
             least = [_least(limit, bounds, seed, folder) for limit in limits if bounds]
             _write(folder, rows, verdicts, least, seed)
+        if csv is not None:
+            content = interruptibly(lambda: run.table(settings).to_csv(index=False))
+            save_file(csv, content, overwrite=overwrite, option="--csv")
     except OutputError as error:
         raise output_problem(error, "--elsewhere") from None
     except (KeyboardInterrupt, Terminated) as stop:
@@ -129,7 +154,7 @@ def compare(
     if not quiet:
         for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):
             print_stdout(line)
-        print_stdout(f"written to {out}")
+        print_stdout(f"written to {out}{f' and {csv}' if csv else ''}")
     return SUCCESS
 
 

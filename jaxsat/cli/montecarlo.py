@@ -1,6 +1,7 @@
 """`jaxsat montecarlo`: many dispersed copies of a scenario into a store, or one of them again."""
 
 import contextlib
+import itertools
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -23,7 +24,14 @@ from jaxsat.cli.options import (
 from jaxsat.cli.places import refuse_nested, try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.study_executors import chosen_executor
-from jaxsat.cli.study_files import figures_folder, tell_repair, write_figures, write_one_case
+from jaxsat.cli.study_files import (
+    figures_folder,
+    refuse_csv,
+    tell_repair,
+    write_csv,
+    write_figures,
+    write_one_case,
+)
 from jaxsat.cli.study_text import progress_text, summary_lines
 from jaxsat.cli.terminal import (
     SUCCESS,
@@ -59,6 +67,7 @@ def montecarlo(
     scheduler: Text = None,
     devices: Workers = None,
     figures: OptionalPath = None,
+    csv: OptionalPath = None,
     history: Instants = None,
     yes: Flag = False,
     elsewhere: Flag = False,
@@ -107,10 +116,14 @@ def montecarlo(
     case
         Compute this case alone again and write its whole trajectory.
     overwrite
-        With --case, replace the folder if jaxsat wrote it before; a store is resumed.
+        Replace the file of --csv, or with --case the folder if jaxsat wrote it before; a store is
+        resumed.
     figures
         Folder for figures: settling times, where it settles, convergence, fans of attitude and
         rates.
+    csv
+        File for a table of the cases, one row each: outcome, times, effort, final state and what
+        was drawn, in columns that name their units.
     history
         Keep attitude, rates and torque of every case at so many instants, evenly over the horizon.
     yes
@@ -124,11 +137,17 @@ def montecarlo(
     stem = Path(scenario).stem
     if case is not None and figures is not None:
         raise UserMistake("--case: must be given without --figures, which show a whole study")
-    if case is None and overwrite:
-        raise UserMistake("--overwrite: must be given with --case, as a store is resumed")
+    if case is not None and csv is not None:
+        raise UserMistake("--case: must be given without --csv, which has all cases of a study")
+    if case is None and csv is None and overwrite:
+        raise UserMistake("--overwrite: must be given with --case or --csv; a store is resumed")
     target = out or Path(f"jaxsat-{stem}.zarr")
-    if figures is not None:
-        refuse_nested(("--figures", figures), ("--out", target))
+    more = {"--figures": figures, "--csv": csv}
+    places = [(option, place) for option, place in more.items() if place is not None]
+    for one, other in itertools.combinations([*places, ("--out", target)], 2):
+        refuse_nested(one, other)
+    if csv is not None:
+        refuse_csv(csv, overwrite=overwrite)
     chosen = load_or_explain(scenario, overrides, "study")
     if figures is not None:
         try_folder(lambda: figures_folder(figures))
@@ -168,6 +187,9 @@ def montecarlo(
         if figures is not None:
             show_progress("drawing figures")
             write_figures(figures, chosen.title, study, target, summary)
+        if csv is not None:
+            show_progress("writing the table")
+            write_csv(csv, target, counted, overwrite=overwrite)
     except (KeyboardInterrupt, Terminated) as stop:
         with contextlib.suppress(KeyboardInterrupt, Terminated):  # a second one does not wait
             executor.stop()
@@ -175,7 +197,8 @@ def montecarlo(
     if not quiet:
         for line in summary_lines(summary):
             print_stdout(line)
-        print_stdout(f"written          {target}{f' and {figures}' if figures else ''}")
+        written = [target, *(place for _, place in places)]
+        print_stdout(f"written          {', '.join(map(str, written))}")
     return SUCCESS
 
 

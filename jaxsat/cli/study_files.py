@@ -62,6 +62,26 @@ def figures_folder(folder: Path) -> "OutputFolder":
     return OutputFolder(folder, kind="figures", overwrite=True, option="--figures")
 
 
+def refuse_csv(path: Path, *, overwrite: bool) -> None:
+    """Raise `UserMistake` now for a table that could not be written later."""
+    from jaxsat.results import OutputError, refuse_existing
+
+    try:
+        refuse_existing(path, overwrite=overwrite, option="--csv")
+    except OutputError as error:
+        raise output_problem(error) from None
+
+
+def write_csv(path: Path, store: Path, count: int, *, overwrite: bool) -> None:
+    """The first `count` cases of a store as CSV."""
+    from jaxsat.results import OutputError, save_case_table
+
+    try:
+        interruptibly(lambda: save_case_table(store, path, count=count, overwrite=overwrite))
+    except OutputError as error:
+        raise output_problem(error) from None
+
+
 def tell_repair(text: str) -> None:
     """Say what was found damaged in a store."""
     print_stderr(text, "warning: ")

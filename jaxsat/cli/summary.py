@@ -33,7 +33,9 @@ def print_summary(
     good = np.flatnonzero(np.isfinite(dataset["omega"].values).all(axis=1))
     last = good[-1] if len(good) else 0
     final = dataset.isel(time=last)
-    peak = np.nanmax(np.abs(dataset["torque"].values), axis=0)
+    ranged = "torque_max" in dataset
+    told = ("torque_min", "torque_max") if ranged else ("torque",)
+    peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in told])), axis=0)
     at = f"at {float(final['time']):g} s"
     tilt = np.degrees(2 * np.arctan(np.linalg.norm(final["w"].values)))
     rows = {
@@ -44,7 +46,7 @@ def print_summary(
         "attitude": f"w = {_numbers(final['w'])}, z = {float(final['z']):.4g} rad, "
         f"tilt {tilt:.3g} deg {at}",
         "rates": f"omega = {_numbers(final['omega'])} rad/s {at}",
-        "torque": f"peak |T| = {_numbers(peak)} N m at the saved times",
+        "torque": f"peak |T| = {_numbers(peak)} N m{'' if ranged else ' at the saved times'}",
         "effort": effort_text(dataset),
         "written": f"{target}: {', '.join(files)}",
     }

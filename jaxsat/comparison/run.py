@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,10 @@ from jaxsat.comparison.studies import Start, comparison_study
 from jaxsat.comparison.verdict import ComparisonRow, ComparisonVerdict, choose_laws, comparison_row
 from jaxsat.errors import JaxsatError
 from jaxsat.montecarlo import AbstractExecutor, StudyProgress, run_study
-from jaxsat.results import ResumableFolder, study_columns
+from jaxsat.results import ResumableFolder, case_table, open_study, study_columns
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STUDIES = "studies"
 """Folder of the stores inside the output folder."""
@@ -138,8 +141,7 @@ class ComparisonRun:
         level, limit, law = setting
         what = f"{law}, {limit:g} N m, {level}, {start.value} start"
         self.report(what, None)
-        name = re.sub(r"[^\w.-]+", "-", law)  # of a module or a file
-        store = self.folder / STUDIES / f"{level}-{limit:g}-{name}-{start.value}.zarr"
+        store = self._store(setting, start)
         run_study(
             study,
             store,
@@ -150,6 +152,28 @@ class ComparisonRun:
         )
         columns = study_columns(store)
         return {name: np.asarray(columns[name][:count]) for name in COLUMNS}
+
+    def table(self, settings: Iterable[ComparisonSetting]) -> "pd.DataFrame":
+        """All cases that were run, a row each: law, level, torque limit, start, and `case_table`.
+
+        Raises `OutputError` for a damaged store.
+        """
+        import pandas as pd  # takes its time, and few ask for a table
+
+        parts = {
+            (*setting, start.value): case_table(
+                open_study(self._store(setting, start)).isel(case=slice(count))
+            )
+            for setting in settings
+            for start, count in ((Start.RANDOM, self.count), (Start.PAPER, 1))
+        }
+        names: list[Any] = ["level", "torque_limit_N_m", "law", "start", "case"]
+        return pd.concat(parts, names=names).reset_index()
+
+    def _store(self, setting: ComparisonSetting, start: Start) -> Path:
+        level, limit, law = setting
+        name = re.sub(r"[^\w.-]+", "-", law)  # of a module or a file
+        return self.folder / STUDIES / f"{level}-{limit:g}-{name}-{start.value}.zarr"
 
 
 def _several(given: Any) -> tuple:

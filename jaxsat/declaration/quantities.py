@@ -13,7 +13,8 @@ class DispersibleQuantity:
 
     It is not dispersed together with those that it `excludes`. Where `random_attitude` is true its
     distribution is "random-attitude", which no other quantity has. One that `turns` moves the
-    initial attitude away from where the scenario has it.
+    initial attitude away from where the scenario has it. `axis` is what the axis of its numbers is
+    called where there are several.
     """
 
     name: str
@@ -22,6 +23,7 @@ class DispersibleQuantity:
     excludes: tuple[str, ...] = ()
     random_attitude: bool = False
     turns: bool = False
+    axis: str | None = None
 
     @property
     def key(self) -> str:
@@ -33,24 +35,41 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
     {
         quantity.name: quantity
         for quantity in (
-            DispersibleQuantity("inertia", "relative change of J1, J2, J3"),
+            DispersibleQuantity("inertia", "relative change of J1, J2, J3", axis="body_axis"),
             DispersibleQuantity(
-                "products_of_inertia", "Jxy, Jxz, Jyz to add, in parts of the least of J1, J2, J3"
+                "products_of_inertia",
+                "Jxy, Jxz, Jyz to add, in parts of the least of J1, J2, J3",
+                axis="product_of_inertia",
             ),
             DispersibleQuantity(
-                "misalignment", "turn of each torque axis towards two directions across it", "rad"
+                "misalignment",
+                "turn of each torque axis towards two directions across it",
+                "rad",
+                axis="thruster_turn",
             ),
-            DispersibleQuantity("torque_gain", "relative change of each thruster's torque"),
             DispersibleQuantity(
-                "disturbance_amplitude", "relative change of the periodic torque's amplitudes"
+                "torque_gain", "relative change of each thruster's torque", axis="thruster"
             ),
             DispersibleQuantity(
-                "disturbance_frequency", "relative change of the periodic torque's frequencies"
+                "disturbance_amplitude",
+                "relative change of the periodic torque's amplitudes",
+                axis="body_axis",
             ),
-            DispersibleQuantity("disturbance_phase", "phases of the periodic torque", "rad"),
-            DispersibleQuantity("constant_torque", "torque to add, fixed in body axes", "N m"),
             DispersibleQuantity(
-                "model_inertia", "relative change of the J1, J2, J3 that the controller believes"
+                "disturbance_frequency",
+                "relative change of the periodic torque's frequencies",
+                axis="body_axis",
+            ),
+            DispersibleQuantity(
+                "disturbance_phase", "phases of the periodic torque", "rad", axis="body_axis"
+            ),
+            DispersibleQuantity(
+                "constant_torque", "torque to add, fixed in body axes", "N m", axis="body_axis"
+            ),
+            DispersibleQuantity(
+                "model_inertia",
+                "relative change of the J1, J2, J3 that the controller believes",
+                axis="body_axis",
             ),
             DispersibleQuantity(
                 "model_orbit_rate", "relative change of the orbit rate that the controller believes"
@@ -78,6 +97,7 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
                 excludes=("tilt", "tilt_direction", "turn"),
                 random_attitude=True,
                 turns=True,
+                axis="quaternion_component",
             ),
             DispersibleQuantity("tilt", "initial |w|"),
             DispersibleQuantity("tilt_direction", "angle of the initial (w1, w2)", "rad"),
@@ -87,12 +107,20 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
                 "rotation vector, body axes, from the nominal initial attitude",
                 "rad",
                 turns=True,
+                axis="body_axis",
             ),
             DispersibleQuantity(
-                "omega", "initial angular velocity", "rad/s", excludes=("rate_error",)
+                "omega",
+                "initial angular velocity",
+                "rad/s",
+                excludes=("rate_error",),
+                axis="body_axis",
             ),
             DispersibleQuantity(
-                "rate_error", "initial (ω1, ω2) less the reference of the nominal law", "rad/s"
+                "rate_error",
+                "initial (ω1, ω2) less the reference of the nominal law",
+                "rad/s",
+                axis="driven_axis",
             ),
         )
     }

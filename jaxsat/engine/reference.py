@@ -167,7 +167,7 @@ def _sampled(program: Program, case: Case, solver, adjoint):
     observed = Observation.of(loop.plant, case.start)
     settled = settled_at(SettlingTracker.initial(zero, 3), zero, observed, program.tolerances)
     carry, limit = (Integrals(zero, zero), settled), program.state_limit
-    state, (integrals, settled), code, signals = run_samples(
+    state, (integrals, settled), code, signals, _ = run_samples(
         loop, case.start, program.intervals, integrate, carry, limit
     )
     return _outputs(program, case, state.plant, integrals, signals, settled, code), signals

@@ -2,11 +2,11 @@
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,11 +21,18 @@ from jaxsat.montecarlo.executors import AbstractExecutor, Serial
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.montecarlo.statistics import StopRule
 from jaxsat.results import Column, OutputError, StudyStore, machine
-from jaxsat.results.histories import HISTORY
-from jaxsat.results.store import chunk_numbers, differences
+from jaxsat.results.chunks import Coordinate, chunk_numbers
+from jaxsat.results.differences import differences
+from jaxsat.results.labels import components
+from jaxsat.results.pointing import pointing_error
 
 DRAWN = "drawn_"
 """Prefix of the columns that hold what was drawn for a case."""
+
+HISTORY = "history_"
+"""Prefix of the columns that hold a case's history, (times, components)."""
+
+HISTORY_TIME = HISTORY + "time"
 
 COLUMNS = {
     "code": Column((), "int8", "1", "how the case ended, 0 for its end"),
@@ -34,21 +41,36 @@ COLUMNS = {
     "cost": Column((), "float64", "1", "integral of the running cost"),
     "peak_rate": Column((), "float64", "rad s-1", "largest angular velocity seen"),
     "ended_at": Column((), "float64", "s", "time up to which the case was computed"),
-    "w": Column((2,), "float64", "1", "final tilt relative to the orbit frame"),
+    "w": Column((2,), "float64", "1", "final tilt relative to the orbit frame", ("w_component",)),
     "z": Column((), "float64", "rad", "final turn about the third axis"),
-    "quaternion": Column((4,), "float64", "1", "final attitude, orbit to body frame, scalar first"),
-    "omega": Column((3,), "float64", "rad s-1", "final inertial angular velocity in body axes"),
+    "quaternion": Column(
+        (4,),
+        "float64",
+        "1",
+        "final attitude, orbit to body frame, scalar first",
+        ("quaternion_component",),
+    ),
+    "pointing_error": Column((), "float64", "degree", "final rotation angle from the orbit frame"),
+    "omega": Column(
+        (3,), "float64", "rad s-1", "final inertial angular velocity in body axes", ("body_axis",)
+    ),
 }
 
 
 HISTORIES = {
-    "w": Column((2,), "float64", "1", "tilt relative to the orbit frame"),
+    "w": Column((2,), "float64", "1", "tilt relative to the orbit frame", ("w_component",)),
     "z": Column((), "float64", "rad", "turn about the third axis"),
-    "omega": Column((3,), "float64", "rad s-1", "inertial angular velocity in body axes"),
-    "relative_rate": Column(
-        (3,), "float64", "rad s-1", "angular velocity relative to the orbit frame in body axes"
+    "omega": Column(
+        (3,), "float64", "rad s-1", "inertial angular velocity in body axes", ("body_axis",)
     ),
-    "torque": Column((3,), "float64", "N m", "thruster torque in body axes"),
+    "relative_rate": Column(
+        (3,),
+        "float64",
+        "rad s-1",
+        "angular velocity relative to the orbit frame in body axes",
+        ("body_axis",),
+    ),
+    "torque": Column((3,), "float64", "N m", "thruster torque in body axes", ("body_axis",)),
 }
 """The signals of which a study can keep a history."""
 
@@ -123,21 +145,45 @@ class Study:
 
     def columns(self) -> dict[str, Column]:
         """What a case has in a store."""
-        drawn = {
-            DRAWN + name: Column(
-                (QUANTITIES[name].size(self.case_factory.loop),),
-                "float64",
-                DISPERSIBLE[name].unit,
-                DISPERSIBLE[name].meaning,
-            )
-            for name in self.case_factory.dispersions.names
+        columns = COLUMNS | {DRAWN + name: self._drawn(name) for name in self._dispersed}
+        if self.history is not None:
+            for name, column in HISTORIES.items():
+                shape, dims = (self.history, *column.shape), (HISTORY_TIME, *column.dims)
+                columns[HISTORY + name] = column._replace(shape=shape, dims=dims)
+        return columns
+
+    def coordinates(self) -> dict[str, Coordinate]:
+        """The labels of the axes that columns have."""
+        sizes = {
+            axis: size
+            for column in self.columns().values()
+            for axis, size in zip(column.dims, column.shape, strict=True)
         }
-        kept = {} if self.history is None else HISTORIES
-        histories = {
-            HISTORY + name: column._replace(shape=(cast(int, self.history), *column.shape))
-            for name, column in kept.items()
-        }
-        return COLUMNS | drawn | histories
+        found = {axis: Coordinate(components(axis, size)) for axis, size in sizes.items()}
+        if HISTORY_TIME in found:
+            times = tuple(self._history_times or ())
+            found[HISTORY_TIME] = Coordinate(times, "s", "time since the start")
+        return found
+
+    @property
+    def _dispersed(self) -> Sequence[str]:
+        return self.case_factory.dispersions.names
+
+    def _drawn(self, name: str) -> Column:
+        """The column of what was drawn for a quantity."""
+        quantity = DISPERSIBLE[name]
+        size = QUANTITIES[name].size(self.case_factory.loop)
+        if size == 1:
+            return Column((), "float64", quantity.unit, quantity.meaning)
+        axis = quantity.axis or f"{name}_component"
+        return Column((size,), "float64", quantity.unit, quantity.meaning, (axis,))
+
+    @property
+    def _history_times(self) -> list[float] | None:
+        if self.history is None:
+            return None
+        interval = float(np.asarray(self.program.interval))
+        return (self.program.evenly(self.history) * interval).tolist()
 
     def program_identity(self) -> dict[str, Any]:
         """What tells the program that computes the cases from others.
@@ -148,13 +194,9 @@ class Study:
 
     def identity(self) -> dict[str, Any]:
         """All that the numbers of a case depend on. The count is part of it only where it must."""
-        times = None
-        if self.history is not None:
-            interval = float(np.asarray(self.program.interval))
-            times = (self.program.evenly(self.history) * interval).tolist()
         return {
             **self.description,
-            "history": times,
+            "history": self._history_times,
             "design": type(self.design).__name__,
             "seed": self.design.seed,
             "size": self.count if self.has_fixed_size else None,
@@ -212,6 +254,7 @@ def run_study(
         columns,
         study.count,
         study.chunk,
+        coordinates=study.coordinates(),
         elsewhere=elsewhere,
         remark=study.remark,
     ) as store:
@@ -306,4 +349,10 @@ class _StudyLedger:
 def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
     named = outputs._asdict()
     drawn = named.pop("drawn")
-    return {**named, **{DRAWN + name: values for name, values in drawn.items()}}
+    error = pointing_error(np.asarray(outputs.quaternion))
+    named["pointing_error"] = np.linalg.norm(error, axis=-1)
+    columns = {
+        DRAWN + name: values[..., 0] if values.shape[-1] == 1 else values
+        for name, values in drawn.items()
+    }
+    return {**named, **columns}

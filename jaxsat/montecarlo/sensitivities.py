@@ -35,10 +35,11 @@ class Sensitivity(NamedTuple):
 def numbers_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
     """What was drawn under a name, (cases, components), as numbers by the names they are told by.
 
-    Components are numbered from 1. A quaternion, whose components depend on one another and whose
-    sign means nothing, becomes the angle (rad, 0 to π) of the rotation and its axis.
+    A quantity of one number may have shape (cases,). Components are numbered from 1. A quaternion,
+    whose components depend on one another and whose sign means nothing, becomes the angle (rad, 0
+    to π) of the rotation and its axis.
     """
-    values = np.asarray(values, dtype=float)
+    values = np.asarray(values, dtype=float).reshape(len(values), -1)
     if name == "attitude":
         scalar, vector = values[:, 0], values[:, 1:]
         size = np.linalg.norm(vector, axis=1)
@@ -78,7 +79,7 @@ class Sensitivities:
         self._found: list[list[_Evidence]] = [[] for _ in self._results]
 
     def add(self, name: str, values: np.ndarray) -> None:
-        """What was drawn under a name, (cases, components)."""
+        """What was drawn under a name, as `numbers_of` takes it."""
         for label, column in numbers_of(name, values).items():
             order = np.argsort(column, kind="stable")
             for found, result in zip(self._found, self._results, strict=True):

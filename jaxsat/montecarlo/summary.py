@@ -8,11 +8,11 @@ import numpy as np
 from jaxsat.montecarlo.ensemble import DRAWN
 from jaxsat.montecarlo.sensitivities import Sensitivities, Sensitivity
 from jaxsat.montecarlo.statistics import Interval, percentile, wilson
-from jaxsat.results.store import DONE
+from jaxsat.results.chunks import DONE
+from jaxsat.results.labels import SETTLED, UNSETTLED
 from jaxsat.simulation import Outcome
 
 PERCENTS = (50.0, 90.0, 99.0)
-UNSETTLED = "unsettled"
 
 
 class Summary(NamedTuple):
@@ -76,7 +76,7 @@ def _percentiles(values: np.ndarray) -> dict[float, Interval]:
 
 
 def _outcomes(codes: np.ndarray, settled: np.ndarray) -> dict[str, int]:
-    counts = {"settled": int(settled.sum())}
+    counts = {SETTLED: int(settled.sum())}
     counts[UNSETTLED] = int(((codes == int(Outcome.SUCCESS)) & ~settled).sum())
     for outcome in Outcome:
         number = int((codes == int(outcome)).sum())

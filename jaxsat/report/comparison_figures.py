@@ -1,22 +1,13 @@
 """Figure of a comparison of laws: settling times in, a matplotlib `Figure` out."""
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from jaxsat.report.style import LINES, SETTINGS, escape_mathematics, set_title
-
-FURTHER_LINES = tuple(
-    MappingProxyType({"color": color, "linestyle": dash, "linewidth": width})
-    for color, dash, width in (
-        ("#009E73", (0, (6, 1.5, 1.2, 1.5)), 1.2),
-        ("#777777", (0, (3, 1, 1, 1, 1, 1)), 1.0),
-    )
-)
+from jaxsat.report.style import FURTHER_LINES, LINES, SETTINGS, escape_mathematics, set_title
 
 EARLIEST = 10.0
 """Seconds at which the logarithmic time axes begin; nothing that tumbles settles before."""

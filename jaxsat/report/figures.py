@@ -11,50 +11,77 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxsat.report.signal_figures import further_signals, pointing_figure, signals_figure
 from jaxsat.report.style import LINES, escape_mathematics, panels
+from jaxsat.report.time_axes import (
+    Span,
+    draw_lines,
+    figure_title,
+    finish,
+    mode_names,
+    place_legend,
+    shade_modes,
+)
+from jaxsat.results.pointing import pointing_error
 
-Span = tuple[float, float]
+PEAK = 20.0
+"""How many times its usual size a signal may reach before its axis becomes logarithmic there."""
 
 
 def trajectory_figures(dataset: xr.Dataset) -> dict[str, Figure]:
     """The figures of one run by file name, those that its law gives something to show in."""
     figures = {
         "attitude": attitude_figure(dataset),
-        "rates": rates_figure(dataset),
-        "torque": torque_figure(dataset),
+        "pointing": pointing_figure(dataset),
+        "rates": rates_figure(dataset, linear_to=_usual_size(dataset["omega"])),
+        "torque": torque_figure(dataset, linear_to=_usual_size(dataset["torque"])),
     }
     if np.isfinite(dataset["lyapunov"]).any():
         figures["lyapunov"] = lyapunov_figure(dataset)
-    if _mode_names(dataset):
+    if mode_names(dataset):
         figures["steering"] = steering_figure(dataset)
+    if further_signals(dataset):
+        figures["signals"] = signals_figure(dataset)
     return figures
 
 
-def rates_figure(dataset: xr.Dataset, *, zoom: Span | None = None, title: str = "") -> Figure:
-    """Angular velocity, whole and enlarged over `zoom` (s; by default the last fifth)."""
-    figure, (whole, enlarged) = panels(2, _title(dataset, "angular velocity", title))
+def rates_figure(
+    dataset: xr.Dataset,
+    *,
+    zoom: Span | None = None,
+    linear_to: float | None = None,
+    title: str = "",
+) -> Figure:
+    """Angular velocity, whole and enlarged over `zoom` (s; by default the last fifth).
+
+    With `linear_to` (rad/s) the upper axis is logarithmic beyond that rate.
+    """
+    figure, (whole, enlarged) = panels(2, figure_title(dataset, "angular velocity", title))
     zoom = _last_fifth(dataset) if zoom is None else zoom
     labels = ("ω1", "ω2", "ω3")
-    _lines(whole, dataset["time"], dataset["omega"], labels)
+    draw_lines(whole, dataset["time"], dataset["omega"], labels)
     part = dataset.sel(time=slice(*zoom))
-    _lines(enlarged, part["time"], part["omega"], labels, legend=False)
-    whole.set_ylabel("rate (rad/s)")
-    enlarged.set_ylabel("enlarged (rad/s)")
-    _shade_modes(dataset, whole)
-    _finish(dataset, [whole], enlarged, zoom)
+    draw_lines(enlarged, part["time"], part["omega"], labels, legend=False)
+    if linear_to is not None:
+        whole.set_yscale("symlog", linthresh=linear_to)
+    whole.set_ylabel("angular velocity ω\n(rad/s)")
+    enlarged.set_ylabel("enlarged\n(rad/s)")
+    shade_modes(dataset, whole)
+    finish(dataset, [whole], enlarged, zoom)
     return figure
 
 
 def attitude_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
     """The tilt w, and the turn z with the whole angle between body and orbit frame."""
-    figure, (tilt, turn) = panels(2, _title(dataset, "attitude to the orbit frame", title))
-    _lines(tilt, dataset["time"], dataset["w"], ("w1", "w2"))
-    tilt.set_ylabel("tilt (–)")
-    angles = np.stack([np.degrees(dataset["z"].values), _angle_degrees(dataset)], axis=1)
-    _lines(turn, dataset["time"], angles, ("z", "rotation angle"))
-    turn.set_ylabel("angle (°)")
-    _shade_modes(dataset, tilt)
-    _finish(dataset, [tilt, turn])
+    figure, (tilt, turn) = panels(2, figure_title(dataset, "attitude to the orbit frame", title))
+    draw_lines(tilt, dataset["time"], dataset["w"], ("w1", "w2"))
+    tilt.set_ylabel("tilt w (–)")
+    total = np.linalg.norm(pointing_error(dataset["quaternion"].values), axis=1)
+    angles = np.stack([np.degrees(dataset["z"].values), total], axis=1)
+    draw_lines(turn, dataset["time"], angles, ("z", "whole rotation"))
+    turn.set_ylabel("rotation angle (°)")
+    shade_modes(dataset, tilt)
+    finish(dataset, [tilt, turn])
     return figure
 
 
@@ -71,26 +98,67 @@ def torque_figure(
     `linear_to` (N m) the upper axis is logarithmic beyond that torque, for runs whose first instant
     dwarfs the rest.
     """
+    names = [f"T{axis + 1}" for axis in range(_working_axes(dataset))]
+    ranged = "torque_max" in dataset
     held = "constraint_torque" in dataset
-    heading = _title(dataset, "thruster torque", title)
-    figure, (whole, *above, enlarged) = panels(3 if held else 2, heading, 1.9 if held else 2.1)
-    for axes in above:
-        axes.plot(dataset["time"], dataset["constraint_torque"], **LINES[2], label="about axis 3")
-        axes.set_ylabel("held by (N m)")
-        _legend(axes, 1)
-    zoom = _last_fifth(dataset) if zoom is None else zoom
-    torque = dataset["torque"]
-    third_axis_works = bool((np.abs(torque[:, 2]) > 0).any())
-    labels = ("T1", "T2", "T3")[: 3 if third_axis_works else 2]
-    _lines(whole, dataset["time"], torque[:, : len(labels)], labels)
-    part = dataset.sel(time=slice(*zoom))
-    _lines(enlarged, part["time"], part["torque"][:, : len(labels)], labels, legend=False)
+    count = (len(names) if ranged else 1) + held + 1
+    heading = figure_title(dataset, "thruster torque", title)
+    figure, axes = panels(count, heading, 2.1 if count == 2 else 1.9)
+    *above, enlarged = axes
+    if ranged:
+        for column, (panel, name) in enumerate(zip(above, names, strict=False)):
+            _torque_range(dataset, panel, column)
+            panel.set_ylabel(f"torque {name} (N m)")
+        place_legend(above[0], 2)
+    else:
+        draw_lines(above[0], dataset["time"], dataset["torque"], names)
+        above[0].set_ylabel("torque T (N m)")
     if linear_to is not None:
-        whole.set_yscale("symlog", linthresh=linear_to)
-    whole.set_ylabel("torque (N m)")
-    enlarged.set_ylabel("enlarged (N m)")
-    _finish(dataset, [whole, *above], enlarged, zoom)
+        for panel in above[: len(names) if ranged else 1]:
+            panel.set_yscale("symlog", linthresh=linear_to)
+    if held:
+        above[-1].plot(dataset["time"], dataset["constraint_torque"], **LINES[2], label="axis 3")
+        above[-1].set_ylabel("torque that holds\nω3 (N m)")
+    zoom = _last_fifth(dataset) if zoom is None else zoom
+    part = dataset.sel(time=slice(*zoom))
+    shown = part["torque_mean" if ranged else "torque"]
+    draw_lines(enlarged, part["time"], shown, names, legend=ranged)
+    if ranged:
+        for column, style in enumerate(LINES[: len(names)]):
+            low, high = (part[name][:, column] for name in ("torque_min", "torque_max"))
+            enlarged.fill_between(
+                part["time"], low, high, step="post", color=style["color"], alpha=0.2, linewidth=0
+            )
+    enlarged.set_ylabel(f"enlarged{', mean' if ranged else ''}\n(N m)")
+    finish(dataset, above, enlarged, zoom)
+    figure.align_ylabels(axes)
     return figure
+
+
+def _working_axes(dataset: xr.Dataset) -> int:
+    """Three where the thrusters turn about the third axis, else two."""
+    told = ("torque", "torque_min", "torque_max")
+    return (
+        3 if any((np.abs(dataset[name][:, 2]) > 0).any() for name in told if name in dataset) else 2
+    )
+
+
+def _torque_range(dataset: xr.Dataset, panel: Axes, column: int) -> None:
+    """What the torque about an axis was from each saved time to the next, and its mean."""
+    time = dataset["time"].values
+    low, high, mean = (
+        dataset[name].values[:, column] for name in ("torque_min", "torque_max", "torque_mean")
+    )
+    panel.fill_between(
+        time,
+        low,
+        high,
+        step="post",
+        color="#bbbbbb",
+        linewidth=0.4,
+        label="least to largest between saved times",
+    )
+    panel.plot(time, mean, drawstyle="steps-post", label="mean", **LINES[0])
 
 
 def steering_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
@@ -98,31 +166,33 @@ def steering_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
 
     The dashed line is ω3 as the gyroscopic torque alone would make it, (J1 - J2)/J3 ∫ω1 ω2 dt.
     """
-    figure, (driven, product, third) = panels(3, _title(dataset, "steering ω3", title), height=1.9)
+    figure, (driven, product, third) = panels(
+        3, figure_title(dataset, "steering ω3", title), height=1.9
+    )
     time, omega = dataset["time"].values, dataset["omega"].values
-    _lines(driven, time, omega[:, :2], ("ω1", "ω2"))
-    _shade_modes(dataset, driven)
+    draw_lines(driven, time, omega[:, :2], ("ω1", "ω2"))
+    shade_modes(dataset, driven)
     products = omega[:, 0] * omega[:, 1]
     for axes in (driven, product, third):
         axes.set_yscale("symlog", linthresh=1e-3 if axes is driven else 1e-5)
     product.plot(time, products, **LINES[0])
     steps = np.diff(time) * (products[1:] + products[:-1]) / 2
     made = omega[0, 2] + _gyroscopic_ratio(dataset) * np.concatenate([[0], np.cumsum(steps)])
-    _lines(third, time, np.stack([omega[:, 2], made], 1), ("ω3", "made by ω1 ω2"))
+    draw_lines(third, time, np.stack([omega[:, 2], made], 1), ("ω3", "made by ω1 ω2"))
     driven.set_ylabel("rate (rad/s)")
     product.set_ylabel("ω1 ω2 (rad²/s²)")
     third.set_ylabel("ω3 (rad/s)")
-    _finish(dataset, [driven, product, third])
+    finish(dataset, [driven, product, third])
     return figure
 
 
 def lyapunov_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
     """The Lyapunov function of the law's proof on a logarithmic axis."""
-    figure, (axes,) = panels(1, _title(dataset, "Lyapunov function", title), height=2.6)
+    figure, (axes,) = panels(1, figure_title(dataset, "Lyapunov function", title), height=2.6)
     value = np.where(dataset["lyapunov"] > 0, dataset["lyapunov"], np.nan)
     axes.semilogy(dataset["time"], value, **LINES[0])
-    axes.set_ylabel("V (N m)")
-    _finish(dataset, [axes])
+    axes.set_ylabel("Lyapunov function V (J)")
+    finish(dataset, [axes])
     return figure
 
 
@@ -141,42 +211,9 @@ def comparison_figure(
     tilt.set_ylabel("|w| (–)")
     turn.set_ylabel("z (rad)")
     rate.set_ylabel("|ω_r| (rad/s)")
-    _legend(tilt, len(labels))
-    _finish(datasets[0], [tilt, turn, rate])
+    place_legend(tilt, len(labels))
+    finish(datasets[0], [tilt, turn, rate])
     return figure
-
-
-def _title(dataset: xr.Dataset, subject: str, title: str) -> str:
-    return title or f"{dataset.attrs.get('title', 'Trajectory')}: {subject}"
-
-
-def _lines(axes: Axes, time, values, labels: Sequence[str], *, legend: bool = True) -> None:
-    for column, (label, style) in enumerate(zip(labels, LINES, strict=False)):
-        axes.plot(time, np.asarray(values)[:, column], label=label, **style)
-    if legend:
-        _legend(axes, len(labels))
-
-
-def _legend(axes: Axes, count: int) -> None:
-    axes.legend(
-        loc="lower right",
-        ncols=count + 1,
-        bbox_to_anchor=(1.0, 1.0),
-        borderaxespad=0.1,
-        frameon=False,
-    )
-
-
-def _finish(
-    dataset: xr.Dataset, axes: Sequence[Axes], enlarged: Axes | None = None, zoom: Span = (0, 0)
-) -> None:
-    start, end = float(dataset["time"][0]), float(dataset["time"][-1])
-    for one in axes:
-        one.set_xlim(start, end)
-    if enlarged is not None:
-        enlarged.set_xlim(*zoom)
-    lowest = axes[-1] if enlarged is None else enlarged
-    lowest.set_xlabel("time (s)")
 
 
 def _last_fifth(dataset: xr.Dataset) -> Span:
@@ -191,42 +228,11 @@ def _gyroscopic_ratio(dataset: xr.Dataset) -> float:
     return float((j1 - j2) / j3)
 
 
-def _angle_degrees(dataset: xr.Dataset) -> np.ndarray:
-    """The angle of the single rotation between the frames, from the scalar part, degrees."""
-    quaternion = dataset["quaternion"].values
-    vector = np.linalg.norm(quaternion[:, 1:], axis=1)
-    return np.degrees(2 * np.arctan2(vector, np.abs(quaternion[:, 0])))
-
-
-def _shade_modes(dataset: xr.Dataset, axes: Axes) -> None:
-    """Bands of grey, each with its name, where a sampled controller is not in its usual mode."""
-    names = _mode_names(dataset)
-    usual = 0 if 0 in names else max(names, default=0)
-    unusual = [mode for mode in names if mode != usual]
-    for grey, mode in zip(np.linspace(0.7, 0.9, max(len(unusual), 1)), unusual, strict=False):
-        axes.fill_between(
-            dataset["time"],
-            0,
-            1,
-            where=dataset["mode"].values == mode,
-            transform=axes.get_xaxis_transform(),
-            color=str(grey),
-            linewidth=0,
-            step="post",
-            label=escape_mathematics(names[mode]),
-        )
-    if unusual:
-        _legend(axes, 3 + len(unusual))
-
-
-def _mode_names(dataset: xr.Dataset) -> dict[int, str]:
-    """What the numbers of `mode` mean, those that occur."""
-    attributes = dataset["mode"].attrs
-    meanings = str(attributes.get("flag_meanings", "")).split()
-    values = np.atleast_1d(attributes.get("flag_values", [])).astype(int).tolist()
-    found = set(dataset["mode"].values[np.isfinite(dataset["mode"].values)].astype(int).tolist())
-    return {
-        mode: meaning.replace("_", " ")
-        for mode, meaning in zip(values, meanings, strict=True)
-        if mode in found
-    }
+def _usual_size(signal: xr.DataArray) -> float | None:
+    """What a signal seldom exceeds, if it exceeds that by far: its peaks would hide the rest."""
+    size = np.abs(signal.values)
+    size = size[np.isfinite(size).all(axis=1)].max(axis=1)
+    usual = float(np.percentile(size, 95)) if len(size) else 0.0
+    if usual == 0 or size.max() <= PEAK * usual:
+        return None
+    return 10.0 ** np.ceil(np.log10(usual))  # on a tick

@@ -4,11 +4,13 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
 from jaxsat.report.style import LINES, panels
+from jaxsat.results.pointing import pointing_error
 from jaxsat.simulation import Signals
 
 BANDS = ((1.0, 99.0), (10.0, 90.0), (25.0, 75.0))
@@ -23,11 +25,21 @@ RARE = 3.0
 SYMBOLS = {"omega": "ω", "inertia": "ΔJ/J ", "rate_error": "η", "constant_torque": "T"}
 """How components of some dispersed quantities are called on an axis."""
 
+SEEN_CASES = 500
+"""Cases up to which each is marked in a map."""
+
 SETTLED_VIEW = 30
 """Cases from which on the interval of the estimate sets the range that is shown."""
 
 
-def fan_chart(times: np.ndarray, values: np.ndarray, labels: Sequence[str], title: str) -> Figure:
+def fan_chart(
+    times: np.ndarray,
+    values: np.ndarray,
+    labels: Sequence[str],
+    title: str,
+    *,
+    logarithmic: bool = False,
+) -> Figure:
     """Median and percentile bands over time (s), a panel for each component.
 
     `values` has shape (cases, times, components); NaN, after the end of a failed case, is left out.
@@ -42,13 +54,29 @@ def fan_chart(times: np.ndarray, values: np.ndarray, labels: Sequence[str], titl
         t, alive_values = times[alive], component[:, alive]
         for (low, high), shade in zip(BANDS, SHADES, strict=True):
             bounds = np.nanpercentile(alive_values, (low, high), axis=0)
-            panel.fill_between(t, *bounds, color=shade, linewidth=0)
-        panel.plot(t, np.nanmedian(alive_values, axis=0), **LINES[0])
+            band = f"{low:g} to {high:g} %"
+            panel.fill_between(t, *bounds, color=shade, linewidth=0, label=band)
+        panel.plot(t, np.nanmedian(alive_values, axis=0), label="median", **LINES[0])
         panel.margins(x=0)
-        _cut_rare(panel, alive_values)
+        if logarithmic:
+            panel.set_yscale("log", nonpositive="mask")
+        else:
+            _cut_rare(panel, alive_values)
     axes[-1].set_xlabel("time (s)")
-    bands = ", ".join(f"{low:g}-{high:g} %" for low, high in BANDS)
-    axes[0].set_title(f"median of {len(values)} cases; shaded {bands}", fontsize=8, loc="left")
+    handles, names = next(
+        (found for found in (panel.get_legend_handles_labels() for panel in axes) if found[0]),
+        ([], []),
+    )
+    figure.legend(
+        handles,
+        names,
+        loc="outside lower center",
+        ncols=len(names) or 1,
+        fontsize=8,
+        title=f"percentiles of {len(values)} cases",
+        title_fontsize=8,
+        frameon=False,
+    )
     figure.align_ylabels(axes)
     return figure
 
@@ -67,12 +95,20 @@ def _cut_rare(panel: Axes, values: np.ndarray) -> None:
 
 
 def fan_figures(times: np.ndarray, signals: Signals, title: str) -> dict[str, Figure]:
-    """Fan charts of attitude and rates from signals (cases, times)."""
+    """Fan charts of pointing error, attitude and rates from signals (cases, times)."""
+    total = np.linalg.norm(pointing_error(np.asarray(signals.quaternion)), axis=-1)
+    speed = np.degrees(np.linalg.norm(np.asarray(signals.relative_rate), axis=-1))
+    errors = np.stack([total, speed], axis=2)
     attitude = np.concatenate([signals.w, np.asarray(signals.z)[:, :, None]], axis=2)
     rates = np.asarray(signals.omega)
     names = ("ω1 (rad/s)", "ω2 (rad/s)", "ω3 (rad/s)")
+    sizes = ("total pointing\nerror (°)", "rate relative to\nthe orbit frame (°/s)")
+    tilts = ("tilt w1 (–)", "tilt w2 (–)", "turn z (rad)")
     return {
-        "attitude-fan": fan_chart(times, attitude, ("w1", "w2", "z (rad)"), f"{title}: attitude"),
+        "pointing-fan": fan_chart(
+            times, errors, sizes, f"{title}: pointing error", logarithmic=True
+        ),
+        "attitude-fan": fan_chart(times, attitude, tilts, f"{title}: attitude"),
         "rates-fan": fan_chart(times, rates, names, f"{title}: rates"),
     }
 
@@ -80,15 +116,20 @@ def fan_figures(times: np.ndarray, signals: Signals, title: str) -> dict[str, Fi
 def settling_distribution(settling_time: np.ndarray, title: str) -> Figure:
     """How many cases settle within a time: histogram, and the fraction settled by then."""
     settled = settling_time[np.isfinite(settling_time)]
+    if not len(settled):
+        figure, (panel,) = panels(1, title, height=1.2)
+        text = f"none of {len(settling_time)} cases settled"
+        panel.text(0.5, 0.5, text, ha="center", va="center", transform=panel.transAxes)
+        panel.set_axis_off()
+        return figure
     figure, (counts, fraction) = panels(2, title)
-    if len(settled):
-        bins = np.histogram_bin_edges(settled, "auto" if len(settled) < 5000 else 60).tolist()
-        counts.hist(settled, bins=bins, color="#56B4E9", edgecolor="#ffffff", linewidth=0.4)
-        steps = np.concatenate([[0.0], np.sort(settled), [1.05 * settled.max()]])
-        number = np.append(np.arange(len(settled) + 1), len(settled))
-        fraction.step(steps, number / len(settling_time), where="post", **LINES[0])
-        for panel in (counts, fraction):
-            panel.set_xlim(0, steps[-1] or 1.0)
+    bins = np.histogram_bin_edges(settled, "auto" if len(settled) < 5000 else 60).tolist()
+    counts.hist(settled, bins=bins, color="#56B4E9", edgecolor="#ffffff", linewidth=0.4)
+    steps = np.concatenate([[0.0], np.sort(settled), [1.05 * settled.max()]])
+    number = np.append(np.arange(len(settled) + 1), len(settled))
+    fraction.step(steps, number / len(settling_time), where="post", **LINES[0])
+    for panel in (counts, fraction):
+        panel.set_xlim(0, steps[-1] or 1.0)
     counts.tick_params(labelbottom=False)
     counts.set_ylabel("cases")
     fraction.set_ylabel("fraction settled")
@@ -136,7 +177,33 @@ def success_map(
         fontsize=8,
         loc="left",
     )
+    if len(x) <= SEEN_CASES:
+        _mark_cases(panel, x, y, settled)
     return figure
+
+
+def _mark_cases(panel: Axes, x: np.ndarray, y: np.ndarray, settled: np.ndarray) -> None:
+    """Every case in its place; dots and crosses have white edges, to be seen on any colour."""
+    edge = [patheffects.withStroke(linewidth=2.2, foreground="white")]
+    for chosen, marker, name in ((settled, ".", "settled"), (~settled, "x", "not settled")):
+        panel.plot(
+            x[chosen],
+            y[chosen],
+            marker,
+            color="black",
+            markersize=4,
+            markeredgewidth=0.9,
+            label=name,
+            path_effects=edge,
+        )
+    panel.legend(
+        loc="lower right",
+        ncols=2,
+        bbox_to_anchor=(1, 1),
+        borderaxespad=0.1,
+        frameon=False,
+        fontsize=8,
+    )
 
 
 def convergence(settled: np.ndarray, title: str, level: float = 0.95) -> Figure:

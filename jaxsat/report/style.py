@@ -26,6 +26,15 @@ LINES: tuple[Mapping[str, Any], ...] = tuple(
     )
 )
 
+FURTHER_LINES: tuple[Mapping[str, Any], ...] = tuple(
+    MappingProxyType({"color": color, "linestyle": dash, "linewidth": width})
+    for color, dash, width in (
+        ("#009E73", (0, (6, 1.5, 1.2, 1.5)), 1.2),
+        ("#777777", (0, (3, 1, 1, 1, 1, 1)), 1.0),
+    )
+)
+"""For the fourth line of a panel and the fifth."""
+
 SETTINGS: Mapping[str, Any] = MappingProxyType(
     {
         "font.size": 9,

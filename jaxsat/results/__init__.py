@@ -24,14 +24,17 @@ if TYPE_CHECKING:
     from jaxsat.results.reading import study_columns
     from jaxsat.results.settling import is_within, time_at_rest, time_to_settle
     from jaxsat.results.store import StudyStore
+    from jaxsat.results.tables import case_table, save_case_table
 
 _LATER = {
     "Column": "chunks",
     "StudyStore": "store",
+    "case_table": "tables",
     "dataset_bytes": "dataset",
     "is_within": "settling",
     "open_study": "opening",
     "open_trajectory": "dataset",
+    "save_case_table": "tables",
     "save_dataset": "dataset",
     "study_columns": "reading",
     "time_at_rest": "settling",
@@ -45,6 +48,7 @@ __all__ = [
     "OutputFolder",
     "ResumableFolder",
     "StudyStore",
+    "case_table",
     "dataset_bytes",
     "is_within",
     "machine",
@@ -52,6 +56,7 @@ __all__ = [
     "open_trajectory",
     "provenance",
     "refuse_existing",
+    "save_case_table",
     "save_dataset",
     "save_file",
     "study_columns",

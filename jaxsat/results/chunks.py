@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import google_crc32c
 import numpy as np
+from numcodecs.vlen import VLenUTF8
 from numcodecs.zstd import Zstd
 
 from jaxsat.results.files import content_hash
@@ -21,12 +22,16 @@ _CHECKSUM_BYTES = 4
 
 
 class Column(NamedTuple):
-    """How one result of a case is stored: shape and type of one case's value, and its label."""
+    """How one result of a case is stored: shape and type of one case's value, and its label.
+
+    `dims` are the names of the axes of `shape`; columns share an axis by its name.
+    """
 
     shape: tuple[int, ...]
     dtype: str
     units: str
     long_name: str
+    dims: tuple[str, ...] = ()
 
     @property
     def fill(self) -> float:
@@ -34,10 +39,27 @@ class Column(NamedTuple):
         return np.nan if np.issubdtype(np.dtype(self.dtype), np.floating) else 0.0
 
 
+class Coordinate(NamedTuple):
+    """The labels of an axis that columns share: texts, or numbers with units."""
+
+    values: tuple[str, ...] | tuple[float, ...]
+    units: str = "1"
+    long_name: str = ""
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Units and name where they say something."""
+        told = {"units": self.units if self.units != "1" else "", "long_name": self.long_name}
+        return {name: text for name, text in told.items() if text}
+
+
 STATUS = "status"
 STATUS_COLUMN = Column((), "uint8", "1", "1 where the case is done")
 DONE = 1
 """The status of a case that is; 0 before."""
+
+CASE_COLUMN = Column((), "int64", "1", "number of the case")
+"""The coordinate along the cases, which has chunks like a column."""
 
 
 def chunk_numbers(chunk: int, size: int, count: int) -> np.ndarray:
@@ -59,7 +81,11 @@ def encoded(column: Column, values: np.ndarray, size: int) -> bytes:
     """The file of a chunk of `size` cases; values (cases, ...) of fewer are filled up."""
     whole = np.full((size, *column.shape), column.fill, _stored_type(column))
     whole[: len(values)] = values
-    packed = bytes(_ZSTD.encode(whole.tobytes()))
+    return _packed(whole.tobytes())
+
+
+def _packed(plain: bytes) -> bytes:
+    packed = bytes(_ZSTD.encode(plain))
     return packed + google_crc32c.value(packed).to_bytes(_CHECKSUM_BYTES, "little")
 
 
@@ -76,27 +102,61 @@ def decoded(column: Column, data: bytes, size: int) -> np.ndarray:
     return values.astype(column.dtype)
 
 
-def array_metadata(name: str, column: Column, rows: int, size: int) -> dict[str, Any]:
+def array_metadata(column: Column, rows: int, size: int) -> dict[str, Any]:
     """The `zarr.json` of a column with room for `rows` cases."""
-    endian = {"configuration": {"endian": "little"}} if np.dtype(column.dtype).itemsize > 1 else {}
+    return _array_metadata(
+        [rows, *column.shape],
+        column.dtype,
+        "NaN" if np.isnan(column.fill) else 0,
+        [size, *column.shape],
+        [CASE, *column.dims],
+        {"units": column.units, "long_name": column.long_name},
+    )
+
+
+def coordinate_files(name: str, coordinate: Coordinate) -> dict[str, bytes]:
+    """The files of the array of a coordinate: its `zarr.json` and one chunk."""
+    texts = isinstance(coordinate.values[0], str)
+    count = len(coordinate.values)
+    values = np.array(coordinate.values, object if texts else "<f8")
+    plain = bytes(VLenUTF8().encode(values)) if texts else values.tobytes()
+    metadata = _array_metadata(
+        [count],
+        "string" if texts else "float64",
+        "" if texts else "NaN",
+        [count],
+        [name],
+        coordinate.attributes,
+    )
+    return {f"{name}/{METADATA}": as_json(metadata), f"{name}/c/0": _packed(plain)}
+
+
+def _array_metadata(
+    shape: list[int],
+    data_type: str,
+    fill: Any,
+    chunk_shape: list[int],
+    dimensions: list[str],
+    attributes: Mapping[str, str],
+) -> dict[str, Any]:
+    serializer: dict[str, Any] = {"name": "vlen-utf8" if data_type == "string" else "bytes"}
+    if data_type != "string" and np.dtype(data_type).itemsize > 1:
+        serializer["configuration"] = {"endian": "little"}
     return {
         "zarr_format": 3,
         "node_type": "array",
-        "shape": [rows, *column.shape],
-        "data_type": column.dtype,
-        "chunk_grid": {
-            "name": "regular",
-            "configuration": {"chunk_shape": [size, *column.shape]},
-        },
+        "shape": shape,
+        "data_type": data_type,
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": chunk_shape}},
         "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
-        "fill_value": "NaN" if np.isnan(column.fill) else 0,
+        "fill_value": fill,
         "codecs": [
-            {"name": "bytes", **endian},
+            serializer,
             {"name": "zstd", "configuration": {"level": 0, "checksum": False}},
             {"name": "crc32c"},
         ],
-        "attributes": {"units": column.units, "long_name": column.long_name},
-        "dimension_names": [CASE, *(f"{name}_{axis}" for axis in range(len(column.shape)))],
+        "attributes": dict(attributes),
+        "dimension_names": dimensions,
         "storage_transformers": [],
     }
 
@@ -109,9 +169,15 @@ def differs_in_rows_alone(found: Any, wanted: Mapping[str, Any]) -> bool:
     return found == {**wanted, "shape": [shape[0], *wanted["shape"][1:]]}
 
 
-def group_metadata(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """The `zarr.json` of the store itself."""
-    return {"zarr_format": 3, "node_type": "group", "attributes": dict(attributes)}
+def group_metadata(
+    attributes: Mapping[str, Any], arrays: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The `zarr.json` of the store itself, with the metadata of its `arrays` if they are given."""
+    group = {"zarr_format": 3, "node_type": "group", "attributes": dict(attributes)}
+    if arrays is None:
+        return group
+    inline = {"kind": "inline", "must_understand": False, "metadata": dict(arrays)}
+    return {**group, "consolidated_metadata": inline}
 
 
 def as_json(data: Any) -> bytes:

@@ -14,7 +14,9 @@ import xarray as xr
 from jaxsat.control.sampled import mode_label
 from jaxsat.results.errors import OutputError, one_line, reason, system_failure
 from jaxsat.results.files import read_or_explain, save_file
+from jaxsat.results.labels import AXES
 from jaxsat.results.marker import Marker
+from jaxsat.results.pointing import pointing
 from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Assessment, Signals, Trajectory
 from jaxsat.text import clean
@@ -28,12 +30,6 @@ class _Variable(NamedTuple):
     long_name: str
 
 
-COORDINATES = {
-    "body_axis": ("x", "y", "z"),
-    "driven_axis": ("x", "y"),
-    "w_component": ("w1", "w2"),
-    "quaternion_component": ("q0", "q1", "q2", "q3"),
-}
 VARIABLES = {
     "w": _Variable(("w_component",), "1", "tilt relative to the orbit frame (Tsiotras-Longuski)"),
     "z": _Variable((), "rad", "turn about the third axis (Tsiotras-Longuski)"),
@@ -83,6 +79,13 @@ VARIABLES = {
 """Signals, each over `time`; those from `constraint_torque` on only where there is such a torque,
 thruster (a two-sided one counts as two), wheel or estimate."""
 
+RANGES = {
+    "least": ("torque_min", "least"),
+    "largest": ("torque_max", "largest"),
+    "mean": ("torque_mean", "mean"),
+}
+"""Of the torque from each saved time to the next, where that differs from the torque saved."""
+
 TOTALS = {
     "settled_from": _Variable(
         (), "s", "when attitude and relative rate came to stay within the tolerances"
@@ -106,12 +109,17 @@ def trajectory_dataset(
 
     `scenario` is the scenario as TOML text. Global attributes hold it with the outcome, the seed
     and what `provenance` tells; `modes` go to the attributes of `mode`. Values after the end
-    of a failed run are NaN. Beside the history stand the `TOTALS` of the whole run.
+    of a failed run are NaN. The attitude is also told in degrees, by `pointing`. Where the torque
+    changes between the saved times, `torque_min`, `torque_max` and `torque_mean` tell what it was
+    from each to the next. Beside the history stand the `TOTALS` of the whole run.
     """
+    found: dict[str, xr.Variable | None]
     found = {
         **_labelled(trajectory.signals, VARIABLES, ("time",)),
         **_labelled(trajectory.assessment, TOTALS, ()),
     }
+    found |= pointing(np.asarray(trajectory.signals.quaternion))
+    found |= _ranges(trajectory)
     variables = {name: variable for name, variable in found.items() if variable is not None}
     if modes is not None:
         variables["mode"].attrs |= {
@@ -121,18 +129,34 @@ def trajectory_dataset(
     time = xr.Variable(
         "time", np.asarray(trajectory.times), {"units": "s", "long_name": "time since the start"}
     )
-    labels: dict[str, Any] = {name: list(entries) for name, entries in COORDINATES.items()}
-    level = trajectory.signals.thrust_level
-    if level is not None:
-        labels["thruster"] = np.arange(1, level.shape[1] + 1)
-    momentum = trajectory.signals.wheel_momentum
-    if momentum is not None:
-        labels["wheel"] = np.arange(1, momentum.shape[1] + 1)
+    axes = dict.fromkeys(axis for variable in variables.values() for axis in variable.dims)
+    labels: dict[Any, Any] = {axis: list(AXES[str(axis)]) for axis in axes if axis in AXES}
+    for axis in ("thruster", "wheel"):
+        if axis in axes:
+            sizes = (one.sizes[axis] for one in variables.values() if axis in one.dims)
+            labels[axis] = list(range(1, next(sizes) + 1))
     return xr.Dataset(
         variables,
         coords={"time": time, **labels},
         attrs=_attributes(trajectory, title, scenario, seed),
     )
+
+
+def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
+    """The range of the torque, if the saved torque is not all that it was."""
+    told, torque = trajectory.torque_range, np.asarray(trajectory.signals.torque)
+    if told is None or all(
+        np.array_equal(getattr(told, name), torque, equal_nan=True) for name in RANGES
+    ):
+        return {}
+    return {
+        name: xr.Variable(
+            ("time", "body_axis"),
+            np.asarray(getattr(told, part)),
+            {"units": "N m", "long_name": f"{what} thruster torque until the next saved time"},
+        )
+        for part, (name, what) in RANGES.items()
+    }
 
 
 def dataset_bytes(dataset: xr.Dataset) -> bytes:

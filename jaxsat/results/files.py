@@ -10,6 +10,7 @@ import json
 import os
 import secrets
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +38,13 @@ def content_hash(data: bytes, place: str = "") -> str:
     return hashlib.blake2b(place.encode() + b"\0" + data, digest_size=16).hexdigest()
 
 
+Content = str | bytes | Iterable[bytes]
+"""Of a file; pieces are written as they come."""
+
+
 def write_file(
     path: Path,
-    content: str | bytes,
+    content: Content,
     *,
     replace: bool = True,
     durable: bool = True,
@@ -52,12 +57,13 @@ def write_file(
     `OSError`, and then leaves what there was.
     """
     data = content.encode() if isinstance(content, str) else content
+    pieces = (data,) if isinstance(data, bytes) else data
     if partial is None:
         partial = path.with_name(partial_name(new_token()))
     handle = os.open(partial, _NEW, 0o666)
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(data)
+            file.writelines(pieces)
             if durable:
                 file.flush()
                 os.fsync(file.fileno())
@@ -95,29 +101,32 @@ def read_or_explain(path: Path) -> bytes | None:
         raise system_failure(f"{path} cannot be read: {reason(error)}.", error) from error
 
 
-def save_file(path: str | Path, content: str | bytes, *, overwrite: bool = False) -> None:
+def save_file(
+    path: str | Path, content: Content, *, overwrite: bool = False, option: str = "--out"
+) -> None:
     """Write a file that a user named; raises `OutputError`, also for one that is there already.
 
-    `overwrite` replaces it, through symbolic links, if it is a file.
+    `overwrite` replaces it, through symbolic links, if it is a file. Messages name the `option`
+    that takes another file.
     """
-    refuse_existing(path, overwrite=overwrite)
+    refuse_existing(path, overwrite=overwrite, option=option)
     target = Path(os.path.realpath(path))
     try:
         write_file(target, content, replace=overwrite)
     except FileExistsError:
-        raise OutputError(_already_there(path)) from None
+        raise OutputError(_already_there(path, option)) from None
     except OSError as error:
         raise system_failure(f"{path} cannot be written: {reason(error)}.", error) from error
 
 
-def refuse_existing(path: str | Path, *, overwrite: bool) -> None:
+def refuse_existing(path: str | Path, *, overwrite: bool, option: str = "--out") -> None:
     """Raise `OutputError` where `save_file` would, as far as that can be known beforehand."""
     target = Path(os.path.realpath(path))
     if os.path.lexists(target):
         if not target.is_file():
-            raise OutputError(f"{path} is not a file; give another one with --out.")
+            raise OutputError(f"{path} is not a file; give another one with {option}.")
         if not overwrite:
-            raise OutputError(_already_there(path))
+            raise OutputError(_already_there(path, option))
     elif not target.parent.is_dir():
         raise OutputError(f"{path} cannot be written: {target.parent} is not a folder.")
 
@@ -160,5 +169,5 @@ def _put_beside(partial: Path, path: Path) -> None:
         partial.unlink()
 
 
-def _already_there(path: str | Path) -> str:
-    return f"{path} already exists; give --overwrite to replace it, or another file with --out."
+def _already_there(path: str | Path, option: str) -> str:
+    return f"{path} already exists; give --overwrite to replace it, or another file with {option}."

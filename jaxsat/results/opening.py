@@ -4,13 +4,13 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from jaxsat.results.chunks import CASE, Column
+from jaxsat.results.chunks import CASE, CASE_COLUMN, STATUS, Column
 from jaxsat.results.header import read_header
-from jaxsat.results.histories import with_history_time
 from jaxsat.results.reading import StudyColumn, study_columns
 
 
@@ -30,22 +30,25 @@ class _LazyColumn(BackendArray):
 def open_study(path: str | Path) -> xr.Dataset:
     """The results of a study as a dataset over `case`, read when used; `status` is 1 where done.
 
-    The cases reach to the last one that is done. Histories, where there are any, are over
-    `history_time` (s) as well. The attributes `identity` and `runs` are JSON.
+    The cases reach to the last one that is done. The components of vectors have names, such as `x`,
+    `y`, `z` along `body_axis`. Histories, where there are any, are over `history_time` (s) as well.
+    The attributes `identity` and `runs` are JSON. `case_table` makes a table of it.
     Raises `OutputError` for what is no store, or one that is damaged, also when values are read.
     """
     header = read_header(Path(path))
+    columns = study_columns(path, header)
     variables = {
-        name: xr.Variable(
-            (CASE, *(f"{name}_{axis}" for axis in range(column.ndim - 1))),
-            _cached(column),
-            _labels(column.column),
-        )
-        for name, column in study_columns(path, header).items()
+        name: xr.Variable((CASE, *column.column.dims), _cached(column), _labels(column.column))
+        for name, column in columns.items()
     }
+    coordinates = {
+        name: xr.Variable(name, list(coordinate.values), coordinate.attributes)
+        for name, coordinate in header.coordinates.items()
+    }
+    cases = np.arange(len(columns[STATUS]))
+    coordinates[CASE] = xr.Variable(CASE, cases, _labels(CASE_COLUMN))
     told = {"identity": json.dumps(header.identity), "runs": json.dumps(header.runs)}
-    dataset = xr.Dataset(variables, attrs={"Conventions": "CF-1.11", **told})
-    return with_history_time(dataset, header.identity)
+    return xr.Dataset(variables, coordinates, {"Conventions": "CF-1.11", **told})
 
 
 def _cached(column: StudyColumn) -> indexing.MemoryCachedArray:

@@ -9,29 +9,24 @@ what is damaged counts as not done.
 import contextlib
 import json
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from jaxsat.results.arrays import StoreArrays
 from jaxsat.results.chunks import (
-    DONE,
     METADATA,
-    STATUS,
-    STATUS_COLUMN,
     Column,
-    array_metadata,
+    Coordinate,
     as_json,
-    chunk_file,
     chunk_hash,
     chunk_numbers,
-    differs_in_rows_alone,
     encoded,
 )
 from jaxsat.results.differences import OTHER_PROGRAM, differences
 from jaxsat.results.errors import OutputError, reason, system_failure
-from jaxsat.results.files import new_token, parse_json, partial_name, read_file, write_file
+from jaxsat.results.files import write_file
 from jaxsat.results.header import Header, read_header, run_record
 from jaxsat.results.ledger import (
     LEDGER,
@@ -45,14 +40,12 @@ from jaxsat.results.locking import lock_folder
 from jaxsat.results.provenance import machine
 from jaxsat.results.temporary import is_absent_or_empty, make_folder
 
-WRITERS = 8
-"""Files that are written at once: most of the time goes into waiting for the disk."""
-
 
 class StudyStore:
     """A study's results, open for writing by this process alone.
 
-    `identity` is all that the numbers depend on, as plain data; `columns` says what a case has.
+    `identity` is all that the numbers depend on, as plain data; `columns` says what a case has, and
+    `coordinates` label axes of theirs by name.
     A folder that is not there is made; one that holds the same study is continued, if need be
     with more cases. Raises `OutputError` for a folder that holds another study or anything else,
     that another process writes to, or (unless `elsewhere`) that was begun with other versions or
@@ -71,29 +64,30 @@ class StudyStore:
         count: int,
         chunk: int,
         *,
+        coordinates: Mapping[str, Coordinate] | None = None,
         elsewhere: bool = False,
         remark: str | None = None,
     ):
         if count < 1 or chunk < 1:
             raise ValueError(f"Cases and chunk must be at least 1, but got {count} and {chunk}.")
+        coordinates = dict(coordinates or {})
+        _require_fitting(columns, coordinates)
         self.path = Path(path)
         self.repairs = []
-        self._room: int | None = None
-        self._token: str | None = None
-        self._pool = ThreadPoolExecutor(WRITERS, thread_name_prefix="jaxsat-store")
         plain = json.loads(json.dumps(identity))
-        wanted = Header(plain, [run_record(machine(), remark)], dict(columns), chunk)
+        runs = [run_record(machine(), remark)]
+        wanted = Header(plain, runs, dict(columns), coordinates, chunk)
         self._make(wanted)
         self._lock = lock_folder(self.path)
         try:
             self._header = self._continued(wanted, elsewhere)
             self._ledger = Ledger(self.path, self._header)
+            self._arrays = StoreArrays(self.path, self._header, self._ledger, self.repairs)
             with self._writing():
                 self._repair()
             self.count = max(count, self._ledger.end)
         except BaseException:
             self._lock.close()
-            self._pool.shutdown()
             raise
 
     def __enter__(self) -> "StudyStore":
@@ -105,12 +99,12 @@ class StudyStore:
         self.close()
 
     def close(self) -> None:
-        """Leave room for no more cases than there are, and let other processes write."""
-        with contextlib.suppress(OSError, OutputError):  # else the next process does it
-            self._make_room(self._ledger.end)
-            self._ledger.clean()
-        self._pool.shutdown()
-        self._lock.close()
+        """Leave what other programs read without complaint, and let other processes write."""
+        try:
+            with contextlib.suppress(OSError, OutputError):  # else the next process does it
+                self._arrays.close()
+        finally:
+            self._lock.close()
 
     @property
     def chunk(self) -> int:
@@ -158,11 +152,10 @@ class StudyStore:
         with self._writing():
             if chunk in self._ledger.done:  # fewer cases of it, and its files will be others
                 self._ledger.remove(chunk)
-            self._grow(int(numbers[-1]) + 1)
-            places = [chunk_file(name, column, chunk) for name, column in columns.items()]
-            self._write_all(dict(zip(places, files.values(), strict=True)))
+            self._arrays.grow(int(numbers[-1]) + 1, self.count)
+            self._arrays.write_chunk(chunk, files)
             self._ledger.add(chunk, ChunkRecord(len(numbers), hashes))
-            self._write_status(chunk, len(numbers))
+            self._arrays.write_status(chunk, len(numbers))
 
     def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
         """Some columns of a chunk, as stored."""
@@ -197,8 +190,9 @@ class StudyStore:
             if not is_absent_or_empty(self.path):
                 return
             files = {METADATA: header.content(), LEDGER: Ledger.empty(header)}
-            for name, column in _arrays(header).items():
-                files[f"{name}/{METADATA}"] = as_json(array_metadata(name, column, 0, header.chunk))
+            files |= header.coordinate_files()
+            for name, metadata in header.metadata(0).items():
+                files[f"{name}/{METADATA}"] = as_json(metadata)
             make_folder(self.path, "study", files)
         except OSError as error:
             message = f"{self.path} cannot be made: {reason(error)}."
@@ -210,7 +204,8 @@ class StudyStore:
             raise OutputError(f"{self.path} is a file; give another folder.")
         header = read_header(self.path)
         other = differences(header.identity, wanted.identity)
-        other += differences(_plain(header.columns), _plain(wanted.columns))
+        layouts = ({**one.layout(), "chunk": None} for one in (header, wanted))
+        other += differences(*(json.loads(json.dumps(layout)) for layout in layouts))
         if other == [OTHER_PROGRAM]:  # versions may tell why
             other += differences(header.runs[-1]["machine"], machine())
         if other:
@@ -234,9 +229,7 @@ class StudyStore:
 
     def _repair(self) -> None:
         """Find what is damaged, and make the rest what it should be."""
-        for name in _arrays(self._header):
-            self._make_folder(name)
-        self._remove_partials()
+        self._arrays.begin()
         if self._ledger.damaged:
             lost = self._ledger.damaged
             what = "was missing" if lost < 0 else f"had {lost} lines that cannot be read"
@@ -251,7 +244,7 @@ class StudyStore:
             if bad:
                 self._withdraw_damaged(chunk, f"was damaged ({', '.join(bad)})")
         self._check_status()
-        self._make_room(self._ledger.end)
+        self._arrays.repair()
 
     def _withdraw_damaged(self, chunk: int, what: str) -> None:
         self.repairs.append(f"chunk {chunk} {what} and is computed again")
@@ -263,79 +256,17 @@ class StudyStore:
             if chunk not in self._ledger.known:
                 self._withdraw_damaged(chunk, "was lost from the ledger")
             record = self._ledger.done.get(chunk)
-            cases = 0 if record is None else record.cases
-            data = read_file(self.path / chunk_file(STATUS, STATUS_COLUMN, chunk))
-            if data != self._status(cases) and (cases or data is not None):
-                self._write_status(chunk, cases)
-
-    def _remove_partials(self) -> None:
-        """Remove what a killed process was about to write, file by file."""
-        for token in self._ledger.tokens:
-            for name in _arrays(self._header):
-                with contextlib.suppress(FileNotFoundError):
-                    (self.path / name / partial_name(token)).unlink()
-        self._ledger.clean()
-
-    def _grow(self, cases: int) -> None:
-        """Make room for so many cases; for more at once, so that it need not be done often."""
-        room = self._room or 0
-        if cases > room:
-            self._make_room(min(self.count, max(cases, 2 * room)))
-
-    def _make_room(self, rows: int) -> None:
-        """Have every array's metadata say what it should; other programs go by it."""
-        if rows == self._room:
-            return
-        stale = {}
-        for name, column in _arrays(self._header).items():
-            place = f"{name}/{METADATA}"
-            wanted = array_metadata(name, column, rows, self.chunk)
-            found = read_file(self.path / place)
-            if found == as_json(wanted):
-                continue
-            stale[place] = as_json(wanted)
-            if not differs_in_rows_alone(parse_json(found), wanted):
-                self.repairs.append(f"{place} was damaged and is written again")
-        self._room = None  # what it is while some say one thing and some another
-        if stale:
-            self._write_all(stale)
-        self._room = rows
-
-    def _status(self, cases: int) -> bytes:
-        return encoded(STATUS_COLUMN, np.full(cases, DONE), self.chunk)
-
-    def _write_status(self, chunk: int, cases: int) -> None:
-        place = chunk_file(STATUS, STATUS_COLUMN, chunk)
-        self._write_all({place: self._status(cases)})
-
-    def _write_all(self, files: Mapping[str, bytes]) -> None:
-        """Write files, no two of one array, and wait until all are on the disk."""
-        if self._token is None:
-            self._token = new_token()
-            self._ledger.add_token(self._token)
-        partial = partial_name(self._token)
-
-        def write(item: tuple[str, bytes]) -> None:
-            path = Path(item[0])
-            self._make_folder(path.parent)
-            write_file(self.path / path, item[1], partial=self.path / path.parts[0] / partial)
-
-        list(self._pool.map(write, files.items()))
-
-    def _make_folder(self, name: str | Path) -> None:
-        """Make a folder of the store; a link in its place might lead anywhere."""
-        path = self.path
-        for part in Path(name).parts:
-            path /= part
-            with contextlib.suppress(FileExistsError):
-                path.mkdir()
-            if path.is_symlink() or not path.is_dir():
-                raise OutputError(f"{path} is no folder of jaxsat's; move it away.")
+            self._arrays.write_status(chunk, 0 if record is None else record.cases)
 
 
-def _arrays(header: Header) -> dict[str, Column]:
-    return {**header.columns, STATUS: STATUS_COLUMN}
-
-
-def _plain(columns: Mapping[str, Column]) -> dict[str, Any]:
-    return {"columns": {name: [list(c.shape), *c[1:]] for name, c in sorted(columns.items())}}
+def _require_fitting(columns: Mapping[str, Column], coordinates: Mapping[str, Coordinate]) -> None:
+    """Raise `ValueError` where axes and coordinates of columns do not suit one another."""
+    sizes = {name: len(coordinate.values) for name, coordinate in coordinates.items()}
+    for name, column in columns.items():
+        if len(column.dims) != len(column.shape):
+            raise ValueError(f"Column {name} must have a name for every axis, but got {column}.")
+        for axis, size in zip(column.dims, column.shape, strict=True):
+            if sizes.setdefault(axis, size) != size:
+                raise ValueError(
+                    f"Axis {axis} of column {name} must have length {sizes[axis]}, but got {size}."
+                )

@@ -3,6 +3,7 @@
 from typing import Any
 
 from jaxsat.declaration.laws import LAWS
+from jaxsat.scenario.degrees import with_degrees
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.toml_text import toml_document
 
@@ -21,7 +22,10 @@ def dump(scenario: Scenario) -> str:
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of scenario files; quantities carry their unit under "unit"."""
-    schema = Scenario.model_json_schema()
+    """The JSON Schema of scenario files; quantities carry their unit under "unit".
+
+    A key in radians may also be given in degrees, but not in both.
+    """
+    schema = with_degrees(Scenario.model_json_schema())
     schema["properties"]["control"]["oneOf"].append(_OTHER_LAW)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

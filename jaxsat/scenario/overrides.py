@@ -1,12 +1,13 @@
 """`--set KEY=VALUE`: values that replace those of a scenario file before it is checked."""
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from jaxsat.declaration.laws import LAWS
 from jaxsat.scenario.control_tables import table_of
+from jaxsat.scenario.degrees import other_spellings
 from jaxsat.scenario.errors import Problem
 from jaxsat.scenario.laws import known_law
 from jaxsat.scenario.limits import MAX_OVERRIDE_LENGTH, Excess, require_modest
@@ -120,12 +121,25 @@ def _displaced(data: dict[str, Any], overrides: list[Override]) -> dict[str, Any
     given = {override.key: override.value for override in overrides}
     void: set[str] = set()
     for one, other in ALTERNATIVES:
-        for mine, excluded in ((one, other), (other, one)):
+        for mine, excluded in ((_spelled(one), _spelled(other)), (_spelled(other), _spelled(one))):
             if mine & given.keys():
                 void |= excluded
     void |= _void_solver_keys(given)
     void |= _void_law_keys(data, given)
+    void |= {twin for override in overrides for twin in _other_units(override.path)}
     return _without(data, void - given.keys())
+
+
+def _spelled(keys: Iterable[str]) -> set[str]:
+    """Dotted keys, and the same in the other unit of angles."""
+    return {spelling for key in keys for spelling in (key, *other_spellings(key))}
+
+
+def _other_units(path: tuple[str, ...]) -> Iterator[str]:
+    """The dotted keys that say in the other unit of angles what an override says."""
+    for depth, name in enumerate(path):
+        for twin in other_spellings(name):
+            yield ".".join((*path[:depth], twin))
 
 
 def _void_solver_keys(given: Mapping[str, Any]) -> set[str]:
@@ -149,7 +163,7 @@ def _void_law_keys(data: Mapping[str, Any], given: Mapping[str, Any]) -> set[str
     laws = (*LAWS.values(), *([] if before is None else [before]))
     others = {key for other in laws for key in table_of(other).model_fields}
     others -= table_of(law).model_fields.keys()
-    return {f"control.{key}" for key in control if key in others}
+    return {f"control.{key}" for key in control if _spelled([key]) & others}
 
 
 def _without(data: Any, void: set[str], prefix: str = "") -> Any:

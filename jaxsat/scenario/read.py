@@ -1,5 +1,6 @@
 """Reading scenarios: from the library or a file, with overrides, every mistake with its place."""
 
+import dataclasses
 import functools
 import re
 import tomllib
@@ -14,6 +15,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from jaxsat.scenario.cautions import cautions
+from jaxsat.scenario.degrees import InRadians, in_radians
 from jaxsat.scenario.errors import (
     Issue,
     Location,
@@ -79,9 +81,11 @@ def read(
         except PluginError as error:
             raise ScenarioError([places.problem(Issue(location, str(error)))]) from None
     problems += blocked
-    scenario = None
+    scenario, turned = None, in_radians(data)
+    places = dataclasses.replace(places, turned=turned)
+    problems += [places.problem(issue) for issue in turned.issues]
     try:
-        scenario = Scenario.model_validate(data, context={"law": law})
+        scenario = Scenario.model_validate(turned.data, context={"law": law})
         issues = [] if problems else trial(scenario)
     except ValidationError as error:
         issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
@@ -138,8 +142,10 @@ class _Places:
 
     source: _Source
     overrides: Sequence[Override] = field(default=())
+    turned: InRadians | None = None
 
     def problem(self, issue: Issue) -> Problem:
+        issue = issue if self.turned is None else self.turned.told(issue)
         key = key_of(issue.location)
         override = self._override(issue)
         if override is not None:

@@ -1,5 +1,6 @@
 """`simulate`: one loop, one start, one result."""
 
+from collections.abc import Callable
 from typing import NamedTuple, cast
 
 import diffrax
@@ -23,6 +24,7 @@ from jaxsat.simulation.assessment import (
     effort_rate,
     stop_gradient,
 )
+from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop
 from jaxsat.simulation.methods import Method, default_method
 from jaxsat.simulation.sampled_loop import Integrator, SampledLoop, SampledState
@@ -156,11 +158,14 @@ def run_samples(
     carry: PyTree,
     limit: Float[Array, ""],
     begin: float | Float[Array, ""] = 0.0,
-) -> tuple[SampledState, PyTree, Int[Array, ""], Signals]:
+    split: Callable[[PyTree], tuple[PyTree, PyTree]] = lambda carry: (carry, None),
+) -> tuple[SampledState, PyTree, Int[Array, ""], Signals, PyTree]:
     """A whole run of so many periods: state and carry at its end, code, signals at all samples.
 
     A state past the `limit` is not taken over: from there on the last one is kept, and the signals
-    are NaN. `integrate` and `carry` are those of `SampledLoop.period`.
+    are NaN. `integrate` and `carry` are those of `SampledLoop.period`. At the end of every period
+    `split` gives the carry of the next one and what is to be kept of this one, which stands last,
+    NaN after the end of the run.
     """
 
     def period(running, number):
@@ -168,31 +173,35 @@ def run_samples(
         t = begin + number * loop.controller.period
         following, carried, signals = loop.period(number, t, state, integrate, carry)
         good = all_within((following.plant, following.memory), limit)
-        signals = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), signals)
+        carried, of_period = split(carried)
+        seen = (signals, of_period)
+        seen = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), seen)
         code = jnp.where(good, code, int(Outcome.STATE_LIMIT))
         new, old = (following, carried), (state, carry)
         kept = jax.tree.map(lambda x, y: jnp.where(code == 0, x, y), new, old)
-        return (*kept, code), signals
+        return (*kept, code), seen
 
     first = (loop.start(start), carry, jnp.array(int(Outcome.SUCCESS)))
-    (state, carry, code), signals = jax.lax.scan(period, first, jnp.arange(samples))
-    last = period((state, carry, code), jnp.array(samples))[1]
+    (state, carry, code), (signals, seen) = jax.lax.scan(period, first, jnp.arange(samples))
+    last = period((state, carry, code), jnp.array(samples))[1][0]
     signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
-    return state, carry, code, signals
+    return state, carry, code, signals, seen
 
 
 class _SampledRecord(NamedTuple):
-    """What is recorded of a sampled run: settled and at rest since when, ∫|T| (N m s)."""
+    """What is recorded of a sampled run: settled and at rest since when, ∫|T| (N m s), and the
+    torques of the period."""
 
     settled: SettlingTracker
     rest: SettlingTracker
     integral: Float[Array, " m"]
+    held: HeldTorque
 
     def at(self, t, observed: Observation, tolerances: Tolerances) -> "_SampledRecord":
         """With one more observation."""
         settled = self.settled.observe(t, observed.excess(tolerances))
         rest = self.rest.observe(t, observed.rest_excess(tolerances))
-        return _SampledRecord(settled, rest, self.integral)
+        return self._replace(settled=settled, rest=rest)
 
 
 @eqx.filter_jit
@@ -202,17 +211,26 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances
 
     nothing = effort_rate(loop.plant, times[0], start, jnp.zeros_like(start.omega)) * 0
     record = _SampledRecord(
-        SettlingTracker.initial(times[0], 3), SettlingTracker.initial(times[0], 1), nothing
+        SettlingTracker.initial(times[0], 3),
+        SettlingTracker.initial(times[0], 1),
+        nothing,
+        HeldTorque.none(start.omega),
     )
     record = record.at(times[0], Observation.of(loop.plant, start), tolerances)
-    state, record, code, signals = run_samples(
-        loop, start, samples, integrate, stop_gradient(record), limit, times[0]
+
+    def split(record):
+        return record._replace(held=HeldTorque.none(record.held.integral)), record.held
+
+    state, record, code, signals, held = run_samples(
+        loop, start, samples, integrate, stop_gradient(record), limit, times[0], split
     )
     success = code == int(Outcome.SUCCESS)
     since = (record.settled, record.rest)
     found = assessment(loop.plant, since, record.integral, times, success)
     signals = jax.tree.map(lambda x: x[numbers], signals)
-    return Trajectory(times, signals, state, code, jnp.array(samples * loop.substeps), found)
+    steps = jnp.array(samples * loop.substeps)
+    torque_range = held.between(numbers, stop_gradient(signals.torque[-1]))
+    return Trajectory(times, signals, state, code, steps, found, torque_range)
 
 
 def _over_hold(loop, solver, t, state, hold, record, tolerances):
@@ -237,4 +255,7 @@ def _over_hold(loop, solver, t, state, hold, record, tolerances):
         return after, inner, record._replace(integral=record.integral + length / 2 * rate)
 
     after, _, record = jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state, record))
-    return after, record
+    first = loop.torque(state, hold, jnp.zeros_like(hold.length))
+    last = loop.torque(after, hold, hold.length)
+    held = record.held.with_hold(*stop_gradient((hold.length, first, last)))
+    return after, record._replace(held=held)

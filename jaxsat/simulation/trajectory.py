@@ -71,11 +71,24 @@ class Signals(eqx.Module):
     bias_estimate_3sigma: Float[Array, "*times 3"] | None = None
 
 
+class TorqueRange(eqx.Module):
+    """The torque of the thrusters (N m) from each saved time to the next, of all that was held.
+
+    `mean` is weighted by time. At the last time all three are the torque there.
+    """
+
+    least: Float[Array, "times 3"]
+    largest: Float[Array, "times 3"]
+    mean: Float[Array, "times 3"]
+
+
 class Trajectory(eqx.Module):
     """The history of one run at the times asked for.
 
     `final` is the loop's own state at the last of these times, from which a run can go on.
     `assessment` is of the whole run and does not depend on the times between its ends.
+    `torque_range` tells what a sampled loop's torque was between these times, of every hold; None
+    for other loops.
     """
 
     times: Float[Array, " times"]
@@ -84,6 +97,7 @@ class Trajectory(eqx.Module):
     code: Int[Array, ""]
     steps: Int[Array, ""]
     assessment: Assessment
+    torque_range: TorqueRange | None = None
 
     @property
     def outcome(self) -> Outcome:

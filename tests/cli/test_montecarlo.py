@@ -8,9 +8,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from jaxsat.results import open_study, open_trajectory
+from jaxsat.results import case_table, open_study, open_trajectory
 
 SHORT = [
     "switching",
@@ -35,11 +36,22 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     assert np.all(dataset["status"] == 1)
     assert np.ptp(dataset["drawn_omega"].values, axis=0).min() > 0
     names = {path.name for path in (tmp_path / "f").glob("*.png")}
-    assert names == {f"{n}.png" for n in ("attitude-fan", "rates-fan", "settling", "convergence")}
+    fans = ("pointing-fan", "attitude-fan", "rates-fan")
+    assert names == {f"{n}.png" for n in (*fans, "settling", "convergence")}
 
-    status, out, _ = jaxsat(*SHORT, "-n", "9", "--seed", "3", "--out", "s")
+    (tmp_path / "t.csv").write_text("mine")
+    tokens = [*SHORT, "-n", "9", "--seed", "3", "--out", "s", "--csv", "t.csv"]
+    status, _, err = jaxsat(*tokens)
+    assert status == 2
+    assert "t.csv already exists; give --overwrite to replace it, or another file" in err
+    status, out, _ = jaxsat(*tokens, "--overwrite")
     assert status == 0
+    assert out.endswith("written          s, t.csv\n")
     larger = open_study(tmp_path / "s")
+    table = pd.read_csv(tmp_path / "t.csv", index_col="case")
+    pd.testing.assert_frame_equal(table, case_table(larger), check_exact=True)
+    assert set(table["outcome"]) == {"unsettled"}
+    np.testing.assert_array_equal(table["drawn_omega_y_rad_s"], larger["drawn_omega"][:, 1])
     np.testing.assert_array_equal(larger["omega"][:6], dataset["omega"])
 
     status, out, _ = jaxsat(*SHORT, "--seed", "3", "--case", "5", "--out", "case")

@@ -36,7 +36,7 @@ def test_a_store_has_the_histories_of_all_cases_over_time(stored):
     assert times.dims == ("history_time",)
     assert times.attrs["units"] == "s"
     np.testing.assert_array_equal(times, np.round(np.linspace(0, 20, INSTANTS)))
-    assert dataset["history_omega"].dims == ("case", "history_time", "history_omega_1")
+    assert dataset["history_omega"].dims == ("case", "history_time", "body_axis")
     replay = study().replay(7)
     places = times.values.astype(int)
     for name in ("w", "z", "omega", "relative_rate", "torque"):

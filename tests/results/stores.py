@@ -6,10 +6,11 @@ from jaxsat.results import (
     Column,
     StudyStore,
 )
+from jaxsat.results.chunks import Coordinate
 
 COLUMNS = {
     "cost": Column((), "float64", "1", "the cost"),
-    "omega": Column((3,), "float64", "rad s-1", "the rates"),
+    "omega": Column((3,), "float64", "rad s-1", "the rates", ("body_axis",)),
     "code": Column((), "int8", "1", "how it ended"),
 }
 
@@ -24,5 +25,8 @@ def values(numbers):
     }
 
 
+COORDINATES = {"body_axis": Coordinate(("x", "y", "z"))}
+
+
 def made(path, count=10, chunk=4, identity=IDENTITY, **options):
-    return StudyStore(path, identity, COLUMNS, count, chunk, **options)
+    return StudyStore(path, identity, COLUMNS, count, chunk, coordinates=COORDINATES, **options)

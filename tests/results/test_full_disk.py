@@ -59,7 +59,7 @@ def test_a_folder_that_is_gone_on_with(small_disk):
 
 
 def test_a_store_goes_on_once_there_is_room(small_disk):
-    columns = {"x": Column((64,), "float64", "1", "noise")}
+    columns = {"x": Column((64,), "float64", "1", "noise", ("place",))}
     values = {"x": np.random.default_rng(0).random((256, 64))}
 
     def store():

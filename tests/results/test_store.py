@@ -17,6 +17,7 @@ from jaxsat.results import (
     open_study,
     study_columns,
 )
+from jaxsat.results import arrays as arrays_module
 from jaxsat.results import store as store_module
 from jaxsat.results.differences import differences
 from jaxsat.results.locking import lock_folder
@@ -121,14 +122,14 @@ def test_other_conditions_are_told_and_must_be_allowed(tmp_path, monkeypatch):
 def test_a_full_disk_is_told_and_leaves_a_store_that_goes_on(tmp_path, monkeypatch):
     with made(tmp_path / "s") as store:
         store.write(0, values(store.numbers(0)))
-        plain = store_module.write_file
+        plain = arrays_module.write_file
 
         def full(path, *arguments, **options):
             if path.parent.parent.parent.name == "omega":
                 raise OSError(errno.ENOSPC, "No space left on device")
             plain(path, *arguments, **options)
 
-        monkeypatch.setattr(store_module, "write_file", full)
+        monkeypatch.setattr(arrays_module, "write_file", full)
         with pytest.raises(OutputError, match=r"No space left on device.*go on"):
             store.write(1, values(store.numbers(1)))
         monkeypatch.undo()

@@ -83,8 +83,8 @@ BROKEN = [
     ("w = [-1.0, 1.0]", "w = [1e7, 1.0]", [(16, "initial.w", "is upside down")]),
     ("[0.1, -0.11, 0.0]", "[0.1, -0.11, 0.01]", [
         (18, "initial.omega_rad_s", "must have 0 rad/s as entry 3 while spacecraft.third_rate")]),
-    ("omega_rad_s = ", "omega_deg_s = ", [
-        (18, "initial.omega_deg_s", "did you mean omega_rad_s?"),
+    ("omega_rad_s = ", "omega_rads = ", [
+        (18, "initial.omega_rads", "did you mean omega_rad_s?"),
         (15, "initial.omega_rad_s", "must be given in rad/s")]),
     ('law = "three-axis"', 'law = "three axis"', [
         (20, "control.law", "did you mean three-axis?")]),

@@ -1,0 +1,96 @@
+"""Figures of the pointing error, and of whatever signals a trajectory has besides."""
+
+import textwrap
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jaxsat.report.style import FURTHER_LINES, LINES, escape_mathematics, panels
+from jaxsat.report.time_axes import draw_lines, figure_title, finish, place_legend, shade_modes
+from jaxsat.results.pointing import euler_angles, pointing_error
+
+OWN_FIGURES = frozenset(
+    (
+        *("w", "z", "quaternion", "omega", "relative_rate", "rate_error", "lyapunov", "mode"),
+        *("torque", "torque_min", "torque_max", "torque_mean", "constraint_torque", "disturbance"),
+        *("pointing_error", "pointing_error_total", "euler_angle"),
+    )
+)
+"""The signals that every trajectory has, or that have a figure made for them."""
+
+BOUND = "_3sigma"
+"""Ending of a signal that bounds the one of the same name: three standard deviations."""
+
+
+def pointing_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
+    """The pointing error in degrees, total and about each body axis, and the Euler angles 3-2-1."""
+    heading = figure_title(dataset, "pointing error to the orbit frame", title)
+    figure, (total, axes, euler) = panels(3, heading, 1.9)
+    time, quaternion = dataset["time"].values, dataset["quaternion"].values
+    error = pointing_error(quaternion)
+    size = np.linalg.norm(error, axis=1)
+    total.semilogy(time, np.where(size > 0, size, np.nan), **LINES[0])
+    total.set_ylabel("total error (°)")
+    draw_lines(axes, time, _broken_at_wraps(error), ("about x", "about y", "about z"))
+    axes.set_ylabel("error about\nbody axes (°)")
+    draw_lines(euler, time, _broken_at_wraps(euler_angles(quaternion)), ("roll", "pitch", "yaw"))
+    euler.set_ylabel("Euler angles\n3-2-1 (°)")
+    shade_modes(dataset, total)
+    finish(dataset, [total, axes, euler])
+    figure.align_ylabels([total, axes, euler])
+    return figure
+
+
+def further_signals(dataset: xr.Dataset) -> list[str]:
+    """The signals over time that have no figure made for them, such as an estimator's error."""
+    return [
+        str(name)
+        for name, variable in dataset.data_vars.items()
+        if variable.dims[:1] == ("time",)
+        and variable.ndim <= 2
+        and name not in OWN_FIGURES
+        and not str(name).endswith(BOUND)
+    ]
+
+
+def signals_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
+    """A panel for each of the `further_signals`, told by its long name and unit.
+
+    A variable of the same name and the ending "_3sigma" is drawn as a bound on either side of zero.
+    """
+    names = further_signals(dataset)
+    figure, axes = panels(len(names), figure_title(dataset, "further signals", title), 1.9)
+    styles = (*LINES, *FURTHER_LINES)
+    for panel, name in zip(axes, names, strict=True):
+        variable = dataset[name]
+        values = variable.values.reshape(len(dataset["time"]), -1)
+        labels = [name] if variable.ndim == 1 else map(str, variable[variable.dims[1]].values)
+        for column, label in enumerate(labels):
+            style = styles[column % len(styles)]
+            panel.plot(dataset["time"], values[:, column], label=escape_mathematics(label), **style)
+        if name + BOUND in dataset:
+            _draw_bounds(panel, dataset, name + BOUND)
+        place_legend(panel, min(8, values.shape[1] + 1))
+        unit = str(variable.attrs.get("units", "1")).replace("degree", "°").replace("1", "–")
+        meaning = escape_mathematics(str(variable.attrs.get("long_name", name)))
+        panel.set_ylabel(f"{textwrap.fill(meaning, 22, max_lines=3)}\n({unit})", fontsize=8)
+    finish(dataset, axes)
+    return figure
+
+
+def _draw_bounds(panel: Axes, dataset: xr.Dataset, name: str) -> None:
+    """Both signs of a bound, a thin line for each component."""
+    bounds = dataset[name].values.reshape(len(dataset["time"]), -1)
+    for column, bound in enumerate(bounds.T):
+        color = LINES[column % len(LINES)]["color"]
+        for sign in (1, -1):
+            label = "±3σ" if column == 0 and sign == 1 else None
+            panel.plot(dataset["time"], sign * bound, ":", color=color, linewidth=0.8, label=label)
+
+
+def _broken_at_wraps(angles: np.ndarray) -> np.ndarray:
+    """Angles (times, n) in degrees that a line through them does not join where they jump."""
+    jumps = np.abs(np.diff(angles, axis=0, prepend=angles[:1])) > 180
+    return np.where(jumps, np.nan, angles)

@@ -1,0 +1,82 @@
+"""What figures of signals over time have in common."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from jaxsat.report.style import LINES, escape_mathematics
+
+Span = tuple[float, float]
+
+
+def figure_title(dataset: xr.Dataset, subject: str, title: str) -> str:
+    """The title that is given, or that of the run and a subject."""
+    return title or f"{dataset.attrs.get('title', 'Trajectory')}: {subject}"
+
+
+def draw_lines(axes: Axes, time, values, labels: Sequence[str], *, legend: bool = True) -> None:
+    """A line for every label over time (s), in styles that tell them apart without colour."""
+    for column, (label, style) in enumerate(zip(labels, LINES, strict=False)):
+        axes.plot(time, np.asarray(values)[:, column], label=label, **style)
+    if legend:
+        place_legend(axes, len(labels))
+
+
+def place_legend(axes: Axes, count: int) -> None:
+    """The legend above a panel, in one row for `count` lines."""
+    axes.legend(
+        loc="lower right",
+        ncols=count + 1,
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.1,
+        frameon=False,
+    )
+
+
+def finish(
+    dataset: xr.Dataset, axes: Sequence[Axes], enlarged: Axes | None = None, zoom: Span = (0, 0)
+) -> None:
+    """Time axes from the start to the end, or over `zoom` (s), and their label under the lowest."""
+    start, end = float(dataset["time"][0]), float(dataset["time"][-1])
+    for one in axes:
+        one.set_xlim(start, end)
+    if enlarged is not None:
+        enlarged.set_xlim(*zoom)
+    lowest = axes[-1] if enlarged is None else enlarged
+    lowest.set_xlabel("time (s)")
+
+
+def shade_modes(dataset: xr.Dataset, axes: Axes) -> None:
+    """Bands of grey, each with its name, where a sampled controller is not in its usual mode."""
+    names = mode_names(dataset)
+    usual = 0 if 0 in names else max(names, default=0)
+    unusual = [mode for mode in names if mode != usual]
+    for grey, mode in zip(np.linspace(0.7, 0.9, max(len(unusual), 1)), unusual, strict=False):
+        axes.fill_between(
+            dataset["time"],
+            0,
+            1,
+            where=dataset["mode"].values == mode,
+            transform=axes.get_xaxis_transform(),
+            color=str(grey),
+            linewidth=0,
+            step="post",
+            label=escape_mathematics(names[mode]),
+        )
+    if unusual:
+        place_legend(axes, 3 + len(unusual))
+
+
+def mode_names(dataset: xr.Dataset) -> dict[int, str]:
+    """What the numbers of `mode` mean, those that occur."""
+    attributes = dataset["mode"].attrs
+    meanings = str(attributes.get("flag_meanings", "")).split()
+    values = np.atleast_1d(attributes.get("flag_values", [])).astype(int).tolist()
+    found = set(dataset["mode"].values[np.isfinite(dataset["mode"].values)].astype(int).tolist())
+    return {
+        mode: meaning.replace("_", " ")
+        for mode, meaning in zip(values, meanings, strict=True)
+        if mode in found
+    }

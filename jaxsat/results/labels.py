@@ -1,0 +1,20 @@
+"""What is called how in results: axes, the components along them, outcomes of cases."""
+
+AXES: dict[str, tuple[str, ...]] = {
+    "body_axis": ("x", "y", "z"),
+    "driven_axis": ("x", "y"),
+    "w_component": ("w1", "w2"),
+    "quaternion_component": ("q0", "q1", "q2", "q3"),
+    "euler_axis": ("roll", "pitch", "yaw"),
+    "product_of_inertia": ("xy", "xz", "yz"),
+}
+"""By axis; the components along any other one are numbered from 1."""
+
+
+SETTLED, UNSETTLED = "settled", "unsettled"
+"""How a case that reached its end is called; any other is called by its failure."""
+
+
+def components(axis: str, count: int) -> tuple[str, ...]:
+    """The names of the `count` components along an axis."""
+    return AXES.get(axis, tuple(str(number + 1) for number in range(count)))

@@ -1,0 +1,120 @@
+"""Figures of a run: what is drawn is what the signals say, and nothing is left out."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from jaxsat.report.figures import rates_figure, torque_figure, trajectory_figures
+from jaxsat.report.signal_figures import further_signals, pointing_figure, signals_figure
+from jaxsat.results.pointing import euler_angles, pointing_error
+
+TIMES = np.arange(101.0)
+AXES = {"body_axis": ["x", "y", "z"], "thruster": [str(i) for i in range(1, 9)]}
+
+
+def signal(values, units="1", axis=None, name="a signal"):
+    dims = ("time",) if axis is None else ("time", axis)
+    return xr.Variable(dims, values, {"units": units, "long_name": name})
+
+
+def dataset(**more):
+    """A body that turns once about y under a torque about x that decays, then changes."""
+    angle = np.radians(400 * TIMES / 100 - 200)
+    quaternion = np.stack([np.cos(angle / 2), 0 * angle, np.sin(angle / 2), 0 * angle], 1)
+    torque = np.exp(-TIMES)[:, None] * [1.0, 0.0, 0.0]
+    return xr.Dataset(
+        {
+            "w": (("time", "w_component"), np.zeros((101, 2))),
+            "z": signal(angle, "rad"),
+            "quaternion": (("time", "quaternion_component"), quaternion),
+            "omega": signal(torque, "rad s-1", "body_axis"),
+            "torque": signal(torque, "N m", "body_axis"),
+            "lyapunov": signal(np.full(101, np.nan), "J"),
+            "mode": signal(np.zeros(101)),
+            **more,
+        },
+        {"time": TIMES, **AXES},
+        {"title": "Cost $5 and $6"},
+    )
+
+
+def test_the_pointing_error_is_drawn_in_degrees_and_broken_where_it_jumps():
+    run = dataset()
+    total, axes, euler = pointing_figure(run).axes
+    quaternion = run["quaternion"].values
+    error = pointing_error(quaternion)
+    size = np.linalg.norm(error, axis=1)
+    size[50] = np.nan  # zero, which a logarithmic axis has no place for
+    np.testing.assert_allclose(total.lines[0].get_ydata(), size)
+    drawn = np.asarray(axes.lines[1].get_ydata())
+    assert np.isnan(drawn).sum() == 2, "at 180 degrees, twice"
+    kept = np.isfinite(drawn)
+    np.testing.assert_allclose(drawn[kept], error[kept, 1])
+    np.testing.assert_allclose(euler.lines[1].get_ydata(), euler_angles(quaternion)[:, 1])
+    assert [axis.get_ylabel().replace("\n", " ") for axis in (total, axes, euler)] == [
+        "total error (°)",
+        "error about body axes (°)",
+        "Euler angles 3-2-1 (°)",
+    ]
+
+
+def test_a_torque_that_changes_between_saved_times_shows_its_range():
+    """Bang-bang: saved it is 1 N m throughout."""
+    size = np.ones((101, 1)) * [1.0, 0.0, 0.0]
+    run = dataset(
+        torque=signal(size, "N m", "body_axis"),
+        torque_min=signal(-size, "N m", "body_axis"),
+        torque_max=signal(size, "N m", "body_axis"),
+        torque_mean=signal(0 * size, "N m", "body_axis"),
+    )
+    first, second, enlarged = torque_figure(run).axes
+    band = first.collections[0].get_paths()[0].vertices[:, 1]
+    assert (band.min(), band.max()) == (-1.0, 1.0)
+    assert np.all(np.asarray(first.lines[0].get_ydata()) == 0)
+    assert first.get_ylabel() == "torque T1 (N m)"
+    assert second.get_ylabel() == "torque T2 (N m)"
+    assert len(enlarged.collections) == 2
+    third = dataset(**{name: run[name].roll(body_axis=1) for name in run if "torque" in str(name)})
+    assert len(torque_figure(third.roll(body_axis=1)).axes) == 4, "about the third axis too"
+
+
+@pytest.mark.parametrize(("peak", "scale"), [(1e4, "symlog"), (2.0, "linear")])
+def test_a_peak_that_would_hide_the_rest_is_compressed(peak, scale):
+    values = np.where(TIMES == 0, peak, 0.7)[:, None] * [1.0, 0.0, 0.0]
+    run = dataset(
+        torque=signal(values, "N m", "body_axis"), omega=signal(values, "rad s-1", "body_axis")
+    )
+    figures = trajectory_figures(run)
+    for name in ("torque", "rates"):
+        whole, enlarged = figures[name].axes
+        assert (whole.get_yscale(), enlarged.get_yscale()) == (scale, "linear")
+    assert rates_figure(run).axes[0].get_yscale() == "linear"
+
+
+def test_any_further_signal_gets_a_panel_with_its_name_and_unit():
+    error = np.random.default_rng(0).normal(size=(101, 3))
+    run = dataset(
+        estimation_error=signal(error, "degree", "body_axis", "error of the estimator"),
+        estimation_error_3sigma=signal(np.full((101, 3), 3.0), "degree", "body_axis"),
+        propellant=signal(TIMES, "kg", name="propellant that costs $5"),
+        pulses=signal(np.ones((101, 8)), "1", "thruster", "pulses of each thruster"),
+    )
+    assert further_signals(run) == ["estimation_error", "propellant", "pulses"]
+    figure = signals_figure(run)
+    figure.canvas.draw()  # dollar signs begin no mathematics
+    first, second, third = figure.axes
+    assert len(first.lines) == 3 + 6
+    np.testing.assert_array_equal(first.lines[1].get_ydata(), error[:, 1])
+    assert [text.get_text() for text in first.get_legend().get_texts()] == ["x", "y", "z", "±3σ"]
+    assert first.get_ylabel().split("\n")[-1] == "(°)"
+    assert second.get_ylabel().endswith("(kg)")
+    assert len(third.lines) == 8
+    assert set(trajectory_figures(run)) - set(trajectory_figures(dataset())) == {"signals"}
+
+
+def test_a_run_that_ended_at_once_is_drawn():
+    run = dataset()
+    for name in run:
+        run[name][1:] = np.nan
+    for figure in trajectory_figures(run).values():
+        figure.canvas.draw()
