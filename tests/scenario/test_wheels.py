@@ -111,6 +111,12 @@ def test_thrusters_make_what_wheels_leave():
             [f"wheel=[{X},{{axis=[0.0,1.0,0.0],nme='a'}}]"],
             r"keys of \[\[wheel.*mean name",
         ),
+        ("two-wheel-telescope", ["simulation.coordinates=error"], "has wheels"),
+        (
+            "two-wheel-telescope",
+            ["spacecraft.failed_thrusters=[1]"],
+            "without thruster_torque_axes",
+        ),
         (
             "two-wheel-telescope",
             ["simulation.solver.steps=fixed", "simulation.solver.step_s=0.1"],
