@@ -26,8 +26,8 @@ from jaxsat.dynamics import PlantState, RigidBody
 
 RealScalar = Float[Array, ""]
 
-NO_AMPLITUDE = 1e-9
-"""Keeps the amplitude (rad/s) away from zero, where its root has no derivative."""
+NO_AMPLITUDE = 1e-8
+"""In parts of the largest amplitude; keeps it away from zero, where its root has no derivative."""
 
 TINY = 1e-12
 """Keeps a quotient of two zeros finite."""
@@ -146,7 +146,11 @@ class Oscillator(eqx.Module):
     def init(self, state: PlantState) -> Oscillation:
         """At rest."""
         zero = jnp.zeros_like(state.omega[0])
-        return Oscillation(zero, zero, zero + NO_AMPLITUDE)
+        return Oscillation(zero, zero, zero + self._no_amplitude)
+
+    @property
+    def _no_amplitude(self) -> RealScalar:
+        return NO_AMPLITUDE * self.largest_amplitude
 
     def slow(self, clock: RealScalar, tilt: Tilt, third: ThirdAxis, last: Oscillation) -> Slow:
         """s and ẑ: what remains of ω3 and z without the ripple of the oscillation asked for last.
@@ -175,13 +179,14 @@ class Oscillator(eqx.Module):
     def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
         """What the demand asks for beyond the dead zone, scaled down so that h <= r ρm²."""
         alpha, beta = self.demand(slow.rate, slow.turn, third.coupling, self.frequency)
-        size = _size(alpha, beta)
+        least = self._no_amplitude
+        size = _size(alpha, beta, least)
         still = jnp.zeros_like(slow.turn)
-        left = _size(*self.demand(self.dead_zone, still, third.coupling, self.frequency))
+        left = _size(*self.demand(self.dead_zone, still, third.coupling, self.frequency), least)
         most = self.ratio * self.largest_amplitude**2
-        granted = jnp.clip(size - left, NO_AMPLITUDE**2, most)
+        granted = jnp.clip(size - left, least**2, most)
         scale = granted / size
-        amplitude = jnp.sqrt(granted / self.ratio) + NO_AMPLITUDE
+        amplitude = jnp.sqrt(granted / self.ratio) + least
         return Oscillation(scale * alpha, scale * beta, amplitude)
 
     def tracking(
@@ -206,8 +211,8 @@ class Oscillator(eqx.Module):
         )
 
 
-def _size(alpha: RealScalar, beta: RealScalar) -> RealScalar:
-    return jnp.sqrt(alpha**2 + beta**2 + NO_AMPLITUDE**4)
+def _size(alpha: RealScalar, beta: RealScalar, least: RealScalar) -> RealScalar:
+    return jnp.sqrt(alpha**2 + beta**2 + least**4)
 
 
 class OscillatoryMemory(NamedTuple):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from operator import attrgetter
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import equinox as eqx
 import numpy as np
@@ -33,17 +33,19 @@ Made = TypeVar("Made", OscillatorySettling, ThreeSlewSettling)
 
 
 def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawContext) -> Made:
-    model = context.model
+    model, limit = context.model, cast(float, context.torque_limit)
     amplitude, frequency = values["ripple_amplitude_N_m"], values["ripple_frequency_rad_s"]
     ripple = ripple_filter(
         model,
+        limit,
         context.disturbance_amplitude[2] if amplitude is None else amplitude,
         context.disturbance_frequency[2] if frequency is None else frequency,
+        values["period_s"],
     )
     try:
         return make(
             model,
-            context.torque_limit,
+            limit,
             observe=values["observe_ripple"],
             estimate=values["estimate_axes"],
             period=values["period_s"],
