@@ -23,6 +23,7 @@ from jaxsat.scenario.control_tables import ModelTable
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law, is_plugin
+from jaxsat.scenario.layout import working_axes
 from jaxsat.scenario.schema import Scenario
 from jaxsat.vehicle import Spacecraft
 
@@ -41,6 +42,9 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         scenario.spacecraft.torque_limit_N_m,
         disturbance.amplitude_N_m,
         disturbance.frequency_rad_s,
+        working_axes(
+            scenario.spacecraft.thruster_torque_axes, scenario.spacecraft.failed_thrusters
+        ),
     )
     try:
         made = law.from_table(values, context)

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.allocation import direction_matrix, torque_directions
 from jaxsat.assembly.controller import build_controller
 from jaxsat.assembly.errors import BuildError, at_key, made_of_numbers
 from jaxsat.assembly.plant import build_plant
@@ -144,8 +145,10 @@ def build_actuators(scenario: Scenario) -> AbstractActuators:
 
     Or what the scenario has in place of thrusters that make that torque exactly.
     """
-    torques = find_law(scenario.control.law).declaration.torques
-    ideal, table = _thrusters(scenario, torques), scenario.actuators
+    declaration = find_law(scenario.control.law).declaration
+    torques = declaration.torques
+    ideal = _thrusters(scenario, torques, declaration.any_plane)
+    table = scenario.actuators
     if table is None:
         return ideal
     part, location = find_part(ACTUATORS, table.kind), ("actuators", "kind")
@@ -155,7 +158,7 @@ def build_actuators(scenario: Scenario) -> AbstractActuators:
     return made
 
 
-def _thrusters(scenario: Scenario, torques: int) -> Actuators:
+def _thrusters(scenario: Scenario, torques: int, any_plane: bool = False) -> Actuators:
     """The thrusters left; any will do where no torque is commanded."""
     table = scenario.spacecraft
     axes = np.array(table.thruster_torque_axes, dtype=float).T
@@ -163,6 +166,10 @@ def _thrusters(scenario: Scenario, torques: int) -> Actuators:
     limit = math.inf if table.torque_limit_N_m is None else table.torque_limit_N_m
     if not torques:
         return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
+    if any_plane:
+        known = np.asarray(thrusters.torque_axes)
+        shared = as_array(direction_matrix(known, torque_directions(known)))
+        return Actuators(thrusters.torque_axes, shared, as_float(limit))
     return Actuators.of(thrusters, limit, torques)
 
 

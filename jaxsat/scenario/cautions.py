@@ -2,9 +2,12 @@
 
 import numpy as np
 
+from jaxsat.allocation import torque_directions
+from jaxsat.inertia import normal_axes
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.layout import working_axes
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
 
@@ -78,7 +81,11 @@ def _limit_cautions(scenario: Scenario) -> list[Issue]:
         return []
     believed = getattr(scenario.control, "model", None)
     inertia = getattr(believed, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
-    limits = limits_of(tuple(np.diag(inertia_matrix(inertia))))
+    axes = working_axes(
+        scenario.spacecraft.thruster_torque_axes, scenario.spacecraft.failed_thrusters
+    )
+    _, moments = normal_axes(inertia_matrix(inertia), torque_directions(axes))
+    limits = limits_of(moments)
     if any(np.isclose(limit, one, rtol=1e-9) for one in limits):
         return []
     tuned = ", ".join(f"{one:.4g}" for one in limits)
