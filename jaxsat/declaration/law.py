@@ -33,8 +33,8 @@ class LawDeclaration:
     - `regulates_attitude`: a case counts as settled by attitude and rate, else by rate alone.
     - `jumps_without`: widths above 0 without which the commanded torque jumps, so that fixed steps
       do not suit it.
-    - `tuned_limits`: from S1, S2 and n·Jn of `jaxsat.inertia.normal_axes` (kg m²) to the torque
-      limits (N m) that gains are tuned for.
+    - `tuned_limits`: from S1, S2 and n·Jn of `jaxsat.inertia.normal_axes` (kg m²) and the control
+      period (s) to the torque limits (N m) that gains are tuned for.
     """
 
     summary: str
@@ -51,7 +51,7 @@ class LawDeclaration:
     works_in_wz: bool = False
     regulates_attitude: bool = True
     jumps_without: tuple[str, ...] = ()
-    tuned_limits: Callable[[tuple[float, ...]], tuple[float, ...]] | None = None
+    tuned_limits: Callable[[tuple[float, ...], float | None], tuple[float, ...]] | None = None
 
     def __post_init__(self):
         names = [key.name for key in self.keys]

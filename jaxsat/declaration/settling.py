@@ -26,12 +26,12 @@ def equivalent_limit(moments: Sequence[float], torque_limit: float) -> float:
     return float(torque_limit) * (tuned / math.sqrt(float(moments[0]) * float(moments[1])))
 
 
-def tuned_limits(moments: Sequence[float]) -> tuple[float, ...]:
+def tuned_limits(moments: Sequence[float], period: float | None = None) -> tuple[float, ...]:
     """The torque limits (N m) that the gains are tuned for, for a body with these S1, S2 (kg m²).
 
-    At the control period that they are tuned for.
+    `period` is the control period (s), that which they are tuned for if left out.
     """
-    scale = equivalent_limit(moments, 1.0)
+    scale = equivalent_limit(moments, 1.0) * ((period or TUNED_PERIOD) / TUNED_PERIOD) ** 2
     return tuple(one / scale for one in TUNED_LIMITS)
 
 
