@@ -70,14 +70,53 @@ def allocation_matrix(
     return np.linalg.pinv(rows)[:, :torques]
 
 
-def plane_map(torque: Float[np.ndarray, "3 m"], torques: int) -> Float[np.ndarray, "3 torques"]:
+def torque_directions(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 2"]:
+    """Two orthonormal directions about which the thrusters can make any torque.
+
+    Of the plane of their torques, nearest to body axes: x and y, y and z, or z and x where the
+    normal of the plane is nearest to the third. Thrusters that leave all three axes are asked for
+    torques about x and y. `torque_axes` has a unit column for each thruster. Raises `ValueError`
+    for torques about one axis alone.
+    """
+    if np.linalg.matrix_rank(torque_axes, tol=NORMALISER_FLOOR) == 3:
+        return np.eye(3)[:, :2]
+    columns = torque_axes.T
+    crossed = np.array([np.cross(one, other) for one in columns for other in columns])
+    lengths = np.sqrt(np.sum(crossed**2, axis=-1))
+    if not np.max(lengths, initial=0.0) > NORMALISER_FLOOR:
+        raise ValueError(
+            "The thrusters left must make torques about two independent axes, "
+            f"but their torque axes are the columns of {torque_axes.round(6).tolist()}."
+        )
+    normal = crossed[np.argmax(lengths)] / np.max(lengths)
+    nearest = np.argmax(np.abs(normal))
+    normal = normal * np.sign(normal[nearest])
+    first = np.eye(3)[(nearest + 1) % 3]
+    first = first - normal * (normal @ first)
+    first = first / np.sqrt(first @ first)
+    return np.stack([first, np.cross(normal, first)], axis=1)
+
+
+def direction_matrix(
+    torque_axes: Float[np.ndarray, "3 m"], directions: Float[np.ndarray, "3 2"]
+) -> Float[np.ndarray, "m 2"]:
+    """Thrusts that make torques about `directions` of `torque_directions`."""
+    return np.linalg.pinv(torque_axes) @ directions
+
+
+def plane_map(
+    torque: Float[np.ndarray, "3 m"], torques: int, any_plane: bool = False
+) -> Float[np.ndarray, "3 torques"]:
     """The torque on the body for a command about the first two body axes, or about all three.
 
     Where the thrusters make torques in one plane only, two commanded torques have the third with
-    them that keeps to the plane. Raises `ValueError` where the plane holds no such torques.
+    them that keeps to the plane; commands in `any_plane` are about its `torque_directions`. Raises
+    `ValueError` where the plane holds no such torques.
     """
     if torques == 3:
         return np.eye(3)
+    if any_plane:
+        return torque_directions(unit_columns(torque))
     rows = _independent_rows(torque)
     if len(rows) != 2:
         return np.eye(3)[:, :2]

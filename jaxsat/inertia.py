@@ -17,3 +17,25 @@ def require_known_inertia(name: str, inertia: Float[np.ndarray, "3 3"]) -> None:
     if not smallest > 0:
         found = f"one where its smallest principal moment is {smallest:.6g} kg m²"
         raise ArgumentError(name, "must be positive definite", found)
+
+
+def normal_axes(
+    inertia: Float[np.ndarray, "3 3"], directions: Float[np.ndarray, "3 2"]
+) -> tuple[Float[np.ndarray, "3 3"], tuple[float, float, float]]:
+    """Rows x, y, n of the frame of two torques, and S1 >= S2 and n·Jn (kg m²).
+
+    The torques are about any two orthonormal `directions`, n is their cross product. The inertia
+    reduced by h = n·Jω, J - Jn nᵀJ / (n·Jn), is diag(S1, S2) about x and y.
+    """
+    normal = np.cross(directions[:, 0], directions[:, 1])
+    along = inertia @ normal
+    reduced = directions.T @ (inertia - np.outer(along, along) / (normal @ along)) @ directions
+    difference, twice = reduced[0, 0] - reduced[1, 1], 2 * reduced[0, 1]
+    half = np.arctan2(twice, difference) / 2
+    cosine, sine = np.cos(half), np.sin(half)
+    if not twice:  # exact, as on the paper's spacecraft
+        cosine, sine = (1.0, 0.0) if difference >= 0 else (0.0, 1.0)
+    turn = np.array([[cosine, sine], [-sine, cosine]])
+    axes = np.vstack([turn @ directions.T, normal])
+    principal = turn @ reduced @ turn.T
+    return axes, (float(principal[0, 0]), float(principal[1, 1]), float(normal @ along))

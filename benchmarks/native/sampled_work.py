@@ -72,13 +72,13 @@ def _numbers(loop, program) -> np.ndarray:
     assert np.array_equal(loop.actuators.thrust_map, np.eye(2))
     oscillator, handover = law.fine.oscillator, law.fine.handover
     demand, filtering, fit = oscillator.demand, law.estimator.observer, law.estimator.least_squares
-    moments = np.diag(oscillator.model.spacecraft.inertia)
+    moments = np.diag(oscillator.form.model.spacecraft.inertia)
     assert loop.actuators.limit == law.torque_limit
     parts = [
-        *(oscillator.model.orbit.rate, *moments, demand.k3, demand.damping, demand.rest),
+        *(oscillator.form.model.orbit.rate, *moments, demand.k3, demand.damping, demand.rest),
         *(oscillator.frequency, oscillator.tilt_gain, oscillator.rate_gain),
         *(oscillator.largest_amplitude, oscillator.ratio, oscillator.dead_zone),
-        *np.ravel(law.fine.regulator.gain),
+        *np.ravel(law.fine.end_game.gain),
         *(handover.enter_slow_rate, handover.enter_rate, handover.enter_angle),
         *(handover.leave_tilt, handover.leave_turn, handover.leave_rate),
         *(filtering.frequency, filtering.noise, filtering.amplitude, filtering.drift),

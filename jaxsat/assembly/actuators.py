@@ -7,15 +7,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.allocation import (
+    direction_matrix,
     largest_torque,
     least_propellant,
     least_squares_map,
     plane_map,
+    torque_directions,
     unit_columns,
 )
 from jaxsat.assembly.plugin_trial import made_part, require_events, require_torque
 from jaxsat.assembly.wheels import limits_of
-from jaxsat.checks import as_float
+from jaxsat.checks import as_array, as_float
 from jaxsat.declaration.sensors import DELAY
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.plugins import ACTUATORS, find_part
@@ -50,10 +52,6 @@ from jaxsat.vehicle import (
     ThrusterSet,
 )
 from jaxsat.vehicle.thruster_set import STANDARD_GRAVITY
-
-NO_FLOW = 1e-3
-"""kg/s a N m, by which torque is shared where thrusters tell no specific impulse."""
-
 
 ONE_WAY = ("stuck-on", "stuck-at", "leaking")
 """Failures that strike a two-sided thruster the way that it is declared."""
@@ -105,11 +103,16 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
         return Actuators(axes, jnp.zeros((axes.shape[1], torques or 2)), as_float(limit))
     axes = np.array(table.thruster_torque_axes or (), dtype=float).reshape(-1, 3).T
     thrusters = Thrusters(axes).without(table.failed_thrusters)
+    any_plane = find_law(scenario.control.law).declaration.any_plane
     if torques and scenario.wheel:
         left = np.asarray(thrusters.torque_axes)
         return Actuators(left, least_squares_map(left, torques), as_float(limit))
     if not torques:
         return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
+    if any_plane:
+        known = np.asarray(thrusters.torque_axes)
+        shared = as_array(direction_matrix(known, torque_directions(known)))
+        return Actuators(thrusters.torque_axes, shared, as_float(limit))
     return Actuators.of(thrusters, limit, torques)
 
 
@@ -121,7 +124,7 @@ def torque_limit(scenario: Scenario) -> float | None:
     )
     if given is not None or not scenario.thruster or not torques:
         return given
-    return largest_torque(_duties(scenario.thruster, torques))
+    return largest_torque(_duties(scenario, torques))
 
 
 def _pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
@@ -135,7 +138,7 @@ def _pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
     return PulsedThrusters(
         thrusters,
-        LeastPropellant(_duties(scenario.thruster, torques or 3), _rank(scenario.thruster)),
+        LeastPropellant(_duties(scenario, torques or 3), _rank(scenario.thruster)),
         _modulation(modulation, scenario),
         _failures(scenario.failure, scenario.thruster),
         late or thrusters.valve_delay is not None,
@@ -171,11 +174,12 @@ def _flow(thruster: ThrusterTable) -> float:
     return thruster.force_N / (thruster.specific_impulse_s * STANDARD_GRAVITY)
 
 
-def _duties(thrusters: tuple[ThrusterTable, ...], torques: int) -> np.ndarray:
-    torque = working_torques(thrusters)
-    flows = [_flow(one) for one in thrusters if not one.failed for _ in signs(one)]
+def _duties(scenario: Scenario, torques: int) -> np.ndarray:
+    torque = working_torques(scenario.thruster)
+    flows = [_flow(one) for one in scenario.thruster if not one.failed for _ in signs(one)]
     cost = np.array(flows) if all(flows) else np.sqrt(np.sum(torque**2, axis=0))
-    return least_propellant(torque, cost, plane_map(torque, torques))
+    any_plane = find_law(scenario.control.law).declaration.any_plane and not scenario.wheel
+    return least_propellant(torque, cost, plane_map(torque, torques, any_plane))
 
 
 def _rank(thrusters: tuple[ThrusterTable, ...]) -> int:

@@ -24,6 +24,7 @@ from jaxsat.scenario.control_tables import ModelTable
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law, is_plugin
+from jaxsat.scenario.layout import believed_axes
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wheel_tables import left_by_wheels
 from jaxsat.vehicle import Spacecraft
@@ -43,6 +44,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         torque_limit(scenario),
         disturbance.amplitude_N_m,
         disturbance.frequency_rad_s,
+        believed_axes(scenario),
     )
     try:
         made = law.from_table(values, context)

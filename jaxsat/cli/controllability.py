@@ -64,11 +64,6 @@ def controllability(
         Margins below this are called borderline; take the relative error of your inertia.
     """
     chosen = load_or_explain(scenario, overrides, "motion")
-    if chosen.wheel:
-        raise UserMistake(
-            "wheel: must be left out here, where thrusters alone are judged (wheels turn the body "
-            f"only while they have momentum to give), got {len(chosen.wheel)}"
-        )
     if out is not None:
         from jaxsat.results import OutputFolder
 

@@ -12,6 +12,7 @@ from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
 from jaxsat.control.internal_model import InternalModel, OscillatorState
 from jaxsat.control.least_squares import RecursiveLeastSquares
+from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.oscillatory import (
     AbstractDemand,
     MorinSamson,
@@ -50,6 +51,8 @@ __all__ = [
     "InternalModel",
     "LawContext",
     "MorinSamson",
+    "NormalForm",
+    "NormalState",
     "OrbitalRegulator",
     "Oscillator",
     "OscillatorState",

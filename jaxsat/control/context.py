@@ -2,6 +2,9 @@
 
 from typing import Literal, NamedTuple
 
+import numpy as np
+from jaxtyping import Float
+
 from jaxsat.dynamics import RigidBody
 from jaxsat.errors import JaxsatError
 
@@ -11,13 +14,15 @@ class LawContext(NamedTuple):
 
     `model` is what the controller believes of the plant, with the disturbance that it measures.
     `torque_limit` (N m) is that of each thruster, None if unlimited. The periodic disturbance has
-    `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z.
+    `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z. The unit
+    columns of `torque_axes` are the torque axes of the working thrusters.
     """
 
     model: RigidBody
     torque_limit: float | None
     disturbance_amplitude: tuple[float, ...]
     disturbance_frequency: tuple[float, ...]
+    torque_axes: Float[np.ndarray, "3 m"] = np.eye(3)[:, :2]
 
 
 class UnsuitableModel(JaxsatError, ValueError):

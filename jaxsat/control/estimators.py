@@ -12,9 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
-from jaxsat.control.rate_tracking import coupling
+from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
-from jaxsat.dynamics import PlantState, RigidBody
 
 RealScalar = Float[Array, ""]
 
@@ -26,8 +25,9 @@ divide by it."""
 class ThirdAxis(NamedTuple):
     """What a law is told of the third axis.
 
-    `rate` is ω3 without the part that comes with ω1 and ω2 (rad/s), `lean` that part's (ε1, ε2),
-    `coupling` is c, and the ripples of rate (rad/s) and turn (rad) are those to ignore.
+    `rate` is s less its value at rest in the orbit frame (rad/s), `lean` are the (ε1, ε2) by which
+    the turn about n is that of s, p1 and p2, `coupling` is c, and the ripples of rate (rad/s) and
+    turn (rad) are those to ignore.
     """
 
     rate: RealScalar
@@ -53,16 +53,16 @@ class ThirdAxisEstimator(eqx.Module):
     does not look like a disturbance.
     """
 
-    model: RigidBody
+    form: NormalForm
     observer: AbstractRippleEstimator | None = None
     least_squares: RecursiveLeastSquares | None = eqx.field(default_factory=RecursiveLeastSquares)
 
-    def init(self, state: PlantState) -> EstimatorMemory:
-        """Nothing known yet."""
+    def init(self, omega: Float[Array, "3"]) -> EstimatorMemory:
+        """Nothing known yet but (p1, p2, s), rad/s."""
         return EstimatorMemory(
-            None if self.observer is None else self.observer.init(state.omega[2]),
-            None if self.least_squares is None else self.least_squares.init(state.omega),
-            state.omega,
+            None if self.observer is None else self.observer.init(omega[2]),
+            None if self.least_squares is None else self.least_squares.init(omega),
+            omega,
             jnp.array(False),
         )
 
@@ -73,41 +73,45 @@ class ThirdAxisEstimator(eqx.Module):
         return memory._replace(ripple=self.observer.forget(memory.ripple, when))
 
     def update(
-        self, state: PlantState, memory: EstimatorMemory, period: RealScalar
+        self, omega: Float[Array, "3"], memory: EstimatorMemory, period: RealScalar
     ) -> tuple[ThirdAxis, EstimatorMemory]:
-        """One sample: what to believe now, and the memory for the next; `period` in s."""
-        c = coupling(self.model.spacecraft.moments)
-        started = memory.started
-        memory = jax.tree.map(lambda x, y: jnp.where(started, x, y), memory, self.init(state))
+        """One sample: what to believe now of (p1, p2, s), and the next memory; `period` in s."""
+        c, started = self.form.coupling, memory.started
+        factors = self.form.other_products.at[0].add(c)
+        memory = jax.tree.map(lambda x, y: jnp.where(started, x, y), memory, self.init(omega))
         span = jnp.where(started, period, 0.0)
-        products = span * _mean_products(memory.omega, state.omega)
-        errors = jnp.zeros(8, state.omega.dtype) if memory.fit is None else memory.fit.estimate
+        products = span * _mean_products(memory.omega, omega)
+        errors = jnp.zeros(8, omega.dtype) if memory.fit is None else memory.fit.estimate
         ripple, fit = memory.ripple, memory.fit
         if self.observer is not None:
-            known = jnp.concatenate([(state.omega - memory.omega)[:2], products])
-            change = c * products[0] + jnp.sum(known * errors)
-            ripple = self.observer.advance(ripple, state.omega, change, span)
-            ripple = self.observer.correct(ripple, state.omega, period)
+            known = jnp.concatenate([(omega - memory.omega)[:2], products])
+            change = jnp.sum(factors * products) + jnp.sum(known * errors)
+            ripple = self.observer.advance(ripple, omega, change, span)
+            ripple = self.observer.correct(ripple, omega, period)
         if self.least_squares is not None and fit is not None:
-            fit = self.least_squares.update(fit, state.omega, products, c)
+            fit = self.least_squares.update(fit, omega, products, factors)
             errors = fit.estimate
-        following = EstimatorMemory(ripple, fit, state.omega, jnp.array(True))
-        return self._believed(state, ripple, errors, c), following
+        following = EstimatorMemory(ripple, fit, omega, jnp.array(True))
+        return self._believed(omega, ripple, errors, c), following
 
-    def _believed(self, state, ripple, errors, c) -> ThirdAxis:
-        omega1, omega2, omega3 = state.omega
-        zero = jnp.zeros_like(omega3)
-        known = ThirdRate(omega3, zero, zero)
+    def _believed(self, omega, ripple, errors, c) -> ThirdAxis:
+        zero = jnp.zeros_like(omega[2])
+        known = ThirdRate(omega[2], zero, zero)
         if self.observer is not None:
-            known = self.observer.believed(ripple, omega3)
-        by_others = errors[0] * omega1 + errors[1] * (omega2 + self.model.orbit.rate)
-        sign = jnp.where(c < 0, -1.0, 1.0)
+            known = self.observer.believed(ripple, omega[2])
+        rest = self.form.rest
+        by_others = jnp.sum(errors[:2] * (omega - rest)[:2]) + rest[2]
         least = jnp.minimum(MIN_COUPLING, MIN_SHARE * jnp.abs(c))
-        fitted = sign * jnp.maximum(sign * (c + errors[2]), least)
+        fitted = c + errors[2]
+        fitted = jnp.where(fitted < 0, -1.0, 1.0) * jnp.maximum(jnp.abs(fitted), least)
         # Without a fit the model's own value is used, however small.
         believed = c if self.least_squares is None else fitted
         return ThirdAxis(
-            known.rate - by_others, errors[:2], believed, known.rate_ripple, known.turn_ripple
+            known.rate - by_others,
+            self.form.lean + errors[:2],
+            believed,
+            known.rate_ripple,
+            known.turn_ripple,
         )
 
 

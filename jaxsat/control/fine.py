@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
@@ -31,8 +32,9 @@ class Handover(eqx.Module):
     """When the regulator takes over and when it hands back.
 
     It takes over when |w| and |ẑ| are below `enter_angle`, the slow rate |s| is below
-    `enter_slow_rate` and |ω1|, |ω2 + ω0| are below `enter_rate`; it hands back when |w| exceeds
-    `leave_tilt`, |z| exceeds `leave_turn` or |ω3| exceeds `leave_rate` (rad, rad/s).
+    `enter_slow_rate` and |p1|, |p2| less their values at rest are below `enter_rate`; it hands back
+    when |w| exceeds `leave_tilt`, |z| exceeds `leave_turn` or s exceeds its value at rest by
+    `leave_rate` (rad, rad/s).
     """
 
     enter_slow_rate: RealScalar = eqx.field(converter=as_float)
@@ -53,21 +55,23 @@ class Handover(eqx.Module):
         regulating: Bool[Array, ""],
         tilt: Tilt,
         slow: Slow,
-        omega: Float[Array, "3"],
-        orbit_rate: RealScalar,
+        excess: Float[Array, "3"],
     ) -> Bool[Array, ""]:
-        """Whether the regulator is to work now, given whether it did."""
+        """Whether the regulator is to work now, given whether it did.
+
+        `excess` is (p1, p2, s) less its value at rest, rad/s.
+        """
         enter = (
             (tilt.size < self.enter_angle)
             & (jnp.abs(slow.turn) < self.enter_angle)
             & (jnp.abs(slow.rate) < self.enter_slow_rate)
-            & (jnp.abs(omega[0]) < self.enter_rate)
-            & (jnp.abs(omega[1] + orbit_rate) < self.enter_rate)
+            & (jnp.abs(excess[0]) < self.enter_rate)
+            & (jnp.abs(excess[1]) < self.enter_rate)
         )
         leave = (
             (tilt.size > self.leave_tilt)
             | (jnp.abs(tilt.turn) > self.leave_turn)
-            | (jnp.abs(omega[2]) > self.leave_rate)
+            | (jnp.abs(excess[2]) > self.leave_rate)
         )
         return jnp.where(regulating, ~leave, enter)
 
@@ -87,39 +91,42 @@ class FineStage(eqx.Module):
     """
 
     oscillator: Oscillator
-    regulator: OrbitalRegulator
+    end_game: OrbitalRegulator | Oscillator
     handover: Handover
     fade_lean: bool = eqx.field(static=True, default=False)
 
-    def init(self, state: PlantState) -> FineMemory:
+    def init(self, omega: Float[Array, "3"]) -> FineMemory:
         """At rest, oscillating."""
-        return FineMemory(self.oscillator.init(state), jnp.array(False))
+        return FineMemory(self.oscillator.init(omega), jnp.array(False))
 
     def step(
-        self, clock: RealScalar, state: PlantState, third: ThirdAxis, memory: FineMemory
+        self, clock: RealScalar, state: NormalState, third: ThirdAxis, memory: FineMemory
     ) -> tuple[Float[Array, "2"], Float[Array, "2"], FineMemory]:
-        """The torque, not yet limited (N m), the rates asked for (rad/s), and the next memory."""
+        """The torque about x and y, not yet limited (N m), the rates asked for (rad/s), and the
+        next memory."""
         tilt = tilt_of(state.attitude)
         if self.fade_lean:
             third = third._replace(lean=third.lean * jnp.maximum(0.0, 1 - tilt.size**2))
         slow = self.oscillator.slow(clock, tilt, third, memory.oscillation)
         wanted = self.oscillator.oscillation(slow, third)
         tracking = self.oscillator.tracking(clock, state, tilt, wanted)
-        regulating = self.handover(
-            memory.regulating, tilt, slow, state.omega, self.regulator.orbit_rate
-        )
+        excess = state.omega - self.oscillator.form.rest
+        regulating = self.handover(memory.regulating, tilt, slow, excess)
         lean = third.lean[0] * tilt.phi + third.lean[1] * tilt.theta
         turn = tilt.turn - lean - third.turn_ripple
-        omega = state.omega.at[2].set(third.rate - third.rate_ripple)
-        command = jnp.where(
-            regulating,
-            self.regulator.torque(tilt, turn, omega),
-            self.oscillator.torque(state, tracking),
-        )
-        reference = jnp.where(regulating, state.omega[:2], tracking.rate)
-        at_rest = self.oscillator.init(state)
-        kept = jax.tree.map(lambda rest, x: jnp.where(regulating, rest, x), at_rest, wanted)
-        return command, reference, FineMemory(kept, regulating)
+        excess = excess.at[2].set(third.rate - third.rate_ripple)
+        if isinstance(self.end_game, OrbitalRegulator):
+            late = self.end_game.torque(tilt, turn, excess)
+            late_wanted, late_reference = self.oscillator.init(state.omega), state.omega[:2]
+        else:
+            late_wanted = self.end_game.oscillation(slow, third)
+            late_tracking = self.end_game.tracking(clock, state, tilt, late_wanted)
+            late = self.end_game.torque(state.omega, late_tracking)
+            late_reference = late_tracking.rate
+        torque = jnp.where(regulating, late, self.oscillator.torque(state.omega, tracking))
+        reference = jnp.where(regulating, late_reference, tracking.rate)
+        kept = jax.tree.map(lambda end, x: jnp.where(regulating, end, x), late_wanted, wanted)
+        return torque, reference, FineMemory(kept, regulating)
 
 
 class OscillatorySettlingMemory(NamedTuple):
@@ -147,24 +154,32 @@ class OscillatorySettling(AbstractSampledController):
         require_positive("torque_limit", self.torque_limit)
         require_positive("period", self.period)
 
+    @property
+    def form(self) -> NormalForm:
+        """The plant that is believed, and its frame."""
+        return self.fine.oscillator.form
+
     def init(self, state: PlantState) -> OscillatorySettlingMemory:
         """At rest, nothing estimated."""
+        omega = self.form.seen(state).omega
         return OscillatorySettlingMemory(
-            self.fine.init(state), self.estimator.init(state), jnp.zeros(2, state.omega.dtype)
+            self.fine.init(omega), self.estimator.init(omega), jnp.zeros(2, omega.dtype)
         )
 
     def step(
         self, t: RealScalar, state: PlantState, memory: OscillatorySettlingMemory
     ) -> tuple[Float[Array, "2"], OscillatorySettlingMemory]:
         """Estimate, then the fine stage."""
-        third, estimator = self.estimator.update(state, memory.estimator, self.period)
-        command, reference, fine = self.fine.step(t, state, third, memory.fine)
-        command = clipped(command, self.torque_limit)
+        seen = self.form.seen(state)
+        third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
+        torque, reference, fine = self.fine.step(t, seen, third, memory.fine)
+        command = self.form.command(clipped(torque, self.torque_limit))
         return command, OscillatorySettlingMemory(fine, estimator, reference)
 
     def rate_error(self, state: PlantState, memory: OscillatorySettlingMemory) -> Float[Array, "2"]:
         """ω - ω_d while oscillating, zero while regulating, rad/s."""
-        return jnp.where(memory.fine.regulating, 0.0, state.omega[:2] - memory.reference)
+        omega = self.form.seen(state).omega
+        return jnp.where(memory.fine.regulating, 0.0, omega[:2] - memory.reference)
 
     def mode(self, memory: OscillatorySettlingMemory) -> Int[Array, ""]:
         """The `FineMode` at work."""

@@ -14,19 +14,32 @@ from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.oscillatory import Tracking
 from jaxsat.control.rate_tracking import clipped, tracking_torque
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
 
+HELD = 0.7
+"""Share of the torque limit that gyroscopic torque may take at the references."""
+
+
+MOST_GROWTH = 2.0
+"""Of |s| in parts of |(p1, p2, s)| at the beginning, beyond which the model must be wrong."""
+
+
 class Signs(NamedTuple):
-    """Signs (σ1, σ2) of the references, and the sign of ω3 that they were chosen for."""
+    """Signs (σ1, σ2) of the references, the sign of s that they were chosen for, and a bound.
+
+    `most` is the |s| (rad/s) above which the law is failing: it then only brakes.
+    """
 
     sigma: Float[Array, "2"]
     third: RealScalar
+    most: RealScalar
 
 
 class FiniteTimeRate(eqx.Module):
@@ -38,7 +51,7 @@ class FiniteTimeRate(eqx.Module):
     `rate_gain` (1/s) pulls the rates to their references, `dead_zone` is ε (rad/s).
     """
 
-    model: RigidBody
+    form: NormalForm
     torque_limit: RealScalar = eqx.field(converter=as_float)
     share: RealScalar = eqx.field(converter=as_float)
     rate_gain: RealScalar = eqx.field(converter=as_float)
@@ -50,11 +63,12 @@ class FiniteTimeRate(eqx.Module):
 
     def init(self, state: PlantState) -> Signs:
         """No signs chosen yet."""
-        return Signs(jnp.zeros(2, state.omega.dtype), jnp.zeros_like(state.omega[2]))
+        zero = jnp.zeros_like(state.omega[2])
+        return Signs(jnp.zeros(2, state.omega.dtype), zero, zero)
 
     def factors(self, c: RealScalar) -> Float[Array, "2"]:
         """(a, b), rad^⅔ s^-⅔."""
-        j1, j2, _ = self.model.spacecraft.moments
+        j1, j2, _ = self.form.moments
         base = 3 * self.share * self.torque_limit / jnp.abs(c)
         return jnp.stack([jnp.cbrt(base * j2 / j1**2), jnp.cbrt(base * j1 / j2**2)])
 
@@ -65,14 +79,17 @@ class FiniteTimeRate(eqx.Module):
 
     def signs(self, third: ThirdAxis, omega: Float[Array, "3"], last: Signs) -> Signs:
         """Of the two pairs, the nearer one by Σ J_i (ω_i - ω_id)²; kept until ω3 changes sign."""
-        j1, j2, _ = self.model.spacecraft.moments
+        j1, j2, _ = self.form.moments
         a, b = self.factors(third.coupling)
         side = jnp.where(third.rate < 0, -1.0, 1.0)
         product = -side * jnp.where(third.coupling < 0, -1.0, 1.0)
         nearer = j1 * a * omega[0] + product * j2 * b * omega[1] < 0
         sigma1 = jnp.where(nearer, -1.0, 1.0)
-        chosen = Signs(jnp.stack([sigma1, product * sigma1]), side)
-        keep = side == last.third
+        begins = last.third == 0
+        size = jnp.sqrt(jnp.sum(omega**2))
+        most = jnp.where(begins, MOST_GROWTH * size, last.most)
+        chosen = Signs(jnp.stack([sigma1, product * sigma1]), side, most)
+        keep = (side == last.third) & (last.sigma[0] * last.sigma[1] == product)
         return jax.tree.map(lambda old, new: jnp.where(keep, old, new), last, chosen)
 
     def tracking(self, third: ThirdAxis, omega: Float[Array, "3"], signs: Signs) -> Tracking:
@@ -81,9 +98,12 @@ class FiniteTimeRate(eqx.Module):
         The decay is what the rates reached really give, at most the one asked for: feeding the
         ideal one forward leaves the rates behind their references at large torques.
         """
-        moments, c = self.model.spacecraft.moments[:2], third.coupling
+        moments, c = self.form.moments[:2], third.coupling
         slopes = signs.sigma * self.factors(c)
         root = self._root(third.rate)
+        failing = jnp.abs(third.rate) > signs.most
+        share = jnp.where(failing, 0.0, self._feasible(slopes * root, omega[2]))
+        slopes = slopes * share
         fastest = jnp.abs(c * slopes[0] * slopes[1]) * root**2
         decay = jnp.clip(signs.third * c * omega[0] * omega[1], -fastest, 0.0)
         square = jnp.where(root > 0, root**2, 1.0)
@@ -91,12 +111,20 @@ class FiniteTimeRate(eqx.Module):
         derivative = jnp.clip(slopes * decay / (3 * square), -most, most)
         return Tracking(slopes * root, derivative)
 
-    def torque(self, state: PlantState, tracking: Tracking) -> Float[Array, "2"]:
-        """The torque that tracks, not yet limited, N m."""
-        moments = self.model.spacecraft.moments
-        return tracking_torque(
-            moments, state.omega, tracking.rate, tracking.derivative, self.rate_gain
+    def torque(self, omega: Float[Array, "3"], tracking: Tracking) -> Float[Array, "2"]:
+        """The torque about x and y that tracks, not yet limited, N m."""
+        wanted = tracking_torque(
+            self.form, omega, tracking.rate, tracking.derivative, self.rate_gain
         )
+        overwhelmed = jnp.any(jnp.abs(self.form.gyroscopic_torque(omega)) > self.torque_limit)
+        braking = -self.rate_gain * self.form.moments[:2] * omega[:2]
+        return jnp.where(overwhelmed, braking, wanted)
+
+    def _feasible(self, reference: Float[Array, "2"], slow: RealScalar) -> RealScalar:
+        """The share of a reference (rad/s) that thrusters hold against the gyroscopic torque."""
+        gyroscopic = self.form.gyroscopic_torque(jnp.concatenate([reference, slow[None]]))
+        most = jnp.max(jnp.abs(gyroscopic)) / (HELD * self.torque_limit)
+        return 1 / jnp.maximum(most, 1.0)
 
     def _root(self, omega3: RealScalar) -> RealScalar:
         excess = jnp.maximum(jnp.abs(omega3) - self.dead_zone, 0.0)
@@ -124,19 +152,22 @@ class FiniteTimeRateLaw(AbstractSampledController):
     def init(self, state: PlantState) -> FiniteTimeRateMemory:
         """No signs chosen, nothing estimated."""
         reference = jnp.zeros(2, state.omega.dtype)
-        return FiniteTimeRateMemory(self.law.init(state), self.estimator.init(state), reference)
+        return FiniteTimeRateMemory(
+            self.law.init(state), self.estimator.init(self.law.form.seen(state).omega), reference
+        )
 
     def step(
         self, t: RealScalar, state: PlantState, memory: FiniteTimeRateMemory
     ) -> tuple[Float[Array, "2"], FiniteTimeRateMemory]:
         """Estimate, signs, references, torque."""
         del t
-        third, estimator = self.estimator.update(state, memory.estimator, self.period)
-        signs = self.law.signs(third, state.omega, memory.signs)
-        tracking = self.law.tracking(third, state.omega, signs)
-        command = clipped(self.law.torque(state, tracking), self.law.torque_limit)
-        return command, FiniteTimeRateMemory(signs, estimator, tracking.rate)
+        omega = self.law.form.seen(state).omega
+        third, estimator = self.estimator.update(omega, memory.estimator, self.period)
+        signs = self.law.signs(third, omega, memory.signs)
+        tracking = self.law.tracking(third, omega, signs)
+        torque = clipped(self.law.torque(omega, tracking), self.law.torque_limit)
+        return self.law.form.command(torque), FiniteTimeRateMemory(signs, estimator, tracking.rate)
 
     def rate_error(self, state: PlantState, memory: FiniteTimeRateMemory) -> Float[Array, "2"]:
         """ω - ω_d, rad/s."""
-        return state.omega[:2] - memory.reference
+        return self.law.form.seen(state).omega[:2] - memory.reference

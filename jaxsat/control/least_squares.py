@@ -58,18 +58,22 @@ class RecursiveLeastSquares(eqx.Module):
         )
 
     def update(
-        self, fit: Fit, omega: Float[Array, "3"], products: Float[Array, "6"], c: RealScalar
+        self,
+        fit: Fit,
+        omega: Float[Array, "3"],
+        products: Float[Array, "6"],
+        factors: Float[Array, "6"],
     ) -> Fit:
         """One sample more; `products` are the six integrals since the last sample.
 
-        `c` is the model's value, which δc is added to.
+        `factors` are the six of the model's own Q, which the estimate is added to.
         """
         products, count = fit.products + products, fit.samples + 1
         change = omega - fit.first_omega
         regressor = jnp.concatenate([change[:2], products])
         projected = jnp.sum(fit.covariance * regressor[None, :], axis=1)
         gain = projected / (self.noise**2 + jnp.sum(regressor * projected))
-        residual = change[2] - c * products[0] - jnp.sum(regressor * fit.estimate)
+        residual = change[2] - jnp.sum(factors * products) - jnp.sum(regressor * fit.estimate)
         full = count >= self.samples
         return Fit(
             fit.estimate + jnp.where(full, gain * residual, 0.0),

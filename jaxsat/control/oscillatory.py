@@ -19,15 +19,16 @@ from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.rate_tracking import clipped, tracking_torque
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tilt import Tilt, tilt_of
-from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
-NO_AMPLITUDE = 1e-9
-"""Keeps the amplitude (rad/s) away from zero, where its root has no derivative."""
+NO_AMPLITUDE = 1e-8
+"""In parts of the largest amplitude; keeps it away from zero, where its root has no derivative."""
 
 TINY = 1e-12
 """Keeps a quotient of two zeros finite."""
@@ -129,7 +130,7 @@ class Oscillator(eqx.Module):
     can do that, and an estimate that is not yet sure is not chased.
     """
 
-    model: RigidBody
+    form: NormalForm
     demand: AbstractDemand
     frequency: RealScalar = eqx.field(converter=as_float)
     tilt_gain: RealScalar = eqx.field(converter=as_float)
@@ -143,54 +144,60 @@ class Oscillator(eqx.Module):
             require_positive(name, getattr(self, name))
         require_positive("dead_zone", self.dead_zone, zero_allowed=True)
 
-    def init(self, state: PlantState) -> Oscillation:
+    def init(self, omega: Float[Array, "3"]) -> Oscillation:
         """At rest."""
-        zero = jnp.zeros_like(state.omega[0])
-        return Oscillation(zero, zero, zero + NO_AMPLITUDE)
+        zero = jnp.zeros_like(omega[0])
+        return Oscillation(zero, zero, zero + self._no_amplitude)
+
+    @property
+    def _no_amplitude(self) -> RealScalar:
+        return NO_AMPLITUDE * self.largest_amplitude
 
     def slow(self, clock: RealScalar, tilt: Tilt, third: ThirdAxis, last: Oscillation) -> Slow:
         """s and ẑ: what remains of ω3 and z without the ripple of the oscillation asked for last.
 
-        The terms in ω0 are there because the body turns with the orbit frame: e couples ω1 and ω2
-        into ω3, and the tilt turns e away from the third axis.
+        The terms in e are there because the body turns with the orbit frame: e couples p1 and p2
+        into s, and the tilt turns e away from the third axis.
         """
-        nu, c, w0 = self.frequency, third.coupling, self.model.orbit.rate
+        nu, c = self.frequency, third.coupling
         alpha, beta, rho = last
         sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
         cos2, sin2 = 1 - 2 * sine**2, 2 * sine * cosine
         turn_cos, turn_sin = jnp.cos(tilt.turn), jnp.sin(tilt.turn)
+        o1, o2, _ = self.form.orbit_rate
+        e1, e2 = o1 * turn_cos + o2 * turn_sin, o2 * turn_cos - o1 * turn_sin
         swing1, swing2 = rho * sine, (alpha * sine + beta * cosine) / rho
 
         rate = third.rate - third.rate_ripple
-        rate = rate + c * w0 * (tilt.phi * turn_cos + tilt.theta * turn_sin)
+        rate = rate - c * (tilt.phi * e2 + tilt.theta * e1)
         rate = rate + c / (4 * nu) * (alpha * sin2 + beta * cos2)
 
         turn = tilt.turn - third.lean[0] * tilt.phi - third.lean[1] * tilt.theta
         turn = turn - third.turn_ripple
-        by_frame = (1 + c) * turn_cos * swing1 - (1 - c) * turn_sin * swing2
-        turn = turn - w0 / nu**2 * by_frame
+        turn = turn + ((1 + c) * e2 * swing1 - (1 - c) * e1 * swing2) / nu**2
         turn = turn - c / (8 * nu**2) * (alpha * cos2 - beta * sin2)
         return Slow(rate, turn)
 
     def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
         """What the demand asks for beyond the dead zone, scaled down so that h <= r ρm²."""
         alpha, beta = self.demand(slow.rate, slow.turn, third.coupling, self.frequency)
-        size = _size(alpha, beta)
+        least = self._no_amplitude
+        size = _size(alpha, beta, least)
         still = jnp.zeros_like(slow.turn)
-        left = _size(*self.demand(self.dead_zone, still, third.coupling, self.frequency))
+        left = _size(*self.demand(self.dead_zone, still, third.coupling, self.frequency), least)
         most = self.ratio * self.largest_amplitude**2
-        granted = jnp.clip(size - left, NO_AMPLITUDE**2, most)
+        granted = jnp.clip(size - left, least**2, most)
         scale = granted / size
-        amplitude = jnp.sqrt(granted / self.ratio) + NO_AMPLITUDE
+        amplitude = jnp.sqrt(granted / self.ratio) + least
         return Oscillation(scale * alpha, scale * beta, amplitude)
 
     def tracking(
-        self, clock: RealScalar, state: PlantState, tilt: Tilt, wanted: Oscillation
+        self, clock: RealScalar, state: NormalState, tilt: Tilt, wanted: Oscillation
     ) -> Tracking:
         """ω_d = e - k (tilt - its oscillation) + the oscillating rates, and dω_d/dt."""
         nu, k, (alpha, beta, rho) = self.frequency, self.tilt_gain, wanted
         sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
-        frame = self.model.orbit.frame_rate(state.attitude)[:2]
+        frame = state.frame_rate[:2]
         swing = jnp.stack([rho * sine, (alpha * sine + beta * cosine) / rho])
         swing_rate = nu * jnp.stack([rho * cosine, (alpha * cosine - beta * sine) / rho])
         swing_tilt = jnp.stack([-rho * cosine, (beta * sine - alpha * cosine) / rho]) / nu
@@ -198,16 +205,13 @@ class Oscillator(eqx.Module):
         derivative = swing_rate - k * (state.omega[:2] - frame - swing)
         return Tracking(frame - pull + swing, derivative)
 
-    def torque(self, state: PlantState, tracking: Tracking) -> Float[Array, "2"]:
-        """The torque that tracks, not yet limited, N m."""
-        moments = self.model.spacecraft.moments
-        return tracking_torque(
-            moments, state.omega, tracking.rate, tracking.derivative, self.rate_gain
-        )
+    def torque(self, omega: Float[Array, "3"], tracking: Tracking) -> Float[Array, "2"]:
+        """The torque about x and y that tracks, not yet limited, N m."""
+        return tracking_torque(self.form, omega, tracking.rate, tracking.derivative, self.rate_gain)
 
 
-def _size(alpha: RealScalar, beta: RealScalar) -> RealScalar:
-    return jnp.sqrt(alpha**2 + beta**2 + NO_AMPLITUDE**4)
+def _size(alpha: RealScalar, beta: RealScalar, least: RealScalar) -> RealScalar:
+    return jnp.sqrt(alpha**2 + beta**2 + least**4)
 
 
 class OscillatoryMemory(NamedTuple):
@@ -235,21 +239,25 @@ class OscillatoryLaw(AbstractSampledController):
 
     def init(self, state: PlantState) -> OscillatoryMemory:
         """No oscillation yet, nothing estimated."""
-        reference = jnp.zeros(2, state.omega.dtype)
-        return OscillatoryMemory(self.oscillator.init(state), self.estimator.init(state), reference)
+        omega = self.oscillator.form.seen(state).omega
+        reference = jnp.zeros(2, omega.dtype)
+        return OscillatoryMemory(self.oscillator.init(omega), self.estimator.init(omega), reference)
 
     def step(
         self, t: RealScalar, state: PlantState, memory: OscillatoryMemory
     ) -> tuple[Float[Array, "2"], OscillatoryMemory]:
         """Estimate, slow errors, oscillation, torque."""
-        third, estimator = self.estimator.update(state, memory.estimator, self.period)
-        tilt = tilt_of(state.attitude)
+        seen = self.oscillator.form.seen(state)
+        third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
+        tilt = tilt_of(seen.attitude)
         slow = self.oscillator.slow(t, tilt, third, memory.oscillation)
         wanted = self.oscillator.oscillation(slow, third)
-        tracking = self.oscillator.tracking(t, state, tilt, wanted)
-        command = clipped(self.oscillator.torque(state, tracking), self.torque_limit)
-        return command, OscillatoryMemory(wanted, estimator, tracking.rate)
+        tracking = self.oscillator.tracking(t, seen, tilt, wanted)
+        torque = clipped(self.oscillator.torque(seen.omega, tracking), self.torque_limit)
+        return self.oscillator.form.command(torque), OscillatoryMemory(
+            wanted, estimator, tracking.rate
+        )
 
     def rate_error(self, state: PlantState, memory: OscillatoryMemory) -> Float[Array, "2"]:
         """ω - ω_d, rad/s."""
-        return state.omega[:2] - memory.reference
+        return self.oscillator.form.seen(state).omega[:2] - memory.reference

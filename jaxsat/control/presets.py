@@ -1,46 +1,81 @@
-"""Settling controllers with gains tuned for the paper's spacecraft, section 5.
+"""Settling controllers for any inertia, torque limit and control period.
 
-The gains were tuned for J = diag(449.5, 264.6, 312.5) kg m², ω0 = 0.0011 rad/s and the printed
-disturbance, at thrusters of 1, 5 and 20 N m, and a period of 0.1 s. Between these limits they are
-interpolated; below and above they are those of the nearest. All are rates, angles and numbers
-without a unit, so a larger body under torques larger in proportion flies alike: a limit counts by
-the angular acceleration that it gives the believed body (`equivalent_limit`). Other ratios of the
-moments need gains of their own; the regulator's gain is computed from the model in any case, and
-what is known of the periodic d3 goes into the ripple estimator (`ripple_filter`).
+Their gains have no dimension (`jaxsat.control.tuned_gains`). The unit of time is τ of
+`jaxsat.control.scaling`, J0 being the geometric mean of S1 and S2, so a larger body under torques
+larger in proportion flies alike. The gains are functions of the control period over τ, tuned at
+three values of it; between these they are interpolated, below and above they are those of the
+nearest. Other ratios of the moments need gains of their own; the regulator's gain is computed from
+the model in any case, and what is known of the periodic d3 goes into the ripple estimator.
 """
 
 import bisect
+import dataclasses
+import math
 from collections.abc import Mapping
 from typing import TypeVar
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.least_squares import RecursiveLeastSquares
+from jaxsat.control.normal_form import BODY_XY, NormalForm
 from jaxsat.control.oscillatory import MorinSamson, Oscillator, TwoChannel
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter
+from jaxsat.control.scaling import Scaling, in_seconds
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.terminal import OrbitalRegulator
-from jaxsat.control.tuned_gains import APPROACH, MORIN_SAMSON, TWO_CHANNEL, FineGains
-from jaxsat.declaration.settling import TUNED_MOMENTS, TUNED_PERIOD, equivalent_limit
+from jaxsat.control.tuned_gains import (
+    APPROACH,
+    MORIN_SAMSON,
+    TWO_CHANNEL,
+    FineGains,
+)
+from jaxsat.declaration.settling import TUNED_PERIOD
 from jaxsat.dynamics import RigidBody
 
-DEAD_ZONE = 1e-5
-"""Slow rate (rad/s) that the oscillation leaves to the regulator."""
+LEAST_COUPLING = 1e-6
+"""c below which S1 and S2 count as equal."""
 
-STATE_SCALE, TORQUE_SCALE = (0.1, 0.1, 0.05, 0.002, 0.002, 0.001), 0.3
-"""Of the regulator, so that rates stay below 1e-3 rad/s while it removes what is left; the torque
-(N m) for the body of the tuned gains, for another in proportion."""
+TUNED_COUPLING = 0.59168
+"""c of the body that the gains are tuned for."""
 
-TUNED_RIPPLE = (0.001, 0.1)
-"""Amplitude (N m) and frequency (rad/s) of the d3 for which the gains are tuned."""
+DEAD_ZONE = 1e-6
+"""Slow rate that the oscillation leaves to the regulator, rad per `fine_time`."""
 
-RIPPLE_EXPECTED = 3e-5
-"""Ripple of ω3 (rad/s) that the filter expects of that d3 on that body."""
+STATE_SCALE, TORQUE_SCALE = (0.1, 0.1, 0.05, 2e-4, 2e-4, 1e-4), 8.698842883e-06
+"""Of the regulator, so that rates stay small while it removes what is left: angles in rad, rates in
+rad per `fine_time`, the torque over J0 in rad per `fine_time` squared."""
+
+QUIET_AMPLITUDE = 4.5e-5
+"""Of the oscillation that takes the regulator's place, rad per `fine_time`."""
+
+QUIET_SHARE = 0.35
+"""An orbit rate across n below this times that amplitude is too slow for the regulator."""
+
+QUIET_ANGLE = 0.01
+"""Turn (rad) within which that oscillation stops the slow rate that it begins with."""
+
+LEAVE_RATE = 1e-4
+"""|ω3| at which the regulator hands back, rad per `fine_time`."""
+
+RIPPLE, RIPPLE_FREQUENCY = 3e-6, 0.01
+"""Least ripple of ω3 that the filter expects, and its frequency where none is known; rad per
+`fine_time`."""
+
+RIPPLE_SHARE = 0.9375
+"""Expected ripple of ω3 over the a3 / (J3 Ω) that the scenario tells of."""
+
+RATE_NOISE, RIPPLE_DRIFT, PRODUCT_ERROR = 1e-6, 6.32455532e-08, 0.0316227766
+"""Of the ripple filter: rad per `fine_time` for the noise, for the drift also per √`fine_time`, and
+times √`fine_time` for the error of products."""
+
+CHANGE_NOISE = 2e-6
+"""Of one Δω3 of the least squares, rad per `fine_time`."""
 
 
 def oscillatory_settling(
@@ -51,19 +86,27 @@ def oscillatory_settling(
     estimate: bool = True,
     period: float = TUNED_PERIOD,
     ripple: AbstractRippleEstimator | None = None,
+    directions: Float[np.ndarray, "3 2"] = BODY_XY,
 ) -> OscillatorySettling:
     """The Morin-Samson law with regulator.
 
     `model` is what the controller believes of the plant. `observe` tells whether it estimates the
-    ripple of d3 (by `ripple`, `ripple_filter(model)` unless given), `estimate` whether it estimates
-    the errors of axes and inertia. Raises `ValueError` for a torque limit that is not positive.
+    ripple of d3 (by `ripple`, `ripple_filter(model, ...)` unless given), `estimate` whether it
+    estimates the errors of axes and inertia. The two torques are about the orthonormal
+    `directions`. Raises `ValueError` for a torque limit that is not positive and finite, and for
+    S1 = S2, where nothing moves the third axis.
     """
-    gains = _gains(MORIN_SAMSON, model, torque_limit)
-    demand = MorinSamson(**gains.demand._asdict())
-    fine = _fine_stage(model, demand, gains, fade_lean=False)
-    estimator = _estimator(model, observe, estimate, ripple)
+    form = NormalForm.of(model, directions)
+    scaling = _scaling(form, torque_limit, period)
+    gains = _gains(MORIN_SAMSON, scaling)
+    share = min(float(form.coupling) / TUNED_COUPLING, 1.0)
+    demand = MorinSamson(**gains.demand._replace(k3=gains.demand.k3 * math.sqrt(share))._asdict())
+    ripple = (ripple or ripple_filter(form, torque_limit, period=period)) if observe else None
     return OscillatorySettling(
-        fine=fine, estimator=estimator, torque_limit=torque_limit, period=period
+        fine=_fine_stage(form, demand, gains, scaling, fade_lean=False),
+        estimator=_estimator(form, estimate, ripple, scaling),
+        torque_limit=torque_limit,
+        period=period,
     )
 
 
@@ -75,16 +118,19 @@ def three_slew_settling(
     estimate: bool = True,
     period: float = TUNED_PERIOD,
     ripple: AbstractRippleEstimator | None = None,
+    directions: Float[np.ndarray, "3 2"] = BODY_XY,
 ) -> ThreeSlewSettling:
     """Rate law, three slews, two-channel law and regulator; arguments as above."""
-    gains = _gains(TWO_CHANNEL, model, torque_limit)
-    approach = _gains(APPROACH, model, torque_limit)
+    form = NormalForm.of(model, directions)
+    scaling = _scaling(form, torque_limit, period)
+    gains, approach = _gains(TWO_CHANNEL, scaling), _gains(APPROACH, scaling)
     demand = TwoChannel(**gains.demand._asdict())
+    ripple = (ripple or ripple_filter(form, torque_limit, period=period)) if observe else None
     return ThreeSlewSettling(
-        rate_law=FiniteTimeRate(model, torque_limit, **approach.rate_law._asdict()),
-        planner=SlewPlanner(model, torque_limit, **approach.slews._asdict()),
-        fine=_fine_stage(model, demand, gains, fade_lean=True),
-        estimator=_estimator(model, observe, estimate, ripple),
+        rate_law=FiniteTimeRate(form, torque_limit, **approach.rate_law._asdict()),
+        planner=SlewPlanner(form, torque_limit, **approach.slews._asdict()),
+        fine=_fine_stage(form, demand, gains, scaling, fade_lean=True),
+        estimator=_estimator(form, estimate, ripple, scaling),
         torque_limit=torque_limit,
         stopped_rate=approach.stopped_rate,
         lost_rate=approach.lost_rate,
@@ -93,67 +139,104 @@ def three_slew_settling(
 
 
 def ripple_filter(
-    model: RigidBody, amplitude: float = TUNED_RIPPLE[0], frequency: float = TUNED_RIPPLE[1]
+    form: NormalForm,
+    torque_limit: float | int,
+    amplitude: float = 0.0,
+    frequency: float = 0.0,
+    period: float = TUNED_PERIOD,
 ) -> RippleFilter:
-    """The filter for d3 = amplitude sin(frequency t + any phase) about the third axis of `model`.
+    """The filter for d3 = amplitude sin(frequency t + any phase) about the axis n of `form`.
 
-    `amplitude` in N m, `frequency` in rad/s, by default those of the paper. It expects a ripple of
-    ω3 in proportion to amplitude / (J3 frequency), but none smaller than the paper's d3 makes. A
-    frequency of zero means that no periodic d3 is known: the filter then keeps the paper's.
+    `amplitude` in N m, `frequency` in rad/s, zero where no periodic d3 is known. It expects a
+    ripple of ω3 in proportion to amplitude / (n·Jn frequency), but none below what the gains are
+    tuned for.
     """
-    moment = float(model.spacecraft.moments[2])
-    tuned = TUNED_RIPPLE[0] / (TUNED_MOMENTS[2] * TUNED_RIPPLE[1])
-    frequency = abs(frequency) or TUNED_RIPPLE[1]
-    size = abs(amplitude) / (moment * frequency) / tuned
-    return RippleFilter(frequency=frequency, amplitude=RIPPLE_EXPECTED * max(1.0, size))
+    unit = _scaling(form, torque_limit, period).fine_time
+    frequency = abs(frequency) or RIPPLE_FREQUENCY / unit
+    size = abs(amplitude) / (_moments(form)[2] * frequency)
+    return RippleFilter(
+        frequency,
+        noise=RATE_NOISE / unit,
+        amplitude=max(RIPPLE / unit, RIPPLE_SHARE * size),
+        drift=RIPPLE_DRIFT / unit**1.5,
+        product_error=PRODUCT_ERROR * math.sqrt(unit),
+    )
 
 
 Gains = TypeVar("Gains", bound=tuple)
 
 
-def _gains(table: Mapping[float, Gains], model: RigidBody, torque_limit: float | int) -> Gains:
-    """Those tuned for the limit; between two limits on straight lines in logarithms."""
-    limit = float(torque_limit)
-    if not 0 < limit < np.inf:
-        raise ValueError(
-            f"Argument `torque_limit` must be positive and finite, but got {torque_limit} N m."
-        )
-    limit = equivalent_limit(_moments(model), limit)
+def _scaling(form: NormalForm, torque_limit: float | int, period: float) -> Scaling:
+    first, second, third = _moments(form)
+    if not first - second > LEAST_COUPLING * third:
+        raise ValueError("Argument `model` must have S1 apart from S2, but they are equal.")
+    return Scaling.of(math.sqrt(first * second), torque_limit, period)
+
+
+def _gains(table: Mapping[float, Gains], scaling: Scaling) -> Gains:
+    """In SI; between two of the tuned steps on straight lines in logarithms."""
     known = sorted(table)
-    limit = min(max(limit, known[0]), known[-1])
-    if limit in table:
-        return table[limit]
-    place = bisect.bisect(known, limit)
+    step = min(max(scaling.step, known[0]), known[-1])
+    place = min(bisect.bisect(known, step), len(known) - 1)
     low, high = known[place - 1 : place + 1]
-    share = np.log(limit / low) / np.log(high / low)
-    return jax.tree.map(
+    share = math.log(step / low) / math.log(high / low)
+    gains = jax.tree.map(
         lambda one, other: float(one ** (1 - share) * other**share), table[low], table[high]
     )
+    return in_seconds(gains, scaling)
 
 
-def _fine_stage(model, demand, gains: FineGains, *, fade_lean: bool) -> FineStage:
+def _fine_stage(
+    form: NormalForm, demand, gains: FineGains, scaling: Scaling, *, fade_lean: bool
+) -> FineStage:
+    unit = scaling.fine_time
     oscillator = Oscillator(
-        model,
+        form,
         demand,
         frequency=gains.frequency,
         tilt_gain=gains.tilt_gain,
         rate_gain=gains.rate_gain,
         largest_amplitude=gains.largest_amplitude,
         ratio=gains.ratio,
-        dead_zone=DEAD_ZONE,
+        dead_zone=DEAD_ZONE / unit,
     )
-    torque_scale = TORQUE_SCALE / equivalent_limit(_moments(model), 1.0)
-    regulator = OrbitalRegulator.design(model, STATE_SCALE, torque_scale)
-    handover = Handover(gains.enter_slow_rate, gains.enter_rate)
-    return FineStage(oscillator, regulator, handover, fade_lean)
+    slow_rate, amplitude = gains.enter_slow_rate, QUIET_AMPLITUDE / unit
+    in_plane = float(np.linalg.norm(np.asarray(form.orbit_rate)[:2]))
+    if in_plane > QUIET_SHARE * amplitude:
+        end_game = _regulator(form, unit)
+    else:
+        most = float(form.coupling) * amplitude**2 / 2  # of |ds/dt|, rad/s²
+        end_game = _quiet(oscillator, amplitude, most)
+        slow_rate = min(slow_rate, math.sqrt(2 * QUIET_ANGLE * most))
+    handover = Handover(slow_rate, gains.enter_rate, leave_rate=LEAVE_RATE / unit)
+    return FineStage(oscillator, end_game, handover, fade_lean)
+
+
+def _regulator(form: NormalForm, unit: float) -> OrbitalRegulator:
+    first, second, _ = _moments(form)
+    state_scale = np.array(STATE_SCALE) / np.array([1, 1, 1, unit, unit, unit])
+    torque_scale = TORQUE_SCALE * math.sqrt(first * second) / unit**2
+    return OrbitalRegulator.design(form, state_scale, torque_scale)
+
+
+def _quiet(oscillator: Oscillator, amplitude: float, most: float) -> Oscillator:
+    """The oscillation small enough to stay, where no regulator can hold the third axis."""
+    return dataclasses.replace(
+        oscillator,
+        demand=MorinSamson(math.sqrt(most / QUIET_ANGLE), 1.0),
+        largest_amplitude=amplitude,
+        ratio=1.0,
+        dead_zone=0.0,
+    )
 
 
 def _estimator(
-    model: RigidBody, observe: bool, estimate: bool, ripple: AbstractRippleEstimator | None
+    form: NormalForm, estimate: bool, ripple: AbstractRippleEstimator | None, scaling: Scaling
 ) -> ThirdAxisEstimator:
-    observer = (ripple or ripple_filter(model)) if observe else None
-    return ThirdAxisEstimator(model, observer, RecursiveLeastSquares() if estimate else None)
+    noise = CHANGE_NOISE / scaling.fine_time
+    fit = RecursiveLeastSquares(noise=noise) if estimate else None
+    return ThirdAxisEstimator(form, ripple, fit)
 
 
-def _moments(model: RigidBody) -> list[float]:
-    return np.asarray(model.spacecraft.moments).tolist()
+def _moments(form: NormalForm) -> list[float]:
+    return np.asarray(form.moments).tolist()

@@ -43,12 +43,12 @@ def regulator_gain(
     from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov  # takes its time
 
     n = a.shape[0]
-    rank, _ = reachable_rank(a / np.linalg.norm(a, 2), b / np.linalg.norm(b, 2), NOISE)
-    if rank < n:
-        raise ValueError(f"The linear system must be controllable, but its rank is {rank} of {n}.")
     scale = np.sqrt(np.diag(state_weight))  # states of which each unit costs the same
     a, b = scale[:, None] * a / scale, scale[:, None] * b
     state_weight = state_weight / np.outer(scale, scale)
+    rank, _ = reachable_rank(a / np.linalg.norm(a, 2), b / np.linalg.norm(b, 2), NOISE)
+    if rank < n:
+        raise ValueError(f"The linear system must be controllable, but its rank is {rank} of {n}.")
     unsolvable = ValueError("The Riccati equation has no stabilising solution for these weights.")
     try:
         cost = solve_continuous_are(a, b, state_weight, torque_weight)

@@ -2,21 +2,24 @@
 
 from collections.abc import Callable, Mapping
 from operator import attrgetter
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import equinox as eqx
 import numpy as np
+from jaxtyping import Float
 
+from jaxsat.allocation import torque_directions
 from jaxsat.checks import as_float
 from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.control.fine import OscillatorySettling
+from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.presets import oscillatory_settling, ripple_filter, three_slew_settling
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.declaration.settling import OSCILLATORY
 
 
 def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> OscillatorySettling:
-    """The oscillatory law of a table; raises `UnsuitableModel` where it cannot hold an attitude."""
+    """The oscillatory law of a table; raises `UnsuitableModel` where it cannot steer three axes."""
     law = _built(oscillatory_settling, values, context)
     for key, place in OSCILLATORY.tunable.items():
         if values[key] is not None:
@@ -29,32 +32,53 @@ def build_three_slew(values: Mapping[str, Any], context: LawContext) -> ThreeSle
     return _built(three_slew_settling, values, context)
 
 
+def _usable_share(form: NormalForm, axes: Float[np.ndarray, "3 m"]) -> float:
+    """Of each thruster's limit: torques up to it about x and y at once saturate no thruster."""
+    thrusts = np.linalg.pinv(axes) @ np.asarray(form.axes)[:2].T
+    return 1.0 / float(np.abs(thrusts).sum(axis=1).max())
+
+
+def _ripple_about(normal: Float[np.ndarray, "3"], context: LawContext) -> tuple[float, float]:
+    """Amplitude (N m) and frequency (rad/s) of the periodic torque with the most ripple about n."""
+    amplitudes = np.abs(normal * np.array(context.disturbance_amplitude)).tolist()
+    frequencies = context.disturbance_frequency
+    sizes = [a / abs(f) if f else 0.0 for a, f in zip(amplitudes, frequencies, strict=True)]
+    most = max(range(3), key=lambda axis: (sizes[axis], abs(normal[axis])))
+    return amplitudes[most], frequencies[most]
+
+
 Made = TypeVar("Made", OscillatorySettling, ThreeSlewSettling)
 
 
 def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawContext) -> Made:
-    model = context.model
-    amplitude, frequency = values["ripple_amplitude_N_m"], values["ripple_frequency_rad_s"]
-    ripple = ripple_filter(
-        model,
-        context.disturbance_amplitude[2] if amplitude is None else amplitude,
-        context.disturbance_frequency[2] if frequency is None else frequency,
-    )
+    model, axes = context.model, context.torque_axes
+    directions = torque_directions(axes)
+    form = NormalForm.of(model, directions)
+    limit = cast(float, context.torque_limit) * _usable_share(form, axes)
+    amplitude, frequency = _ripple_about(np.asarray(form.axes)[2], context)
+    given = values["ripple_amplitude_N_m"], values["ripple_frequency_rad_s"]
     try:
+        ripple = ripple_filter(
+            form,
+            limit,
+            amplitude if given[0] is None else given[0],
+            frequency if given[1] is None else given[1],
+            values["period_s"],
+        )
         return make(
             model,
-            context.torque_limit,
+            limit,
             observe=values["observe_ripple"],
             estimate=values["estimate_axes"],
             period=values["period_s"],
             ripple=ripple,
+            directions=directions,
         )
     except ValueError as error:
-        first, second, _ = np.asarray(model.spacecraft.moments)
-        rate = float(model.orbit.rate)
+        first, second, _ = np.asarray(form.moments)
         raise UnsuitableModel(
-            "inertia" if rate > 0 else "orbit_rate",
-            "can hold the attitude, which it does by J1 apart from J2 and an orbit rate above 0, "
-            f"got J1 = {first:.6g} and J2 = {second:.6g} kg m², "
-            f"{rate:.6g} rad/s ({str(error).rstrip('.')})",
+            "inertia",
+            "can steer the axis without a torque, which it does by different moments of inertia "
+            "about the two others (S1 and S2 of the normal form), "
+            f"got S1 = {first:.6g} and S2 = {second:.6g} kg m²",
         ) from error

@@ -14,15 +14,19 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
-from jaxsat.control.rate_tracking import clipped, gyroscopic_torque
+from jaxsat.control.normal_form import NormalForm, NormalState
+from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.dynamics import PlantState
 from jaxsat.metrics import wrap_angle
 
 RealScalar = Float[Array, ""]
 
 TAIL = 3.0
 """A leg ends exponentially: its planned duration has this many time constants more."""
+
+STILL = 1e-30
+"""Keeps the quotient by the rate (rad/s) of a frame at rest finite."""
 
 END_ITERATIONS = 3
 """The needed rotation depends on its own duration, weakly: the orbit frame turns meanwhile."""
@@ -100,7 +104,7 @@ class SlewPlanner(eqx.Module):
     go is below `angle_tolerance` (rad) and its rate below `rate_tolerance` (rad/s).
     """
 
-    model: RigidBody
+    form: NormalForm
     torque_limit: RealScalar = eqx.field(converter=as_float)
     share: RealScalar = eqx.field(converter=as_float)
     approach: RealScalar = eqx.field(converter=as_float)
@@ -119,23 +123,41 @@ class SlewPlanner(eqx.Module):
         ):
             require_positive(name, getattr(self, name))
 
-    def init(self, state: PlantState) -> Slewing:
+    def init(self, omega: Float[Array, "3"]) -> Slewing:
         """Nothing planned."""
-        zero = jnp.zeros_like(state.omega[0])
+        zero = jnp.zeros_like(omega[0])
         return Slewing(jnp.array(Leg.FIRST_SLEW), zero, jnp.array(True), zero, zero)
 
-    def needed(self, state: PlantState, ahead: RealScalar) -> Float[Array, "4"]:
-        """The rotation (quaternion) from the body to the orbit frame of `ahead` seconds later."""
-        q0, q1, q2, q3 = state.attitude.as_quaternion().q
-        half = -self.model.orbit.rate * ahead / 2
-        p0, p2 = jnp.cos(half), jnp.sin(half)
-        return jnp.stack(
-            [q0 * p0 + q2 * p2, -q1 * p0 + q3 * p2, q0 * p2 - q2 * p0, -q3 * p0 - q1 * p2]
-        )
+    def needed(self, state: NormalState, ahead: RealScalar) -> Float[Array, "4"]:
+        """The rotation (quaternion) from the body to the orbit frame of `ahead` seconds later.
+
+        Along the axes about which the slews turn: x and y lean by ε as the body turns about n
+        alike. At s = rest the body itself turns about n with the orbit frame.
+        """
+        q, turn_rate = state.attitude.q, self.form.orbit_rate.at[2].add(-self.form.rest[2])
+        speed = jnp.sqrt(jnp.sum(turn_rate**2) + STILL)
+        half = speed * ahead / 2
+        p0, p = jnp.cos(half), jnp.sin(half) * turn_rate / speed
+        scalar = q[0] * p0 + jnp.sum(q[1:] * p)
+        vector = q[0] * p - p0 * q[1:] - jnp.cross(q[1:], p)
+        return jnp.concatenate([scalar[None], self._slew_axes() @ vector])
+
+    def _slew_axes(self) -> Float[Array, "3 3"]:
+        """Rows: the axis of a slew about x, one across it nearest to that about y, their product.
+
+        The axes of the slews are at right angles but for ε1 ε2.
+        """
+        e1, e2 = self.form.lean
+        one, zero = jnp.ones_like(e1), jnp.zeros_like(e1)
+        first = jnp.stack([one, zero, e1]) / jnp.sqrt(1 + e1**2)
+        second = jnp.stack([zero, one, e2])
+        second = second - first * jnp.sum(first * second)
+        second = second / jnp.sqrt(jnp.sum(second**2))
+        return jnp.stack([first, second, jnp.cross(first, second)])
 
     def duration(self, angles: Float[Array, "*n 3"], along_x: Bool[Array, "*n"]) -> Array:
         """Seconds that three legs take from rest to rest, their tails included."""
-        j1, j2, _ = self.model.spacecraft.moments
+        j1, j2, _ = self.form.moments
         outer, inner = jnp.where(along_x, j1, j2), jnp.where(along_x, j2, j1)
         size = jnp.abs(angles) + 1e-9  # its root has no derivative at zero
         roots = jnp.sqrt(outer * size[..., 0]) + jnp.sqrt(outer * size[..., 2])
@@ -143,7 +165,7 @@ class SlewPlanner(eqx.Module):
         tails = 3 * TAIL / self.approach
         return 2 * roots / jnp.sqrt(self.share * self.torque_limit) + tails
 
-    def plan(self, t: RealScalar, state: PlantState) -> Slewing:
+    def plan(self, t: RealScalar, state: NormalState) -> Slewing:
         """The quickest of the four ways to the orbit frame as it will be at their end."""
         ahead = jnp.zeros_like(state.omega[0])
         along_x = jnp.array([True, True, False, False])
@@ -160,12 +182,13 @@ class SlewPlanner(eqx.Module):
         return Slewing(jnp.array(Leg.FIRST_SLEW), angles[best, 0], along_x[best], t + ahead, rate)
 
     def advance(
-        self, t: RealScalar, state: PlantState, slewing: Slewing, period: RealScalar
+        self, t: RealScalar, state: NormalState, slewing: Slewing, period: RealScalar
     ) -> Slewing:
         """The angle to go `period` (s) later; at the end of a leg, the next from the attitude."""
         axis_x = self._axis_is_x(slewing)
         rate = jnp.where(axis_x, state.omega[0], state.omega[1])
-        to_go = slewing.to_go - period * (rate + slewing.last_rate) / 2
+        stretch = jnp.sqrt(1 + jnp.where(axis_x, *self.form.lean) ** 2)
+        to_go = slewing.to_go - stretch * period * (rate + slewing.last_rate) / 2
         over = (jnp.abs(to_go) < self.angle_tolerance) & (jnp.abs(rate) < self.rate_tolerance)
         flown = slewing._replace(to_go=to_go, last_rate=rate)
         following = self._next_leg(t, state, slewing)
@@ -173,7 +196,7 @@ class SlewPlanner(eqx.Module):
 
     def reference(self, to_go: RealScalar, along_x: Bool[Array, ""]) -> tuple[Array, Array]:
         """The leg's rate v (rad/s) for an angle to go, and dv/de (1/s)."""
-        j1, j2, _ = self.model.spacecraft.moments
+        j1, j2, _ = self.form.moments
         deceleration = self.share * self.torque_limit / jnp.where(along_x, j1, j2)
         join = deceleration / self.approach**2
         size = jnp.abs(to_go)
@@ -188,27 +211,25 @@ class SlewPlanner(eqx.Module):
         rate = jnp.where(slewing.leg == Leg.SLEWED, 0.0, self.reference(slewing.to_go, axis_x)[0])
         return jnp.where(jnp.stack([axis_x, ~axis_x]), rate, 0.0)
 
-    def torque(self, state: PlantState, slewing: Slewing) -> Float[Array, "2"]:
-        """The torque of the leg under way, not yet limited, N m.
+    def torque(self, omega: Float[Array, "3"], slewing: Slewing) -> Float[Array, "2"]:
+        """The torque about x and y of the leg under way, not yet limited, N m.
 
         The profile's deceleration is fed forward only while the body follows it.
         """
         axis_x = self._axis_is_x(slewing)
-        rate = jnp.where(axis_x, state.omega[0], state.omega[1])
+        rate = jnp.where(axis_x, omega[0], omega[1])
         reference, slope = self.reference(slewing.to_go, axis_x)
         follows = (reference * rate > 0) & (jnp.abs(rate) > jnp.abs(reference) / 2)
         change = jnp.where(follows, -slope * rate, 0.0)
         wanted = change + self.rate_gain * (reference - rate)
-        resting = -self.rate_gain * state.omega[:2]
+        resting = -self.rate_gain * omega[:2]
         driven = jnp.stack([axis_x, ~axis_x])
-        moments = self.model.spacecraft.moments
-        acceleration = jnp.where(driven, wanted, resting)
-        return moments[:2] * acceleration - gyroscopic_torque(moments, state.omega)
+        return self.form.torque(omega, jnp.where(driven, wanted, resting))
 
     def _axis_is_x(self, slewing: Slewing) -> Bool[Array, ""]:
         return slewing.along_x ^ (slewing.leg == Leg.SECOND_SLEW)
 
-    def _next_leg(self, t: RealScalar, state: PlantState, slewing: Slewing) -> Slewing:
+    def _next_leg(self, t: RealScalar, state: NormalState, slewing: Slewing) -> Slewing:
         q = mirrored(self.needed(state, slewing.end - t), slewing.along_x)
         second, third = two_slews(q)[0], one_slew(q)
         following = slewing._replace(leg=jnp.minimum(slewing.leg + 1, Leg.SLEWED))
@@ -242,24 +263,26 @@ class ThreeSlewLaw(AbstractSampledController):
 
     def init(self, state: PlantState) -> ThreeSlewMemory:
         """Nothing planned."""
-        return ThreeSlewMemory(self.planner.init(state), jnp.array(False))
+        return ThreeSlewMemory(self.planner.init(state.omega), jnp.array(False))
 
     def step(
         self, t: RealScalar, state: PlantState, memory: ThreeSlewMemory
     ) -> tuple[Float[Array, "2"], ThreeSlewMemory]:
         """Plan at the first sample, fly at every other."""
-        flown = self.planner.advance(t, state, memory.slewing, self.period)
+        seen = self.planner.form.seen(state)
+        flown = self.planner.advance(t, seen, memory.slewing, self.period)
         done = memory.slewing.leg == Leg.SLEWED
         flown = jax.tree.map(lambda x, y: jnp.where(done, x, y), memory.slewing, flown)
-        plan = self.planner.plan(t, state)
+        plan = self.planner.plan(t, seen)
         slewing = jax.tree.map(lambda x, y: jnp.where(memory.planned, x, y), flown, plan)
         stopped = slewing._replace(to_go=jnp.where(slewing.leg == Leg.SLEWED, 0.0, slewing.to_go))
-        command = clipped(self.planner.torque(state, stopped), self.planner.torque_limit)
-        return command, ThreeSlewMemory(slewing, jnp.array(True))
+        torque = clipped(self.planner.torque(seen.omega, stopped), self.planner.torque_limit)
+        return self.planner.form.command(torque), ThreeSlewMemory(slewing, jnp.array(True))
 
     def rate_error(self, state: PlantState, memory: ThreeSlewMemory) -> Float[Array, "2"]:
         """Rates less those of the profile; before the first sample the rates, rad/s."""
-        return state.omega[:2] - self.planner.references(memory.slewing)
+        omega = self.planner.form.seen(state).omega
+        return omega[:2] - self.planner.references(memory.slewing)
 
     def mode(self, memory: ThreeSlewMemory) -> Int[Array, ""]:
         """The `Leg` under way."""

@@ -12,6 +12,7 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.fine import FineMemory, FineMode, FineStage
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
+from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import Leg, Slewing, SlewPlanner
@@ -50,7 +51,7 @@ class ThreeSlewSettling(AbstractSampledController):
 
     The slews begin when |ω3| is below 1.5 times the rate law's dead zone and |ω1|, |ω2| are below
     `stopped_rate` (rad/s), the fine stage when the third slew is over. It all begins again when
-    |z| exceeds `lost_turn` (rad) or |ω3| exceeds `lost_rate` (rad/s) in the fine stage.
+    |z| exceeds `lost_turn` (rad) or s its value at rest by `lost_rate` (rad/s) in the fine stage.
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
 
@@ -70,52 +71,59 @@ class ThreeSlewSettling(AbstractSampledController):
         for name in ("torque_limit", "stopped_rate", "lost_turn", "lost_rate", "period"):
             require_positive(name, getattr(self, name))
 
+    @property
+    def form(self) -> NormalForm:
+        """The plant that is believed, and its frame."""
+        return self.planner.form
+
     def init(self, state: PlantState) -> SettlingMemory:
         """The first phase, nothing known yet."""
+        omega = self.form.seen(state).omega
         return SettlingMemory(
             jnp.array(Phase.STOPPING),
             self.rate_law.init(state),
-            self.planner.init(state),
-            self.fine.init(state),
-            jnp.zeros_like(state.omega[0]),
-            self.estimator.init(state),
-            jnp.zeros(2, state.omega.dtype),
+            self.planner.init(omega),
+            self.fine.init(omega),
+            jnp.zeros_like(omega[0]),
+            self.estimator.init(omega),
+            jnp.zeros(2, omega.dtype),
         )
 
     def step(
         self, t: RealScalar, state: PlantState, memory: SettlingMemory
     ) -> tuple[Float[Array, "2"], SettlingMemory]:
         """Estimate, choose the phase, run the three parts and take the one whose turn it is."""
-        third, estimator = self.estimator.update(state, memory.estimator, self.period)
-        slewing = self.planner.advance(t, state, memory.slewing, self.period)
-        phase = self._phase(memory.phase, state, third, slewing)
+        seen = self.form.seen(state)
+        third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
+        slewing = self.planner.advance(t, seen, memory.slewing, self.period)
+        phase = self._phase(memory.phase, seen, third, slewing)
         begun = phase != memory.phase
         begins_fine = begun & (phase == Phase.OSCILLATING)
         estimator = self.estimator.forget_ripple(estimator, begun & (phase != Phase.SLEWING))
-        plan = self.planner.plan(t, state)
+        plan = self.planner.plan(t, seen)
         slewing = _choose(begun & (phase == Phase.SLEWING), plan, slewing)
         signs = _choose(begun & (phase == Phase.STOPPING), self.rate_law.init(state), memory.signs)
-        fine = _choose(begins_fine, self.fine.init(state), memory.fine)
+        fine = _choose(begins_fine, self.fine.init(seen.omega), memory.fine)
         fine_since = jnp.where(begins_fine, t, memory.fine_since)
 
-        signs = self.rate_law.signs(third, state.omega, signs)
-        tracking = self.rate_law.tracking(third, state.omega, signs)
-        fine_torque, fine_reference, fine = self.fine.step(t - fine_since, state, third, fine)
-        command = _by_phase(
+        signs = self.rate_law.signs(third, seen.omega, signs)
+        tracking = self.rate_law.tracking(third, seen.omega, signs)
+        fine_torque, fine_reference, fine = self.fine.step(t - fine_since, seen, third, fine)
+        torque = _by_phase(
             phase,
-            self.rate_law.torque(state, tracking),
-            self.planner.torque(state, slewing),
+            self.rate_law.torque(seen.omega, tracking),
+            self.planner.torque(seen.omega, slewing),
             fine_torque,
         )
         slew_reference = self.planner.references(slewing)
         reference = _by_phase(phase, tracking.rate, slew_reference, fine_reference)
         following = SettlingMemory(phase, signs, slewing, fine, fine_since, estimator, reference)
-        return clipped(command, self.torque_limit), following
+        return self.form.command(clipped(torque, self.torque_limit)), following
 
     def rate_error(self, state: PlantState, memory: SettlingMemory) -> Float[Array, "2"]:
         """ω - ω_d of the phase, zero while the regulator works, rad/s."""
         regulating = self.mode(memory) == Phase.REGULATING
-        return jnp.where(regulating, 0.0, state.omega[:2] - memory.reference)
+        return jnp.where(regulating, 0.0, self.form.seen(state).omega[:2] - memory.reference)
 
     def mode(self, memory: SettlingMemory) -> Int[Array, ""]:
         """The `Phase` at work."""
@@ -123,12 +131,13 @@ class ThreeSlewSettling(AbstractSampledController):
         return jnp.where(regulating, Phase.REGULATING, memory.phase)
 
     def _phase(
-        self, phase: Int[Array, ""], state: PlantState, third: ThirdAxis, slewing: Slewing
+        self, phase: Int[Array, ""], state: NormalState, third: ThirdAxis, slewing: Slewing
     ) -> Int[Array, ""]:
         still = jnp.max(jnp.abs(state.omega[:2])) < self.stopped_rate
         stopped = still & (jnp.abs(third.rate) < STOPPED * self.rate_law.dead_zone)
         turn = jnp.abs(tilt_of(state.attitude).turn)
-        lost = (turn > self.lost_turn) | (jnp.abs(state.omega[2]) > self.lost_rate)
+        slow = state.omega[2] - self.form.rest[2]
+        lost = (turn > self.lost_turn) | (jnp.abs(slow) > self.lost_rate)
         after_stopping = jnp.where(stopped, Phase.SLEWING, Phase.STOPPING)
         after_slewing = jnp.where(slewing.leg == Leg.SLEWED, Phase.OSCILLATING, Phase.SLEWING)
         after_fine = jnp.where(lost, Phase.STOPPING, Phase.OSCILLATING)

@@ -15,6 +15,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jaxsat.attitude import Quaternion
 from jaxsat.checks import as_float
+from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.riccati import regulator_gain
 from jaxsat.control.tilt import Tilt
 from jaxsat.dynamics import PlantState, RigidBody
@@ -26,15 +27,19 @@ TORQUE_SCALE = 0.1
 """N m."""
 
 
-def linear_model(model: RigidBody) -> tuple[np.ndarray, np.ndarray]:
+def linear_model(form: NormalForm) -> tuple[np.ndarray, np.ndarray]:
     """A (6, 6) and B (6, 2) of the plant about rest relative to the orbit frame.
 
-    The state is (φ, θ, z, ω1, ω2 + ω0, ω3), small angles in rad and rates in rad/s; the input is
-    (u1, u2) in N m. Derivatives of the model's own equations (1), (10), (11) by JAX.
+    The state is (φ, θ, z, and p1, p2, s less their values at rest), small angles in rad and rates
+    in rad/s; the input is the torque about x and y in N m. Derivatives of the model's own
+    equations (1), (10), (11) by JAX.
     """
-
-    a, b = _derivatives(model)
-    return np.asarray(a), np.asarray(b)
+    a, b = (np.asarray(matrix) for matrix in _derivatives(form.model))
+    # The same rows turn angles into (φ, θ, z), and rates into those of p1, p2 and s.
+    turned = np.asarray(form.axes, dtype=float).copy()
+    turned[2] -= np.asarray(form.lean) @ turned[:2]
+    into = np.kron(np.eye(2), turned)
+    return into @ a @ np.linalg.inv(into), into @ b @ np.asarray(form.axes)[:2].T
 
 
 @eqx.filter_jit  # one program instead of hundreds of operations compiled one by one
@@ -44,48 +49,49 @@ def _derivatives(model: RigidBody) -> tuple[Array, Array]:
         scalar = jnp.sqrt(1 - jnp.sum(vector**2))
         attitude = Quaternion(jnp.concatenate([scalar[None], vector]))
         omega = deviation[3:].at[1].add(-model.orbit.rate)
-        body_torque = jnp.concatenate([torque, jnp.zeros(1)])
-        change = model.rate(jnp.zeros(()), PlantState(attitude, omega), body_torque)
+        change = model.rate(jnp.zeros(()), PlantState(attitude, omega), torque)
         turn = cast(Quaternion, change.attitude).q[1:]
         return jnp.concatenate([2 * turn, change.omega])
 
-    return jax.jacfwd(rate, argnums=(0, 1))(jnp.zeros(6), jnp.zeros(2))
+    return jax.jacfwd(rate, argnums=(0, 1))(jnp.zeros(6), jnp.zeros(3))
 
 
 class OrbitalRegulator(eqx.Module):
-    """u = -gain x with x = (φ, θ, z, ω1, ω2 + ω0, ω3); `gain` has shape (2, 6).
+    """u = -gain x with x = (φ, θ, z, and p1, p2, s less their values at rest); shape (2, 6).
+
+    z is the turn that goes with s: the turn about n less ε1 φ + ε2 θ. The torques are about x, y.
 
     Made by `design`, or from a gain of one's own.
     """
 
     gain: Float[Array, "2 6"] = eqx.field(converter=as_float)
-    orbit_rate: Float[Array, ""] = eqx.field(converter=as_float)
 
     @staticmethod
     def design(
-        model: RigidBody,
+        form: NormalForm,
         state_scale: ArrayLike | tuple = STATE_SCALE,
         torque_scale: ArrayLike | float = TORQUE_SCALE,
     ) -> "OrbitalRegulator":
         """The linear quadratic regulator with Q = diag(state_scale)⁻² and R = torque_scale⁻² I.
 
-        Solved with SciPy when the object is made, so `model` must be concrete. Raises `ValueError`
-        where the linear system cannot be stabilised: J1 = J2 or no orbit.
+        Solved with SciPy when the object is made, so `form` must be concrete. Raises `ValueError`
+        where the linear system cannot be stabilised: c = 0, no orbit, or one whose rate is along n.
         """
-        a, b = linear_model(model)
+        a, b = linear_model(form)
         state_weight = np.diag(np.broadcast_to(np.asarray(state_scale, float), (6,)) ** -2.0)
         torque_weight = np.diag(np.broadcast_to(np.asarray(torque_scale, float), (2,)) ** -2.0)
         gain = regulator_gain(a, b, state_weight, torque_weight)
-        return OrbitalRegulator(gain, model.orbit.rate)
+        return OrbitalRegulator(gain)
 
     def torque(
         self,
         tilt: Tilt,
         turn: Float[Array, ""],
-        omega: Float[Array, "3"],
+        excess: Float[Array, "3"],
     ) -> Float[Array, "2"]:
-        """The torque, N m. `turn` (rad) and `omega[2]` (rad/s) may have their ripple removed."""
-        state = jnp.stack(
-            [tilt.phi, tilt.theta, turn, omega[0], omega[1] + self.orbit_rate, omega[2]]
-        )
+        """The torque, N m. `excess` is (p1, p2, s) less its value at rest, rad/s.
+
+        `turn` (rad) and `excess[2]` may have their ripple removed.
+        """
+        state = jnp.concatenate([jnp.stack([tilt.phi, tilt.theta, turn]), excess])
         return -jnp.sum(self.gain * state[None, :], axis=1)

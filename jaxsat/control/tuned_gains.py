@@ -1,4 +1,7 @@
-"""Gains of the laws that settle, tuned for the paper's spacecraft at thrusters of 1, 5 and 20 N m.
+"""Gains of the laws that settle, without dimension: rates times τ, see `jaxsat.control.scaling`.
+
+They were tuned for the paper's spacecraft, section 5, at thrusters of 1, 5 and 20 N m: τ = 18.57,
+8.305 and 4.153 s. With its orbit, disturbance and sensors the period over τ tells these apart.
 
 How they were found:
 
@@ -15,7 +18,7 @@ This checks them all; `docs/laws.md` has what it gives:
         --seed 90417 -n 2000
 
 This tunes those of the oscillatory law again, once mine.toml has the torque limit wanted and none
-of the seven gains in `[control]`, so that it starts from those below:
+of the seven gains in `[control]`, so that it starts from those below; times τ they go here:
 
     jaxsat scenarios show oscillatory-dispersed > mine.toml
     jaxsat tune mine.toml
@@ -27,9 +30,11 @@ compare.
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from jaxsat.control.scaling import STEPS
+
 
 class MorinSamsonGains(NamedTuple):
-    """Gains of `MorinSamson`: `k3` (1/s), damping ratio ζ, and `rest` (rad)."""
+    """Gains of `MorinSamson`: `k3`, damping ratio ζ, and `rest` (rad)."""
 
     k3: float
     damping: float
@@ -37,7 +42,7 @@ class MorinSamsonGains(NamedTuple):
 
 
 class TwoChannelGains(NamedTuple):
-    """Gains of `TwoChannel`: `k3` and `kz` (1/s), and `rest` (rad)."""
+    """Gains of `TwoChannel`: `k3` and `kz`, and `rest` (rad)."""
 
     k3: float
     kz: float
@@ -47,8 +52,7 @@ class TwoChannelGains(NamedTuple):
 class FineGains(NamedTuple):
     """Gains of the fine stage: of its demand, its `Oscillator` and its `Handover`.
 
-    `frequency` is ν (rad/s), `tilt_gain` k and `rate_gain` kω (1/s), `largest_amplitude` ρm
-    (rad/s), `ratio` r (no unit). `enter_slow_rate` and `enter_rate` are in rad/s.
+    `frequency` is ν, `tilt_gain` k, `rate_gain` kω, `largest_amplitude` ρm, `ratio` r.
     """
 
     demand: MorinSamsonGains | TwoChannelGains
@@ -62,7 +66,7 @@ class FineGains(NamedTuple):
 
 
 class RateLawGains(NamedTuple):
-    """Gains of `FiniteTimeRate`: `share` η (no unit), `rate_gain` (1/s), `dead_zone` ε (rad/s)."""
+    """Gains of `FiniteTimeRate`: `share` η, `rate_gain` and `dead_zone` ε."""
 
     share: float
     rate_gain: float
@@ -72,8 +76,7 @@ class RateLawGains(NamedTuple):
 class SlewGains(NamedTuple):
     """Gains of `SlewPlanner`.
 
-    `share` is η_s (no unit), `approach` λ and `rate_gain` k_s (1/s). `angle_tolerance` is in rad,
-    `rate_tolerance` in rad/s.
+    `share` is η_s, `approach` λ and `rate_gain` k_s; `angle_tolerance` is in rad.
     """
 
     share: float
@@ -84,7 +87,7 @@ class SlewGains(NamedTuple):
 
 
 class ApproachGains(NamedTuple):
-    """Gains of `ThreeSlewSettling` before its fine stage; the two rates in rad/s."""
+    """Gains of `ThreeSlewSettling` before its fine stage."""
 
     rate_law: RateLawGains
     slews: SlewGains
@@ -93,109 +96,145 @@ class ApproachGains(NamedTuple):
 
 
 MORIN_SAMSON: Mapping[float, FineGains] = {
-    1.0: FineGains(
-        demand=MorinSamsonGains(k3=0.03, damping=0.76, rest=0.02),
-        frequency=0.086,
-        tilt_gain=0.03,
-        rate_gain=0.26,
-        largest_amplitude=0.07,
+    STEPS[0]: FineGains(
+        demand=MorinSamsonGains(
+            k3=0.557123065,
+            damping=0.76,
+            rest=0.02,
+        ),
+        frequency=1.59708612,
+        tilt_gain=0.557123065,
+        rate_gain=4.828399897,
+        largest_amplitude=1.299953818,
         ratio=1.52,
-        enter_slow_rate=2.24e-5,
-        enter_rate=2e-3,
+        enter_slow_rate=0.0004159852219,
+        enter_rate=0.03714153767,
     ),
-    5.0: FineGains(
-        demand=MorinSamsonGains(k3=0.0665, damping=0.761, rest=0.02),
-        frequency=0.193,
-        tilt_gain=0.0666,
-        rate_gain=0.583,
-        largest_amplitude=0.157,
+    STEPS[1]: FineGains(
+        demand=MorinSamsonGains(
+            k3=0.55228917,
+            damping=0.761,
+            rest=0.02,
+        ),
+        frequency=1.602884358,
+        tilt_gain=0.5531196801,
+        rate_gain=4.841873476,
+        largest_amplitude=1.303900747,
         ratio=1.52,
-        enter_slow_rate=3.58e-5,
-        enter_rate=2e-3,
+        enter_slow_rate=0.0002973225908,
+        enter_rate=0.0166102006,
     ),
-    20.0: FineGains(
-        demand=MorinSamsonGains(k3=0.130, damping=0.802, rest=0.02),
-        frequency=0.382,
-        tilt_gain=1.59,
-        rate_gain=0.134,
-        largest_amplitude=0.404,
+    STEPS[2]: FineGains(
+        demand=MorinSamsonGains(
+            k3=0.5398315196,
+            damping=0.802,
+            rest=0.02,
+        ),
+        frequency=1.586274158,
+        tilt_gain=6.602554739,
+        rate_gain=0.5564417202,
+        largest_amplitude=1.677630261,
         ratio=1.72,
-        enter_slow_rate=3.11e-5,
-        enter_rate=2e-3,
+        enter_slow_rate=0.0001291443097,
+        enter_rate=0.008305100301,
     ),
 }
-"""Of the oscillatory law, by torque limit (N m)."""
+"""Of the oscillatory law, by the period over τ."""
 
 TWO_CHANNEL: Mapping[float, FineGains] = {
-    1.0: FineGains(
-        demand=TwoChannelGains(k3=0.113, kz=0.0494, rest=0.008),
-        frequency=0.170,
-        tilt_gain=1.36,
-        rate_gain=0.161,
-        largest_amplitude=0.122,
+    STEPS[0]: FineGains(
+        demand=TwoChannelGains(
+            k3=2.098496878,
+            kz=0.9173959804,
+            rest=0.008,
+        ),
+        frequency=3.157030702,
+        tilt_gain=25.25624561,
+        rate_gain=2.989893782,
+        largest_amplitude=2.265633798,
         ratio=1.5,
-        enter_slow_rate=4e-5,
-        enter_rate=2.5e-3,
+        enter_slow_rate=0.0007428307533,
+        enter_rate=0.04642692208,
     ),
-    5.0: FineGains(
-        demand=TwoChannelGains(k3=0.13, kz=0.13, rest=0.008),
-        frequency=0.4,
-        tilt_gain=0.262,
-        rate_gain=0.454,
-        largest_amplitude=0.146,
+    STEPS[1]: FineGains(
+        demand=TwoChannelGains(
+            k3=1.079663039,
+            kz=1.079663039,
+            rest=0.008,
+        ),
+        frequency=3.32204012,
+        tilt_gain=2.175936279,
+        rate_gain=3.770515537,
+        largest_amplitude=1.212544644,
         ratio=1.24,
-        enter_slow_rate=3e-5,
-        enter_rate=2e-3,
+        enter_slow_rate=0.000249153009,
+        enter_rate=0.0166102006,
     ),
-    20.0: FineGains(
-        demand=TwoChannelGains(k3=0.2, kz=0.25, rest=0.008),
-        frequency=0.6,
-        tilt_gain=0.319,
-        rate_gain=6.03,
-        largest_amplitude=0.786,
+    STEPS[2]: FineGains(
+        demand=TwoChannelGains(
+            k3=0.8305100301,
+            kz=1.038137538,
+            rest=0.008,
+        ),
+        frequency=2.49153009,
+        tilt_gain=1.324663498,
+        rate_gain=25.03987741,
+        largest_amplitude=3.263904418,
         ratio=1.07,
-        enter_slow_rate=3e-5,
-        enter_rate=2e-3,
+        enter_slow_rate=0.0001245765045,
+        enter_rate=0.008305100301,
     ),
 }
-"""Of the fine stage of the three slews, by torque limit (N m)."""
+"""Of the fine stage of the three slews, by the period over τ."""
 
 APPROACH: Mapping[float, ApproachGains] = {
-    1.0: ApproachGains(
-        rate_law=RateLawGains(share=0.551, rate_gain=10.0, dead_zone=6e-5),
+    STEPS[0]: ApproachGains(
+        rate_law=RateLawGains(
+            share=0.551,
+            rate_gain=185.7076883,
+            dead_zone=0.00111424613,
+        ),
         slews=SlewGains(
             share=0.897,
-            approach=2.58,
-            rate_gain=2.80,
-            angle_tolerance=4.0e-3,
-            rate_tolerance=1.14e-2,
+            approach=47.91258359,
+            rate_gain=51.99815273,
+            angle_tolerance=0.004,
+            rate_tolerance=0.2117067647,
         ),
-        stopped_rate=7.9e-3,
-        lost_rate=2e-3,
+        stopped_rate=0.1467090738,
+        lost_rate=0.03714153767,
     ),
-    5.0: ApproachGains(
-        rate_law=RateLawGains(share=0.779, rate_gain=1.12, dead_zone=3e-5),
+    STEPS[1]: ApproachGains(
+        rate_law=RateLawGains(
+            share=0.779,
+            rate_gain=9.301712337,
+            dead_zone=0.000249153009,
+        ),
         slews=SlewGains(
             share=0.791,
-            approach=4.77,
-            rate_gain=2.34,
-            angle_tolerance=2.7e-3,
-            rate_tolerance=8.8e-4,
+            approach=39.61532844,
+            rate_gain=19.4339347,
+            angle_tolerance=0.0027,
+            rate_tolerance=0.007308488265,
         ),
-        stopped_rate=4.7e-3,
-        lost_rate=0.05,
+        stopped_rate=0.03903397141,
+        lost_rate=0.4152550151,
     ),
-    20.0: ApproachGains(
-        rate_law=RateLawGains(share=0.881, rate_gain=0.795, dead_zone=5e-5),
+    STEPS[2]: ApproachGains(
+        rate_law=RateLawGains(
+            share=0.881,
+            rate_gain=3.30127737,
+            dead_zone=0.0002076275075,
+        ),
         slews=SlewGains(
             share=0.825,
-            approach=7.32,
-            rate_gain=2.33,
-            angle_tolerance=2.0e-3,
-            rate_tolerance=6.4e-4,
+            approach=30.3966671,
+            rate_gain=9.675441851,
+            angle_tolerance=0.002,
+            rate_tolerance=0.002657632096,
         ),
-        stopped_rate=2.7e-3,
-        lost_rate=0.05,
+        stopped_rate=0.01121188541,
+        lost_rate=0.2076275075,
     ),
 }
-"""Of the three slews, by torque limit (N m)."""
+"""Of the three slews, by the period over τ."""

@@ -18,6 +18,8 @@ class LawDeclaration:
     - `keys`: the law's own keys of `[control]`. A law that is sampled has `period_s` among them.
     - `torques`: 2 for a law that commands (u1, u2) about body x and y, 3 for one that commands a
       torque about each body axis, which takes three independent thrusters, 0 for none.
+    - `any_plane`: the two torques are about `jaxsat.allocation.torque_directions` of the thrusters
+      left, in whatever plane these are, instead of body x and y.
     - `has_model`: whether the table `[control.model]` may say what the controller believes.
     - `measures_disturbance`: whether the key `measured_disturbance` may add the periodic
       disturbance to the model.
@@ -31,13 +33,14 @@ class LawDeclaration:
     - `regulates_attitude`: a case counts as settled by attitude and rate, else by rate alone.
     - `jumps_without`: widths above 0 without which the commanded torque jumps, so that fixed steps
       do not suit it.
-    - `tuned_limits`: from principal moments (kg m²) to the torque limits (N m) that gains are
-      tuned for.
+    - `tuned_limits`: from S1, S2 and n·Jn of `jaxsat.inertia.normal_axes` (kg m²) and the control
+      period (s) to the torque limits (N m) that gains are tuned for.
     """
 
     summary: str
     keys: tuple[Key, ...] = ()
     torques: Literal[0, 2, 3] = 2
+    any_plane: bool = False
     has_model: bool = True
     measures_disturbance: bool = False
     ordered: tuple[tuple[str, str], ...] = ()
@@ -48,7 +51,7 @@ class LawDeclaration:
     works_in_wz: bool = False
     regulates_attitude: bool = True
     jumps_without: tuple[str, ...] = ()
-    tuned_limits: Callable[[tuple[float, ...]], tuple[float, ...]] | None = None
+    tuned_limits: Callable[[tuple[float, ...], float | None], tuple[float, ...]] | None = None
 
     def __post_init__(self):
         names = [key.name for key in self.keys]

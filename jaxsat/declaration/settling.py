@@ -26,9 +26,12 @@ def equivalent_limit(moments: Sequence[float], torque_limit: float) -> float:
     return float(torque_limit) * (tuned / math.sqrt(float(moments[0]) * float(moments[1])))
 
 
-def tuned_limits(moments: Sequence[float]) -> tuple[float, ...]:
-    """The torque limits (N m) that the gains are tuned for, for a body of these moments (kg m²)."""
-    scale = equivalent_limit(moments, 1.0)
+def tuned_limits(moments: Sequence[float], period: float | None = None) -> tuple[float, ...]:
+    """The torque limits (N m) that the gains are tuned for, for a body with these S1, S2 (kg m²).
+
+    `period` is the control period (s), that which they are tuned for if left out.
+    """
+    scale = equivalent_limit(moments, 1.0) * ((period or TUNED_PERIOD) / TUNED_PERIOD) ** 2
     return tuple(one / scale for one in TUNED_LIMITS)
 
 
@@ -88,8 +91,8 @@ OSCILLATORY = LawDeclaration(
         _gain("damping", "Damping ratio ζ of that motion", "1", "demand.damping"),
         *_COMMON_KEYS,
     ),
+    any_plane=True,
     needs_torque_limit=True,
-    needs_unequal_moments=True,
     tuned_limits=tuned_limits,
 )
 
@@ -97,7 +100,7 @@ THREE_SLEW = LawDeclaration(
     summary="stop, three slews about the driven axes, oscillate, regulate.\n\n"
     "The gains are tuned for torque limits of 1, 5 and 20 N m and interpolated in between",
     keys=_COMMON_KEYS,
+    any_plane=True,
     needs_torque_limit=True,
-    needs_unequal_moments=True,
     tuned_limits=tuned_limits,
 )

@@ -20,11 +20,11 @@ from jaxsat.montecarlo.dispersions import Dispersed, StudyCase
 from jaxsat.montecarlo.executors import AbstractExecutor, Serial
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.montecarlo.statistics import StopRule
+from jaxsat.pointing import pointing_error
 from jaxsat.results import Column, OutputError, StudyStore, machine
 from jaxsat.results.chunks import Coordinate, chunk_numbers
 from jaxsat.results.differences import differences
 from jaxsat.results.labels import components
-from jaxsat.results.pointing import pointing_error
 
 DRAWN = "drawn_"
 """Prefix of the columns that hold what was drawn for a case."""

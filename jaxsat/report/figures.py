@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxsat.pointing import pointing_error
 from jaxsat.report.signal_figures import further_signals, pointing_figure, signals_figure
 from jaxsat.report.style import LINES, escape_mathematics, panels
 from jaxsat.report.time_axes import (
@@ -22,7 +23,6 @@ from jaxsat.report.time_axes import (
     place_legend,
     shade_modes,
 )
-from jaxsat.results.pointing import pointing_error
 
 PEAK = 20.0
 """How many times its usual size a signal may reach before its axis becomes logarithmic there."""

@@ -7,9 +7,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxsat.pointing import euler_angles, pointing_error
 from jaxsat.report.style import FURTHER_LINES, LINES, escape_mathematics, panels
 from jaxsat.report.time_axes import draw_lines, figure_title, finish, place_legend, shade_modes
-from jaxsat.results.pointing import euler_angles, pointing_error
 
 OWN_FIGURES = frozenset(
     (

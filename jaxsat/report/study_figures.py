@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
+from jaxsat.pointing import pointing_error
 from jaxsat.report.style import LINES, panels
-from jaxsat.results.pointing import pointing_error
 from jaxsat.simulation import Signals
 
 BANDS = ((1.0, 99.0), (10.0, 90.0), (25.0, 75.0))

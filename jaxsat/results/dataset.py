@@ -12,11 +12,11 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.control.sampled import mode_label
+from jaxsat.pointing import pointing
 from jaxsat.results.errors import OutputError, one_line, reason, system_failure
 from jaxsat.results.files import read_or_explain, save_file
 from jaxsat.results.labels import AXES
 from jaxsat.results.marker import Marker
-from jaxsat.results.pointing import pointing
 from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Assessment, Signals, Trajectory
 from jaxsat.text import clean

@@ -4,7 +4,7 @@ Every rule names the keys that it reads and is applied wherever all of these are
 themselves, so that one mistake hides no other.
 """
 
-from jaxsat.allocation import allocation_matrix
+from jaxsat.allocation import allocation_matrix, torque_directions
 from jaxsat.declaration.laws import LAWS
 from jaxsat.declaration.sensors import DELAY, GYRO_KEYS, TRACKER_KEYS
 from jaxsat.ranges import STATE_LIMIT
@@ -43,11 +43,15 @@ def _failed_thrusters_exist(axes, failed):
 
 @rule("control.law", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters", "wheel")
 def _law_has_its_torques(law, axes, failed, wheels):
-    torques = find_law(law).declaration.torques
+    declaration = find_law(law).declaration
+    torques = declaration.torques
     if axes is None or wheels or not torques or any(number > len(axes) for number in failed):
         return
     try:
-        allocation_matrix(working_axes(axes, failed), torques)
+        if declaration.any_plane:
+            torque_directions(working_axes(axes, failed))
+        else:
+            allocation_matrix(working_axes(axes, failed), torques)
     except ValueError as error:
         key = "failed_thrusters" if failed else "thruster_torque_axes"
         yield at(

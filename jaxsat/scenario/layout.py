@@ -1,11 +1,13 @@
 """The torque axes of a scenario's thrusters after failures."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from jaxsat.allocation import allocation_matrix, unit_columns
+from jaxsat.scenario.thruster_tables import working_torques
 
 
 def working_axes(
@@ -14,6 +16,19 @@ def working_axes(
     """A unit column for each thruster left, of one row of direction cosines for each thruster."""
     kept = [row for number, row in enumerate(axes, 1) if number not in failed]
     return unit_columns(np.array(kept, dtype=float).reshape(-1, 3).T)
+
+
+def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
+    """A unit column for each torque that a law of two torques in any plane counts on.
+
+    `scenario` is a checked one. Of wheels, these are body x and y.
+    """
+    table = scenario.spacecraft
+    if scenario.wheel:
+        return np.eye(3)[:, :2]
+    if scenario.thruster:
+        return unit_columns(working_torques(scenario.thruster))
+    return working_axes(table.thruster_torque_axes, table.failed_thrusters)
 
 
 def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> np.ndarray | None:

@@ -90,7 +90,8 @@ def _whole(thrusters) -> bool:
 
 @rule("thruster", "control.law", "wheel")
 def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
-    torques = find_law(law).declaration.torques
+    declaration = find_law(law).declaration
+    torques, any_plane = declaration.torques, declaration.any_plane and not wheels
     if wheels and torques and not left_by_wheels(wheels, torques).any():
         return
     if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
@@ -99,7 +100,8 @@ def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
     try:
         if not torque.size:
             raise ValueError("all have failed")
-        least_propellant(torque, np.ones(torque.shape[1]), plane_map(torque, torques))
+        command_map = plane_map(torque, torques, any_plane)
+        least_propellant(torque, np.ones(torque.shape[1]), command_map)
     except ValueError as error:
         message = "must leave thrusters that the law can use, got those that cannot be used: "
         yield at("thruster", message + str(error).rstrip("."))

@@ -3,9 +3,8 @@
 import pytest
 
 
-@pytest.mark.parametrize("command", ["controllability", "bound"])
-def test_commands_that_judge_thrusters_refuse_wheels(command_line, command):
-    status, _, error = command_line(command, "two-wheel-telescope")
+def test_a_bound_refuses_wheels(command_line):
+    status, _, error = command_line("bound", "two-wheel-telescope")
     assert status == 2
     assert "wheel: must be left out" in error
     assert error.count("\n") == 1

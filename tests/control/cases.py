@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from helpers.paper import PAPER_DISTURBANCE
+from jaxsat.control import NormalForm
 from jaxsat.dynamics import RigidBody
 from jaxsat.environment import ExactOrbit, NoDisturbance, PeriodicTorque
 from jaxsat.vehicle import Actuators, Spacecraft
@@ -15,6 +16,11 @@ C = (INERTIA[0] - INERTIA[1]) / INERTIA[2]
 
 def body(inertia=INERTIA, orbit_rate=ORBIT_RATE, disturbance=None):
     return RigidBody(Spacecraft(inertia), ExactOrbit(orbit_rate), disturbance or NoDisturbance())
+
+
+def form(*args, **options):
+    """The normal form of such a body with torques about body x and y."""
+    return NormalForm.of(body(*args, **options))
 
 
 def paper_disturbance(third=True):

@@ -8,11 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from control.cases import body
+from control.cases import body, form
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build_loop
 from jaxsat.assembly.study import build_study
-from jaxsat.attitude import Quaternion
 from jaxsat.control import (
     RecursiveLeastSquares,
     RippleFilter,
@@ -22,7 +21,6 @@ from jaxsat.control import (
 )
 from jaxsat.control.estimators import MIN_COUPLING
 from jaxsat.declaration.settling import equivalent_limit
-from jaxsat.dynamics import PlantState
 from jaxsat.montecarlo.changes import controller_of, follow_frequency
 from jaxsat.scenario import ScenarioWarning
 
@@ -61,25 +59,26 @@ def test_many_cases_settle_at_other_frequencies(law, level, third):
 
 
 @pytest.mark.parametrize("law", ["oscillatory", "three-slew"])
-def test_of_the_papers_spacecraft_the_belief_is_the_papers_to_the_last_bit(law):
+def test_of_the_papers_spacecraft_the_belief_is_the_papers_to_rounding(law):
     controller = controller_of(build_loop(load("acceptance-hard", [f"control.law={law}"])))
     for found, expected in zip(
         jax.tree.leaves(controller.estimator.observer),
         jax.tree.leaves(RippleFilter(0.1)),
         strict=True,
     ):
-        assert found == expected
+        assert float(found) == pytest.approx(float(expected), rel=1e-9)
     assert equivalent_limit(INERTIA, 5.0) == 5.0
-    assert controller.fine.oscillator.frequency == {"oscillatory": 0.193, "three-slew": 0.4}[law]
+    tuned = {"oscillatory": 0.193, "three-slew": 0.4}[law]
+    assert float(controller.fine.oscillator.frequency) == pytest.approx(tuned, rel=1e-8)
 
 
 def test_the_expected_ripple_is_that_of_the_disturbance_but_never_less_than_the_papers():
-    slow = ripple_filter(body(), 0.001, 0.01)
+    slow = ripple_filter(form(), 5.0, 0.001, 0.01)
     assert (slow.frequency, float(slow.amplitude)) == (0.01, pytest.approx(3e-4))
-    assert float(ripple_filter(body(), 0.01, 0.1).amplitude) == pytest.approx(3e-4)
+    assert float(ripple_filter(form(), 5.0, 0.01, 0.1).amplitude) == pytest.approx(3e-4)
     for none in ((0.0, 0.3), (0.001, 30.0)):
-        assert ripple_filter(body(), *none).amplitude == 3e-5
-    assert ripple_filter(body(), 0.001, 0.0).frequency == 0.1
+        assert float(ripple_filter(form(), 5.0, *none).amplitude) == pytest.approx(3e-5)
+    assert float(ripple_filter(form(), 5.0, 0.001, 0.0).frequency) == pytest.approx(0.1)
     given = load("acceptance-nominal", ["control.ripple_amplitude_N_m=0.1"])
     found = controller_of(build_loop(given)).estimator.observer
     assert float(found.amplitude) == pytest.approx(3e-3)
@@ -97,7 +96,7 @@ def test_a_larger_body_under_larger_torques_flies_alike():
         warnings.simplefilter("error", ScenarioWarning)  # 50 N m count as 5 here
         found = settled(4, *larger)
     np.testing.assert_allclose(found, settled(4), atol=1e-6)
-    with pytest.warns(ScenarioWarning, match="one of 10, 50, 200 N m"):
+    with pytest.warns(ScenarioWarning, match="from 10 to 200 N m"):
         load("acceptance-nominal", [*larger[:1], "spacecraft.torque_limit_N_m=5"])
 
 
@@ -114,18 +113,20 @@ def test_a_law_that_knows_the_frequencies_knows_the_third():
 @pytest.mark.parametrize(("j1", "error"), [(449.5, -0.5), (284.6, -0.05), (284.6, 0.02)])
 def test_a_small_coupling_of_the_model_is_believed(j1, error):
     """The least |c| that is believed was that of the paper's body; another body may have less."""
-    model = body(np.array([j1, 264.6, 312.5]))
+    model = form(np.array([j1, 264.6, 312.5]))
     c = (j1 - 264.6) / 312.5
     estimator = ThirdAxisEstimator(model, None, RecursiveLeastSquares())
-    start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), jnp.zeros(3))
+    start = jnp.zeros(3)
     memory = estimator.init(start)
     memory = memory._replace(fit=memory.fit._replace(estimate=jnp.zeros(8).at[2].set(error)))
     memory = memory._replace(started=jnp.array(True))
     third, _ = eqx.filter_jit(estimator.update)(start, memory, jnp.array(0.1))
     least = min(MIN_COUPLING, c / 2)
-    assert float(third.coupling) == pytest.approx(max(c + error, least))
+    expected = np.copysign(max(abs(c + error), least), c + error)
+    assert float(third.coupling) == pytest.approx(expected)
 
 
 def test_without_a_filter_of_ones_own_the_papers_ripple_is_expected():
     observer = three_slew_settling(body(), 5.0).estimator.observer
-    assert (float(observer.frequency), float(observer.amplitude)) == (0.1, 3e-5)
+    assert float(observer.frequency) == pytest.approx(0.1)
+    assert float(observer.amplitude) == pytest.approx(3e-5)

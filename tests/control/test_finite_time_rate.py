@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from control.cases import INERTIA, C, actuators, body, paper_disturbance
+from control.cases import INERTIA, C, actuators, body, form, paper_disturbance
 from jaxsat.attitude import Quaternion
 from jaxsat.control import FiniteTimeRate, FiniteTimeRateLaw, ThirdAxis, ThirdAxisEstimator
 from jaxsat.dynamics import PlantState
@@ -15,7 +15,7 @@ LIMIT, SHARE = 5.0, 0.779
 
 
 def law(model=None, limit=LIMIT):
-    return FiniteTimeRate(model or body(), limit, SHARE, 1.12, 3e-5)
+    return FiniteTimeRate(model or form(), limit, SHARE, 1.12, 3e-5)
 
 
 def known(omega3, c=C):
@@ -79,7 +79,7 @@ def test_signs_are_those_nearer_to_the_present_rates_and_stay():
 @pytest.mark.parametrize("inertia", [INERTIA, INERTIA[[1, 0, 2]]])
 def test_flight_stops_all_rates(inertia):
     """Either sign of c, 5 N m, d1 and d2 unknown: within the bound plus the time to catch up."""
-    model = body(inertia)
+    model = form(inertia)
     third_axis = ThirdAxisEstimator(model, None, None)
     controller = FiniteTimeRateLaw(law(model), third_axis, 0.1)
     plant = body(inertia, disturbance=paper_disturbance(third=False))

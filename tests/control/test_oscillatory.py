@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from control.cases import ORBIT_RATE, C, actuators, body
+from control.cases import ORBIT_RATE, C, actuators, form
 from jaxsat.attitude import WZ, Quaternion
 from jaxsat.control import (
     MorinSamson,
@@ -30,7 +30,7 @@ DEMANDS = {"morin-samson": MorinSamson(0.01, 0.85), "two-channel": TwoChannel(0.
 def oscillator(demand="morin-samson", orbit_rate=ORBIT_RATE, **options):
     gains = {"frequency": NU, "tilt_gain": 0.5, "rate_gain": 2.0}
     limits = {"largest_amplitude": 0.1, "ratio": 2.0}
-    model = body(orbit_rate=orbit_rate)
+    model = form(orbit_rate=orbit_rate)
     return Oscillator(model, DEMANDS[demand], **{**gains, **limits, **options})
 
 
@@ -117,8 +117,8 @@ def test_averaged_equations(alpha, beta, orbit_rate, begin):
 def test_closed_loop_follows_the_averaged_equations(demand):
     """A free body from z = 0.05: ẑ(t) by the whole loop against the linear equation solved."""
     law = oscillator(demand, largest_amplitude=1.0)
-    model = law.model
-    controller = OscillatoryLaw(law, ThirdAxisEstimator(model, None, None), jnp.inf, 0.02)
+    model = law.form.model
+    controller = OscillatoryLaw(law, ThirdAxisEstimator(law.form, None, None), jnp.inf, 0.02)
     loop = SampledLoop(model, controller, actuators())
     start = PlantState(WZ([0.0, 0.0], 0.05), [0.0, -ORBIT_RATE, 0.0])
     times = jnp.linspace(0, 400, 401)
@@ -182,9 +182,9 @@ def test_gradient_with_respect_to_gains():
 
     def outcome(gains):
         law = oscillator(**dict(zip(fields, gains, strict=True)))
-        estimator = ThirdAxisEstimator(law.model, RippleObserver(0.1))
+        estimator = ThirdAxisEstimator(law.form, RippleObserver(0.1))
         controller = OscillatoryLaw(law, estimator, jnp.array(50.0), 0.1)
-        final = simulate(SampledLoop(law.model, controller, actuators()), start, times).signals
+        final = simulate(SampledLoop(law.form.model, controller, actuators()), start, times).signals
         return jnp.stack([final.z[-1], final.omega[-1, 2], final.w[-1, 0]])
 
     gains = jnp.array([NU, 0.5, 2.0, 2.0])
@@ -213,7 +213,7 @@ def test_new_gains_compile_nothing():
     def first_step(law, state):
         traced.append(None)
         controller = OscillatoryLaw(
-            law, ThirdAxisEstimator(law.model, RippleObserver(0.1)), jnp.inf, 0.1
+            law, ThirdAxisEstimator(law.form, RippleObserver(0.1)), jnp.inf, 0.1
         )
         return controller.step(jnp.zeros(()), state, controller.init(state))[0]
 

@@ -10,9 +10,10 @@ from control.cases import ORBIT_RATE, actuators, body, paper_disturbance
 from jaxsat.attitude import WZ
 from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.control.fine import FineMode
+from jaxsat.control.scaling import STEPS, Scaling
 from jaxsat.control.supervisor import Phase
 from jaxsat.control.tuned_gains import APPROACH, MORIN_SAMSON, TWO_CHANNEL
-from jaxsat.declaration.settling import TUNED_LIMITS
+from jaxsat.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS, TUNED_PERIOD
 from jaxsat.dynamics import PlantState
 from jaxsat.environment import PeriodicTorque
 from jaxsat.simulation import SampledLoop, simulate
@@ -67,7 +68,10 @@ def test_ten_times_the_ripple_settles_and_is_left_alone():
 
 @pytest.mark.parametrize("table", [APPROACH, MORIN_SAMSON, TWO_CHANNEL])
 def test_there_are_gains_for_the_limits_that_messages_name(table):
-    assert tuple(table) == TUNED_LIMITS
+    moment = np.sqrt(TUNED_MOMENTS[0] * TUNED_MOMENTS[1])
+    steps = [Scaling.of(moment, limit, TUNED_PERIOD).step for limit in TUNED_LIMITS]
+    np.testing.assert_allclose(steps, STEPS, rtol=1e-9)
+    assert tuple(table) == STEPS
 
 
 def test_modes_change_with_hysteresis():
@@ -126,7 +130,7 @@ def test_gains_are_leaves_and_batches_agree_with_single_runs(name):
 
 @pytest.mark.parametrize("name", list(MAKERS))
 def test_gains_between_tuned_limits_lie_between_theirs(name):
-    """Those of a tuned limit as they are, monotone in between, the nearest ones beyond."""
+    """Monotone in between; beyond, they have the dimensionless values of the nearest."""
 
     def gains(limit):
         law = MAKERS[name](body(), limit)
@@ -136,7 +140,9 @@ def test_gains_between_tuned_limits_lie_between_theirs(name):
     low, high = np.minimum(one, five), np.maximum(one, five)
     assert np.all((low * (1 - 1e-12) <= two) & (two <= high * (1 + 1e-12)))  # some are equal
     assert np.any((low < two) & (two < high))
-    np.testing.assert_array_equal(gains(0.5), one)
+    ratio = gains(0.25) / one
+    assert np.all(np.isclose(ratio, 0.5) | np.isclose(ratio, 1.0))
+    assert gains(0.25)[0] == pytest.approx(one[0] / 2)
     np.testing.assert_allclose(gains(1.0001), one, rtol=1e-3)
 
 

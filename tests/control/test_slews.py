@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from control.cases import INERTIA, ORBIT_RATE, actuators, body
+from control.cases import INERTIA, ORBIT_RATE, actuators, body, form
 from helpers.strategies import rotations
 from jaxsat.attitude import Quaternion
 from jaxsat.control import SlewPlanner, ThreeSlewLaw, slews
@@ -25,7 +25,7 @@ needed_rotation = eqx.filter_jit(SlewPlanner.needed)
 def planner(**options):
     gains = {"share": 0.791, "approach": 4.77, "rate_gain": 2.34}
     tolerances = {"angle_tolerance": 2.7e-3, "rate_tolerance": 8.8e-4}
-    return SlewPlanner(body(), 5.0, **{**gains, **tolerances, **options})
+    return SlewPlanner(form(), 5.0, **{**gains, **tolerances, **options})
 
 
 def scalar_first(rotation):
@@ -89,7 +89,7 @@ def test_two_and_one_finish_what_three_began():
 @given(rotation=rotations())
 def test_needed_rotation_ends_in_the_orbit_frame(rotation):
     """The body, turned by what is needed, has the attitude of the frame after it has turned."""
-    state = PlantState(Quaternion(scalar_first(rotation)), jnp.zeros(3))
+    state = form().seen(PlantState(Quaternion(scalar_first(rotation)), jnp.zeros(3)))
     ahead = 500.0
     needed = np.asarray(needed_rotation(planner(), state, jnp.array(ahead)))
     turned = rotation * Rotation.from_quat(needed[[1, 2, 3, 0]])
@@ -101,7 +101,7 @@ def test_needed_rotation_ends_in_the_orbit_frame(rotation):
 def test_plan_is_the_quickest(seed):
     """Among all four ways, by times of 2 √(J |angle| / η Tm) a leg."""
     attitude = Rotation.random(random_state=seed)
-    state = PlantState(Quaternion(scalar_first(attitude)), jnp.zeros(3))
+    state = form().seen(PlantState(Quaternion(scalar_first(attitude)), jnp.zeros(3)))
     law = planner()
     plan = eqx.filter_jit(SlewPlanner.plan)(law, jnp.array(100.0), state)
     end = float(plan.end) - 100
@@ -140,7 +140,7 @@ def test_flight_from_rest_ends_in_the_orbit_frame(seed):
     times = jnp.linspace(0, 150, 1501)
     run = simulate(loop, start, times).signals
     over = int(jnp.argmax(run.mode == slews.Leg.SLEWED))
-    planned = float(planner().plan(jnp.array(0.0), start).end)
+    planned = float(planner().plan(jnp.array(0.0), form().seen(start)).end)
     assert 0.7 * planned < times[over] < 1.2 * planned + 2
     assert jnp.linalg.norm(run.w[over]) < 0.01
     assert jnp.abs(run.z[over]) < 0.01

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from jaxsat.pointing import euler_angles, pointing_error
 from jaxsat.report.figures import rates_figure, torque_figure, trajectory_figures
 from jaxsat.report.signal_figures import further_signals, pointing_figure, signals_figure
-from jaxsat.results.pointing import euler_angles, pointing_error
 
 TIMES = np.arange(101.0)
 AXES = {"body_axis": ["x", "y", "z"], "thruster": [str(i) for i in range(1, 9)]}

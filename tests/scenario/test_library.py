@@ -131,8 +131,8 @@ def test_two_torques_settle_three_axes(name, law):
 
 
 def test_settling_laws_need_a_limit_and_tell_where_it_is_not_tuned(tmp_path):
-    with pytest.warns(ScenarioWarning, match="should be one of 1, 5, 20 N m"):
-        load("two-torque-free", ["spacecraft.torque_limit_N_m=7"])
+    with pytest.warns(ScenarioWarning, match="should be from 1 to 20 N m"):
+        load("two-torque-free", ["spacecraft.torque_limit_N_m=70"])
     text = library()["two-torque-free"].read_text(encoding="utf-8")
     path = tmp_path / "unlimited.toml"
     path.write_text(text.replace("torque_limit_N_m = 5\n", ""), encoding="utf-8")

@@ -5,7 +5,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from jaxsat.attitude import Quaternion
-from jaxsat.results.pointing import euler_angles, pointing, pointing_error
+from jaxsat.pointing import euler_angles, pointing, pointing_error
 
 RANDOM = np.random.default_rng(0).normal(size=(200, 4))
 UNIT = RANDOM / np.linalg.norm(RANDOM, axis=1, keepdims=True)

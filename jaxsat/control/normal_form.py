@@ -1,0 +1,139 @@
+"""Any rigid body with two torques, in the coordinates in which it is the paper's.
+
+Two torques span a plane with the normal n, and no torque changes h = n·Jω. With x and y the axes in
+that plane about which the inertia reduced by h is diagonal, p1 = x·ω, p2 = y·ω and
+s = h / (n·Jn), equation (37) holds for (p1, p2, s) in place of (ω1, ω2, ω3), but for terms in s;
+the derivation is in docs/laws.md.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from jaxsat.attitude import Quaternion
+from jaxsat.checks import as_float
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.inertia import normal_axes
+
+RealScalar = Float[Array, ""]
+
+BODY_XY = np.eye(3)[:, :2]
+"""Torques about body x and y, as on the paper's spacecraft."""
+
+
+class NormalState(NamedTuple):
+    """A state in the frame (x, y, n): `omega` is (p1, p2, s), rad/s.
+
+    `attitude` is that of the frame relative to the orbit frame turned alike, `frame_rate` the
+    angular velocity of the orbit frame along (x, y, n), rad/s.
+    """
+
+    attitude: Quaternion
+    omega: Float[Array, "3"]
+    frame_rate: Float[Array, "3"]
+
+
+class NormalForm(eqx.Module):
+    """What a controller believes of the plant, and the frame (x, y, n) of its two torques.
+
+    The rows of `axes` are x, y and n in body axes. `to_command` turns a torque about x and y into
+    the two torques to command, about the directions of `NormalForm.of`.
+    """
+
+    model: RigidBody
+    axes: Float[Array, "3 3"] = eqx.field(converter=as_float)
+    to_command: Float[Array, "2 2"] = eqx.field(converter=as_float)
+
+    @staticmethod
+    def of(
+        model: RigidBody, directions: ArrayLike | Float[np.ndarray, "3 2"] = BODY_XY
+    ) -> "NormalForm":
+        """Of a model whose inertia is concrete, and two torques about orthonormal `directions`."""
+        directions = np.asarray(directions, dtype=float)
+        axes, _ = normal_axes(np.asarray(model.spacecraft.inertia), directions)
+        return NormalForm(model, axes, directions.T @ axes[:2].T)
+
+    @property
+    def inertia(self) -> Float[Array, "3 3"]:
+        """J along (x, y, n), kg m²."""
+        return self.axes @ self.model.spacecraft.inertia @ self.axes.T
+
+    @property
+    def lean(self) -> Float[Array, "2"]:
+        """(ε1, ε2): n·ω = s + ε1 p1 + ε2 p2."""
+        third = self.inertia[2]
+        return -third[:2] / third[2]
+
+    @property
+    def reduced_inertia(self) -> Float[Array, "2 2"]:
+        """S, the inertia that torques about x and y feel while h stays, kg m².
+
+        diag(S1, S2) for the inertia that the frame was made of.
+        """
+        inertia = self.inertia
+        side = inertia[:2, 2]
+        return inertia[:2, :2] - side[:, None] * side[None, :] / inertia[2, 2]
+
+    @property
+    def moments(self) -> Float[Array, "3"]:
+        """S1, S2 and n·Jn, which take the place of J1, J2 and J3, kg m²."""
+        reduced = self.reduced_inertia
+        return jnp.stack([reduced[0, 0], reduced[1, 1], self.inertia[2, 2]])
+
+    @property
+    def coupling(self) -> RealScalar:
+        """c = (S1 - S2) / n·Jn: ds/dt = c p1 p2 + ..."""
+        first, second, third = self.moments
+        return (first - second) / third
+
+    @property
+    def other_products(self) -> Float[Array, "6"]:
+        """The rest of ds/dt: factors of p1 p2, p1² - p2², p2 s, p1 s, p1² + p2² and s²."""
+        lean, zero = self.lean, jnp.zeros_like(self.lean[0])
+        off_diagonal = -self.reduced_inertia[0, 1] / self.inertia[2, 2]
+        return jnp.stack([zero, off_diagonal, -lean[0], lean[1], zero, zero])
+
+    @property
+    def orbit_rate(self) -> Float[Array, "3"]:
+        """Angular velocity of the orbit frame along (x, y, n) at the wanted attitude, rad/s."""
+        return -self.model.orbit.rate * self.axes[:, 1]
+
+    @property
+    def rest(self) -> Float[Array, "3"]:
+        """(p1, p2, s) at rest in the orbit frame in the wanted attitude, rad/s."""
+        first, second, third = self.orbit_rate
+        lean = self.lean
+        return jnp.stack([first, second, third - lean[0] * first - lean[1] * second])
+
+    def seen(self, state: PlantState) -> NormalState:
+        """A state of the plant in this frame."""
+        q = state.attitude.as_quaternion().q
+        attitude = Quaternion(jnp.concatenate([q[:1], self.axes @ q[1:]]))
+        omega, lean = self.axes @ state.omega, self.lean
+        slow = omega[2] - lean[0] * omega[0] - lean[1] * omega[1]
+        frame_rate = self.axes @ self.model.orbit.frame_rate(state.attitude)
+        return NormalState(attitude, omega.at[2].set(slow), frame_rate)
+
+    def gyroscopic_torque(self, omega: Float[Array, "3"]) -> Float[Array, "2"]:
+        """What the motion adds to the torques about x and y: S dp/dt is their sum, N m."""
+        p1, p2, s = omega
+        lean, third = self.lean, self.inertia[2, 2]
+        about_n = s + lean[0] * p1 + lean[1] * p2
+        h1, h2 = self.reduced_inertia @ omega[:2] - third * s * lean
+        h3 = third * s
+        change = p2 * h1 - p1 * h2
+        direct = jnp.stack([about_n * h2 - p2 * h3, p1 * h3 - about_n * h1])
+        return direct + change * lean
+
+    def torque(
+        self, omega: Float[Array, "3"], acceleration: Float[Array, "2"]
+    ) -> Float[Array, "2"]:
+        """The torque about x and y that gives (p1, p2) this derivative (rad/s²), N m."""
+        return self.reduced_inertia @ acceleration - self.gyroscopic_torque(omega)
+
+    def command(self, torque: Float[Array, "2"]) -> Float[Array, "2"]:
+        """A torque about x and y as the two torques to command, N m."""
+        return self.to_command @ torque

@@ -1,0 +1,54 @@
+"""One motion in every unit: the settling laws have no number with a dimension of their own."""
+
+import numpy as np
+import pytest
+
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+
+BASE = {
+    "spacecraft.inertia_kg_m2": (449.5, 264.6, 312.5),
+    "spacecraft.torque_limit_N_m": 5.0,
+    "disturbance.amplitude_N_m": (0.01, 0.02, 0.001),
+    "disturbance.frequency_rad_s": (0.7, 0.8, 0.1),
+    "orbit.rate_rad_s": 0.0011,
+    "initial.omega_rad_s": (0.1, -0.11, 0.02),
+    "control.period_s": 0.1,
+    "sampling.rate_noise_rad_s": 3e-5,
+    "sampling.attitude_noise_rad": 1e-4,
+    "simulation.save_every_s": 0.1,
+    "simulation.duration_s": 150.0,
+}
+MASS = ("inertia_kg_m2", "torque_limit_N_m", "amplitude_N_m")
+"""What a factor of the mass multiplies."""
+POWERS = {"rad_s": -1, "limit_N_m": -2, "amplitude_N_m": -2, "_s": 1}
+"""Powers of a factor of the time, by how a key ends."""
+
+
+def power(key):
+    return next((power for end, power in POWERS.items() if key.endswith(end)), 0)
+
+
+def flown(law, mass, time):
+    """Quaternion, rates in rad per unit of time, and modes; the same for every unit."""
+    overrides = [f"control.law={law}", "title=scaled"]
+    for key, value in BASE.items():
+        scaled = np.array(value) * time ** power(key)
+        scaled = scaled * mass if key.endswith(MASS) else scaled
+        overrides.append(f"{key}={scaled.tolist()!r}")
+    signals = build(load("acceptance-hard", overrides)).simulate().signals
+    return np.asarray(signals.quaternion), np.asarray(signals.omega) * time, signals.mode
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
+@pytest.mark.parametrize("law", ["oscillatory", "three-slew"])
+def test_mass_and_time_may_be_of_any_unit(law):
+    """J, T, d times any number; T, ω0, noise, period and d's frequency with the time."""
+    quaternion, omega, mode = flown(law, 1.0, 1.0)
+    assert len(set(np.asarray(mode))) == {"oscillatory": 2, "three-slew": 4}[law]
+    for mass, time in ((1e-3, 1.0), (7.3, 1.0), (1.0, 7.3), (1e-3, 1e-1)):
+        found = flown(law, mass, time)
+        np.testing.assert_allclose(found[0], quaternion, atol=1e-7)
+        np.testing.assert_allclose(found[1], omega, atol=1e-8)
+        np.testing.assert_array_equal(found[2], mode)

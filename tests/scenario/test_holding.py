@@ -1,0 +1,68 @@
+"""Which attitudes can be held: against a closed form, SciPy's optimiser, and what is told."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from jaxsat.assembly.load import load
+from jaxsat.scenario import ScenarioWarning
+from jaxsat.scenario.holding import missing_torque, nearest_held
+
+J = np.array([449.5, 264.6, 312.5])
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def test_a_product_of_inertia_is_turned_away():
+    """Without a torque about z the principal axes in the plane must be those of the orbit."""
+    inertia = np.diag(J)
+    inertia[0, 1] = inertia[1, 0] = 30.0
+    angle = np.arctan2(2 * 30.0, J[0] - J[1]) / 2
+    np.testing.assert_allclose(nearest_held(inertia, Z, False), [0, 0, -angle], atol=1e-5)
+    turned = Rotation.from_rotvec([0, 0, -angle]).as_matrix()
+    assert abs((turned @ inertia @ turned.T)[0, 1]) < 1e-9  # in the axes of the orbit
+
+
+@pytest.mark.parametrize("gravity_gradient", [False, True])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_turn_is_the_least(seed, gravity_gradient):
+    rng = np.random.default_rng(seed)
+    small = Rotation.from_rotvec(rng.uniform(-0.3, 0.3, 3)).as_matrix()
+    inertia = small @ np.diag(J) @ small.T
+    normal = Rotation.from_rotvec(rng.uniform(-0.3, 0.3, 3)).as_matrix()[2]
+    found = nearest_held(inertia, normal, gravity_gradient)
+    assert abs(missing_torque(inertia, normal, found, gravity_gradient)) < 1e-3
+
+    def balance(v):
+        return missing_torque(inertia, normal, v, gravity_gradient)
+
+    best = minimize(
+        lambda v: v @ v, found + 0.05, constraints={"type": "eq", "fun": balance}, tol=1e-12
+    )
+    assert np.linalg.norm(found) <= np.linalg.norm(best.x) + 1e-4
+
+
+@pytest.mark.parametrize("normal", list(np.eye(3)))
+def test_principal_axes_are_held_as_they_are(normal):
+    np.testing.assert_array_equal(nearest_held(np.diag(J), normal, True), 0)
+
+
+def told(*overrides):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ScenarioWarning)
+        load("acceptance-hard", overrides)
+    return " ".join(str(one.message) for one in caught)
+
+
+def test_an_attitude_that_cannot_be_held_is_told():
+    products = "spacecraft.inertia_kg_m2=[[449.5,39.69,0],[39.69,264.6,0],[0,0,312.5]]"
+    assert "the nearest attitude that can be held" in told(products)
+    assert not told(products.replace("39.69", "0.1"))
+    assert not told(products, "orbit.rate_rad_s=0")
+
+
+def test_a_small_coupling_is_told():
+    assert "by a tenth" in told("spacecraft.inertia_kg_m2=[272,265.75,312.5]")
+    assert not told()
