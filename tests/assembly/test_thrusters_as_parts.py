@@ -1,5 +1,6 @@
 """`[[thruster]]`, `[modulation]` and `[[failure]]`: built, flown, dispersed, and their mistakes."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -114,6 +115,14 @@ high = 0.01
     study = build_study(load(written(tmp_path, text, drawn)), 8, seed=3)
     assert isinstance(study, Study)
     outputs = study.evaluate(np.arange(8))
+    copies = jax.vmap(lambda case: study.case_factory(case, None))(study.cases(np.arange(8)))
+    events = copies.loop.actuators.failures
+    for name, reached in (
+        ("failure_time", events.at),
+        ("failed_thruster", events.thruster),
+        ("failure_kind", events.kind),
+    ):
+        np.testing.assert_array_equal(reached, outputs.drawn[name])
     struck = np.rint(outputs.drawn["failed_thruster"][:, 0])
     assert len(set(struck)) > 1
     assert set(struck) <= {0, 1, 2, 3}

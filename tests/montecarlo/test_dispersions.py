@@ -81,7 +81,10 @@ REACHES = {
 }
 
 
-OTHERWISE = {"misalignment", "attitude_error", "rate_error"}
+FAILURES = {"failure_time", "failed_thruster", "failure_kind", "failure_amount"}
+"""Of loops whose thrusters push: tests/assembly/test_thrusters_as_parts.py."""
+
+OTHERWISE = {"misalignment", "attitude_error", "rate_error", *FAILURES}
 
 
 def test_every_quantity_has_its_test():

@@ -40,6 +40,10 @@ BEYOND = {
     "attitude_error": (-7.0, 7.0),
     "omega": (-2e6, 2e6),
     "rate_error": (-2e6, 2e6),
+    "failure_time": (-1.0, 2e8),
+    "failed_thruster": (-0.6, 7.6),
+    "failure_kind": (-0.6, 6.6),
+    "failure_amount": (-0.1, 1.1),
 }
 """For every quantity a number too low and one too high, in the scenarios of `base`."""
 
@@ -49,13 +53,15 @@ def test_every_quantity_has_its_test():
 
 
 def base(name):
+    if name.startswith("fail"):
+        return "cubesat-12u"
     return "benchmark-three-axis" if name == "rate_error" else "switching"
 
 
 def refused(name, distribution, *more):
     key = f"dispersion.{DISPERSIBLE[name].key}"
     changes = ["sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5"]
-    more = [*more, *([] if name == "rate_error" else changes)]
+    more = [*more, *(changes if base(name) == "switching" else [])]
     with pytest.raises(ScenarioError) as caught:
         load(base(name), [*more, f"{key}={distribution}"], purpose="study")
     problem, *_ = caught.value.problems
