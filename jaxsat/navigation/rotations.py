@@ -28,8 +28,12 @@ def between(q: Quaternion, p: Quaternion) -> Quaternion:
 
 
 def difference(q: Quaternion, p: Quaternion) -> Float[Array, "3"]:
-    """The same as a rotation vector to second order, rad."""
-    return 2 * between(q, p).q[1:]
+    """The small rotation (rad) with which `q.turned` gives p, the rotation vector to second order.
+
+    2 tan(θ/2) in place of θ, so that a whole turn is found at once; held near half a circle.
+    """
+    turn = between(q, p).q
+    return 2 * turn[1:] / jnp.maximum(turn[0], 0.01)
 
 
 def rotation_vector(q: Quaternion, p: Quaternion) -> Float[Array, "3"]:

@@ -66,8 +66,8 @@ class Oracle:
         innovation = observed @ covariance @ observed.T + self.tracker
         gain = covariance @ observed.T @ np.linalg.inv(innovation)
         gain[6:] = 0
-        q = (attitude.inv() * measured).as_quat()
-        error = gain @ (2 * np.sign(q[3]) * q[:3])
+        between = (attitude.inv() * measured).as_mrp()  # tan(θ/4) along the axis
+        error = gain @ (4 * between / (1 - between @ between))
         left = np.eye(9) - gain @ observed
         covariance = left @ covariance @ left.T + gain @ self.tracker @ gain.T
         step = Rotation.from_quat([*error[:3] / 2, 1])
