@@ -62,7 +62,7 @@ class FailureCase:
     @property
     def borderline(self) -> bool:
         """Whether the data or their rounding decide."""
-        return self.verdict == "borderline"
+        return self.judgement.borderline
 
     @property
     def margin(self) -> float:
