@@ -156,9 +156,10 @@ def cone_words(cone: TorqueCone) -> str:
         return "the torques positively span all three axes"
     if normal is not None:
         text = f"two torques of both signs, in {_plane(normal)}"
-        if cone.span == 2:
+        if cone.opposed is None:
             return f"{text}; none about it"
-        return f"{text}, and towards {direction_words(normal)} alone; none towards the other side"
+        other = direction_words(cone.opposed)
+        return f"{text}, and towards {direction_words(normal)} alone; none towards {other}"
     if cone.span == 0:
         return "no torque at all"
     text = f"the torques are a {cone.kind}"
@@ -230,7 +231,7 @@ def momentum_words(judgement: Judgement) -> str | None:
     if found is None:
         return None
     start = f"Momentum: {found.momentum:.3g} N m s in all at the start"
-    if judgement.dimension < 6 or not judgement.actuators.thrusters:
+    if not np.any(judgement.actuators.torques):
         return f"{start}, conserved: nothing takes momentum out of the wheels"
     if found.axes == 1:
         return f"{start}; judged while that of the one wheel is small"
