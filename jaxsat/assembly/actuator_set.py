@@ -16,7 +16,8 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
     """All actuators of a scenario, failed ones too, and the places of those that work.
 
     Tables [[thruster]] and [[wheel]], or thrusters of `spacecraft.thruster_torque_axes`, whose
-    torques have both signs. Net forces are known where every thruster has a position.
+    torques have both signs. Net forces are known where every thruster has a position. The momentum
+    is that of body and all wheels at the start; a failed wheel counts as stopped.
     """
     wheels = getattr(scenario, "wheel", ())
     axes = np.array([one.axis for one in wheels], float).reshape(-1, 3).T

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from jaxsat.controllability.actuators import ActuatorSet, actuator_set
 from jaxsat.controllability.judgement import Judgement, actuator_layout, judge_only
@@ -62,7 +63,7 @@ class FailureCase:
     @property
     def borderline(self) -> bool:
         """Whether the data or their rounding decide."""
-        return self.verdict == "borderline"
+        return self.judgement.borderline
 
     @property
     def margin(self) -> float:
@@ -78,6 +79,15 @@ class FailureCase:
     def directions(self) -> int:
         """Dimension of the torques of both signs available without brackets, 0 to 3."""
         return self.judgement.cone.two_sided
+
+    @property
+    def missing(self) -> Float[np.ndarray, "3 e"]:
+        """Body torque directions that not even brackets reach, or that no wheel has."""
+        judgement = self.judgement
+        if judgement.decision is not None:
+            return judgement.decision.missing
+        assert judgement.level_set is not None
+        return judgement.level_set.missing if judgement.dimension < 6 else np.zeros((3, 0))
 
 
 def failure_table(

@@ -9,10 +9,10 @@ from jaxtyping import Bool, Float
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.authority import decided_turn_time, turn_time
 from jaxsat.controllability.cone import ROUNDING, TorqueCone, torque_cone
-from jaxsat.controllability.decision import RankDecision, decide_rank
+from jaxsat.controllability.decision import RANK_OF_DIMENSION, RankDecision, decide_rank
 from jaxsat.controllability.drift_barrier import momentum_barrier
 from jaxsat.controllability.layout import TOLERANCE, Layout, Numbers, make_layout
-from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set
+from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set, one_wheel_brackets
 
 Verdict = Literal[
     "controllable", "by drift", "some attitudes", "not decided", "borderline", "uncontrollable"
@@ -29,7 +29,7 @@ class Judgement:
     - "controllable": every attitude and rate of the level set, by the laws named in `laws`;
     - "by drift": rank 6 and a drift that returns are enough in principle, no law of jaxsat uses it;
     - "some attitudes": two wheels with momentum left, which hold only attitudes n·CH = 0;
-    - "not decided": one wheel besides thrusters that do not give two torques of both signs;
+    - "not decided": one wheel beside thrusters, rank 6, but less than two torques of both signs;
     - "borderline": the data or their rounding decide;
     - "uncontrollable".
 
@@ -60,6 +60,11 @@ class Judgement:
         return self.verdict in ("controllable", "by drift")
 
     @property
+    def borderline(self) -> bool:
+        """Whether the data or their rounding decide."""
+        return self.verdict == "borderline"
+
+    @property
     def one_signed(self) -> bool:
         """Whether some torque can be made in one sign only."""
         return self.cone.span > self.cone.two_sided
@@ -84,15 +89,19 @@ def judge(
 def judge_only(
     layout: Layout, actuators: ActuatorSet, kept: tuple[int, ...], tolerance: float | int
 ) -> Judgement:
-    """Judge a subset, by places in `actuators.names`, with the brackets of all."""
+    """Judge a subset, by ascending places in `actuators.names`, with the brackets of all."""
     left = actuators.only(kept)
     thrusters = len(left.thrusters)
     jets = torque_cone(left.torques, left.two_sided, tolerance)
     wheels = momentum_level_set(layout.inertia, left, tolerance)
-    if wheels.axes == 0 or (wheels.axes == 1 and jets.span):
-        return _by_torques(layout, left, kept, wheels, tolerance)
+    if wheels.axes == 0:
+        jets_alone = kept[:thrusters]
+        return _by_torques(layout, actuators.only(jets_alone), jets_alone, tolerance)
     signs = np.concatenate([left.two_sided, np.ones(len(kept) - thrusters, bool)])
     cone = torque_cone(left.columns, signs, tolerance)
+    if wheels.axes == 1 and jets.span:
+        alone = judge_only(layout, actuators, kept[:thrusters], tolerance)
+        return _with_one_wheel(left, cone, wheels, alone, tolerance)
     if jets.span == 0:
         verdict, laws = _wheels_alone(wheels)
         rank, dimension = wheels.rank, wheels.dimension
@@ -123,20 +132,74 @@ def _wheels_alone(wheels: MomentumLevelSet) -> tuple[Verdict, Laws]:
     return "uncontrollable", "none"
 
 
-def _by_torques(
-    layout: Layout,
+def _with_one_wheel(
     left: ActuatorSet,
-    kept: tuple[int, ...],
+    cone: TorqueCone,
     wheels: MomentumLevelSet,
+    alone: Judgement,
     tolerance: float,
 ) -> Judgement:
-    """By the cone of torques and the rank condition; one wheel counts as a torque of both signs."""
-    signs = np.concatenate([left.two_sided, np.ones(len(left.wheels), bool)])
-    cone = torque_cone(left.columns, signs, tolerance)
+    """By the torques of both signs and the brackets of a gyrostat; `alone` is without the wheel."""
+    axis = wheels.directions[:, 0]
+    reached, margin = one_wheel_brackets(alone.inertia, left.torques, axis, tolerance)
+    laws: Laws = "three torques" if cone.two_sided == 3 else alone.laws
+    verdict: Verdict = "uncontrollable"
+    if laws != "none":
+        verdict = "controllable"
+    elif reached.shape[1] == 3:
+        crossed = _wheel_crosses(alone.inertia, left.torques, axis, cone, tolerance)
+        verdict = "by drift" if crossed else "not decided"
+    if cone.borderline or wheels.borderline or (alone.borderline and laws == alone.laws != "none"):
+        verdict = "borderline"
+    turn = alone.turn_time
+    if cone.two_sided == 3:
+        turn = turn_time(alone.inertia, cone.both_signs)
+    return Judgement(
+        inertia=alone.inertia,
+        actuators=left,
+        verdict=verdict,
+        rank=RANK_OF_DIMENSION[reached.shape[1]],
+        dimension=6,
+        laws=laws,
+        margin=margin,
+        turn_time=turn if laws != "none" else np.nan,
+        cone=cone,
+        level_set=wheels,
+    )
+
+
+def _wheel_crosses(
+    inertia: Float[np.ndarray, "3 3"],
+    torques: Float[np.ndarray, "3 m"],
+    axis: Float[np.ndarray, "3"],
+    cone: TorqueCone,
+    tolerance: float,
+) -> bool:
+    """Whether wheel and thrusters leave the plane of their torques, in both directions at once.
+
+    [[f, w], w] of a wheel w is zero, so where n·[[f, w], g] is not, two directions of the plane
+    have no part of their own bad brackets along n: small-time local controllability at rest, as
+    in `small_time_local_controllability`.
+    """
+    if cone.normal is None:
+        return False
+    turn = np.linalg.solve(inertia, axis)
+    heights = np.abs(cone.normal @ np.cross(turn, torques, axisb=0).T)
+    sizes = np.linalg.norm(turn) * np.linalg.norm(torques, axis=0)
+    beside = np.abs(cone.normal @ torques) <= tolerance * np.linalg.norm(torques, axis=0)
+    return bool(np.any(beside & (heights > tolerance * sizes)))
+
+
+def _by_torques(
+    layout: Layout, left: ActuatorSet, kept: tuple[int, ...], tolerance: float
+) -> Judgement:
+    """Thrusters alone, by the cone of their torques and the rank condition."""
+    signs = left.two_sided
+    cone = torque_cone(left.torques, signs, tolerance)
     decision = decide_rank(layout, kept, tolerance)
     flown = decision
     if cone.two_sided == 2 and cone.span == 3:
-        flown = decide_rank(layout, _in_plane(left.columns, kept, cone, tolerance), tolerance)
+        flown = decide_rank(layout, _in_plane(left.torques, kept, cone, tolerance), tolerance)
     laws: Laws = "none"
     if cone.two_sided >= 2 and flown.controllable:
         laws = "three torques" if cone.two_sided == 3 else "two torques"
@@ -145,8 +208,6 @@ def _by_torques(
     verdict: Verdict = "uncontrollable"
     if laws != "none":
         verdict = "controllable"
-    elif decision.controllable and wheels.axes:
-        verdict = "not decided"
     elif decision.controllable and barrier is None:
         verdict = "by drift"
     one_signed = cone.span > cone.two_sided
@@ -161,11 +222,10 @@ def _by_torques(
         dimension=6,
         laws=laws,
         margin=decision.margin,
-        turn_time=_turn_time(decision, layout.inertia, left.columns, signs, cone, laws),
+        turn_time=_turn_time(decision, layout.inertia, left.torques, signs, cone, laws),
         cone=cone,
         decision=decision,
         barrier=barrier if one_signed else None,
-        level_set=wheels if wheels.axes else None,
     )
 
 

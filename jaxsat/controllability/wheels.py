@@ -11,6 +11,9 @@ states are counted, and judged, on the level set of that momentum:
   about every axis (Chow), whatever the drift. With H = 0 every attitude is held; with H left only
   those with n·CH = 0 are at rest;
 - one, along a: Jω + a h = CH leaves 4. With H = 0 the body turns about J⁻¹a alone.
+
+A wheel beside thrusters changes the rate but not the momentum Jω + A h, so its brackets are not
+those of a thruster along its axis: `one_wheel_brackets`.
 """
 
 from dataclasses import dataclass
@@ -99,3 +102,56 @@ def _one_wheel_rank(inertia: Float[np.ndarray, "3 3"], axis: Float[np.ndarray, "
     size = float(np.linalg.norm(b))
     columns = np.stack([b / size, c / size, d / size**2], axis=1)
     return 1 + int(np.sum(np.linalg.svd(columns, compute_uv=False) > 1e-6))
+
+
+def one_wheel_brackets(
+    inertia: Float[np.ndarray, "3 3"],
+    torques: Float[np.ndarray, "3 m"],
+    axis: Float[np.ndarray, "3"],
+    tolerance: float = TOLERANCE,
+) -> tuple[Float[np.ndarray, "3 d"], float]:
+    """Torque directions that brackets reach at rest with one wheel, and the margin.
+
+    `torques` of thrusters count as of both signs. A direction is a pair: the torque Jx on the body
+    and the momentum p, which is the same for a thruster and zero for the wheel. From two of them
+    [[f, x], y] makes the torque −(x × p_y + y × p_x), with as much momentum. The closure has four
+    dimensions at most. Products smaller than `tolerance` beside their terms count as zero; the
+    margin is the smallest singular value of the unit torques found.
+    """
+    inverse = np.linalg.inv(inertia / np.max(np.abs(inertia)))
+    lengths = np.linalg.norm(torques, axis=0)
+    found = [np.concatenate([axis / np.linalg.norm(axis), np.zeros(3)])]
+    found += [np.tile(column, 2) for column in (torques[:, lengths > 0] / lengths[lengths > 0]).T]
+    basis = _independent(found, tolerance)
+    while True:
+        products = []
+        for i, first in enumerate(basis):
+            for second in basis[i:]:
+                x, y = inverse @ first[:3], inverse @ second[:3]
+                torque = -np.cross(x, second[3:]) - np.cross(y, first[3:])
+                size = np.linalg.norm(x) * np.linalg.norm(second[3:])
+                size += np.linalg.norm(y) * np.linalg.norm(first[3:])
+                if np.linalg.norm(torque) > tolerance * size:
+                    products.append(np.tile(torque / np.linalg.norm(torque), 2))
+        grown = _independent([*basis, *products], tolerance)
+        if len(grown) == len(basis):
+            break
+        basis = grown
+    directions, values, _ = np.linalg.svd(np.stack(basis, axis=1)[:3])
+    count = int(np.sum(values > tolerance))
+    return directions[:, :count], float(values[2]) if count == 3 else 0.0
+
+
+def _independent(
+    vectors: list[Float[np.ndarray, "6"]], tolerance: float
+) -> list[Float[np.ndarray, "6"]]:
+    """The first of the vectors that span what all span, to a sine of `tolerance`."""
+    chosen: list[Float[np.ndarray, 6]] = []
+    for vector in vectors:
+        rest = vector
+        if chosen:
+            basis = np.linalg.qr(np.stack(chosen, axis=1))[0]
+            rest = vector - basis @ (basis.T @ vector)
+        if np.linalg.norm(rest) > tolerance * np.linalg.norm(vector):
+            chosen.append(vector)
+    return chosen

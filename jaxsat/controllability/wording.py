@@ -10,7 +10,7 @@ from jaxsat.controllability.net_force import NetForce
 
 LAW_WORDS = {
     "three torques": "every law can be flown, its torques shared among the actuators",
-    "two torques": "the laws of two torques can be flown",
+    "two torques": "the laws of two torques can be flown, by torques in the plane of both signs",
     "none": "no law of jaxsat can be flown",
 }
 
@@ -105,10 +105,14 @@ def _wheels_lost(judgement: Judgement) -> str:
     assert found is not None
     if judgement.laws == "three torques":
         return "nothing"
+    if judgement.dimension == 6:
+        if judgement.cone.normal is not None:
+            lost = f"direct torque of both signs about {_axis(judgement.cone.normal)}"
+        else:
+            lost = _lost_ways(judgement.cone) if judgement.one_signed else "two torques"
+        return lost if judgement.rank == 6 else f"{lost}; rank {judgement.rank} of 6"
     if found.axes == 2:
         normal = _axis(found.missing[:, 0])
-        if judgement.dimension == 6:
-            return f"direct torque of both signs about {normal}"
         rest = "rest but where the momentum is across it"
         return f"torque about {normal}; " + (rest if found.momentum else "Jω along it stays zero")
     if found.turned_about is None:
@@ -118,7 +122,7 @@ def _wheels_lost(judgement: Judgement) -> str:
 
 def verdict_sentence(judgement: Judgement) -> str:
     """The verdict and why, in a sentence or two."""
-    if judgement.decision is None or judgement.verdict == "not decided":
+    if judgement.decision is None:
         return _wheel_sentence(judgement)
     by_rank = rank_verdict(judgement.decision, len(judgement.actuators.names))
     rank = f"rank {judgement.rank} of 6, margin {judgement.margin:.3g}"
@@ -152,9 +156,10 @@ def cone_words(cone: TorqueCone) -> str:
         return "the torques positively span all three axes"
     if normal is not None:
         text = f"two torques of both signs, in {_plane(normal)}"
-        if cone.span == 2:
+        if cone.opposed is None:
             return f"{text}; none about it"
-        return f"{text}, and towards {direction_words(normal)} alone; none towards the other side"
+        other = direction_words(cone.opposed)
+        return f"{text}, and towards {direction_words(normal)} alone; none towards {other}"
     if cone.span == 0:
         return "no torque at all"
     text = f"the torques are a {cone.kind}"
@@ -174,17 +179,23 @@ def _axis(direction: Float[np.ndarray, "3"]) -> str:
     return direction_words(direction * np.sign(entry)).removeprefix("+")
 
 
+_ONE_WHEEL = {
+    "controllable": "Controllable: {rank}, one wheel beside the thrusters",
+    "by drift": "Controllable by drift: {rank} with one wheel at rest; no law of jaxsat uses it",
+    "not decided": "Not decided: {rank} with one wheel at rest, but torques of one sign count and "
+    "the drift with the wheel's momentum is not judged; no law of jaxsat uses it",
+    "uncontrollable": "Not controllable: {rank} with one wheel at rest",
+}
+
+
 def _wheel_sentence(judgement: Judgement) -> str:
     found = judgement.level_set
     assert found is not None
     rank = f"rank {judgement.rank} of {judgement.dimension}"
     if judgement.verdict == "borderline":
         return "Borderline: wheel axes or torques that the data leave open decide."
-    if judgement.verdict == "not decided":
-        return (
-            f"Not decided: {rank} with one wheel at rest, but {cone_words(judgement.cone)}, and "
-            "the drift with the wheel's momentum is not judged. No law of jaxsat uses it."
-        )
+    if judgement.dimension == 6 and found.axes == 1:
+        return f"{_ONE_WHEEL[judgement.verdict].format(rank=rank)}; {cone_words(judgement.cone)}."
     if judgement.dimension == 6 and found.axes == 3:
         return f"Controllable: {rank} by three independent wheel axes."
     if judgement.dimension == 6:
@@ -220,10 +231,10 @@ def momentum_words(judgement: Judgement) -> str | None:
     if found is None:
         return None
     start = f"Momentum: {found.momentum:.3g} N m s in all at the start"
-    if judgement.dimension < 6 or not judgement.actuators.thrusters:
+    if not np.any(judgement.actuators.torques):
         return f"{start}, conserved: nothing takes momentum out of the wheels"
     if found.axes == 1:
-        return f"{start}; the wheel counts as a torque of both signs while its momentum is small"
+        return f"{start}; judged while that of the one wheel is small"
     return f"{start}; thrusters can take it out, in any inertial direction once the body is turned"
 
 

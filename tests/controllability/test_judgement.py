@@ -73,7 +73,21 @@ def test_four_thrusters_that_all_turn_about_z_lose_something():
             "three torques",
             "two wheels",
         ),
-        (thrusters(Y, -Y, wheel_axes=X[:, None]), "controllable", "two torques", "rank 6"),
+        (thrusters(Y, -Y, wheel_axes=X[:, None]), "by drift", "none", "rank 6 of 6 with one wheel"),
+        (
+            thrusters(X, -X, Y, -Y, wheel_axes=X[:, None]),
+            "controllable",
+            "two torques",
+            "one wheel",
+        ),
+        (
+            thrusters(Y, -Y, Z, -Z, wheel_axes=X[:, None]),
+            "controllable",
+            "three torques",
+            "one wheel",
+        ),
+        (thrusters(X, -X, Y, -Y, wheel_axes=np.zeros((3, 1))), "controllable", "two torques", "6"),
+        (thrusters(X, wheel_axes=X[:, None]), "uncontrollable", "none", "rank 2 of 6"),
         (thrusters(X + Y + Z, wheel_axes=X[:, None]), "not decided", "none", "one wheel"),
         (thrusters(X, -X + 1e-8 * Y, Y, -Y, Z), "controllable", "two torques", "+z alone"),
         (thrusters(X, -X, Y, -Y + 1e-8 * Z), "borderline", "two torques", "Borderline"),
@@ -90,6 +104,18 @@ def test_two_signs_in_a_plane_that_brackets_do_not_leave_are_no_control():
     assert judge([5.0, 5.0, 7.0], half).verdict == "uncontrollable"
     assert judge([5.0, 5.0, 7.0], half).barrier == pytest.approx(Z)
     assert judge([5.0, 4.0, 7.0], half).verdict == "controllable"
+
+
+def test_a_wheel_makes_no_momentum_so_its_brackets_are_its_own():
+    # With J1 = J2 two thrusters never leave the plane; a wheel in place of one does.
+    pair = thrusters(X, -X, Y, -Y)
+    mixed = thrusters(Y, -Y, wheel_axes=X[:, None])
+    assert (judge([5.0, 5.0, 7.0], pair).rank, judge([5.0, 5.0, 7.0], mixed).rank) == (5, 6)
+    assert judge([5.0, 5.0, 7.0], mixed).verdict == "by drift"
+    # The other way round: one general thruster has rank 6, a wheel along it only turns about J⁻¹a.
+    axis = X + 2 * Y + 3 * Z
+    assert judge(PAPER, thrusters(axis, two_sided=True)).rank == 6
+    assert judge(PAPER, wheels(axis)).rank == 2
 
 
 def test_torques_of_both_signs_are_judged_as_before():

@@ -12,6 +12,7 @@ from jaxsat.controllability import (
     lie_bracket,
     momentum_level_set,
 )
+from jaxsat.controllability.wheels import one_wheel_brackets
 
 JA = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])
 AXES = np.array([[1.0, 0.3, 0.1], [0.2, -1.0, 0.5], [0.5, 0.4, 1.0]])
@@ -93,6 +94,45 @@ def test_two_wheels_keep_the_momentum_about_their_normal(momentum):
     if momentum == 0.0:
         assert np.max(np.abs(states[:, 9:12])) > 0.05
         assert np.max(np.abs(states[:, 9:12] @ JA @ normal)) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("moments", "torque", "axis"),
+    [
+        ((5.0, 5.0, 7.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)),
+        ((5.0, 5.0, 7.0), (0.0, 0.0, 1.0), (0.0, 0.0, 1.0)),
+        ((9.0, 5.0, 7.0), (1.0, 2.0, 3.0), (0.0, 0.0, 1.0)),
+    ],
+)
+def test_one_wheel_beside_a_thruster_has_the_rank_of_the_brackets(moments, torque, axis):
+    inertia, axis = jnp.diag(jnp.array(moments)), jnp.array(axis)
+    inverse = jnp.linalg.inv(inertia)
+
+    def drift(state):
+        attitude, omega, stored = state[:9].reshape(3, 3), state[9:12], state[12]
+        x, y, z = omega
+        turn = jnp.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        rate = -inverse @ jnp.cross(omega, inertia @ omega + axis * stored)
+        return jnp.concatenate([(-turn @ attitude).reshape(9), rate, jnp.zeros(1)])
+
+    def constant(rate, stored):
+        value = jnp.concatenate([jnp.zeros(9), inverse @ rate, jnp.array([stored])])
+        return lambda state: value + 0 * state
+
+    inputs = [constant(jnp.array(torque), 0.0), constant(axis, -1.0)]
+    second = [lie_bracket(drift, field) for field in inputs]
+    third = [lie_bracket(a, b) for a in second for b in inputs]
+    fourth = [lie_bracket(drift, field) for field in third]
+    fifth = [lie_bracket(a, b) for a in fourth for b in inputs]
+    turned = [lie_bracket(a, b) for a in second for b in second]
+    state = jnp.concatenate([jnp.eye(3).reshape(9), jnp.zeros(4)])
+    words = [*inputs, *second, *third, *fourth, *fifth, *turned]
+    values = np.stack([word(state) for word in words])[:, :12]  # attitude and rate
+    torques, _ = one_wheel_brackets(
+        np.asarray(inertia), np.array([torque]).T, np.asarray(axis), 1e-9
+    )
+    assert np.linalg.matrix_rank(values, tol=1e-9) == (0, 2, 5, 6)[torques.shape[1]]
 
 
 def test_wheels_are_counted_by_independent_axes():
