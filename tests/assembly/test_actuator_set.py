@@ -43,7 +43,7 @@ def test_thrusters_push_one_way_by_place_or_by_torque(tmp_path):
     np.testing.assert_allclose(actuators.torques.T, [[6, 0, 0]] * 2)
     np.testing.assert_allclose(actuators.forces.T, [[0, 0, 3]] * 2)
     assert (actuators.two_sided.tolist(), working) == ([False, True], [0])
-    scenario = of_thrusters(tmp_path, placed, about([0, 0, 2], name='"+z pair!"'))
+    scenario = of_thrusters(tmp_path, placed, about([0, 0, 2], name='"+z pair"'))
     actuators, _ = all_actuators(scenario)
     assert actuators.forces is None
     assert actuators.thrusters == ("g1", "+z-pair")
