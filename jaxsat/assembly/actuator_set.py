@@ -19,7 +19,7 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
     torques have both signs. Net forces are known where every thruster has a position. The momentum
     is that of body and all wheels at the start; a failed wheel counts as stopped.
     """
-    wheels = getattr(scenario, "wheel", ())
+    wheels = scenario.wheel
     axes = np.array([one.axis for one in wheels], float).reshape(-1, 3).T
     axes = axes / np.linalg.norm(axes, axis=0)
     inertia = np.asarray(Spacecraft(scenario.spacecraft.inertia_kg_m2).inertia)

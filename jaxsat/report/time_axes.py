@@ -1,5 +1,6 @@
 """What figures of signals over time have in common."""
 
+import tomllib
 from collections.abc import Sequence
 
 import numpy as np
@@ -38,14 +39,41 @@ def place_legend(axes: Axes, count: int) -> None:
 def finish(
     dataset: xr.Dataset, axes: Sequence[Axes], enlarged: Axes | None = None, zoom: Span = (0, 0)
 ) -> None:
-    """Time axes from the start to the end, or over `zoom` (s), and their label under the lowest."""
+    """Time axes from the start to the end, or over `zoom` (s), and their label under the lowest.
+
+    A vertical line marks each failure in flight, with its name in the uppermost panel.
+    """
     start, end = float(dataset["time"][0]), float(dataset["time"][-1])
+    for at, name in failures(dataset):
+        for panel in (*axes, *(() if enlarged is None else (enlarged,))):
+            _mark(panel, at, name if panel is axes[0] else "")
     for one in axes:
         one.set_xlim(start, end)
     if enlarged is not None:
         enlarged.set_xlim(*zoom)
     lowest = axes[-1] if enlarged is None else enlarged
     lowest.set_xlabel("time (s)")
+
+
+def failures(dataset: xr.Dataset) -> list[tuple[float, str]]:
+    """When (s) something fails during the run, and what, from the scenario of the dataset."""
+    tables = tomllib.loads(dataset.attrs.get("scenario", "")).get("failure", [])
+    end = float(dataset["time"][-1])
+    return [(float(one["at_s"]), f"{one['of']}: {one['kind']}") for one in tables if one["at_s"] <= end]
+
+
+def _mark(axes: Axes, at: float, name: str) -> None:
+    axes.axvline(at, color="black", linewidth=0.9, linestyle=(0, (1, 1.5)))
+    if name:
+        axes.text(
+            at,
+            0.97,
+            f" {escape_mathematics(name)}",
+            transform=axes.get_xaxis_transform(),
+            verticalalignment="top",
+            fontsize="small",
+            bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1},
+        )
 
 
 def shade_modes(dataset: xr.Dataset, axes: Axes) -> None:

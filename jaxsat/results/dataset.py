@@ -51,10 +51,10 @@ VARIABLES = {
         (), "N m", "ideal torque about the third axis that holds the third rate"
     ),
     "thrust_level": _Variable(
-        ("thruster",), "1", "mean thrust in parts of full thrust, from here to the next sample"
+        ("thruster",), "1", "mean thrust until the next time, over full thrust"
     ),
-    "propellant": _Variable((), "kg", "propellant used until the next sample"),
-    "valve_openings": _Variable(("thruster",), "1", "how often each valve was opened"),
+    "propellant": _Variable((), "kg", "propellant used"),
+    "valve_openings": _Variable(("thruster",), "1", "openings of each valve"),
     "wheel_momentum": _Variable(("wheel",), "N m s", "wheel momentum relative to the body"),
     "wheel_torque": _Variable(("wheel",), "N m", "wheel torque on the body along its axis"),
     "attitude_estimate_error": _Variable(

@@ -1,5 +1,6 @@
 """`simulate`: one loop, one start, one result."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple, cast
 
@@ -227,10 +228,22 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances
     success = code == int(Outcome.SUCCESS)
     since = (record.settled, record.rest)
     found = assessment(loop.plant, since, record.integral, times, success)
-    signals = jax.tree.map(lambda x: x[numbers], signals)
+    signals = _saved(signals, numbers)
     steps = jnp.array(samples * loop.substeps)
     torque_range = held.between(numbers, stop_gradient(signals.torque[-1]))
     return Trajectory(times, signals, state, code, steps, found, torque_range)
+
+
+def _saved(signals: Signals, numbers: Int[Array, " times"]) -> Signals:
+    """Signals at these samples; of thrust levels, the mean from each to the next."""
+    saved = jax.tree.map(lambda x: x[numbers], signals)
+    if signals.thrust_level is None:
+        return saved
+    level = signals.thrust_level
+    sums = jnp.concatenate([jnp.zeros_like(level[:1]), jnp.cumsum(level, axis=0)])
+    ends = jnp.append(numbers[1:], numbers[-1] + 1)
+    means = (sums[ends] - sums[numbers]) / (ends - numbers)[:, None]
+    return dataclasses.replace(saved, thrust_level=means)
 
 
 def _over_hold(loop, solver, t, state, hold, record, tolerances):

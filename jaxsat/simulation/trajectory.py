@@ -40,8 +40,8 @@ class Signals(eqx.Module):
     `mode` tells which part of a sampled controller is at work, by its own numbers (zero for
     continuous ones). `wheel_momentum` is that of each wheel relative to the body and `wheel_torque`
     what it does to the body along its axis, None without wheels. Of thrusters that push, `torque`
-    is the mean over the period that begins here, as is `thrust_level`, that of each thruster in
-    parts of its full thrust; `propellant` (kg) and `valve_openings` have been used so far. They are
+    is the mean over the period that begins here, and `thrust_level`, over full thrust, that until
+    the next time; `propellant` (kg) and `valve_openings` have been used so far. They are
     None for other actuators. What is told of estimates is None without `jaxsat.navigation`: truth
     less estimate of attitude (rotation vector), rate and gyro bias, and three of the standard
     deviations that the estimator claims. With a leading axis it is a history.

@@ -11,6 +11,18 @@ def test_a_bound_refuses_wheels(command_line):
 
 
 @pytest.mark.slow
+def test_two_wheels_are_judged_by_the_momentum_there_is(command_line):
+    status, out, _ = command_line("controllability", "two-wheel-telescope")
+    assert status == 0
+    assert "rank 5 of 5" in out
+    assert "n·Jω = 0 for ever" in out
+    status, out, _ = command_line(
+        "controllability", "two-wheel-telescope", "--set", "initial.omega_rad_s=[0.01, 0, 0.01]"
+    )
+    assert (status, "Some attitudes" in out) == (0, True)
+
+
+@pytest.mark.slow
 def test_a_run_tells_the_momentum_of_its_wheels(command_line):
     status, out, _ = command_line(
         "simulate", "two-wheel-telescope", "--set", "simulation.duration_s=20"

@@ -118,3 +118,23 @@ def test_a_run_that_ended_at_once_is_drawn():
         run[name][1:] = np.nan
     for figure in trajectory_figures(run).values():
         figure.canvas.draw()
+
+
+def test_a_failure_is_marked_in_every_panel_and_named_once():
+    run = dataset()
+    run.attrs["scenario"] = """
+        [[failure]]
+        of = "thruster 3"
+        at_s = 30
+        kind = "stuck-on"
+        [[failure]]
+        of = "thruster 4"
+        at_s = 3000
+        kind = "dead"
+    """
+    panels = rates_figure(run).axes
+    for panel in panels:
+        marks = [line for line in panel.lines if np.all(np.asarray(line.get_xdata()) == 30)]
+        assert len(marks) == 1
+    assert [text.get_text().strip() for text in panels[0].texts] == ["thruster 3: stuck-on"]
+    assert not panels[1].texts
