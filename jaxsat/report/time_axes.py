@@ -59,7 +59,9 @@ def failures(dataset: xr.Dataset) -> list[tuple[float, str]]:
     """When (s) something fails during the run, and what, from the scenario of the dataset."""
     tables = tomllib.loads(dataset.attrs.get("scenario", "")).get("failure", [])
     end = float(dataset["time"][-1])
-    return [(float(one["at_s"]), f"{one['of']}: {one['kind']}") for one in tables if one["at_s"] <= end]
+    return [
+        (float(one["at_s"]), f"{one['of']}: {one['kind']}") for one in tables if one["at_s"] <= end
+    ]
 
 
 def _mark(axes: Axes, at: float, name: str) -> None:

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import NamedTuple, cast
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
@@ -186,8 +185,7 @@ class SampledLoop(AbstractLoop):
         wheels = self._wheel_command(state, command)
         plan, running = self._plan(t, command, state)
 
-        def hold_by_hold(_, now):
-            running, plant, carry = now
+        def through(running, plant, carry):
             hold, running = actuators.advance(plan, running)
             parts = ((hold, wheels),)
             if wheels is not None and self.delay is not None:
@@ -199,9 +197,7 @@ class SampledLoop(AbstractLoop):
                 )
             return running, plant, carry
 
-        running, plant, carry = jax.lax.fori_loop(
-            0, actuators.holds, hold_by_hold, (running, state.plant, carry)
-        )
+        running, plant, carry = actuators.hold_by_hold(plan, running, through, state.plant, carry)
         memory, usage = actuators.finish(plan, running)
         after = state._replace(plant=plant.normalised(), actuators=memory, wheel_command=wheels)
         return after, carry, usage

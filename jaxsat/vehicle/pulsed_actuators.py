@@ -1,6 +1,7 @@
 """Thrusters that open and shut inside a control period, at their true instants."""
 
 import abc
+from collections.abc import Callable
 from typing import NamedTuple, cast
 
 import equinox as eqx
@@ -112,6 +113,10 @@ class AbstractPulsedActuators(eqx.Module):
         """
 
     @abc.abstractmethod
+    def under_way(self, plan: PyTree, running: PyTree) -> Bool[Array, ""]:
+        """Whether the period has not ended yet, so that there is a next hold."""
+
+    @abc.abstractmethod
     def advance(self, plan: PyTree, running: PyTree) -> tuple[Hold, PyTree]:
         """The next hold, which has no length where the period has ended."""
 
@@ -125,10 +130,23 @@ class AbstractPulsedActuators(eqx.Module):
 
     def usage(self, plan: PyTree, running: PyTree) -> Usage:
         """What the whole period will use."""
-        last = jax.lax.fori_loop(
-            0, self.holds, lambda _, running: self.advance(plan, running)[1], running
-        )
+        (last,) = self.hold_by_hold(plan, running, lambda now: (self.advance(plan, now)[1],))
         return self.finish(plan, last)[1]
+
+    def hold_by_hold(
+        self, plan: PyTree, running: PyTree, step: Callable[..., tuple], *carry: PyTree
+    ) -> tuple:
+        """`step` for each hold of a period, of what runs through the plan and the carry.
+
+        A period seldom has as many holds as it may have. Those left are skipped where an engine
+        can, and the loop can be differentiated either way.
+        """
+
+        def one(_, now):
+            ahead = self.under_way(plan, now[0])
+            return jax.lax.cond(ahead, lambda now: step(*now), lambda now: now, now)
+
+        return jax.lax.fori_loop(0, self.holds, one, (running, *carry))
 
 
 class ThrusterMemory(NamedTuple):
@@ -252,6 +270,10 @@ class PulsedThrusters(AbstractPulsedActuators):
         if self.failures is None:
             return Condition.sound(self.thrusters.torque)
         return self.failures.condition(t, now, self.thrusters.torque)
+
+    def under_way(self, plan, running):
+        """Whether time is left."""
+        return running.now < plan.period
 
     def advance(self, plan, running):
         """Up to the next edge of a command, of a failure or of a ramp."""

@@ -143,6 +143,10 @@ class PulsedActuatorsWithWheels(AbstractPulsedActuators):
         """The thrusters' plan of what the wheels leave."""
         return self.thrusters.plan(t, self.rest @ command, memory, period, delay)
 
+    def under_way(self, plan, running):
+        """As the thrusters say."""
+        return self.thrusters.under_way(plan, running)
+
     def advance(self, plan, running):
         """As the thrusters do."""
         return self.thrusters.advance(plan, running)
