@@ -7,7 +7,7 @@ def test_schema_describes_every_key_with_its_unit():
     schema = json_schema()
     tables = [schema, *schema["$defs"].values()]
     suffixes = {"kg_m2": "kg m²", "N_m": "N m", "rad_s": "rad/s", "rad_s2": "rad/s²", "km": "km",
-                "rad": "rad", "s": "s"}  # fmt: skip
+                "rad": "rad", "s": "s", "deg": "deg", "deg_s": "deg/s"}  # fmt: skip
     seen = 0
     for table in tables:
         plugin = "module:Class" in str(table["properties"].get("kind"))  # has keys of its own
