@@ -137,5 +137,5 @@ def _in_degrees(entry: Any, key: str) -> Any:
             told[name] = math.degrees(told[name])
     if "unit" in told:
         unit = told["unit"].replace("rad", "deg")
-        told |= {"unit": unit, "description": f"In place of {key}, in {unit}"}
+        told |= {"unit": unit, "description": f"In place of {key} ({unit})"}
     return told

@@ -6,8 +6,9 @@ from jaxsat.scenario import json_schema
 def test_schema_describes_every_key_with_its_unit():
     schema = json_schema()
     tables = [schema, *schema["$defs"].values()]
-    suffixes = {"kg_m2": "kg m²", "N_m": "N m", "N_m_s": "N m s", "rad_s": "rad/s",
-                "rad_s2": "rad/s²", "km": "km", "rad": "rad", "s": "s"}  # fmt: skip
+    suffixes = {"kg_m2": "kg m²", "N_m": "N m", "N_m_s": "N m s", "m": "m",
+                "N": "N", "rad_s": "rad/s", "rad_s2": "rad/s²", "km": "km",
+                "rad": "rad", "s": "s", "deg": "deg", "deg_s": "deg/s"}  # fmt: skip
     seen = 0
     for table in tables:
         plugin = "module:Class" in str(table["properties"].get("kind"))  # has keys of its own
