@@ -213,9 +213,8 @@ def _has_interior(rows: np.ndarray) -> bool:
 
 
 def largest_torque(duties: Float[np.ndarray, "bases m torques"]) -> float:
-    """The torque (N m) that can be made about each commanded axis, either way, at full duty."""
-    torques = duties.shape[2]
-    wanted = np.concatenate([np.eye(torques), -np.eye(torques)])
+    """The torque (N m) that can be made about all commanded axes at once, of any signs."""
+    wanted = np.array(list(itertools.product((1.0, -1.0), repeat=duties.shape[2])))
     candidates = np.einsum("bmt,wt->wbm", duties, wanted)
     best = np.argmax(np.min(candidates, axis=2), axis=1)
     return float(1 / np.max(candidates[np.arange(len(wanted)), best]))

@@ -50,8 +50,8 @@ DIPOLE = Range(-1e6, 1e6)
 LENGTH = Range(-1e3, 1e3)
 """From the centre of mass to a centre of pressure, m."""
 
-TURN = Range(-360.0, 360.0)
-"""Angles of an orbit, degrees."""
+TURN = Range(-6.283185307179587, 6.283185307179587)
+"""Angles of an orbit, rad."""
 
 RATE_NOISE = Range(0.0, 1e3)
 """Standard deviation of a rate sensor, rad/s."""

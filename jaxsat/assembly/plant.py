@@ -1,6 +1,5 @@
 """From a scenario to the plant."""
 
-import math
 import pkgutil
 from typing import Any, cast
 
@@ -56,12 +55,12 @@ def _place(scenario: Scenario) -> CircularOrbit:
     """Where the orbit of the scenario is."""
     table = scenario.orbit
     angles = (
-        table.inclination_deg,
-        table.ascending_node_deg,
-        table.argument_of_latitude_deg,
-        table.sidereal_angle_deg,
+        table.inclination_rad,
+        table.ascending_node_rad,
+        table.argument_of_latitude_rad,
+        table.sidereal_angle_rad,
     )
-    return CircularOrbit(orbit_rate(scenario), *map(math.radians, angles))
+    return CircularOrbit(orbit_rate(scenario), *angles)
 
 
 def periodic_torque(

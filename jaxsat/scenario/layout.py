@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.allocation import allocation_matrix, unit_columns
+from jaxsat.allocation import allocation_matrix, torque_directions, unit_columns
 from jaxsat.scenario.thruster_tables import working_torques
 
 
@@ -21,13 +21,14 @@ def working_axes(
 def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
     """A unit column for each torque that a law of two torques in any plane counts on.
 
-    `scenario` is a checked one. Of wheels, these are body x and y.
+    `scenario` is a checked one. Of thrusters that push these are two directions in which they make
+    torques of either sign, of wheels body x and y.
     """
     table = scenario.spacecraft
     if scenario.wheel:
         return np.eye(3)[:, :2]
     if scenario.thruster:
-        return unit_columns(working_torques(scenario.thruster))
+        return torque_directions(unit_columns(working_torques(scenario.thruster)))
     return working_axes(table.thruster_torque_axes, table.failed_thrusters)
 
 

@@ -82,19 +82,19 @@ class OrbitTable(Table):
     altitude_km: Annotated[Number, Gt(0), Le(MAX_ALTITUDE)] | None = quantity(
         "Altitude above the Earth's equator, for the two-body rate", "km", None
     )
-    inclination_deg: Annotated[Number, within(TURN)] = quantity(
+    inclination_rad: Annotated[Number, within(TURN)] = quantity(
         "Inclination; this and the angles below matter to magnetic, drag and solar torques alone",
-        "deg",
+        "rad",
         0.0,
     )
-    ascending_node_deg: Annotated[Number, within(TURN)] = quantity(
-        "Right ascension of the ascending node", "deg", 0.0
+    ascending_node_rad: Annotated[Number, within(TURN)] = quantity(
+        "Right ascension of the ascending node", "rad", 0.0
     )
-    argument_of_latitude_deg: Annotated[Number, within(TURN)] = quantity(
-        "Argument of latitude of the spacecraft at the start", "deg", 0.0
+    argument_of_latitude_rad: Annotated[Number, within(TURN)] = quantity(
+        "Argument of latitude of the spacecraft at the start", "rad", 0.0
     )
-    sidereal_angle_deg: Annotated[Number, within(TURN)] = quantity(
-        "Right ascension of Greenwich at the start", "deg", 0.0
+    sidereal_angle_rad: Annotated[Number, within(TURN)] = quantity(
+        "Right ascension of Greenwich at the start", "rad", 0.0
     )
     relation: Relation = choice(
         'How the orbit frame\'s rate enters (11): "exact", or "small-angle" with C_bo ≈ I',

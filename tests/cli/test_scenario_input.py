@@ -14,7 +14,6 @@ J1_IS_J2 = ["--set", "spacecraft.inertia_kg_m2=[300,300,312.5]"]
     ("changes", "key"),
     [
         (J1_IS_J2, "spacecraft.inertia_kg_m2"),
-        (["--set", "orbit.rate_rad_s=0"], "orbit.rate_rad_s"),
         (["--set", "orbit.altitude_km=1e300"], "orbit.altitude_km"),
         (["--set", "sampling.delay_s=0.01", "--set",
           "dispersion.delay_s={distribution='uniform',low=-0.05,high=0.3}"],

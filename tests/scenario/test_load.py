@@ -33,7 +33,10 @@ def test_not_toml(content, line, message, tmp_path):
     ("name", "message"),
     [
         ("paper-rats", "or a TOML file, got neither, did you mean paper-rate?"),
-        ("nothing-like-it", "paper-rate, paper-three-axis, rate-limited, switching"),
+        (
+            "nothing-like-it",
+            "paper-rate, paper-three-axis, pulsed-two-torque, rate-limited, switching",
+        ),
         ("missing.toml", "must be a file that exists"),
         ("paper-rate.toml", "(jaxsat has a scenario paper-rate)"),
         (".", "got a folder"),

@@ -82,7 +82,9 @@ def test_mistakes_are_told_with_their_key(text, key, message, tmp_path):
 def test_sensors_with_a_state_belong_to_a_sampled_law(tmp_path):
     found = problems_of(THREE_AXIS + BOTH, tmp_path)
     assert {problem.key for problem in found} == {"gyro", "star_tracker"}
-    assert all('must belong to a sampled law ("switching"' in each.message for each in found)
+    assert all(
+        'must belong to a sampled law ("quaternion-feedback"' in each.message for each in found
+    )
 
 
 def loaded(tmp_path, text, overrides=()):
