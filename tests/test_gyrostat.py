@@ -58,6 +58,7 @@ def test_total_momentum_stays_in_inertial_axes():
     np.testing.assert_allclose(run.torque, np.array(run.wheel_torque) @ AXES.T, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_two_wheels_without_momentum_leave_none_about_their_normal():
     axes = AXES[:, :2]
     normal = np.cross(*axes.T)
@@ -108,6 +109,7 @@ class Push(AbstractFeedbackLaw):
         return jnp.stack([jnp.cos(0.5 * t), 0 * t, 0 * t])
 
 
+@pytest.mark.slow
 def test_continuous_saturation_ends_and_begins_where_the_command_says():
     """h' = -cos(t/2): at -1 from t = 2 arcsin(1/2) = π/3 until the command turns at t = π."""
     wheels = Wheels(np.eye(3), momentum_limit=1.0)

@@ -184,7 +184,8 @@ def run_samples(
 
     first = (loop.start(start), carry, jnp.array(int(Outcome.SUCCESS)))
     (state, carry, code), (signals, seen) = jax.lax.scan(period, first, jnp.arange(samples))
-    last = period((state, carry, code), jnp.array(samples))[1][0]
+    last = loop.signals(jnp.array(samples), begin + samples * loop.controller.period, state)
+    last = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), last)
     signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
     return state, carry, code, signals, seen
 

@@ -61,6 +61,7 @@ def pushing(tmp_path, more="", kind="ideal"):
     return load(written(tmp_path, HEAD, PAIRS, f'[modulation]\nkind = "{kind}"\n', more, REST))
 
 
+@pytest.mark.slow
 def test_pairs_of_throttled_thrusters_are_the_ideal_torques(tmp_path):
     made = build(pushing(tmp_path)).simulate()
     ideal = build(load(written(tmp_path, HEAD, IDEAL, REST), ["simulation.solver.substeps=1"]))
@@ -93,6 +94,7 @@ def test_a_failure_is_an_event_of_the_run(tmp_path):
     assert np.any(level[:16] < 1)
 
 
+@pytest.mark.slow
 def test_failures_are_dispersed_and_a_case_flies_again(tmp_path):
     drawn = """
 [dispersion.failure_time_s]

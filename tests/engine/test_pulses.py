@@ -72,10 +72,8 @@ EXAMPLES = {
 }
 
 
-SLOW = pytest.param("sums, leaking, late ramps", marks=pytest.mark.slow)
-
-
-@pytest.mark.parametrize("name", ["pwm, stuck on", SLOW])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXAMPLES)
 def test_engines_agree(name):
     modulation, kind, valves = EXAMPLES[name]
     cases = factory(modulation, kind, **valves)

@@ -36,6 +36,7 @@ def built(duration, *overrides):
     return build(load("switching", [f"simulation.duration_s={duration}", *SENSORS, *overrides]))
 
 
+@pytest.mark.slow
 def test_a_law_is_told_the_estimate_and_the_signals_tell_how_far_off_it_is():
     run = built(2, "simulation.attitude=wz")
     zero = jnp.array(0)

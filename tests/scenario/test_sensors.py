@@ -129,6 +129,7 @@ def test_noise_of_sampling_is_not_dispersed_beside_them(tmp_path):
     assert "the loop has no sensors" in problem.message
 
 
+@pytest.mark.slow
 def test_a_case_draws_its_errors_from_its_own_key(tmp_path):
     """Bias and first estimate, the same in any company and of the size that is declared."""
     study = build_study(

@@ -34,6 +34,7 @@ def test_the_telescope_flies_the_law_whose_third_rate_its_wheels_hold():
     assert loop.actuators.thrusters is None
 
 
+@pytest.mark.slow
 def test_a_sampled_law_shares_its_command_among_wheels_and_their_history_is_saved(tmp_path):
     wheels = [
         "wheel=[{axis=[1.0,0.0,0.0],momentum_limit_N_m_s=0.2,momentum_N_m_s=0.1},"

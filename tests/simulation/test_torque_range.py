@@ -75,6 +75,7 @@ def test_the_range_is_that_of_every_hold(every, delay):
     assert np.ptp(run.signals.torque[1:, 0]) == 0, "what is saved looks constant"
 
 
+@pytest.mark.slow
 def test_it_changes_no_other_bit_and_no_derivative():
     fine, coarse = flown(1), flown(4)
     for name in ("omega", "torque", "quaternion"):

@@ -125,6 +125,7 @@ def test_wheels_without_friction_and_limits_have_no_edges():
     np.testing.assert_allclose(found, [1.0, 5.0, 2.0])
 
 
+@pytest.mark.slow
 def test_the_instant_of_an_edge_has_its_derivative():
     def instant(h, command):
         return wheel().edges(h[None], command[None], jnp.array(100.0))
