@@ -20,6 +20,9 @@ OWN_FIGURES = frozenset(
 )
 """The signals that every trajectory has, or that have a figure made for them."""
 
+STRIP_PARTS = 300
+"""Into how many parts the time of a strip is divided."""
+
 BOUND = "_3sigma"
 """Ending of a signal that bounds the one of the same name: three standard deviations."""
 
@@ -59,12 +62,16 @@ def signals_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
     """A panel for each of the `further_signals`, told by its long name and unit.
 
     A variable of the same name and the ending "_3sigma" is drawn as a bound on either side of zero.
+    One of more components than lines can be told apart is drawn as a strip for each.
     """
     names = further_signals(dataset)
     figure, axes = panels(len(names), figure_title(dataset, "further signals", title), 1.9)
     styles = (*LINES, *FURTHER_LINES)
     for panel, name in zip(axes, names, strict=True):
         variable = dataset[name]
+        if variable.ndim == 2 and variable.shape[1] > len(styles):
+            _draw_strips(figure, panel, variable)
+            continue
         values = variable.values.reshape(len(dataset["time"]), -1)
         labels = [name] if variable.ndim == 1 else map(str, variable[variable.dims[1]].values)
         for column, label in enumerate(labels):
@@ -78,6 +85,30 @@ def signals_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
         panel.set_ylabel(f"{textwrap.fill(meaning, 22, max_lines=3)}\n({unit})", fontsize=8)
     finish(dataset, axes)
     return figure
+
+
+def _draw_strips(figure: Figure, panel: Axes, variable: xr.DataArray) -> None:
+    """A strip in shades of grey for each component over time, and what the shades mean.
+
+    Each shade is of the largest value of a time that is wide enough to be seen.
+    """
+    component, time = variable.dims[1], variable["time"].values
+    begins = np.unique(np.linspace(0, len(time) - 1, STRIP_PARTS, dtype=int)[:-1])
+    drawn = panel.pcolormesh(
+        np.append(time[begins], time[-1]),
+        np.arange(variable.shape[1] + 1) + 0.5,
+        np.maximum.reduceat(variable.values, begins).T,
+        cmap="Greys",
+        rasterized=True,
+    )
+    names = [str(name) for name in variable[component].values]
+    panel.set_yticks(np.arange(1, len(names) + 1), names, fontsize=7)
+    panel.set_ylabel(str(component))
+    panel.grid(visible=False)
+    bar = figure.colorbar(drawn, ax=panel, pad=0.01, aspect=12)
+    meaning = escape_mathematics(str(variable.attrs.get("long_name", variable.name)))
+    bar.set_label(textwrap.fill(meaning, 20), fontsize=7)
+    bar.ax.tick_params(labelsize=7)
 
 
 def _draw_bounds(panel: Axes, dataset: xr.Dataset, name: str) -> None:

@@ -9,6 +9,7 @@ from jaxsat.vehicle.actuators import (
 from jaxsat.vehicle.allocation import LeastPropellant
 from jaxsat.vehicle.failures import FailureEvents, FailureKind
 from jaxsat.vehicle.gyro import Gyro
+from jaxsat.vehicle.holds import AbstractPulsedActuators, Hold, Usage
 from jaxsat.vehicle.modulation import (
     AbstractModulation,
     DeltaSigma,
@@ -17,12 +18,7 @@ from jaxsat.vehicle.modulation import (
     PulseWidth,
     PulseWidthPulseFrequency,
 )
-from jaxsat.vehicle.pulsed_actuators import (
-    AbstractPulsedActuators,
-    Hold,
-    PulsedThrusters,
-    Usage,
-)
+from jaxsat.vehicle.pulsed_thrusters import PulsedThrusters
 from jaxsat.vehicle.sensors import DrawnSensors, Sensors
 from jaxsat.vehicle.spacecraft import Spacecraft
 from jaxsat.vehicle.star_tracker import StarTracker

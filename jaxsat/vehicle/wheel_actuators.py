@@ -10,7 +10,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 from jaxsat.allocation import least_squares_map, unit_columns, what_is_left
 from jaxsat.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.vehicle.actuators import AbstractActuators
-from jaxsat.vehicle.pulsed_actuators import AbstractPulsedActuators
+from jaxsat.vehicle.holds import AbstractPulsedActuators
 
 
 class ActuatorsWithWheels(AbstractActuators):

@@ -93,22 +93,27 @@ def test_a_peak_that_would_hide_the_rest_is_compressed(peak, scale):
 
 def test_any_further_signal_gets_a_panel_with_its_name_and_unit():
     error = np.random.default_rng(0).normal(size=(101, 3))
+    pulses = np.zeros((101, 8))
+    pulses[37, 4] = 0.25
     run = dataset(
         estimation_error=signal(error, "degree", "body_axis", "error of the estimator"),
         estimation_error_3sigma=signal(np.full((101, 3), 3.0), "degree", "body_axis"),
         propellant=signal(TIMES, "kg", name="propellant that costs $5"),
-        pulses=signal(np.ones((101, 8)), "1", "thruster", "pulses of each thruster"),
+        pulses=signal(pulses, "1", "thruster", "pulses of each thruster"),
     )
     assert further_signals(run) == ["estimation_error", "propellant", "pulses"]
     figure = signals_figure(run)
     figure.canvas.draw()  # dollar signs begin no mathematics
-    first, second, third = figure.axes
+    first, second, third, shades = figure.axes
     assert len(first.lines) == 3 + 6
     np.testing.assert_array_equal(first.lines[1].get_ydata(), error[:, 1])
     assert [text.get_text() for text in first.get_legend().get_texts()] == ["x", "y", "z", "±3σ"]
     assert first.get_ylabel().split("\n")[-1] == "(°)"
     assert second.get_ylabel().endswith("(kg)")
-    assert len(third.lines) == 8
+    (strips,) = third.collections  # more components than lines can be told apart
+    np.testing.assert_array_equal(strips.get_array(), pulses[:-1].T)
+    assert third.get_ylabel() == "thruster"
+    assert shades.get_ylabel().replace("\n", " ") == "pulses of each thruster"
     assert set(trajectory_figures(run)) - set(trajectory_figures(dataset())) == {"signals"}
 
 
