@@ -146,3 +146,34 @@ def test_failures_strike_inside_a_period(failure, valves):
     np.testing.assert_allclose(found.omega, omega, atol=1e-10)
     sound, _ = oracle(*args)
     assert np.abs(sound - omega).max() > 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("modulation", MODULATIONS)
+def test_a_period_has_as_many_holds_as_it_can_need(modulation):
+    """Random commands, ramps, delays and failures: time always comes to the end of the period."""
+    torque, _ = canted(force=1.0)
+    kinds = [FailureKind.STUCK_AT, FailureKind.INTERMITTENT]
+    failures = FailureEvents(
+        [1.0, 3.0], [0.5003, 1.2345], kinds, [0.4, 0.3], np.stack([torque, torque])
+    )
+    sizes = np.random.default_rng(1).choice([0.01, 0.05, 0.2], size=(64, 1, 1))
+    commands = np.random.default_rng(2).normal(size=(64, 40, 3)) * sizes
+    for valves in VALVES.values():
+        made = MODULATIONS[modulation][0]
+        thrusters = thruster_set(torque, 0.007, **valves)
+        late = "valve_delay" in valves
+        actuators = PulsedThrusters(thrusters, allocated(torque), made, failures, late)
+
+        def period(carry, command, actuators=actuators):
+            memory, t = carry
+            plan, running = actuators.plan(t, command, memory, jnp.array(PERIOD), None)
+            (last,) = actuators.hold_by_hold(
+                plan, running, lambda now: (actuators.advance(plan, now)[1],)
+            )
+            return (actuators.finish(plan, last)[0], t + PERIOD), last.now
+
+        def flown(commands, actuators=actuators, period=period):
+            return jax.lax.scan(period, (actuators.init(), jnp.array(0.0)), commands)[1]
+
+        np.testing.assert_array_equal(jax.jit(jax.vmap(flown))(jnp.asarray(commands)), PERIOD)
