@@ -56,7 +56,8 @@ def test_shape_is_what_linear_programmes_find(seed):
 
 @pytest.mark.slow
 def test_shape_of_three_hundred_random_sets():
-    assert {check(seed).kind for seed in range(100, 400)} == set(KINDS.values())
+    found = {check(seed).kind for seed in range(100, 400)}
+    assert found == set(KINDS.values()) - {"nothing"}  # no set is empty
 
 
 @pytest.mark.parametrize("seed", range(20))
