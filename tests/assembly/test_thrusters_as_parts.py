@@ -81,6 +81,7 @@ def test_a_file_with_thrusters_reads_back(tmp_path):
     assert again == scenario
 
 
+@pytest.mark.slow
 def test_a_failure_is_an_event_of_the_run(tmp_path):
     run = build(pushing(tmp_path, FAILURE, "pwm"))
     actuators = run.loop.actuators
