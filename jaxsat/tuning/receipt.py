@@ -98,15 +98,15 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
     """Compare at the first point of the run and at the best one."""
     first, best = state.validations[0].best_point, state.best_point
     numbers = FIRST_RECEIPT_CASE + np.arange(plan.settings.receipt_cases)
-    compared = [check_gradients(plan.smooth, point, numbers) for point in (first, best)]
-    if plan.widths:
-        compared += [check_gradients(plan.exact, point, numbers) for point in (first, best)]
-    else:
-        compared += compared
     smooth, exact, refined = (
         np.asarray(evaluator.evaluate(np.stack([first, best]), numbers).cost)
         for evaluator in (plan.smooth, plan.exact, plan.refined)
     )
+    compared = [check_gradients(plan.smooth, point, numbers) for point in (first, best)]
+    if plan.widths or not np.array_equal(smooth, exact, equal_nan=True):
+        compared += [check_gradients(plan.exact, point, numbers) for point in (first, best)]
+    else:
+        compared += compared
     bias = _relative(smooth, exact)
     steps = _relative(smooth, refined)
     return Receipt(

@@ -132,7 +132,8 @@ def _receipt(receipt: Receipt) -> list[str]:
     blocks.append(_table(head, rows))
     widths = ", ".join(f"{name} = {value:g}" for name, value in receipt.widths.items())
     blocks.append(
-        f"- Smoothing: {widths or 'none'}. Costs of the smooth law differ from the exact law's by "
+        f"- Smoothing: {widths or 'no widths'}. Costs of the law that is differentiated, with "
+        "thrust in place of pulses where thrusters push, differ from the exact law's by "
         f"{receipt.smoothing_bias:.2%} (median), at most {receipt.largest_smoothing_bias:.2%}.\n"
         f"- Finer steps change the costs by {receipt.step_sensitivity:.1e} (median), at most "
         f"{receipt.largest_step_sensitivity:.1e}, relative.\n"
