@@ -23,7 +23,6 @@ from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.thruster_tables import (
-    FAILURE_AMOUNTS,
     FailureTable,
     ModulationTable,
     ThrusterTable,
@@ -138,7 +137,7 @@ def _pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
     return PulsedThrusters(
         thrusters,
-        LeastPropellant(_duties(scenario, torques or 3), _rank(scenario.thruster)),
+        LeastPropellant.of(_duties(scenario, torques or 3)),
         _modulation(modulation, scenario),
         _failures(scenario.failure, scenario.thruster),
         late or thrusters.valve_delay is not None,
@@ -182,11 +181,6 @@ def _duties(scenario: Scenario, torques: int) -> np.ndarray:
     return least_propellant(torque, cost, plane_map(torque, torques, any_plane))
 
 
-def _rank(thrusters: tuple[ThrusterTable, ...]) -> int:
-    torque = working_torques(thrusters)
-    return int(np.linalg.matrix_rank(torque, tol=1e-9 * np.abs(torque).max()))
-
-
 def _modulation(table: ModulationTable, scenario: Scenario) -> AbstractModulation:
     if table.kind == "pwpf":
         period: Any = getattr(scenario.control, "period_s")  # noqa: B009
@@ -214,11 +208,10 @@ def _failures(
             events.append((table, place, turned))
     if not events:
         return None
-    names = list(FAILURE_AMOUNTS)
     return FailureEvents(
         thruster=[place for _, place, _ in events],
         at=[table.at_s for table, _, _ in events],
-        kind=[FailureKind(names.index(table.kind)) for table, _, _ in events],
+        kind=[FailureKind[table.kind.upper().replace("-", "_")] for table, _, _ in events],
         amount=[table.delay_s or table.fraction or 0.0 for table, _, _ in events],
         turned=np.stack([turned for _, _, turned in events]),
     )
@@ -236,17 +229,9 @@ def _places(thrusters: tuple[ThrusterTable, ...]) -> list[list[int]]:
 
 def _turned(thruster: ThrusterTable, torque: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
     """The torque (N m) once the force, or the torque itself, is turned by a rotation vector."""
-    vector = np.array(rotation)
-    angle = float(np.linalg.norm(vector))
-    if angle == 0:
-        return torque
-    axis = vector / angle
+    from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
 
-    def rotated(value: np.ndarray) -> np.ndarray:
-        along = axis * (axis @ value)
-        across = np.cross(axis, value)
-        return along + math.cos(angle) * (value - along) + math.sin(angle) * across
-
+    rotated = Rotation.from_rotvec(rotation).apply
     if thruster.position_m is None:
         return rotated(torque)
     way = math.copysign(1.0, float(torque @ thruster.torque()))

@@ -115,7 +115,7 @@ FAILURE_AMOUNTS = {
     "intermittent": "fraction",
     "turned": "turn_rad",
 }
-"""The key that says how much, by kind of failure; in the order of `jaxsat.vehicle.FailureKind`."""
+"""The key that says how much, by kind of failure: those of `jaxsat.vehicle.FailureKind`."""
 
 FailureName = Literal[
     "dead",

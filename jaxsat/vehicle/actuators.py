@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.smooth import sat
+from jaxsat.vehicle.thruster_set import directions_across
 from jaxsat.vehicle.thrusters import Thrusters, allocation
 
 
@@ -97,7 +98,7 @@ class Actuators(AbstractActuators):
         `angles` (rad) turn each torque axis towards two fixed directions across it (their tangents
         are taken as small), and thruster j makes 1 + `gain_errors`[j] of the torque it should.
         """
-        across = jnp.stack([_across(axis) for axis in self.torque_axes.T])  # (m, 2, 3)
+        across = jnp.stack([directions_across(axis) for axis in self.torque_axes.T])  # (m, 2, 3)
         axes = self.torque_axes.T + jnp.sum(angles[:, :, None] * across, axis=1)
         axes = axes / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))
         return Actuators((axes * (1 + gain_errors[:, None])).T, self.thrust_map, self.limit)
@@ -119,14 +120,6 @@ class Actuators(AbstractActuators):
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "Actuators":
         """These thrusters, at their limits or not as told."""
         return dataclasses.replace(self, saturated=signs)
-
-
-def _across(axis: Float[Array, "3"]) -> Float[Array, "2 3"]:
-    """Two directions perpendicular to a unit vector and to each other."""
-    least = jnp.eye(3, dtype=axis.dtype)[jnp.argmin(jnp.abs(axis))]
-    first = jnp.cross(axis, least)
-    first = first / jnp.sqrt(jnp.sum(first**2))
-    return jnp.stack([first, jnp.cross(axis, first)])
 
 
 class ActuatorContext(NamedTuple):

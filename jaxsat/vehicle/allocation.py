@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float
@@ -20,6 +21,11 @@ class LeastPropellant(eqx.Module):
 
     duties: Float[Array, "bases m torques"] = eqx.field(converter=as_float)
     firing: int = eqx.field(static=True)
+
+    @staticmethod
+    def of(duties: Float[np.ndarray, "bases m torques"]) -> "LeastPropellant":
+        """The allocation by a table of `jaxsat.allocation.least_propellant`."""
+        return LeastPropellant(duties, int(np.count_nonzero(duties.any(axis=2), axis=1).max()))
 
     def __call__(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
         """Duties for a command (N m): parts of full thrust on average over a period.

@@ -134,6 +134,27 @@ high = 0.01
     assert one.omega.tobytes() == outputs.omega[5:6].tobytes()
 
 
+def test_a_thruster_is_turned_by_its_force_or_by_its_torque(tmp_path):
+    quarter = 'at_s = 1\nkind = "turned"\nturn_rad = [0, 1.5707963267948966, 0]\n'
+    texts = [f'[[failure]]\nof = "thruster {name}"\n{quarter}' for name in ("1", "pitch")]
+    events = build(pushing(tmp_path, "".join(texts))).loop.actuators.failures
+    turned = [
+        np.asarray(events.turned[k][:, int(place)]) for k, place in enumerate(events.thruster)
+    ]
+    # A quarter turn about y leaves the force (0, -2.5, 0) at (0, 0, 2) and torques along y alone.
+    expected = [[5, 0, 0], [-5, 0, 0], [0, 5, 0], [0, -5, 0]]
+    np.testing.assert_allclose(turned, expected, atol=1e-12)
+    texts = [
+        text.replace("[0, 1.5707963267948966, 0]", "[1.5707963267948966, 0, 0]") for text in texts
+    ]
+    events = build(pushing(tmp_path, "".join(texts))).loop.actuators.failures
+    turned = [
+        np.asarray(events.turned[k][:, int(place)]) for k, place in enumerate(events.thruster)
+    ]
+    # About x the force points along -z through the centre, the torque of the second along z.
+    np.testing.assert_allclose(turned, [[0, 0, 0], [0, 0, 0], [0, 0, 5], [0, 0, -5]], atol=1e-12)
+
+
 MISTAKES = [
     ("force_N = 2.5\n", "", "thruster", "must have position_m, direction, force_N, or"),
     ("direction = [0, -3, 0]", "direction = [0, 0, 1]", "direction", "got no torque"),

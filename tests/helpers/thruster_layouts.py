@@ -39,4 +39,4 @@ def allocated(torque, torques=3):
     """The allocation by least ∫ |torque| dt."""
     cost = np.linalg.norm(torque, axis=0)
     duties = least_propellant(torque, cost, np.eye(3)[:, :torques])
-    return LeastPropellant(duties, int(np.linalg.matrix_rank(torque)))
+    return LeastPropellant.of(duties)

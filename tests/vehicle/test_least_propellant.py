@@ -49,7 +49,8 @@ def test_thrusters_in_a_plane_make_two_torques_in_it():
     angles = np.arange(4) * np.pi / 2 + 0.2
     torque = plane @ np.stack([np.cos(angles), np.sin(angles)])
     made = plane_map(torque, 2)
-    table = LeastPropellant(least_propellant(torque, np.ones(4), made), 2)
+    table = LeastPropellant.of(least_propellant(torque, np.ones(4), made))
+    assert table.firing == 2
     for command in rng.normal(size=(20, 2)) * 0.1:
         reached = torque @ np.asarray(table(jnp.asarray(command)))
         np.testing.assert_allclose(reached[:2], command, atol=1e-14)
