@@ -1,4 +1,4 @@
-"""What of a result must not depend on how often its making was broken off: hashes by name."""
+"""What of a result must not depend on how often it was interrupted: hashes by name."""
 
 import hashlib
 import json

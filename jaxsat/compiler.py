@@ -1,4 +1,4 @@
-"""A wish to XLA: what is computed once and not anew in every place that needs it.
+"""A compiler hint: what XLA computes once, and not again in every place that needs it.
 
 XLA for processors fuses operations into loops over a batch, and repeats what several loops need in
 each of them where it holds that for cheap: sines, and the rates of a whole state for every row of a

@@ -44,6 +44,7 @@ def momentum_of(signals, inertia=INERTIA, axes=AXES):
     return inertial(signals, np.array(signals.omega) @ inertia.T + h @ axes.T)
 
 
+@pytest.mark.slow
 def test_total_momentum_stays_in_inertial_axes():
     """Four oblique wheels with friction and torque limits, and no external torque."""
     wheels = Wheels(AXES, 2.5, None, 0.05, 2e-4)

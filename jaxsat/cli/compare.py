@@ -81,7 +81,7 @@ def compare(
 
     Every law flies the same cases: random starts and the paper's, the third rate free, under a
     torque limit and dispersions. Prints one table and which law to take, and writes both with a
-    figure. What is done is kept: the same command goes on where it was broken off.
+    figure. Finished work is kept: the same command resumes an interrupted run.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def compare(
     yes
         Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
-        Go on with stores that were begun with other versions or on another processor, if the
+        Resume stores that were begun with other versions or on another processor, if the
         program is the same.
     quiet
         Print nothing but mistakes.
@@ -149,7 +149,7 @@ def compare(
     except OutputError as error:
         raise output_problem(error, "--elsewhere") from None
     except (KeyboardInterrupt, Terminated) as stop:
-        kept = f"what is done is in {out}; the same command goes on from there"
+        kept = f"what is done is in {out}; the same command resumes"
         raise type(stop)(kept) from None
     if not quiet:
         for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):

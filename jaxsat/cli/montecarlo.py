@@ -75,8 +75,8 @@ def montecarlo(
 ) -> int:
     """Simulate many dispersed copies of a scenario, as its [dispersion] table says.
 
-    A store that is there is resumed if it holds the same study, so a run that was broken off
-    is finished by the same command.
+    An existing store of the same study is resumed, so the same command finishes an interrupted
+    run.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def montecarlo(
     yes
         Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
-        Go on with a store that was begun with other versions or on another processor, if the
+        Resume a store that was begun with other versions or on another processor, if the
         program is the same.
     quiet
         Print nothing unless something is wrong.
@@ -205,7 +205,7 @@ def montecarlo(
 def _what_is_left(target: Path) -> str:
     if not target.exists():
         return "nothing was written"
-    return f"the chunks that are done are in {target}; the same command goes on from there"
+    return f"the chunks that are done are in {target}; the same command resumes"
 
 
 def _summary(target: Path, counted: int) -> "Summary":

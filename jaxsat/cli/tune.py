@@ -50,7 +50,7 @@ def tune(
 
     The folder gets tuned.toml, ready to run, a summary that begins with whether the gradients can
     be trusted, the verdict on cases that were never tuned on, the history and figures. A run that
-    was broken off goes on by the same command and ends as if it had not been.
+    was interrupted is resumed by the same command and ends with the same numbers.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def tune(
     yes
         Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
-        Go on with a run that was begun with other versions or on another processor, if the
+        Resume a run that was begun with other versions or on another processor, if the
         program is the same.
     quiet
         Print nothing unless something is wrong.
@@ -147,7 +147,7 @@ def _descended(plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder")
     except (KeyboardInterrupt, Terminated) as stop:
         steps = folder.saved_steps
         best = f"the best gains so far are in {folder.path / TUNED}" if steps else "no step"
-        text = f"{best}, after {steps} steps; the same command goes on from there"
+        text = f"{best}, after {steps} steps; the same command resumes"
         raise type(stop)(text) from None
 
 
@@ -183,5 +183,5 @@ def _concluded(
             )
         )
     except (KeyboardInterrupt, Terminated) as stop:
-        text = f"the tuned gains are in {folder.path / TUNED}; the same command goes on from there"
+        text = f"the tuned gains are in {folder.path / TUNED}; the same command resumes"
         raise type(stop)(text) from None

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 NOISE = 1e-9
-"""What counts as nothing beside the largest singular values of A and B."""
+"""Tolerance relative to the largest singular values of A and B."""
 
 
 def reachable_rank(

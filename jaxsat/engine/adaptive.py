@@ -246,13 +246,13 @@ def _observed(ode: FlatODE, bound, progress: Progress) -> Progress:
 
 
 def _error_norm(tolerance, before, after, error) -> Float[Array, ""]:
-    """The error in parts of what is tolerated; NaN where it is no number, never accepted."""
+    """The error relative to the tolerance; NaN where it is NaN, which is never accepted."""
     scale = tolerance.atol + tolerance.rtol * jnp.maximum(jnp.abs(before), jnp.abs(after))
     return jnp.sqrt(jnp.mean((error / scale) ** 2))
 
 
 def _step_factor(norm: Float[Array, ""], order: int | None) -> Float[Array, ""]:
-    """How much longer the next step may be; much shorter where the error is no number."""
+    """How much longer the next step may be; much shorter where the error is NaN."""
     assert order is not None
     wanted = SAFETY * jnp.exp(-(1 / order) * jnp.log(jnp.maximum(norm, 1e-12)))
     known = jnp.where(jnp.isfinite(norm), wanted, MIN_FACTOR)

@@ -40,7 +40,7 @@ RULES = {"jvp_jaxpr_fun", "fwd_jaxpr_thunk", "bwd", "out_trees", "symbolic_zeros
 """Parameters for derivatives; where one is taken, the rule's operations are in the trace."""
 
 WISHES = {"xla_metadata_value"}
-"""Operations that give what they take, with a wish to XLA."""
+"""Operations that return their operands, with a hint to XLA."""
 
 LIBRARIES = {"jax", "equinox"}
 """Told by their versions: the machine code of their Python functions differs with Python's."""

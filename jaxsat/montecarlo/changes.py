@@ -62,7 +62,7 @@ def possible_inertia(inertia: Float[Array, "3 3"]) -> Bool[Array, ""]:
 
 
 def scaled_inertia(inertia: Float[Array, "3 3"], change: Values) -> Float[Array, "3 3"]:
-    """J_ij √((1 + change_i)(1 + change_j)), which is no number where a factor is negative."""
+    """J_ij √((1 + change_i)(1 + change_j)), NaN where a factor is negative."""
     root = jnp.sqrt(1 + change)
     return inertia * root[:, None] * root[None, :]
 

@@ -23,7 +23,7 @@ from jaxsat.montecarlo.executors import POLL_S, AbstractExecutor, ClusterError, 
 from jaxsat.montecarlo.shipping import Done, Failed, PickledWork, computed, packed
 
 AHEAD = 2
-"""Chunks that are given out for every thread of a worker: one to compute, one to go on with."""
+"""Chunks that are given out for every thread of a worker: one being computed, one waiting."""
 
 CONNECT_S = 10.0
 """How long a scheduler is waited for."""

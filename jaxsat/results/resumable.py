@@ -96,7 +96,7 @@ class ResumableFolder:
         except OSError as error:
             raise system_failure(
                 f"{self.path / name} cannot be written: {reason(error)}. What was kept before is "
-                "good; the same command goes on from there.",
+                "good; the same command resumes.",
                 error,
             ) from error
 

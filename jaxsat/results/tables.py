@@ -43,7 +43,7 @@ def save_case_table(
 ) -> None:
     """Write the `case_table` of a store, of its first `count` cases, as CSV, whole or not at all.
 
-    Numbers have all their digits, and what is no number is left empty. Raises `OutputError`, also
+    Numbers have all their digits, and NaN is left empty. Raises `OutputError`, also
     for a file that exists unless `overwrite` replaces it.
     """
     study = open_study(store)

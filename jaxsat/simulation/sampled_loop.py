@@ -55,7 +55,7 @@ class SampledLoop(AbstractLoop):
     between the true state and what the controller is told, or `navigation` does, whose sensors and
     estimator have a state; with None of either it is told the truth. A `delay` (s, at most one
     period) is the time the controller takes to compute: for so long after each sample the actuators
-    go on with what they did; None is a loop without.
+    continue from what they did; None is a loop without.
     """
 
     plant: RigidBody

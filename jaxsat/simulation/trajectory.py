@@ -25,7 +25,7 @@ class Outcome(enum.IntEnum):
 
 _EXPLANATIONS = {
     Outcome.SUCCESS: "reached the end",
-    Outcome.STATE_LIMIT: "a state passed its limit or was no number",
+    Outcome.STATE_LIMIT: "a state passed its limit or became NaN",
     Outcome.MAX_STEPS: "used up its number of steps",
     Outcome.STEP_UNDERFLOW: "needed a step below the smallest that time can resolve",
     Outcome.IMPOSSIBLE_CASE: "never began: its dispersions gave what no spacecraft can have",

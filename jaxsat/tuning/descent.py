@@ -51,7 +51,7 @@ class ValidationRecord(NamedTuple):
 
 @dataclass
 class DescentState:
-    """Where a run is; everything that it goes on from, and its history."""
+    """Where a run is: everything it resumes from, and its history."""
 
     points: Values
     alive: Bool[np.ndarray, " starts"]

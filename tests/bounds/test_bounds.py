@@ -99,6 +99,7 @@ HELD = ["spacecraft.third_rate=held", "initial.z_rad=0", "initial.omega_rad_s=[0
 SMALL = ["orbit.relation=small-angle", "disturbance.constant_N_m=[0.3,-0.2,0.1]"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [FREE, [*HELD, *SMALL]], ids=["free", "held"])
 def test_flight_is_that_of_the_plant(paper, changes):
     """The states that the program ties together, the flight and jaxsat's own loop agree."""

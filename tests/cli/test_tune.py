@@ -115,7 +115,7 @@ def test_an_interrupted_run_keeps_its_best_and_goes_on(jaxsat, tmp_path):
         run.send_signal(number)
         message = run.communicate(timeout=120)[1]
         assert run.returncode == status
-        assert "the same command goes on from there" in message
+        assert "the same command resumes" in message
     status, _, err = jaxsat(*short, "--out", "run")
     assert status == 0, err
     status, _, err = jaxsat(*short, "--out", "whole")

@@ -90,6 +90,7 @@ def test_engines_agree(name):
     assert alone.omega.tobytes() == found.omega[3:4].tobytes()
 
 
+@pytest.mark.slow
 def test_a_case_of_a_study_is_a_run_of_its_own():
     modulation, kind, valves = EXAMPLES["pwm, stuck on"]
     cases = factory(modulation, kind, **valves)

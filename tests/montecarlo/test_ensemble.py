@@ -1,4 +1,4 @@
-"""Studies: the same bits however they are computed, broken off or gone on with."""
+"""Studies: the same bits however they are computed, interrupted or resumed."""
 
 import dataclasses
 

@@ -35,7 +35,7 @@ def begun(*command):
 
 @pytest.mark.slow
 def test_killing_a_study_loses_no_finished_chunk(tmp_path):
-    """SIGKILL at some instants; then the store is completed and equals one never broken off."""
+    """SIGKILL at some instants; then the store is completed and equals one never interrupted."""
     for lines in (3, 40):
         process = begun("-m", "montecarlo.studies", str(tmp_path / "s"))
         told = [process.stdout.readline() for _ in range(lines)]
@@ -99,7 +99,7 @@ def assert_ended_as_told(process, store, status):
     how = {130: "interrupted", 143: "terminated"}[status]
     assert process.returncode == status
     kept = "the chunks that are done are in"
-    assert f"jaxsat: {how}; {kept} {store}; the same command goes on from there\n" in error
+    assert f"jaxsat: {how}; {kept} {store}; the same command resumes\n" in error
     assert not [noise for noise in ("Traceback", "leaked", "distributed") if noise in error]
 
 

@@ -1,4 +1,4 @@
-"""The store as a ledger: resumed, refused, broken off."""
+"""The store as a ledger: resumed, refused, interrupted."""
 
 import errno
 import json

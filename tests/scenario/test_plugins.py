@@ -104,6 +104,7 @@ def test_every_mistake_is_one_message_at_its_key(own, override, key, message):
     assert len(found.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_law_with_a_memory_needs_no_more_than_its_torque(own):
     run = build(load(own, ["control.law=own_law:Integral", "simulation.duration_s=1"]))
     assert run.loop.is_smooth()
@@ -154,9 +155,8 @@ def installed(tmp_path, monkeypatch):
 TWO_WHEELS = ["wheel=[{axis=[1.0,0.0,0.0],momentum_limit_N_m_s=9.0},{axis=[0.0,1.0,0.0]}]"]
 
 
-@pytest.mark.parametrize(
-    "actuators", [[], pytest.param(TWO_WHEELS, marks=pytest.mark.slow)], ids=["torques", "wheels"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("actuators", [[], TWO_WHEELS], ids=["torques", "wheels"])
 def test_the_law_of_a_package_flies_as_published(installed, actuators):
     """Tsiotras and Luo (Automatica 36, 2000), section 5: the numbers of an own simulation.
 

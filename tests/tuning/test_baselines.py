@@ -14,6 +14,7 @@ def others(plan, final):
     return {entry.method: entry for entry in run_baselines(settings, final)}
 
 
+@pytest.mark.slow
 def test_baselines_spend_no_more_than_their_budget(final, others):
     assert set(others) == {"gradient descent", *METHODS}
     assert others["gradient descent"].trajectories == final.trajectories
@@ -24,6 +25,7 @@ def test_baselines_spend_no_more_than_their_budget(final, others):
     assert others["BFGS"].evaluation.loss < others["gradient descent"].trace[0, 1]
 
 
+@pytest.mark.slow
 def test_baselines_keep_what_is_best_on_validation(plan, others):
     own = plan.space.to_search(plan.start[None])
     points = np.concatenate([own, [others[name].point for name in METHODS]])
@@ -36,6 +38,7 @@ def test_baselines_keep_what_is_best_on_validation(plan, others):
     assert any(others[name].loss < first for name in METHODS)
 
 
+@pytest.mark.slow
 def test_runs_end_at_the_target(plan, final, others):
     target = 0.5 * (final.validations[0].best_loss + final.best_loss)
     aimed = with_settings(plan, target=target, baseline_trajectories=120, baseline_cases=3)
