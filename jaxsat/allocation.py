@@ -218,3 +218,14 @@ def largest_torque(duties: Float[np.ndarray, "bases m torques"]) -> float:
     candidates = np.einsum("bmt,wt->wbm", duties, wanted)
     best = np.argmax(np.min(candidates, axis=2), axis=1)
     return float(1 / np.max(candidates[np.arange(len(wanted)), best]))
+
+
+def usable_share(
+    torque_axes: Float[np.ndarray, "3 m"], frame: Float[np.ndarray, "2 3"]
+) -> float:
+    """Of each thruster's limit: torques up to it about both rows of `frame` saturate no thruster.
+
+    The rows are orthonormal, in the plane of the torques.
+    """
+    thrusts = np.linalg.pinv(torque_axes) @ frame.T
+    return 1.0 / float(np.abs(thrusts).sum(axis=1).max())

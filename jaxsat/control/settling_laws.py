@@ -8,7 +8,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.allocation import torque_directions
+from jaxsat.allocation import torque_directions, usable_share
 from jaxsat.checks import as_float
 from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.control.fine import OscillatorySettling
@@ -32,12 +32,6 @@ def build_three_slew(values: Mapping[str, Any], context: LawContext) -> ThreeSle
     return _built(three_slew_settling, values, context)
 
 
-def _usable_share(form: NormalForm, axes: Float[np.ndarray, "3 m"]) -> float:
-    """Of each thruster's limit: torques up to it about x and y at once saturate no thruster."""
-    thrusts = np.linalg.pinv(axes) @ np.asarray(form.axes)[:2].T
-    return 1.0 / float(np.abs(thrusts).sum(axis=1).max())
-
-
 def _ripple_about(normal: Float[np.ndarray, "3"], context: LawContext) -> tuple[float, float]:
     """Amplitude (N m) and frequency (rad/s) of the periodic torque with the most ripple about n."""
     amplitudes = np.abs(normal * np.array(context.disturbance_amplitude)).tolist()
@@ -54,7 +48,7 @@ def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawCon
     model, axes = context.model, context.torque_axes
     directions = torque_directions(axes)
     form = NormalForm.of(model, directions)
-    limit = cast(float, context.torque_limit) * _usable_share(form, axes)
+    limit = cast(float, context.torque_limit) * usable_share(axes, np.asarray(form.axes)[:2])
     amplitude, frequency = _ripple_about(np.asarray(form.axes)[2], context)
     given = values["ripple_amplitude_N_m"], values["ripple_frequency_rad_s"]
     try:

@@ -15,6 +15,14 @@ BALANCED = 1e-12
 ITERATIONS = 100
 
 
+def rotation(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """From the orbit frame to the axes of a body turned from it by a rotation vector (rad)."""
+    angle = float(np.sqrt(turn @ turn))
+    cross = np.cross(turn, np.eye(3))  # -skew(turn)
+    share = (np.sinc(angle / np.pi), np.sinc(angle / 2 / np.pi) ** 2 / 2)
+    return np.eye(3) + share[0] * cross + share[1] * cross @ cross
+
+
 def missing_torque(
     inertia: Float[np.ndarray, "3 3"],
     normal: Float[np.ndarray, "3"],
@@ -26,10 +34,7 @@ def missing_torque(
     It is what no thruster can supply. The body is turned from the orbit frame by the rotation
     vector `turn` (rad); `inertia` (kg m²) and the unit vector `normal` are in body axes.
     """
-    angle = float(np.sqrt(turn @ turn))
-    cross = np.cross(turn, np.eye(3))  # -skew(turn)
-    share = (np.sinc(angle / np.pi), np.sinc(angle / 2 / np.pi) ** 2 / 2)
-    into_body = np.eye(3) + share[0] * cross + share[1] * cross @ cross
+    into_body = rotation(turn)
     across, nadir = into_body[:, 1], into_body[:, 2]
     needed = float(normal @ np.cross(across, inertia @ across))
     if gravity_gradient:
