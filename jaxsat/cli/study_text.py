@@ -9,6 +9,15 @@ if TYPE_CHECKING:
 SHOWN = 8
 """Entries of a sensitivity ranking that are printed."""
 
+_PERCENTILES = {
+    "settling_time": ("settling time", "s, of those that settle"),
+    "effort": ("effort", "N m s, of those that end"),
+    "propellant": ("propellant", "kg, of those that end"),
+    "valve_openings": ("valve openings", "of all valves, of those that end"),
+    "peak_wheel_momentum": ("wheel momentum", "N m s at the peak of any wheel, of those that end"),
+}
+"""What is told in percentiles, by its name in the summary: title, and unit with whose it is."""
+
 
 def summary_lines(summary: "Summary") -> list[str]:
     """What a study found, for a person."""
@@ -21,14 +30,13 @@ def summary_lines(summary: "Summary") -> list[str]:
         f"settled          {settled.value:.2%} (95 % interval {settled.low:.2%} to "
         f"{settled.high:.2%})",
     ]
-    of_whom = {"settling_time": "s, of those that settle", "effort": "N m s, of those that end"}
-    for name, unit in of_whom.items():
+    for name, (title, unit) in _PERCENTILES.items():
         parts = [
             f"{percent:g} %: {found.value:.4g} ({ends_text(found)})"
             for percent, found in getattr(summary, name).items()
         ]
         if parts:
-            lines.append(f"{name.replace('_', ' '):<16} {', '.join(parts)} {unit}")
+            lines.append(f"{title:<16} {', '.join(parts)} {unit}")
     lines.append(f"worst cases      {', '.join(map(str, summary.worst))} (see --case)")
     rankings = {"the cost": summary.cost_sensitivity, "settling": summary.settling_sensitivity}
     for result, ranking in rankings.items():

@@ -31,14 +31,14 @@ from jaxsat.engine.progress import (
     Progress,
     initial_progress,
     outputs_of,
-    with_peak_rate,
+    with_peaks,
 )
 from jaxsat.engine.root_finding import sign_changes
 from jaxsat.engine.runge_kutta import stage_rates, tableau_of, weighted
 from jaxsat.engine.settling import settled_along_step
 from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.simulation import Outcome, Signals
-from jaxsat.simulation.assessment import Observation, stop_gradient
+from jaxsat.simulation.assessment import stop_gradient
 
 SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
 
@@ -108,7 +108,8 @@ class AdaptiveStepper(AbstractStepper):
         rate = ode.rate(events > 0)(zero, flat)
         state = AdaptiveState(zero, jnp.array(0), flat, rate, events > 0, events, last_step)
         first_step = self.tolerance.first_step
-        return initial_progress(state, case.start.omega, case.possible, first_step)
+        plant = ode.loop.plant_state(ode.state(zero, flat))
+        return initial_progress(state, plant, case.possible, first_step)
 
     def unfinished(
         self, program: Program, progress: Progress, bound: Int[Array, ""]
@@ -155,7 +156,7 @@ class AdaptiveStepper(AbstractStepper):
         end = last_step.fraction(t)
         flat = ode.interpolated(last_step, end)
         plant = ode.loop.plant_state(ode.state(t, flat))
-        progress = with_peak_rate(progress, Observation.of(ode.loop.plant, plant))
+        progress = with_peaks(progress, plant)
         settled = settled_along_step(ode, last_step, end, progress.settled)
         success = progress.code == int(Outcome.SUCCESS)
         cost = ode.restore(jnp.where(success, flat, progress.state.state))[1]
@@ -239,7 +240,7 @@ def _observed(ode: FlatODE, bound, progress: Progress) -> Progress:
         t = state.number * program.interval
         flat = ode.interpolated(state.last_step, state.last_step.fraction(t))
         plant = ode.loop.plant_state(ode.state(t, flat))
-        seen = with_peak_rate(progress, Observation.of(ode.loop.plant, plant))
+        seen = with_peaks(progress, plant)
         return seen._replace(state=state._replace(number=state.number + 1))
 
     return jax.lax.while_loop(pending, observe, progress)

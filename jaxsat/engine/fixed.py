@@ -15,9 +15,9 @@ from jaxsat.engine.progress import (
     initial_progress,
     outputs_of,
     settled_at,
-    with_peak_rate,
+    with_peaks,
 )
-from jaxsat.engine.rates import augmented_rate, continuous_loop, held_rate, plant_state
+from jaxsat.engine.rates import augmented_rate, consumption, continuous_loop, held_rate, plant_state
 from jaxsat.engine.runge_kutta import explicit_step, tableau_of
 from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.metrics import SettlingTracker
@@ -48,7 +48,7 @@ class FixedStepper(AbstractStepper):
 
     def begin(self, program, case):
         """The progress at time zero."""
-        return initial_progress(case.loop.start(case.start), case.start.omega, case.possible)
+        return _initial(case)
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after so many intervals."""
@@ -58,7 +58,7 @@ class FixedStepper(AbstractStepper):
 
         def interval(i, progress):
             t = (first + i) * program.interval
-            seen = with_peak_rate(progress, loop.signals(t, progress.state))
+            seen = with_peaks(progress, loop.signals(t, progress.state))
             (state, integrals), settled = _equal_steps(
                 tableau_of(self.solver),
                 rate,
@@ -95,7 +95,7 @@ class SampledStepper(AbstractStepper):
 
     def begin(self, program, case):
         """The progress at time zero."""
-        return initial_progress(case.loop.start(case.start), case.start.omega, case.possible)
+        return _initial(case)
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after so many periods.
@@ -134,7 +134,7 @@ class SampledStepper(AbstractStepper):
             t = number * program.interval
             carry = (progress.integrals, progress.settled)
             state, carry, signals = loop.period(number, t, progress.state, integrate, carry)
-            seen = with_peak_rate(progress, signals)
+            seen = with_peaks(progress, signals)
             return _unless_ended(program, progress, seen, state, carry, t)
 
         return jax.lax.fori_loop(0, count, period, progress)
@@ -151,6 +151,11 @@ class SampledStepper(AbstractStepper):
 def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper:
     """The stepper itself; for a sampled loop, which has steps of its own, one with its solver."""
     return SampledStepper(stepper.solver) if isinstance(loop, SampledLoop) else stepper
+
+
+def _initial(case: Case) -> Progress:
+    state = case.loop.start(case.start)
+    return initial_progress(state, plant_state(case.loop, state), case.possible)
 
 
 def _sampled_loop(case: Case) -> SampledLoop:
@@ -203,5 +208,6 @@ def _finished(program: Program, case: Case, progress: Progress, number) -> Outpu
     end, plant = number * program.interval, plant_state(case.loop, progress.state)
     observed = Observation.of(case.loop.plant, plant)
     settled = settled_at(progress.settled, end, observed, program.tolerances)
-    seen = with_peak_rate(progress, observed)._replace(settled=settled)
-    return outputs_of(seen, plant, end, case.drawn, program.cost)
+    seen = with_peaks(progress, plant)._replace(settled=settled)
+    used = consumption(case.loop, progress.state)
+    return outputs_of(seen, plant, end, case.drawn, program.cost, used)

@@ -13,6 +13,7 @@ from jaxsat.quotients import reciprocal
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import Observation, stop_gradient
 from jaxsat.trigonometry import cos
+from jaxsat.vehicle import Consumption
 
 
 class Unsettled(eqx.Module):
@@ -128,7 +129,8 @@ class Progress(NamedTuple):
     `peak_square` is the largest |ω|² (rad²/s²) at the instants observed. `settled` tells since
     when the tolerances have been met, judged at every step; `ended_at` is the time (s) up to which
     the state is good. `step` (s) is the next to be tried and `steps` the number of those tried,
-    where steps are adaptive.
+    where steps are adaptive. `peak_momentum` is the largest |h| of each wheel (N m s) at the
+    instants observed, None without wheels.
     """
 
     state: PyTree
@@ -139,6 +141,7 @@ class Progress(NamedTuple):
     code: Int[Array, ""]
     step: Float[Array, ""]
     steps: Int[Array, ""]
+    peak_momentum: Float[Array, " wheels"] | None = None
 
 
 class Outputs(NamedTuple):
@@ -146,8 +149,10 @@ class Outputs(NamedTuple):
 
     Code (see `Outcome`), settling time (s), effort (N m s), cost (of a run that failed as well
     where the running cost has a limit), peak |ω| at the instants observed (rad/s), end of the good
-    part (s); attitude and ω (rad/s) at the end of the horizon; and
-    what was drawn, by name. With a leading axis these are the outputs of many cases.
+    part (s); attitude and ω (rad/s) at the end of the horizon; and what was drawn, by name. Of
+    thrusters that push also the propellant (kg) and how often each valve opened, and of wheels the
+    peak |h| of each at the instants observed (N m s); None without them. With a leading axis these
+    are the outputs of many cases.
     """
 
     code: Int[Array, "*n"]
@@ -161,24 +166,36 @@ class Outputs(NamedTuple):
     quaternion: Float[Array, "*n 4"]
     omega: Float[Array, "*n 3"]
     drawn: dict[str, Array]
+    propellant: Float[Array, "*n"] | None = None
+    valve_openings: Float[Array, "*n thrusters"] | None = None
+    peak_wheel_momentum: Float[Array, "*n wheels"] | None = None
 
 
 def initial_progress(
-    state: PyTree, omega: Float[Array, "3"], possible, step: float | Array = 0.0
+    state: PyTree, plant: PlantState, possible, step: float | Array = 0.0
 ) -> Progress:
-    """Progress at time zero; a case that cannot exist has ended there."""
-    zero = jnp.zeros((), omega.dtype)
+    """Progress at time zero, where the plant is in its state with the momenta of all wheels.
+
+    A case that cannot exist has ended there.
+    """
+    zero, momentum = jnp.zeros((), plant.omega.dtype), plant.wheel_momentum
+    peak = None if momentum is None else jnp.zeros_like(momentum)
     code = jnp.where(possible, int(Outcome.SUCCESS), int(Outcome.IMPOSSIBLE_CASE))
     integrals = Integrals(zero, zero)
     nothing = jnp.array(0)
     settled = SettlingTracker.initial(zero, 3)
-    return Progress(state, integrals, zero, settled, zero, code, zero + step, nothing)
+    return Progress(state, integrals, zero, settled, zero, code, zero + step, nothing, peak)
 
 
-def with_peak_rate(progress: Progress, observed: Signals | Observation) -> Progress:
-    """With one more instant taken into account in the peak rate."""
-    square = jnp.sum(observed.omega**2)
-    return progress._replace(peak_square=jnp.maximum(progress.peak_square, square))
+def with_peaks(progress: Progress, observed: Signals | PlantState) -> Progress:
+    """With one more instant taken into account in the peaks of rate and wheel momentum."""
+    square, momentum = jnp.sum(observed.omega**2), observed.wheel_momentum
+    peak = progress.peak_momentum
+    if peak is not None and momentum is not None:
+        peak = jnp.maximum(peak, jnp.abs(momentum))
+    return progress._replace(
+        peak_square=jnp.maximum(progress.peak_square, square), peak_momentum=peak
+    )
 
 
 def settled_at(
@@ -197,8 +214,12 @@ def outputs_of(
     duration: Float[Array, ""],
     drawn: dict[str, Array],
     cost: RunningCost,
+    consumption: Consumption | None = None,
 ) -> Outputs:
-    """Outputs of a trajectory whose last instant has been observed."""
+    """Outputs of a trajectory whose last instant has been observed.
+
+    `consumption` is that of the whole run, None for actuators that have none.
+    """
     success = progress.code == int(Outcome.SUCCESS)
 
     def kept(value):
@@ -207,6 +228,7 @@ def outputs_of(
     possible = progress.code != int(Outcome.IMPOSSIBLE_CASE)
     whole = cost.whole(progress.integrals.cost, success, duration - progress.ended_at)
     wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
+    momentum, used = progress.peak_momentum, consumption
     return Outputs(
         code=progress.code,
         settling_time=jnp.where(success, progress.settled.settling_time(duration), jnp.inf),
@@ -219,4 +241,7 @@ def outputs_of(
         quaternion=kept(quaternion.q),
         omega=kept(plant.omega),
         drawn=drawn,
+        propellant=None if used is None else kept(used.propellant),
+        valve_openings=None if used is None else kept(used.openings),
+        peak_wheel_momentum=None if momentum is None else kept(momentum),
     )

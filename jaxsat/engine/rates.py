@@ -12,7 +12,7 @@ from jaxsat.simulation import (
     Motion,
     SampledLoop,
 )
-from jaxsat.vehicle import Hold
+from jaxsat.vehicle import AbstractPulsedActuators, Consumption, Hold
 
 
 def continuous_loop(case: Case) -> AbstractContinuousLoop:
@@ -25,6 +25,13 @@ def continuous_loop(case: Case) -> AbstractContinuousLoop:
 def plant_state(loop: AbstractLoop, state: PyTree) -> PlantState:
     """The plant's part of any loop's state."""
     return loop.plant_state(state) if isinstance(loop, AbstractContinuousLoop) else state.plant
+
+
+def consumption(loop: AbstractLoop, state: PyTree) -> Consumption | None:
+    """What actuators that pulse have used up to a state of the loop; None for others."""
+    if not isinstance(loop, SampledLoop) or not isinstance(loop.actuators, AbstractPulsedActuators):
+        return None
+    return loop.actuators.consumption(state.actuators)
 
 
 def augmented_rate(program: Program, loop: AbstractContinuousLoop):

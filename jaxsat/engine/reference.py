@@ -15,7 +15,7 @@ from jaxsat.engine.batches import AbstractBatchEngine
 from jaxsat.engine.interface import CostGradient, Mode
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import Integrals, Outputs, initial_progress, outputs_of, settled_at
-from jaxsat.engine.rates import augmented_rate, continuous_loop, held_rate, plant_state
+from jaxsat.engine.rates import augmented_rate, consumption, continuous_loop, held_rate, plant_state
 from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation import (
     Method,
@@ -143,9 +143,8 @@ def _continuous(program: Program, case: Case, method: Method, adjoint):
     signals = jax.tree.map(lambda x: jnp.where(jnp.isinf(x), jnp.nan, x), signals)
     state, integrals = jax.tree.map(lambda x: x[0], final)
     code = outcome_code(solution.result)
-    plant = plant_state(loop, state)
     settled = solver.since(cast(MonitoredState, solution.solver_state).record, 0)
-    return _outputs(program, case, plant, integrals, signals, settled, code), signals
+    return _outputs(program, case, state, integrals, signals, settled, code), signals
 
 
 def _monitor(program: Program, loop):
@@ -170,7 +169,7 @@ def _sampled(program: Program, case: Case, solver, adjoint):
     state, (integrals, settled), code, signals, _ = run_samples(
         loop, case.start, program.intervals, integrate, carry, limit
     )
-    return _outputs(program, case, state.plant, integrals, signals, settled, code), signals
+    return _outputs(program, case, state, integrals, signals, settled, code), signals
 
 
 def _over_hold(program, loop, solver, adjoint, begin, hold, plant, carry):
@@ -205,15 +204,18 @@ def _over_hold(program, loop, solver, adjoint, begin, hold, plant, carry):
     return plant, (integrals, settled)
 
 
-def _outputs(program, case, plant, integrals, signals, settled: SettlingTracker, code) -> Outputs:
+def _outputs(program, case, state, integrals, signals, settled: SettlingTracker, code) -> Outputs:
+    plant, momentum = plant_state(case.loop, state), signals.wheel_momentum
     squares = jnp.sum(signals.omega**2, axis=1)
     reached = jnp.maximum(jnp.sum(jnp.isfinite(squares)) - 1, 0)  # even the start may be none
-    progress = initial_progress(None, case.start.omega, case.possible)
+    progress = initial_progress(None, plant, case.possible)
     progress = progress._replace(
         integrals=integrals,
         peak_square=jnp.max(squares),
         settled=settled,
         ended_at=jnp.where(case.possible, reached * program.interval, 0.0),
         code=jnp.where(case.possible, code, progress.code),
+        peak_momentum=None if momentum is None else jnp.max(jnp.abs(momentum), axis=0),
     )
-    return outputs_of(progress, plant, program.duration, case.drawn, program.cost)
+    used = consumption(case.loop, state)
+    return outputs_of(progress, plant, program.duration, case.drawn, program.cost, used)

@@ -15,6 +15,7 @@ import numpy as np
 from jaxsat.checks import require_counts
 from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.engine import AbstractEngine, Outputs, Program, Replay, program_identity
+from jaxsat.montecarlo.columns import DRAWN, HISTORIES, HISTORY, HISTORY_TIME, columns_of
 from jaxsat.montecarlo.designs import AbstractDesign, LatinHypercube
 from jaxsat.montecarlo.dispersions import Dispersed, StudyCase
 from jaxsat.montecarlo.executors import AbstractExecutor, Serial
@@ -25,54 +26,6 @@ from jaxsat.results import Column, OutputError, StudyStore, machine
 from jaxsat.results.chunks import Coordinate, chunk_numbers
 from jaxsat.results.differences import differences
 from jaxsat.results.labels import components
-
-DRAWN = "drawn_"
-"""Prefix of the columns that hold what was drawn for a case."""
-
-HISTORY = "history_"
-"""Prefix of the columns that hold a case's history, (times, components)."""
-
-HISTORY_TIME = HISTORY + "time"
-
-COLUMNS = {
-    "code": Column((), "int8", "1", "how the case ended, 0 for its end"),
-    "settling_time": Column((), "float64", "s", "settling time, infinite if not settled"),
-    "effort": Column((), "float64", "N m s", "integral of the sum of the torques' sizes"),
-    "cost": Column((), "float64", "1", "integral of the running cost"),
-    "peak_rate": Column((), "float64", "rad s-1", "largest angular velocity seen"),
-    "ended_at": Column((), "float64", "s", "time up to which the case was computed"),
-    "w": Column((2,), "float64", "1", "final tilt relative to the orbit frame", ("w_component",)),
-    "z": Column((), "float64", "rad", "final turn about the third axis"),
-    "quaternion": Column(
-        (4,),
-        "float64",
-        "1",
-        "final attitude, orbit to body frame, scalar first",
-        ("quaternion_component",),
-    ),
-    "pointing_error": Column((), "float64", "degree", "final rotation angle from the orbit frame"),
-    "omega": Column(
-        (3,), "float64", "rad s-1", "final inertial angular velocity in body axes", ("body_axis",)
-    ),
-}
-
-
-HISTORIES = {
-    "w": Column((2,), "float64", "1", "tilt relative to the orbit frame", ("w_component",)),
-    "z": Column((), "float64", "rad", "turn about the third axis"),
-    "omega": Column(
-        (3,), "float64", "rad s-1", "inertial angular velocity in body axes", ("body_axis",)
-    ),
-    "relative_rate": Column(
-        (3,),
-        "float64",
-        "rad s-1",
-        "angular velocity relative to the orbit frame in body axes",
-        ("body_axis",),
-    ),
-    "torque": Column((3,), "float64", "N m", "thruster torque in body axes", ("body_axis",)),
-}
-"""The signals of which a study can keep a history."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +98,8 @@ class Study:
 
     def columns(self) -> dict[str, Column]:
         """What a case has in a store."""
-        columns = COLUMNS | {DRAWN + name: self._drawn(name) for name in self._dispersed}
+        drawn = {DRAWN + name: self._drawn(name) for name in self._dispersed}
+        columns = columns_of(self.case_factory.loop) | drawn
         if self.history is not None:
             for name, column in HISTORIES.items():
                 shape, dims = (self.history, *column.shape), (HISTORY_TIME, *column.dims)
@@ -347,7 +301,7 @@ class _StudyLedger:
 
 
 def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
-    named = outputs._asdict()
+    named = {name: values for name, values in outputs._asdict().items() if values is not None}
     drawn = named.pop("drawn")
     error = pointing_error(np.asarray(outputs.quaternion))
     named["pointing_error"] = np.linalg.norm(error, axis=-1)

@@ -1,11 +1,11 @@
 """The summary of a study, from its store or from its columns."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxsat.montecarlo.ensemble import DRAWN
+from jaxsat.montecarlo.columns import DRAWN
 from jaxsat.montecarlo.sensitivities import Sensitivities, Sensitivity
 from jaxsat.montecarlo.statistics import Interval, percentile, wilson
 from jaxsat.results.chunks import DONE
@@ -14,16 +14,25 @@ from jaxsat.simulation import Outcome
 
 PERCENTS = (50.0, 90.0, 99.0)
 
+OF_ACTUATORS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "propellant": lambda values: values,
+    "valve_openings": lambda values: values.sum(axis=1),
+    "peak_wheel_momentum": lambda values: values.max(axis=1),
+}
+"""Columns of loops whose actuators have them, and the one number a case that is summarised."""
+
 
 class Summary(NamedTuple):
     """What a study found.
 
     `settled` is a fraction; `settling_time` (s, of the settled cases) and `effort` (N m s, of the
-    cases that reached their end) are by percent, empty where there are none. `outcomes` counts the
-    cases by how they ended, `worst` lists case numbers, those that failed first. The rankings say
-    which dispersion matters for the cost and for settling at all. Intervals are of 95 %, those of
-    independent draws, and open (infinite) where there are too few cases; those of a ranking hold
-    together.
+    cases that reached their end) are by percent, empty where there are none. So are `propellant`
+    (kg), `valve_openings` (of all valves together) and `peak_wheel_momentum` (N m s, of the wheel
+    with the largest), of the cases that reached their end, empty without such actuators too.
+    `outcomes` counts the cases by how they ended, `worst` lists case numbers, those that failed
+    first. The rankings say which dispersion matters for the cost and for settling at all. Intervals
+    are of 95 %, those of independent draws, and open (infinite) where there are too few cases;
+    those of a ranking hold together.
     """
 
     cases: int
@@ -34,6 +43,9 @@ class Summary(NamedTuple):
     worst: list[int]
     cost_sensitivity: list[Sensitivity]
     settling_sensitivity: list[Sensitivity]
+    propellant: dict[float, Interval]
+    valve_openings: dict[float, Interval]
+    peak_wheel_momentum: dict[float, Interval]
 
 
 def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int = 10) -> Summary:
@@ -68,6 +80,10 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         worst=numbers[_worst_first(columns)[:worst]].tolist(),
         cost_sensitivity=of_cost,
         settling_sensitivity=of_settling,
+        **{
+            name: _percentiles(over_parts(column(name)[success])) if name in dataset else {}
+            for name, over_parts in OF_ACTUATORS.items()
+        },
     )
 
 

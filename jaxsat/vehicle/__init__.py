@@ -9,7 +9,7 @@ from jaxsat.vehicle.actuators import (
 from jaxsat.vehicle.allocation import LeastPropellant
 from jaxsat.vehicle.failures import FailureEvents, FailureKind
 from jaxsat.vehicle.gyro import Gyro
-from jaxsat.vehicle.holds import AbstractPulsedActuators, Hold, Usage
+from jaxsat.vehicle.holds import AbstractPulsedActuators, Consumption, Hold, Usage
 from jaxsat.vehicle.modulation import (
     AbstractModulation,
     DeltaSigma,
@@ -40,6 +40,7 @@ __all__ = [
     "ActuatorContext",
     "Actuators",
     "ActuatorsWithWheels",
+    "Consumption",
     "DeltaSigma",
     "DrawnSensors",
     "FailureEvents",

@@ -75,6 +75,13 @@ class Usage(NamedTuple):
     openings: Float[Array, " m"]
 
 
+class Consumption(NamedTuple):
+    """Since the start of the run: propellant (kg), and how often each valve opened."""
+
+    propellant: RealScalar
+    openings: Float[Array, " m"]
+
+
 class AbstractPulsedActuators(eqx.Module):
     """Actuators that run once a period and whose torque then changes at instants of their own.
 
@@ -120,6 +127,10 @@ class AbstractPulsedActuators(eqx.Module):
     @abc.abstractmethod
     def finish(self, plan: PyTree, running: PyTree) -> tuple[PyTree, Usage]:
         """The memory at the end of the period, and what was used in it."""
+
+    @abc.abstractmethod
+    def consumption(self, memory: PyTree) -> Consumption:
+        """What has been used up to the period that begins with this memory."""
 
     def usage(self, plan: PyTree, running: PyTree) -> Usage:
         """What the whole period will use."""

@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.vehicle.allocation import LeastPropellant
 from jaxsat.vehicle.failures import Condition, FailureEvents
-from jaxsat.vehicle.holds import AbstractPulsedActuators, Hold, Usage
+from jaxsat.vehicle.holds import AbstractPulsedActuators, Consumption, Hold, Usage
 from jaxsat.vehicle.modulation import AbstractModulation, Pulses
 from jaxsat.vehicle.thruster_set import ThrusterSet
 
@@ -189,6 +189,10 @@ class PulsedThrusters(AbstractPulsedActuators):
             memory.openings,
         )
         return memory, usage
+
+    def consumption(self, memory):
+        """As the memory has it."""
+        return Consumption(memory.propellant, memory.openings)
 
 
 def _next(edges, now, period) -> RealScalar:

@@ -154,3 +154,7 @@ class PulsedActuatorsWithWheels(AbstractPulsedActuators):
     def finish(self, plan, running):
         """As the thrusters do."""
         return self.thrusters.finish(plan, running)
+
+    def consumption(self, memory):
+        """That of the thrusters."""
+        return self.thrusters.consumption(memory)

@@ -6,7 +6,7 @@ from jaxsat.cli.study_text import summary_lines
 from jaxsat.montecarlo import summarise
 
 
-def lines(cost, settling_time=None, **drawn):
+def lines(cost, settling_time=None, more=None, **drawn):
     count = len(cost)
     times = np.linspace(10.0, 20.0, count) if settling_time is None else settling_time
     columns = {
@@ -14,6 +14,7 @@ def lines(cost, settling_time=None, **drawn):
         "settling_time": times,
         "effort": np.linspace(1.0, 2.0, count),
         "cost": cost,
+        **(more or {}),
         **{f"drawn_{name}": values for name, values in drawn.items()},
     }
     return summary_lines(summarise(columns))
@@ -23,6 +24,21 @@ def test_percentiles_that_need_more_cases_have_an_open_end():
     (found,) = (line for line in lines(np.ones(25)) if line.startswith("settling time"))
     assert "99 %: 19.9 (over 19.17) s, of those that settle" in found
     assert "50 %: 15 (12.92 to 17.08)" in found
+
+
+def test_what_actuators_used_is_told_where_there_are_some():
+    """Openings of all valves together, and of the wheels the one with the largest momentum."""
+    used = {
+        "propellant": np.linspace(0.01, 0.03, 25),
+        "valve_openings": np.arange(50.0).reshape(25, 2),
+        "peak_wheel_momentum": np.stack([np.full(25, 4.0), np.linspace(1, 3, 25)], axis=1),
+    }
+    text = lines(np.ones(25), more=used)
+    assert text[4].startswith("propellant       50 %: 0.02 (")
+    assert text[4].endswith(" kg, of those that end")
+    assert text[5].startswith("valve openings   50 %: 49 (")
+    assert text[6].startswith("wheel momentum   50 %: 4 (4 to 4)")
+    assert len(text) == len(lines(np.ones(25))) + 3
 
 
 def test_only_what_matters_is_listed_and_noise_is_said_to_be():

@@ -101,9 +101,12 @@ def test_engines_agree_on_wheels_that_come_to_their_limits(kind):
     signals = engines[1].replay(prog, KICKS[0]).signals
     momentum = np.abs(signals.wheel_momentum) / LIMITS
     assert momentum.max() == pytest.approx(1, abs=1e-9)
+    peak = np.abs(signals.wheel_momentum).max(axis=0)
+    np.testing.assert_allclose(expected.peak_wheel_momentum[0], peak, rtol=1e-9)
     assert np.all(expected.code == 0)
     for found in others:
-        for name in ("w", "z", "quaternion", "omega", "cost"):
+        assert found.propellant is None
+        for name in ("w", "z", "quaternion", "omega", "cost", "peak_wheel_momentum"):
             np.testing.assert_allclose(
                 getattr(found, name), getattr(expected, name), atol=tolerance, err_msg=name
             )

@@ -1,0 +1,88 @@
+"""What the store of a study has of every case."""
+
+from collections.abc import Mapping
+
+import jax
+
+from jaxsat.results import Column
+from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.vehicle import AbstractPulsedActuators
+
+DRAWN = "drawn_"
+"""Prefix of the columns that hold what was drawn for a case."""
+
+HISTORY = "history_"
+"""Prefix of the columns that hold a case's history, (times, components)."""
+
+HISTORY_TIME = HISTORY + "time"
+
+COLUMNS = {
+    "code": Column((), "int8", "1", "how the case ended, 0 for its end"),
+    "settling_time": Column((), "float64", "s", "settling time, infinite if not settled"),
+    "effort": Column((), "float64", "N m s", "integral of the sum of the torques' sizes"),
+    "cost": Column((), "float64", "1", "integral of the running cost"),
+    "peak_rate": Column((), "float64", "rad s-1", "largest angular velocity seen"),
+    "ended_at": Column((), "float64", "s", "time up to which the case was computed"),
+    "w": Column((2,), "float64", "1", "final tilt relative to the orbit frame", ("w_component",)),
+    "z": Column((), "float64", "rad", "final turn about the third axis"),
+    "quaternion": Column(
+        (4,),
+        "float64",
+        "1",
+        "final attitude, orbit to body frame, scalar first",
+        ("quaternion_component",),
+    ),
+    "pointing_error": Column((), "float64", "degree", "final rotation angle from the orbit frame"),
+    "omega": Column(
+        (3,), "float64", "rad s-1", "final inertial angular velocity in body axes", ("body_axis",)
+    ),
+}
+
+CONSUMPTION = {
+    "propellant": Column((), "float64", "kg", "propellant used"),
+    "valve_openings": Column((0,), "float64", "1", "openings of each valve", ("thruster",)),
+}
+"""Of loops whose thrusters push; as many openings as there are thrusters."""
+
+PEAK_MOMENTUM = {
+    "peak_wheel_momentum": Column(
+        (0,), "float64", "N m s", "largest wheel momentum seen relative to the body", ("wheel",)
+    )
+}
+"""Of loops with wheels; as many as there are."""
+
+
+HISTORIES = {
+    "w": Column((2,), "float64", "1", "tilt relative to the orbit frame", ("w_component",)),
+    "z": Column((), "float64", "rad", "turn about the third axis"),
+    "omega": Column(
+        (3,), "float64", "rad s-1", "inertial angular velocity in body axes", ("body_axis",)
+    ),
+    "relative_rate": Column(
+        (3,),
+        "float64",
+        "rad s-1",
+        "angular velocity relative to the orbit frame in body axes",
+        ("body_axis",),
+    ),
+    "torque": Column((3,), "float64", "N m", "thruster torque in body axes", ("body_axis",)),
+}
+"""The signals of which a study can keep a history."""
+
+
+def columns_of(loop: AbstractLoop) -> dict[str, Column]:
+    """The columns that every study of such a loop has, besides what is drawn and histories."""
+    columns = dict(COLUMNS)
+    actuators = loop.actuators if isinstance(loop, SampledLoop) else None
+    if isinstance(actuators, AbstractPulsedActuators):
+        used = jax.eval_shape(lambda: actuators.consumption(actuators.init()))
+        columns |= _of_size(CONSUMPTION, used.openings.shape)
+    wheels = loop.plant.wheels
+    return columns if wheels is None else columns | _of_size(PEAK_MOMENTUM, (wheels.count,))
+
+
+def _of_size(columns: Mapping[str, Column], shape: tuple[int, ...]) -> dict[str, Column]:
+    return {
+        name: column._replace(shape=shape) if column.dims else column
+        for name, column in columns.items()
+    }
