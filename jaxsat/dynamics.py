@@ -113,15 +113,33 @@ class RigidBody(eqx.Module):
         return PlantState(state.attitude, state.omega, jnp.zeros(self.wheels.count))
 
     def wheel_torque(
-        self, state: PlantState, command: Float[Array, " wheels"] | None
+        self,
+        state: PlantState,
+        command: Float[Array, " wheels"] | None,
+        t: float | Float[Array, ""] = -jnp.inf,
     ) -> Float[Array, " wheels"] | None:
         """What each wheel does to the body along its axis on a command, N m; None without wheels.
 
-        Without a command, None, it is what friction does.
+        Without a command, None, it is what friction does. Wheels are as they are at time `t` (s),
+        by default before all failures.
         """
-        if self.wheels is None or state.wheel_momentum is None:
+        wheels, momentum = self.wheels, state.wheel_momentum
+        if wheels is None or momentum is None:
             return None
-        return self.wheels.torque(state.wheel_momentum, _or_zero(state.wheel_momentum, command))
+        command, condition = _or_zero(momentum, command), wheels.condition(jnp.asarray(t))
+        if condition is not None:
+            momentum = jnp.where(condition.stopped, 0.0, momentum)
+            wheels, command = wheels.driven(condition, momentum, command)
+        return wheels.torque(momentum, command)
+
+    def with_wheels_stopped(self, state: PlantState, stopped: Bool[Array, " wheels"]) -> PlantState:
+        """The state right after wheels have stopped: J ω + A h is what it was, and their h zero."""
+        if self.wheels is None or state.wheel_momentum is None:
+            return state
+        given = jnp.where(stopped, state.wheel_momentum, 0.0)
+        kick = self.spacecraft.inverse_inertia @ (self.wheels.axes @ given)
+        momentum = jnp.where(stopped, 0.0, state.wheel_momentum)
+        return PlantState(state.attitude, state.omega + kick, momentum)
 
     def wheel_events(
         self, state: PlantState, command: Float[Array, " wheels"] | None

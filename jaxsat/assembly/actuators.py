@@ -26,8 +26,8 @@ from jaxsat.scenario.thruster_tables import (
     FailureTable,
     ModulationTable,
     ThrusterTable,
+    number_of,
     signs,
-    thruster_number,
     working_torques,
 )
 from jaxsat.scenario.wheel_tables import failed_wheels, left_by_wheels, wheel_axes
@@ -198,8 +198,9 @@ def _failures(
     places = _places(thrusters)
     nominal = working_torques(thrusters)
     for table in tables:
-        number = thruster_number(table.of, thrusters)
-        assert number is not None
+        number = number_of(table.of, "thruster", thrusters)
+        if number is None:
+            continue
         struck = places[number][:1] if table.kind in ONE_WAY else places[number]
         for place in struck:
             turned = nominal.copy()

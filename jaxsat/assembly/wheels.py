@@ -5,8 +5,9 @@ from jaxtyping import Array
 
 from jaxsat.checks import as_array
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.thruster_tables import FailureTable, number_of
 from jaxsat.scenario.wheel_tables import WheelTable, wheel_axes
-from jaxsat.vehicle import Wheels
+from jaxsat.vehicle import WheelFailureKind, WheelFailures, Wheels
 
 
 def build_wheels(scenario: Scenario) -> Wheels | None:
@@ -25,7 +26,32 @@ def build_wheels(scenario: Scenario) -> Wheels | None:
         inertia,
         viscous,
         _unless_zero(tables, "coulomb_friction_N_m"),
+        _failures(scenario),
     )
+
+
+def _failures(scenario: Scenario) -> WheelFailures | None:
+    """What strikes wheels in flight."""
+    found = [(number_of(one.of, "wheel", scenario.wheel), one) for one in scenario.failure]
+    events = [(number, one) for number, one in found if number is not None]
+    if not events:
+        return None
+    return WheelFailures(
+        wheel=[number for number, _ in events],
+        at=[one.at_s for _, one in events],
+        kind=[_kind(one) for _, one in events],
+        amount=[
+            next((x for x in (one.fraction, one.factor, one.friction_N_m) if x is not None), 0.0)
+            for _, one in events
+        ],
+    )
+
+
+def _kind(table: FailureTable) -> WheelFailureKind:
+    if table.kind == "friction-up":
+        by = table.factor is not None
+        return WheelFailureKind.FRICTION_BY if by else WheelFailureKind.FRICTION_TO
+    return WheelFailureKind[table.kind.upper()]
 
 
 def limits_of(tables: tuple[WheelTable, ...], name: str) -> np.ndarray | None:

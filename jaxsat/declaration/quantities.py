@@ -78,18 +78,31 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
             DispersibleQuantity(
                 "attitude_noise", "standard deviation of the attitude sensors", "rad"
             ),
-            DispersibleQuantity("failure_time", "when each [[failure]] strikes", "s"),
+            DispersibleQuantity(
+                "failure_time",
+                "when each [[failure]] strikes, here and below those of thrusters before those of "
+                "wheels",
+                "s",
+            ),
             DispersibleQuantity(
                 "failed_thruster",
-                "number from 0, rounded, of the thruster that each [[failure]] strikes; "
+                "number from 0, rounded, of the thruster that each [[failure]] of one strikes; "
                 "a two-sided one counts as two",
             ),
             DispersibleQuantity(
-                "failure_kind",
-                "kind of each [[failure]], rounded: 0 dead, 1 degraded, 2 stuck on, 3 stuck at, "
-                "4 leaking, 5 delayed, 6 intermittent",
+                "failed_wheel",
+                "number from 0, rounded, of the wheel that each [[failure]] of a wheel strikes",
             ),
-            DispersibleQuantity("failure_amount", "fraction (or delay, s) of each [[failure]]"),
+            DispersibleQuantity(
+                "failure_kind",
+                "kind of each [[failure]], rounded: of a thruster 0 dead, 1 degraded, 2 stuck on, "
+                "3 stuck at, 4 leaking, 5 delayed, 6 intermittent; of a wheel 0 dead, 1 degraded, "
+                "2 stopped, 3 friction by a factor, 4 friction to a level, 5 runaway",
+            ),
+            DispersibleQuantity(
+                "failure_amount",
+                "fraction (or delay, s; or factor or level, N m, of friction) of each [[failure]]",
+            ),
             DispersibleQuantity("delay", "time that the controller takes to compute", "s"),
             DispersibleQuantity(
                 "attitude",
@@ -115,6 +128,12 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
                 "rad/s",
                 excludes=("rate_error",),
                 axis="body_axis",
+            ),
+            DispersibleQuantity(
+                "wheel_momentum",
+                "initial momentum of each wheel relative to the body",
+                "N m s",
+                axis="wheel",
             ),
             DispersibleQuantity(
                 "rate_error",

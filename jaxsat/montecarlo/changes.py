@@ -7,6 +7,7 @@ from typing import NamedTuple, cast
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.attitude import DCM, WZ, AbstractAttitude, Quaternion
@@ -19,7 +20,7 @@ from jaxsat.environment import (
     SumOfDisturbances,
 )
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.vehicle import Actuators, FailureEvents, Spacecraft, ThrusterSet
+from jaxsat.vehicle import Actuators, FailureEvents, Spacecraft, ThrusterSet, WheelFailures
 from jaxsat.vehicle.sensors import turned_slightly
 
 
@@ -141,17 +142,21 @@ def _with_thrusters_changed(
     return _in_loop(perturbed, lambda loop: loop.actuators, actuators)
 
 
-def failures_of(loop: AbstractLoop) -> FailureEvents:
-    """The failures in flight of a loop that has some."""
-    (events,) = parts_of(FailureEvents, with_thrusters(loop).actuators)
-    return events
+def failures_of(loop: AbstractLoop) -> list[FailureEvents | WheelFailures]:
+    """The failures in flight of a loop: of its thrusters, then of its wheels."""
+    actuators = getattr(loop, "actuators", None)
+    return [*parts_of(FailureEvents, actuators), *parts_of(WheelFailures, loop.plant.wheels)]
 
 
 def set_failure(field: str):
-    """Other numbers in one field of all failures."""
+    """Other numbers in one field of all failures that have it."""
 
     def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        return _in_loop(perturbed, lambda loop: getattr(failures_of(loop), field), values)
+        def fields(loop: AbstractLoop) -> list:
+            return [getattr(one, field) for one in failures_of(loop) if hasattr(one, field)]
+
+        ends = np.cumsum([one.size for one in fields(perturbed.loop)])[:-1]
+        return _in_loop(perturbed, fields, jnp.split(values, ends))
 
     return apply
 
@@ -266,6 +271,11 @@ def set_attitude_error(perturbed: PerturbedLoop, rotation: Values) -> PerturbedL
 def set_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
     """Another initial angular velocity, rad/s."""
     return perturbed._replace(start=dataclasses.replace(perturbed.start, omega=omega))
+
+
+def set_wheel_momentum(perturbed: PerturbedLoop, momentum: Values) -> PerturbedLoop:
+    """Other initial momenta of the wheels relative to the body, N m s."""
+    return perturbed._replace(start=dataclasses.replace(perturbed.start, wheel_momentum=momentum))
 
 
 def set_rate_error(perturbed: PerturbedLoop, error: Values) -> PerturbedLoop:

@@ -5,7 +5,7 @@ changes a nominal number turns them into limits of the change.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,10 +14,23 @@ from jaxtyping import Array, Float
 from jaxsat import ranges
 from jaxsat.checks import as_float, concrete
 from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
-from jaxsat.montecarlo.changes import controller_of, parts_of
+from jaxsat.montecarlo.changes import (
+    controller_of,
+    failures_of,
+    parts_of,
+    thruster_count,
+    thrusters_of,
+)
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.vehicle import Spacecraft
+from jaxsat.vehicle import (
+    FailureEvents,
+    FailureKind,
+    Spacecraft,
+    WheelFailureKind,
+    WheelFailures,
+    Wheels,
+)
 
 
 class Limits(NamedTuple):
@@ -81,6 +94,60 @@ def of_omega(loop: AbstractLoop) -> Limits:
     third = 0.0 if loop.plant.third_rate_held else STATE_LIMIT
     largest = as_float([STATE_LIMIT, STATE_LIMIT, third])
     return Limits(-largest, largest)
+
+
+def of_wheel_momentum(loop: AbstractLoop) -> Limits:
+    """Up to the limit of each wheel that has one."""
+    limit = cast(Wheels, loop.plant.wheels).momentum_limit
+    largest = as_float(ranges.TORQUE.high) if limit is None else limit
+    largest = jnp.minimum(largest, ranges.TORQUE.high)
+    return Limits(-largest, largest)
+
+
+def of_failed_thruster(loop: AbstractLoop) -> Limits:
+    """Numbers that are rounded to those of the thrusters."""
+    (thrusters,) = thrusters_of(loop)
+    return Limits(as_float(-0.5), as_float(thruster_count(thrusters) - 0.5))
+
+
+def of_failed_wheel(loop: AbstractLoop) -> Limits:
+    """Numbers that are rounded to those of the wheels."""
+    return Limits(as_float(-0.5), as_float(cast(Wheels, loop.plant.wheels).count - 0.5))
+
+
+def of_failure_kind(loop: AbstractLoop) -> Limits:
+    """Numbers that are rounded to kinds; none of thrusters is turned, which takes a vector, and no
+    wheel without a torque limit runs away."""
+
+    def last(failures: FailureEvents | WheelFailures) -> np.ndarray:
+        kind = FailureKind.INTERMITTENT
+        if isinstance(failures, WheelFailures):
+            limit = cast(Wheels, loop.plant.wheels).torque_limit
+            known = None if limit is None else concrete(limit)
+            bounded = known is not None and np.all(np.isfinite(known))
+            kind = WheelFailureKind.RUNAWAY if bounded else WheelFailureKind.FRICTION_TO
+        return np.full(failures.count, kind + 0.5)
+
+    return Limits(as_float(-0.5), _of_failures(loop, last))
+
+
+def of_failure_amount(loop: AbstractLoop) -> Limits:
+    """Fractions up to 1, and as much friction as a wheel may have."""
+
+    def most(failures: FailureEvents | WheelFailures) -> np.ndarray:
+        kinds = concrete(failures.kind)
+        friction = (WheelFailureKind.FRICTION_BY, WheelFailureKind.FRICTION_TO)
+        if isinstance(failures, FailureEvents) or kinds is None:
+            return np.ones(failures.count)
+        return np.where(np.isin(np.rint(kinds), friction), ranges.FRICTION.high, 1.0)
+
+    return Limits(as_float(0.0), _of_failures(loop, most))
+
+
+def _of_failures(loop: AbstractLoop, each: Callable[[Any], np.ndarray]) -> Float[Array, "*n"]:
+    """Numbers of all failures, one where they are the same for all."""
+    values = np.concatenate([each(one) for one in failures_of(loop)])
+    return as_float(values[0] if np.all(values == values[0]) else values)
 
 
 def moments_of(loop: AbstractLoop) -> Float[Array, "3"]:

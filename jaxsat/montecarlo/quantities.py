@@ -19,7 +19,7 @@ from jaxsat.montecarlo.changes import (
 )
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.vehicle import FailureEvents, FailureKind, Sensors, Spacecraft
+from jaxsat.vehicle import FailureEvents, Sensors, Spacecraft, WheelFailures
 
 
 class Quantity(NamedTuple):
@@ -95,19 +95,31 @@ def _thrusters(each: int) -> Callable[[AbstractLoop], int]:
     return size
 
 
-def _needs_failures(loop: AbstractLoop) -> str | None:
-    if not isinstance(loop, SampledLoop) or not parts_of(FailureEvents, loop.actuators):
-        return "the scenario has no failure in flight"
-    return None
+def _needs_failures(*kinds: type) -> Callable[[AbstractLoop], str | None]:
+    what = {FailureEvents: "thruster", WheelFailures: "wheel"}
+
+    def obstacle(loop: AbstractLoop) -> str | None:
+        if any(isinstance(one, kinds) for one in failures_of(loop)):
+            return None
+        which = f" of a {what[kinds[0]]}" if len(kinds) == 1 else ""
+        return f"the scenario has no failure{which} in flight"
+
+    return obstacle
 
 
-def _failures(loop: AbstractLoop) -> int:
-    return failures_of(loop).count
+def _failures(*kinds: type) -> Callable[[AbstractLoop], int]:
+    return lambda loop: sum(one.count for one in failures_of(loop) if isinstance(one, kinds))
 
 
-def _of_failed_thrusters(loop: AbstractLoop) -> limits.Limits:
-    (thrusters,) = thrusters_of(loop)
-    return limits.between(Range(-0.5, thruster_count(thrusters) - 0.5))(loop)
+_ANY_FAILURE = (FailureEvents, WheelFailures)
+
+
+def _needs_wheels(loop: AbstractLoop) -> str | None:
+    return None if loop.plant.wheels is not None else "the spacecraft has no wheels"
+
+
+def _wheels(loop: AbstractLoop) -> int:
+    return 0 if loop.plant.wheels is None else loop.plant.wheels.count
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -184,28 +196,34 @@ QUANTITIES: dict[str, Quantity] = {
         limits.between(ranges.ATTITUDE_NOISE),
     ),
     "failure_time": Quantity(
-        _failures,
+        _failures(*_ANY_FAILURE),
         changes.set_failure("at"),
-        _needs_failures,
+        _needs_failures(*_ANY_FAILURE),
         limits.between(Range(0.0, ranges.SECONDS.high)),
     ),
     "failed_thruster": Quantity(
-        _failures,
+        _failures(FailureEvents),
         changes.set_failure("thruster"),
-        _needs_failures,
-        _of_failed_thrusters,
+        _needs_failures(FailureEvents),
+        limits.of_failed_thruster,
+    ),
+    "failed_wheel": Quantity(
+        _failures(WheelFailures),
+        changes.set_failure("wheel"),
+        _needs_failures(WheelFailures),
+        limits.of_failed_wheel,
     ),
     "failure_kind": Quantity(
-        _failures,
+        _failures(*_ANY_FAILURE),
         changes.set_failure("kind"),
-        _needs_failures,
-        limits.between(Range(-0.5, FailureKind.INTERMITTENT + 0.5)),
+        _needs_failures(*_ANY_FAILURE),
+        limits.of_failure_kind,
     ),
     "failure_amount": Quantity(
-        _failures,
+        _failures(*_ANY_FAILURE),
         changes.set_failure("amount"),
-        _needs_failures,
-        limits.between(Range(0.0, 1.0)),
+        _needs_failures(*_ANY_FAILURE),
+        limits.of_failure_amount,
     ),
     "delay": Quantity(
         _fixed(1),
@@ -248,6 +266,12 @@ QUANTITIES: dict[str, Quantity] = {
         changes.set_omega,
         _always,
         limits.of_omega,
+    ),
+    "wheel_momentum": Quantity(
+        _wheels,
+        changes.set_wheel_momentum,
+        _needs_wheels,
+        limits.of_wheel_momentum,
     ),
     "rate_error": Quantity(
         _fixed(2),

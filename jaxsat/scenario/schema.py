@@ -14,6 +14,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
+from jaxsat.scenario import failure_checks as _failure_checks  # noqa: F401
 from jaxsat.scenario import sensor_checks as _sensor_checks  # noqa: F401
 from jaxsat.scenario import thruster_checks as _thruster_checks  # noqa: F401
 from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401

@@ -1,4 +1,4 @@
-"""Rules on `[[thruster]]`, `[modulation]` and `[[failure]]`."""
+"""Rules on `[[thruster]]` and `[modulation]`."""
 
 import math
 
@@ -9,7 +9,7 @@ from jaxsat.declaration.laws import LAWS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at, rule, rule_over
-from jaxsat.scenario.thruster_tables import FAILURE_AMOUNTS, thruster_number, working_torques
+from jaxsat.scenario.thruster_tables import working_torques
 from jaxsat.scenario.wheel_tables import left_by_wheels
 from jaxsat.scenario.wording import shown
 
@@ -154,28 +154,3 @@ def _schmitt_trigger_switches(thrusters, kind, gain, lag, high, low):
             yield Issue(
                 ("thruster", number, "min_on_time_s"), f"{message}, got {one.min_on_time_s:g}"
             )
-
-
-@rule("failure", "thruster")
-def _failures_have_something_to_strike(failures, thrusters):
-    for number, one in enumerate(failures):
-        if thruster_number(one.of, thrusters) is None:
-            names = [f'"thruster {t.name or n}"' for n, t in enumerate(thrusters, 1)]
-            allowed = f"one of {', '.join(names[:6])}" if names else "a table [[thruster]]"
-            message = f"must name {allowed}, got {shown(one.of)}"
-            yield Issue(("failure", number, "of"), message)
-
-
-@rule("failure")
-def _failures_say_how_much(failures):
-    keys = ("fraction", "delay_s", "turn_rad")
-    for number, one in enumerate(failures):
-        needed = FAILURE_AMOUNTS[one.kind]
-        for key in keys:
-            value = getattr(one, key)
-            if key == needed and value is None:
-                message = f'must be given for a failure of kind "{one.kind}", got nothing'
-                yield Issue(("failure", number, key), message, (), True)
-            elif key != needed and value is not None:
-                message = f'must not be given for a failure of kind "{one.kind}"'
-                yield Issue(("failure", number, key), f"{message}, got {shown(value)}")

@@ -1,13 +1,14 @@
 """`[[thruster]]`, `[modulation]`, `[[failure]]`: thrusters that push, and what breaks in flight."""
 
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 from pydantic import AfterValidator
 
 from jaxsat.errors import ArgumentError
-from jaxsat.ranges import ROTATION, SECONDS, TORQUE_LIMIT, Range
+from jaxsat.ranges import FRICTION, ROTATION, SECONDS, TORQUE_LIMIT, Range
 from jaxsat.scenario.quantities import (
     Line,
     Number,
@@ -105,17 +106,28 @@ class ModulationTable(Table):
     )
 
 
-FAILURE_AMOUNTS = {
-    "dead": None,
-    "degraded": "fraction",
-    "stuck-on": None,
-    "stuck-at": "fraction",
-    "leaking": "fraction",
-    "delayed": "delay_s",
-    "intermittent": "fraction",
-    "turned": "turn_rad",
+THRUSTER_FAILURES = {
+    "dead": (),
+    "degraded": ("fraction",),
+    "stuck-on": (),
+    "stuck-at": ("fraction",),
+    "leaking": ("fraction",),
+    "delayed": ("delay_s",),
+    "intermittent": ("fraction",),
+    "turned": ("turn_rad",),
 }
-"""The key that says how much, by kind of failure: those of `jaxsat.vehicle.FailureKind`."""
+"""The keys of which one says how much, by kind: those of `jaxsat.vehicle.FailureKind`."""
+
+WHEEL_FAILURES = {
+    "dead": (),
+    "degraded": ("fraction",),
+    "stopped": (),
+    "friction-up": ("factor", "friction_N_m"),
+    "runaway": (),
+}
+"""The same of wheels: those of `jaxsat.vehicle.WheelFailureKind`, of which two are friction-up."""
+
+FAILURES = {"thruster": THRUSTER_FAILURES, "wheel": WHEEL_FAILURES}
 
 FailureName = Literal[
     "dead",
@@ -126,21 +138,26 @@ FailureName = Literal[
     "delayed",
     "intermittent",
     "turned",
+    "stopped",
+    "friction-up",
+    "runaway",
 ]
 
 
 class FailureTable(Table):
-    """`[[failure]]`: what happens to one thruster in flight, of which the law is not told."""
+    """`[[failure]]`: what happens to a thruster or wheel in flight; the law is not told."""
 
-    of: Line = choice('What fails, such as "thruster 3" or "thruster" and its name')
+    of: Line = choice('What fails, such as "thruster 3", "wheel 2" or "thruster" and its name')
     at_s: Time = quantity("When it fails", "s")
     kind: FailureName = choice(
-        '"dead" (no thrust), "degraded" (fraction of it left), "stuck-on", "stuck-at" (a fraction '
-        'of full thrust), "leaking" (never less than a fraction), "delayed" (delay_s), '
-        '"intermittent" (off for a fraction of every 10 s), "turned" (turn_rad)'
+        'Of any: "dead" (no torque), "degraded" (fraction of it left). Of a thruster: "stuck-on", '
+        '"stuck-at" (a fraction of full thrust), "leaking" (never less than a fraction), "delayed" '
+        '(delay_s), "intermittent" (off for a fraction of every 10 s), "turned" (turn_rad). Of a '
+        'wheel: "stopped" (at once, its momentum goes to the body), "friction-up" (factor or '
+        'friction_N_m), "runaway" (full torque, the way that it turns)'
     )
     fraction: Annotated[Number, Ge(0), Le(1)] | None = quantity(
-        "How much, of full thrust or of time", "1", None
+        "How much, of full thrust or torque or of time", "1", None
     )
     delay_s: Time | None = quantity("How much later its valve follows", "s", None)
     turn_rad: Rotation3 | None = quantity(
@@ -149,15 +166,24 @@ class FailureTable(Table):
         "rad",
         None,
     )
+    factor: Annotated[Number, within(FRICTION)] | None = quantity(
+        "Factor on its viscous and Coulomb friction", "1", None
+    )
+    friction_N_m: Annotated[Number, within(FRICTION)] | None = quantity(
+        "Coulomb friction that it now has, if it had less", "N m", None
+    )
+
+    @property
+    def part(self) -> str:
+        """What kind of part fails: the first word of `of`."""
+        return self.of.partition(" ")[0]
 
 
-def thruster_number(of: str, thrusters: tuple[ThrusterTable, ...]) -> int | None:
-    """Which thruster, from 0, "thruster 3" or "thruster NAME" is; None if there is none."""
+def number_of(of: str, part: str, tables: Sequence[Any]) -> int | None:
+    """Which of the tables, from 0, "PART 3" or "PART NAME" is; None if there is none."""
     kind, _, which = of.partition(" ")
-    if kind != "thruster":
-        return None
-    names = [one.name or str(number) for number, one in enumerate(thrusters, 1)]
-    return names.index(which) if which in names else None
+    names = [one.name or str(number) for number, one in enumerate(tables, 1)]
+    return names.index(which) if kind == part and which in names else None
 
 
 def working_torques(thrusters: tuple[ThrusterTable, ...]) -> np.ndarray:

@@ -145,7 +145,7 @@ class SampledLoop(AbstractLoop):
         asked = (wheels,) if self.delay is None else (state.wheel_command, wheels)
         for hold, command in zip(self._holds(state, torque), asked, strict=True):
             plant, carry = through_hold(
-                self.plant.wheels, command, t + hold.begin, hold, plant, integrate, carry
+                self.plant, command, t + hold.begin, hold, plant, integrate, carry
             )
         after = state._replace(plant=plant.normalised(), torque=torque, wheel_command=wheels)
         return after, carry, signals
@@ -193,7 +193,7 @@ class SampledLoop(AbstractLoop):
                 parts = ((before, state.wheel_command), (after, wheels))
             for part, asked in parts:
                 plant, carry = through_hold(
-                    self.plant.wheels, asked, t + part.begin, part, plant, integrate, carry
+                    self.plant, asked, t + part.begin, part, plant, integrate, carry
                 )
             return running, plant, carry
 
@@ -228,7 +228,7 @@ def _sampled_signals(loop, t, state, memory, told: Told, torque, wheel_command) 
     error = loop.controller.rate_error(state, memory)
     none = jnp.full((), jnp.nan, error.dtype)
     mode = jnp.asarray(loop.controller.mode(memory), error.dtype)
-    wheels = loop.plant.wheel_torque(state, wheel_command)
+    wheels = loop.plant.wheel_torque(state, wheel_command, t)
     torque = loop.plant.control_torque(torque, wheels)
     signals = plant_signals(loop.plant, t, state, torque, error, none, mode)
     return dataclasses.replace(signals, wheel_torque=wheels, **told.errors)

@@ -30,6 +30,7 @@ from jaxsat.vehicle.thrusters import (
     two_thruster_coupling,
 )
 from jaxsat.vehicle.wheel_actuators import ActuatorsWithWheels, PulsedActuatorsWithWheels
+from jaxsat.vehicle.wheel_failures import WheelFailureKind, WheelFailures
 from jaxsat.vehicle.wheels import WheelPiece, Wheels
 
 __all__ = [
@@ -60,6 +61,8 @@ __all__ = [
     "ThrusterSet",
     "Thrusters",
     "Usage",
+    "WheelFailureKind",
+    "WheelFailures",
     "WheelPiece",
     "Wheels",
     "allocation",

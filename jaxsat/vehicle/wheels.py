@@ -21,6 +21,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jaxsat.allocation import unit_columns
 from jaxsat.checks import as_array, as_float, concrete, require_finite, require_positive
 from jaxsat.errors import ArgumentError
+from jaxsat.vehicle.wheel_failures import WheelCondition, WheelFailures
 
 SMALL = 1e-4
 """Below this -log(1 - x)/x is taken from its series, whose next term is x⁵/6."""
@@ -62,8 +63,8 @@ class Wheels(eqx.Module):
     `torque_limit` (N m) bounds each motor's torque and `momentum_limit` (N m s) each momentum.
     `viscous_friction` (N m s/rad), which needs the `rotor_inertia` (kg m²), and `coulomb_friction`
     (N m) brake the rotors. Each is one number, or one for each wheel, and None for none.
-    `limited` holds each wheel at its momentum limit or off it, see `smooth_piece`. Raises
-    `ValueError` for numbers that no wheel has.
+    `failures` strike them in flight. `limited` holds each wheel at its momentum limit or off it,
+    see `smooth_piece`. Raises `ValueError` for numbers that no wheel has.
     """
 
     axes: Float[Array, "3 wheels"]
@@ -72,6 +73,7 @@ class Wheels(eqx.Module):
     rotor_inertia: Float[Array, " wheels"] | None
     viscous_friction: Float[Array, " wheels"] | None
     coulomb_friction: Float[Array, " wheels"] | None
+    failures: WheelFailures | None
     limited: Bool[Array, " wheels"] | None
 
     def __init__(
@@ -82,6 +84,7 @@ class Wheels(eqx.Module):
         rotor_inertia: OfEach = None,
         viscous_friction: OfEach = None,
         coulomb_friction: OfEach = None,
+        failures: WheelFailures | None = None,
     ):
         self.axes = _unit_axes(as_float(axes))
         self.torque_limit = self._of_each(torque_limit)
@@ -89,6 +92,7 @@ class Wheels(eqx.Module):
         self.rotor_inertia = self._of_each(rotor_inertia)
         self.viscous_friction = self._of_each(viscous_friction)
         self.coulomb_friction = self._of_each(coulomb_friction)
+        self.failures = failures
         self.limited = None
 
     def __check_init__(self):
@@ -155,6 +159,37 @@ class Wheels(eqx.Module):
         rests = side == 0
         drive = drive + self.coulomb_friction * side
         return WheelPiece(jnp.where(rests, 0.0, drive), jnp.where(rests, 0.0, decay))
+
+    # Failures in flight.
+
+    def condition(self, t: Float[Array, ""]) -> WheelCondition | None:
+        """State of all wheels at time `t` (s); None where none fails in flight."""
+        if self.failures is None:
+            return None
+        return self.failures.condition(t >= self.failures.at, self.count)
+
+    def driven(
+        self,
+        condition: WheelCondition,
+        momentum: Float[Array, " wheels"],
+        command: Float[Array, " wheels"],
+    ) -> "tuple[Wheels, Float[Array, ' wheels']]":
+        """Wheels that fail no more but are in this condition, and what their motors make, N m."""
+        coulomb = jnp.zeros_like(momentum)
+        if self.coulomb_friction is not None:
+            coulomb = self.coulomb_friction
+        coulomb = jnp.maximum(condition.friction * coulomb, condition.coulomb)
+        viscous = self.viscous_friction
+        if viscous is not None:
+            viscous = condition.friction * viscous
+        wheels = eqx.tree_at(
+            lambda one: (one.coulomb_friction, one.viscous_friction, one.failures),
+            self,
+            (coulomb, viscous, None),
+            is_leaf=lambda x: x is None,
+        )
+        torque = condition.command(self.motor_torque(command), momentum, self.torque_limit)
+        return wheels, torque
 
     # A held command: edges, and the piece between two of them.
 

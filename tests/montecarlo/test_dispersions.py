@@ -81,10 +81,10 @@ REACHES = {
 }
 
 
-FAILURES = {"failure_time", "failed_thruster", "failure_kind", "failure_amount"}
-"""Of loops whose thrusters push: tests/assembly/test_thrusters_as_parts.py."""
+FAILURES = {"failure_time", "failed_thruster", "failed_wheel", "failure_kind", "failure_amount"}
+"""Of real actuators: tests/assembly/test_thrusters_as_parts.py and test_failing_wheels.py."""
 
-OTHERWISE = {"misalignment", "attitude_error", "rate_error", *FAILURES}
+OTHERWISE = {"misalignment", "attitude_error", "rate_error", "wheel_momentum", *FAILURES}
 
 
 def test_every_quantity_has_its_test():

@@ -42,6 +42,8 @@ BEYOND = {
     "rate_error": (-2e6, 2e6),
     "failure_time": (-1.0, 2e8),
     "failed_thruster": (-0.6, 7.6),
+    "failed_wheel": (-0.6, 1.6),
+    "wheel_momentum": (-21.0, 21.0),
     "failure_kind": (-0.6, 6.6),
     "failure_amount": (-0.1, 1.1),
 }
@@ -52,18 +54,30 @@ def test_every_quantity_has_its_test():
     assert set(BEYOND) | {"attitude"} == set(QUANTITIES)
 
 
+WHEELS = (
+    "wheel=[{axis=[1.0,0.0,0.0],momentum_limit_N_m_s=20.0},"
+    "{axis=[0.0,1.0,0.0],momentum_limit_N_m_s=20.0}]",
+    "failure=[{of='wheel 1',at_s=5.0,kind='dead'}]",
+)
+
+
+def changes(name):
+    if base(name) != "switching":
+        return ()
+    found = ("sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5")
+    return (*found, *(WHEELS if "wheel" in name else ()))
+
+
 def base(name):
-    if name.startswith("fail"):
+    if name.startswith("fail") and "wheel" not in name:
         return "cubesat-12u"
     return "benchmark-three-axis" if name == "rate_error" else "switching"
 
 
 def refused(name, distribution, *more):
     key = f"dispersion.{DISPERSIBLE[name].key}"
-    changes = ["sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5"]
-    more = [*more, *(changes if base(name) == "switching" else [])]
     with pytest.raises(ScenarioError) as caught:
-        load(base(name), [*more, f"{key}={distribution}"], purpose="study")
+        load(base(name), [*more, *changes(name), f"{key}={distribution}"], purpose="study")
     problem, *_ = caught.value.problems
     return problem.key.removeprefix(key).removeprefix("."), problem.message
 
@@ -87,8 +101,7 @@ def test_supports_are_held_against_the_ranges_of_the_keys(name):
             found = refused(name, f"{{distribution='{kind}', {text}}}")
             assert found[0] == ("values" if kind == "discrete" else end)
     with pytest.raises(ValueError, match=f"`{name}` must be at least"):
-        loop = build(load(base(name), ["sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5"]
-                          if name != "rate_error" else [])).loop  # fmt: skip
+        loop = build(load(base(name), changes(name))).loop
         Dispersions({name: Uniform(low, fine)}).check(loop)
 
 

@@ -120,7 +120,7 @@ def test_total_momentum_stays_through_rest_and_limits():
     momentum = np.asarray(found.omega) @ INERTIA + np.asarray(found.wheel_momentum) @ AXES.T
     momentum = Rotation.from_quat(q).apply(momentum)
     size = np.linalg.norm(momentum[0])
-    assert np.abs(momentum - momentum[0]).max() < 1e-11 * size
+    assert np.abs(momentum - momentum[0]).max() < 1e-12 * size
 
 
 @pytest.mark.slow

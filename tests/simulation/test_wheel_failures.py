@@ -1,0 +1,160 @@
+"""Wheels that fail inside a period, against an independent program; what they had is conserved."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from jaxsat.attitude import Quaternion
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.environment import ExactOrbit
+from jaxsat.simulation import SampledLoop, fixed, simulate
+from jaxsat.vehicle import Spacecraft, WheelFailureKind, WheelFailures, Wheels
+from oracle import gyrostat
+from simulation.test_wheels import (
+    AXES,
+    INERTIA,
+    MOMENTA,
+    OMEGA,
+    PERIOD,
+    PERIODS,
+    SHARED,
+    WHEELS,
+    Waves,
+    asked,
+)
+
+NEVER = (np.inf, 0, "dead", 0.0)
+FAILURES = {
+    "dead": [(7.3, 0, "dead", 0.0), NEVER],
+    "degraded": [(7.3, 0, "degraded", 0.3), NEVER],
+    "stopped": [(7.3, 1, "stopped", 0.0), NEVER],
+    "friction by a factor": [(7.3, 0, "friction-by", 8.0), NEVER],
+    "friction to a level": [(7.3, 0, "friction-to", 0.1), NEVER],
+    "runaway": [(1.3, 1, "runaway", 0.0), NEVER],
+    "runaway, then stopped": [(3.21, 2, "runaway", 0.0), (9.87, 2, "stopped", 0.0)],
+    "two in a period, one as it begins": [(4.0, 2, "degraded", 0.5), (4.02, 1, "stopped", 0.0)],
+}
+"""(time, wheel, kind, amount); of as many events each, so that all are one program."""
+
+
+def failures_of(events):
+    at, wheel, kind, amount = zip(*events, strict=True)
+    kinds = [WheelFailureKind[one.upper().replace("-", "_")] for one in kind]
+    return WheelFailures(wheel, at, kinds, amount)
+
+
+def loop_of(events, delay=None):
+    limits, friction = [0.15, 0.2, np.inf], [0.02, 0.005, 0.05]
+    wheels = Wheels(AXES, 0.25, limits, 0.01, 3e-4, friction, failures_of(events))
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
+    return SampledLoop(body, Waves(PERIOD), SHARED, 4, delay=delay)
+
+
+START = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, MOMENTA)
+
+
+def flown(loop):
+    method = fixed(PERIOD, diffrax.Dopri8())
+    return simulate(loop, START, np.arange(PERIODS + 1) * PERIOD, method=method).signals
+
+
+def expected(commands, events, period=PERIOD):
+    rows, _ = gyrostat.fly(
+        np.eye(3),
+        OMEGA,
+        MOMENTA,
+        commands,
+        period,
+        inertia=INERTIA,
+        axes=AXES,
+        wheels=WHEELS,
+        external=lambda t: np.zeros(3),
+        failures=events,
+    )
+    return rows
+
+
+@pytest.mark.slow
+def test_wheels_fail_at_their_true_instants_and_keep_the_total_momentum():
+    commands = asked(loop_of([NEVER, NEVER]))
+    sound = expected(commands, ())
+    for name, events in FAILURES.items():
+        found, rows = flown(loop_of(events)), expected(commands, events)
+        np.testing.assert_allclose(found.omega, rows[:, 9:12], atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(found.wheel_momentum, rows[:, 12:], atol=1e-12, err_msg=name)
+        assert np.abs(rows - sound).max() > 1e-3, name
+        torque = np.asarray(found.torque) - np.asarray(found.wheel_torque) @ AXES.T
+        np.testing.assert_allclose(torque, 0, atol=1e-15)
+        q = np.roll(np.asarray(found.quaternion), -1, axis=1)
+        total = np.asarray(found.omega) @ INERTIA + np.asarray(found.wheel_momentum) @ AXES.T
+        total = Rotation.from_quat(q).apply(total)
+        drift = np.abs(total - total[0]).max() / np.linalg.norm(total[0])
+        assert drift < 1e-12, name
+        struck = {which for _, which, kind, _ in events if kind == "stopped"}
+        for which in struck:
+            assert np.all(np.asarray(found.wheel_momentum)[20:, which] == 0)
+            assert np.all(np.asarray(found.wheel_torque)[20:, which] == 0)
+
+
+@pytest.mark.slow
+def test_a_failure_strikes_on_either_side_of_a_delay():
+    """Commands change at 7.3 s; the failure is before, at and after that instant."""
+    for at in (7.2, 7.3, 7.4):
+        events = [(at, 0, "dead", 0.0), (at + 1.0, 1, "stopped", 0.0)]
+        loop = loop_of(events, delay=PERIOD * 0.6)
+        found, commands = flown(loop), asked(loop)
+        before = np.vstack([np.zeros((1, 3)), commands[:-1]])
+        # five parts of a period, of which the first three still have the command before
+        parts = np.stack([before, before, before, commands, commands], axis=1).reshape(-1, 3)
+        rows = expected(parts, events, PERIOD / 5)[::5]
+        np.testing.assert_allclose(found.omega, rows[:, 9:12], atol=1e-12)
+        np.testing.assert_allclose(found.wheel_momentum, rows[:, 12:], atol=1e-12)
+
+
+def test_what_a_wheel_does_after_each_failure():
+    """The condition by hand: a wheel of 0.2 N m that is asked for 0.1 N m at ±0.5 N m s."""
+    wheels = Wheels(np.eye(3), 0.2, 1.0, 0.01, 1e-3, 0.004)
+    asked, momentum = jnp.full(3, 0.1), jnp.array([0.5, -0.5, 0.0])
+
+    @jax.jit
+    def torques(number, kind, amount, t):
+        events = WheelFailures(*(x[None] for x in (number, t * 0 + 10, kind, amount)))
+        failing = eqx.tree_at(lambda w: w.failures, wheels, events, is_leaf=lambda x: x is None)
+        body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=failing)
+        state = PlantState(Quaternion([1.0, 0, 0, 0]), OMEGA, momentum)
+        return body.wheel_torque(state, asked), body.wheel_torque(state, asked, t)
+
+    def torque(kind, amount=0.0, number=0):
+        event = [jnp.array(float(x)) for x in (number, kind, amount)]
+        sound, before = torques(*event, jnp.array(9.999))
+        np.testing.assert_array_equal(sound, before)
+        np.testing.assert_allclose(sound, [0.154, 0.046, 0.096], rtol=1e-14)
+        return float(torques(*event, jnp.array(10.0))[1][number])
+
+    kinds = WheelFailureKind
+    assert torque(kinds.DEAD) == pytest.approx(0.054)  # friction alone
+    assert torque(kinds.DEAD, number=2) == 0  # it rests
+    assert torque(kinds.DEGRADED, 0.25) == pytest.approx(0.079)
+    assert torque(kinds.STOPPED) == 0
+    assert torque(kinds.FRICTION_BY, 3.0) == pytest.approx(0.262)
+    assert torque(kinds.FRICTION_TO, 0.01, 1) == pytest.approx(0.04)
+    assert torque(kinds.RUNAWAY) == pytest.approx(-0.146)
+    assert torque(kinds.RUNAWAY, number=1) == pytest.approx(0.146)
+    assert torque(kinds.RUNAWAY, number=2) == pytest.approx(-0.196)
+    assert torque(kinds.DEGRADED + 0.4, 0.25, 1) == pytest.approx(-0.029)  # as a study draws them
+
+
+def test_the_momentum_of_a_wheel_that_stops_goes_into_the_body():
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=Wheels(AXES))
+    state = PlantState(Quaternion([1.0, 0, 0, 0]), OMEGA, MOMENTA)
+    after = body.with_wheels_stopped(state, jnp.array([True, False, True]))
+    np.testing.assert_allclose(
+        body.total_momentum(after), body.total_momentum(state), rtol=0, atol=1e-16
+    )
+    np.testing.assert_array_equal(after.wheel_momentum, [0, MOMENTA[1], 0])
+    gained = INERTIA @ (np.asarray(after.omega) - OMEGA)
+    np.testing.assert_allclose(gained, AXES[:, 0] * MOMENTA[0], atol=1e-16)
