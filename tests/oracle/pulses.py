@@ -72,14 +72,40 @@ def schmitt_trigger(duties, period, min_on, *, gain, lag, high, low):
     return events
 
 
-def thrust(events, end, *, delay=0.0, rise=0.0, fall=0.0, failure=None):
+def shifted_by(events, delay):
+    """Return commands as valves that are late by `delay` follow them."""
+    return [(time + delay, level) for time, level in events]
+
+
+def delayed(events, delay, more, since, period):
+    """Return commands of a valve that is later by `more` from the first sample after `since` on."""
+    sample = period * np.ceil(since / period - 1e-9)
+    before = [one for one in shifted_by(events, delay) if one[0] < sample]
+    after = shifted_by(events, min(delay + more, period))
+    passed = [level for time, level in after if time <= sample]
+    now = (sample, passed[-1] if passed else 0.0)
+    return [*before, now, *[one for one in after if one[0] > sample]]
+
+
+def works(begin, since, share, period):
+    """Return whether an intermittent thruster works, which is told at each sample."""
+    sample = period * np.floor(begin / period + 1e-9)
+    return sample < since or (sample - since) % 10.0 >= 10.0 * share
+
+
+def thrust(events, end, *, period, delay=0.0, rise=0.0, fall=0.0, failure=None):
     """Breakpoints [(time, level before, level after)] of one thruster's level.
 
     `failure` is (time, kind, amount).
     """
     at, kind, amount = (np.inf, None, 0.0) if failure is None else failure
-    shifted = [(time + delay, level) for time, level in events]
-    times = sorted({0.0, *[time for time, _ in shifted if time < end], min(at, end), end})
+    if kind == "delayed":
+        shifted = delayed(events, delay, amount, at, period)
+    else:
+        shifted = shifted_by(events, delay)
+    samples = period * np.arange(round(end / period)) if kind == "intermittent" else ()
+    instants = {0.0, *[time for time, _ in shifted if time < end], *samples, min(at, end), end}
+    times = sorted(instants)
     level, points = 0.0, []
     for begin, stop in pairwise(times):
         commanded = [value for time, value in shifted if time <= begin]
@@ -91,6 +117,9 @@ def thrust(events, end, *, delay=0.0, rise=0.0, fall=0.0, failure=None):
                 "stuck-on": 1.0,
                 "stuck-at": amount,
                 "leaking": max(amount, target),
+                "delayed": target,
+                "turned": target,
+                "intermittent": target if works(begin, at, amount, period) else 0.0,
             }[kind]
         before = level
         duration = rise if target > level else fall
@@ -117,8 +146,11 @@ def level_at(points, begin, stop):
     return low + slope * (begin - left), low + slope * (stop - left)
 
 
-def fly(inertia, torque, profiles, omega, end, samples):
-    """ω at the samples, and the propellant's ∫ level dt of every thruster there."""
+def fly(inertia, torque, profiles, omega, end, samples, turned=(np.inf, None)):
+    """ω at the samples, and the propellant's ∫ level dt of every thruster there.
+
+    `turned` is a time and the torques from then on.
+    """
     inertia = np.asarray(inertia, float)
     times = sorted({*[t for points in profiles for t, _, _ in points], *samples})
     state, history, used, on_time = np.array(omega, float), [], [], np.zeros(len(profiles))
@@ -129,7 +161,8 @@ def fly(inertia, torque, profiles, omega, end, samples):
         if stop - begin < 1e-14:
             continue
         levels = np.array([level_at(points, begin, stop) for points in profiles])
-        first, last = torque @ levels[:, 0], torque @ levels[:, 1]
+        now = turned[1] if begin >= turned[0] else torque
+        first, last = now @ levels[:, 0], now @ levels[:, 1]
 
         def rate(t, omega, begin=begin, stop=stop, first=first, last=last):
             share = (t - begin) / (stop - begin)
