@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from jaxsat import ranges
 from jaxsat.checks import as_float, concrete
 from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
-from jaxsat.montecarlo.changes import controller_of, parts_of
+from jaxsat.montecarlo.changes import controller_of, navigation_of, parts_of
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.vehicle import Spacecraft
@@ -74,6 +74,18 @@ def of_delay(loop: AbstractLoop) -> Limits:
     """At most the period of the controller."""
     period = cast(SampledLoop, loop).controller.period
     return Limits(jnp.zeros_like(period), period)
+
+
+def of_update_period(loop: AbstractLoop) -> Limits:
+    """From one period of the controller on."""
+    period = cast(SampledLoop, loop).controller.period
+    return Limits(period, jnp.full_like(period, ranges.SECONDS.high))
+
+
+def of_latency(loop: AbstractLoop) -> Limits:
+    """At most as long as measurements are kept: the nominal latency."""
+    period = cast(SampledLoop, loop).controller.period
+    return Limits(jnp.zeros_like(period), period * navigation_of(loop).tracker.latency)
 
 
 def of_omega(loop: AbstractLoop) -> Limits:

@@ -84,7 +84,10 @@ REACHES = {
 FAILURES = {"failure_time", "failed_thruster", "failure_kind", "failure_amount"}
 """Of loops whose thrusters push: tests/assembly/test_thrusters_as_parts.py."""
 
-OTHERWISE = {"misalignment", "attitude_error", "rate_error", *FAILURES}
+SENSORS = {name for name in QUANTITIES if name.startswith(("gyro", "tracker"))}
+"""Of loops with an estimator: tests/navigation/test_dispersed_sensors.py."""
+
+OTHERWISE = {"misalignment", "attitude_error", "rate_error", *FAILURES, *SENSORS}
 
 
 def test_every_quantity_has_its_test():

@@ -17,7 +17,14 @@ from jaxsat.simulation import Outcome
 from montecarlo.copies import copies_of, sampled
 from montecarlo.studies import tumbling
 
+SENSORS = [
+    "gyro={bias_sigma_rad_s=1e-5}",
+    "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.2, outage_start_s=5, outage_s=9}",
+]
+
 NOMINAL = {"rate_noise": 1e-5, "attitude_noise": 1e-5, "delay": 0.05, "tilt": 0.7}
+NOMINAL |= {"tracker_across": 1e-5, "tracker_along": 1e-5}
+NOMINAL |= {"tracker_update_period": 0.1, "tracker_rate_limit": 1.0}
 """Numbers that may be drawn; zero for all others."""
 
 BEYOND = {
@@ -44,6 +51,18 @@ BEYOND = {
     "failed_thruster": (-0.6, 7.6),
     "failure_kind": (-0.6, 6.6),
     "failure_amount": (-0.1, 1.1),
+    "gyro_noise_density": (-1e-9, 2e3),
+    "gyro_bias_walk": (-1e-9, 2e3),
+    "gyro_bias": (-2e3, 2e3),
+    "gyro_scale_factor": (-0.6, 0.6),
+    "gyro_misalignment": (-1.1, 1.1),
+    "tracker_across": (0.0, 2.0),
+    "tracker_along": (0.0, 2.0),
+    "tracker_update_period": (0.01, 2e8),
+    "tracker_latency": (-0.1, 0.3),
+    "tracker_rate_limit": (0.0, 2e6),
+    "tracker_outage_start": (-1.0, 2e8),
+    "tracker_outage": (-1.0, 2e8),
 }
 """For every quantity a number too low and one too high, in the scenarios of `base`."""
 
@@ -58,10 +77,18 @@ def base(name):
     return "benchmark-three-axis" if name == "rate_error" else "switching"
 
 
+def changes(name):
+    if name == "rate_error":
+        return []
+    if name.startswith(("gyro", "tracker")):
+        noise = ["sampling.rate_noise_rad_s=0", "sampling.attitude_noise_rad=0"]
+        return [*SENSORS, *noise]
+    return ["sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5"]
+
+
 def refused(name, distribution, *more):
     key = f"dispersion.{DISPERSIBLE[name].key}"
-    changes = ["sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5"]
-    more = [*more, *(changes if base(name) == "switching" else [])]
+    more = [*more, *(changes(name) if base(name) == "switching" else [])]
     with pytest.raises(ScenarioError) as caught:
         load(base(name), [*more, f"{key}={distribution}"], purpose="study")
     problem, *_ = caught.value.problems
@@ -87,8 +114,7 @@ def test_supports_are_held_against_the_ranges_of_the_keys(name):
             found = refused(name, f"{{distribution='{kind}', {text}}}")
             assert found[0] == ("values" if kind == "discrete" else end)
     with pytest.raises(ValueError, match=f"`{name}` must be at least"):
-        loop = build(load(base(name), ["sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5"]
-                          if name != "rate_error" else [])).loop  # fmt: skip
+        loop = build(load(base(name), changes(name))).loop
         Dispersions({name: Uniform(low, fine)}).check(loop)
 
 
