@@ -8,11 +8,14 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from jaxsat.assembly.errors import BuildError
+from jaxsat.attitude import Quaternion
 from jaxsat.control import AbstractController, AbstractFeedbackLaw, AbstractSampledController
 from jaxsat.declaration.laws import Law
 from jaxsat.dynamics import PlantState
+from jaxsat.navigation import AbstractEstimator, Estimate, Measurement
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.part_tables import PartTable
@@ -45,15 +48,7 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
     for name, (found, shape) in told.items():
         place = _defined(law.controller, name)
         _require_shape(law, LAW, found, shape, f"gives {{}} from `{name}`{place}")
-    if _kinds(memory) != _kinds(given[1]):
-        raise BuildError(
-            _issue(
-                law,
-                LAW,
-                "keeps a memory of arrays of the same shapes and types, "
-                f"got {_shapes(memory)} from `init` and {_shapes(given[1])} from `{method}`",
-            )
-        )
+    _require_same_memory(law, LAW, memory, given[1], method)
 
 
 def broken(
@@ -73,7 +68,7 @@ def broken(
 
 
 def made_part(part: Part, location: Location, table: PartTable, context: Any) -> Any:
-    """A disturbance or actuators of a checked table; raises `BuildError` where it makes none."""
+    """What a part's `from_table` makes of a checked table; raises `BuildError` otherwise."""
     try:
         made = part.made.from_table(values_of(part.declaration.keys, table), context)
     except Exception as error:
@@ -92,6 +87,36 @@ def require_torque(part: Part, location: Location, torque: Callable[..., Any], *
         raise BuildError(broken(part, location, part.made, error)) from error
     place = _defined(part.made, "__call__")
     _require_shape(part, location, found, (3,), f"gives {{}}, a torque in N m{place}")
+
+
+def require_estimates(
+    part: Part, location: Location, estimator: AbstractEstimator, period: Float[Array, ""]
+) -> None:
+    """Raise `BuildError` where an estimator, called once, raises or gives no estimate.
+
+    Its memory must be of the same shapes and types after a step.
+    """
+    zero = jnp.zeros_like(period)
+    upright, rate = Quaternion(jnp.eye(4, dtype=zero.dtype)[0]), jnp.zeros(3, zero.dtype)
+    measurement = Measurement(rate, upright, jnp.array(True))
+    try:
+        memory = eqx.filter_eval_shape(estimator.init, upright, zero)
+        found = eqx.filter_eval_shape(estimator.step, jnp.array(0), period, measurement, memory)
+    except Exception as error:
+        raise BuildError(broken(part, location, part.made, error)) from error
+    place = _defined(part.made, "step")
+    if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[0], Estimate)):
+        _refuse(part, location, f"gives an `Estimate` and the memory from `step`{place}", found)
+    estimate, after = found
+    attitude = estimate.attitude
+    if not isinstance(attitude, Quaternion):
+        _refuse(part, location, f"estimates an attitude that is a `Quaternion`{place}", attitude)
+    told = {"attitude": (attitude.q, (4,)), "omega": (estimate.omega, (3,))}
+    others = {name: getattr(estimate, name) for name in Estimate._fields[2:]}
+    told |= {name: (value, (3,)) for name, value in others.items() if value is not None}
+    for name, (value, shape) in told.items():
+        _require_shape(part, location, value, shape, f"estimates {{}} as `{name}`{place}")
+    _require_same_memory(part, location, memory, after, "step")
 
 
 def require_events(
@@ -151,6 +176,15 @@ def _require_arrays(part: Law | Part, location: Location, made: Any) -> None:
             message = f"holds arrays and numbers, got {leaf!r} in `{name}`"
             cure = "; declare the attribute with `= equinox.field(static=True)`"
             raise BuildError(_issue(part, location, message[:200] + cure))
+
+
+def _require_same_memory(
+    part: Law | Part, location: Location, first: Any, after: Any, method: str
+) -> None:
+    if _kinds(first) != _kinds(after):
+        message = "keeps a memory of arrays of the same shapes and types, "
+        message += f"got {_shapes(first)} from `init` and {_shapes(after)} from `{method}`"
+        raise BuildError(_issue(part, location, message))
 
 
 def _require_tunable(law: Law, controller: Controller) -> None:

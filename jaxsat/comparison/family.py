@@ -183,9 +183,7 @@ def family_scenario(member: FamilyMember, law: str) -> Scenario:
         "third_rate": "free",
     }
     data["orbit"]["rate_rad_s"] = member.orbit_rate
-    data["initial"]["omega_rad_s"] = [
-        rate * slower for rate in data["initial"]["omega_rad_s"]
-    ]
+    data["initial"]["omega_rad_s"] = [rate * slower for rate in data["initial"]["omega_rad_s"]]
     data["control"] = {"law": law, "period_s": member.period}
     data["simulation"]["duration_s"] = PERIODS * member.period
     data["simulation"]["save_every_s"] = member.period

@@ -11,7 +11,8 @@ How they were found:
 - All others, `rest`, `enter_slow_rate` and `enter_rate` included: by searches older than
   `jaxsat tune`, and some of them changed later. The commands are not known any more.
 
-Descent from those of the oscillatory law at 1 and 20 N m found nothing better (`docs/tuning-results.md`).
+Descent from those of the oscillatory law at 1 and 20 N m found nothing better
+(`docs/tuning-results.md`).
 This checks them all; `docs/laws.md` has what it gives:
 
     jaxsat compare --law three-slew --law oscillatory --level all --torque-limit all \\

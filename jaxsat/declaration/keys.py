@@ -102,7 +102,8 @@ def number(
 
 def with_unit(name: str, unit: str) -> str:
     """The key of a quantity: its name and its unit in SI, "rad_s" for rad/s, none for "1"."""
-    return name if unit == "1" else f"{name}_{re.sub(r'[ /]', '_', unit)}"
+    plain = unit.replace("²", "2").replace("√", "sqrt_")
+    return name if unit == "1" else f"{name}_{re.sub(r'[ /]', '_', plain)}"
 
 
 def switch(name: str, meaning: str, default: Any = ...) -> Key:

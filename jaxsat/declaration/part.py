@@ -1,4 +1,4 @@
-"""What disturbances and actuators declare."""
+"""What disturbances, actuators and estimators declare."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from jaxsat.declaration.keys import Key
 
 @dataclass(frozen=True)
 class PartDeclaration:
-    """What a scenario needs to know of a disturbance or of actuators.
+    """What a scenario needs to know of a disturbance, of actuators or of an estimator.
 
     `summary` is one line, what the part does; `keys` are those of its table.
     """

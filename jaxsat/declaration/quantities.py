@@ -79,6 +79,48 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
                 "attitude_noise", "standard deviation of the attitude sensors", "rad"
             ),
             DispersibleQuantity(
+                "gyro_noise_density", "density of the white noise on each rate", "rad/s/√Hz"
+            ),
+            DispersibleQuantity(
+                "gyro_bias_walk", "density of the white noise that moves each bias", "rad/s²/√Hz"
+            ),
+            DispersibleQuantity(
+                "gyro_bias", "bias of the gyro at the start", "rad/s", axis="body_axis"
+            ),
+            DispersibleQuantity(
+                "gyro_scale_factor", "relative error of each measured rate", axis="body_axis"
+            ),
+            DispersibleQuantity(
+                "gyro_misalignment",
+                "small rotation of the gyro's input axes",
+                "rad",
+                axis="body_axis",
+            ),
+            DispersibleQuantity(
+                "tracker_across",
+                "standard deviation of the star tracker across its boresight",
+                "rad",
+            ),
+            DispersibleQuantity(
+                "tracker_along", "standard deviation of the star tracker about its boresight", "rad"
+            ),
+            DispersibleQuantity(
+                "tracker_update_period",
+                "time between the star tracker's measurements, rounded to whole control periods",
+                "s",
+            ),
+            DispersibleQuantity(
+                "tracker_latency",
+                "time until the star tracker's measurement arrives, rounded to whole control "
+                "periods, at most star_tracker.latency_s",
+                "s",
+            ),
+            DispersibleQuantity(
+                "tracker_rate_limit", "size of ω above which the star tracker is blind", "rad/s"
+            ),
+            DispersibleQuantity("tracker_outage_start", "begin of the star tracker's outage", "s"),
+            DispersibleQuantity("tracker_outage", "length of the star tracker's outage", "s"),
+            DispersibleQuantity(
                 "failure_time",
                 "when each [[failure]] strikes, here and below those of thrusters before those of "
                 "wheels",

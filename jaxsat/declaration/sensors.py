@@ -157,14 +157,33 @@ TRACKER_KEYS = (
         at_most=RATE_RANGE.high,
         default=None,
     ),
+    number(
+        "outage_start_s",
+        "Time at which an outage begins, in which nothing is measured; left out, there is none",
+        "s",
+        at_least=0,
+        at_most=SECONDS.high,
+        default=None,
+    ),
+    number(
+        "outage_s",
+        "Length of the outage",
+        "s",
+        at_least=0,
+        at_most=SECONDS.high,
+        default=None,
+    ),
 )
 """Those that `jaxsat.vehicle.StarTracker` is made of."""
+
+ESTIMATORS = ("mekf", "none")
+"""Those that come with jaxsat."""
 
 ESTIMATOR = choice(
     "kind",
     'What the law is told: the estimates of a multiplicative extended Kalman filter ("mekf"), '
     'or what was measured last ("none")',
-    ("mekf", "none"),
+    ESTIMATORS,
     "mekf",
 )
 

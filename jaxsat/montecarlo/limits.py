@@ -17,6 +17,7 @@ from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
 from jaxsat.montecarlo.changes import (
     controller_of,
     failures_of,
+    navigation_of,
     parts_of,
     thruster_count,
     thrusters_of,
@@ -87,6 +88,18 @@ def of_delay(loop: AbstractLoop) -> Limits:
     """At most the period of the controller."""
     period = cast(SampledLoop, loop).controller.period
     return Limits(jnp.zeros_like(period), period)
+
+
+def of_update_period(loop: AbstractLoop) -> Limits:
+    """From one period of the controller on."""
+    period = cast(SampledLoop, loop).controller.period
+    return Limits(period, jnp.full_like(period, ranges.SECONDS.high))
+
+
+def of_latency(loop: AbstractLoop) -> Limits:
+    """At most as long as measurements are kept: the nominal latency."""
+    period = cast(SampledLoop, loop).controller.period
+    return Limits(jnp.zeros_like(period), period * navigation_of(loop).tracker.latency)
 
 
 def of_omega(loop: AbstractLoop) -> Limits:

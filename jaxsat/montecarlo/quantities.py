@@ -13,6 +13,7 @@ from jaxsat.montecarlo.changes import (
     Values,
     controller_of,
     failures_of,
+    navigation_of,
     parts_of,
     thruster_count,
     thrusters_of,
@@ -64,6 +65,25 @@ def _needs_sensors(loop: AbstractLoop) -> str | None:
     if not isinstance(loop, SampledLoop):
         return "only sampled loops have sensors"
     return None if isinstance(loop.sensors, Sensors) else "the loop has no sensors"
+
+
+def _needs_navigation(loop: AbstractLoop) -> str | None:
+    there = isinstance(loop, SampledLoop) and loop.navigation is not None
+    return None if there else "the loop has no gyro and star tracker"
+
+
+def _needs_latency(loop: AbstractLoop) -> str | None:
+    obstacle = _needs_navigation(loop)
+    if obstacle is None and not navigation_of(loop).tracker.latency:
+        return "the star tracker has no latency"
+    return obstacle
+
+
+def _needs_outage(loop: AbstractLoop) -> str | None:
+    obstacle = _needs_navigation(loop)
+    if obstacle is None and navigation_of(loop).tracker.outage is None:
+        return "the star tracker has no outage"
+    return obstacle
 
 
 def _needs_delay(loop: AbstractLoop) -> str | None:
@@ -120,6 +140,21 @@ def _needs_wheels(loop: AbstractLoop) -> str | None:
 
 def _wheels(loop: AbstractLoop) -> int:
     return 0 if loop.plant.wheels is None else loop.plant.wheels.count
+
+
+_FROM_NOW = Range(0.0, ranges.SECONDS.high)
+
+
+def _of_gyro(field: str, size: int, values: Range) -> Quantity:
+    return Quantity(
+        _fixed(size), changes.set_gyro(field), _needs_navigation, limits.between(values)
+    )
+
+
+def _of_tracker(
+    field: str, values: Range, obstacle: Callable[[AbstractLoop], str | None] = _needs_navigation
+) -> Quantity:
+    return Quantity(_fixed(1), changes.set_tracker(field), obstacle, limits.between(values))
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -195,11 +230,33 @@ QUANTITIES: dict[str, Quantity] = {
         _needs_sensors,
         limits.between(ranges.ATTITUDE_NOISE),
     ),
+    "gyro_noise_density": _of_gyro("noise_density", 1, ranges.RATE_NOISE),
+    "gyro_bias_walk": _of_gyro("bias_walk", 1, ranges.RATE_NOISE),
+    "gyro_bias": _of_gyro("bias", 3, ranges.GYRO_BIAS),
+    "gyro_scale_factor": _of_gyro("scale_factor", 3, ranges.SCALE_FACTOR),
+    "gyro_misalignment": _of_gyro("misalignment", 3, ranges.MISALIGNMENT),
+    "tracker_across": _of_tracker("across", ranges.TRACKER_NOISE),
+    "tracker_along": _of_tracker("along", ranges.TRACKER_NOISE),
+    "tracker_update_period": Quantity(
+        _fixed(1),
+        changes.set_tracker_samples("every", 1),
+        _needs_navigation,
+        limits.of_update_period,
+    ),
+    "tracker_latency": Quantity(
+        _fixed(1),
+        changes.set_tracker_samples("arrival", 0),
+        _needs_latency,
+        limits.of_latency,
+    ),
+    "tracker_rate_limit": _of_tracker("rate_limit", ranges.RATE_RANGE),
+    "tracker_outage_start": _of_tracker("outage_start", _FROM_NOW, _needs_outage),
+    "tracker_outage": _of_tracker("outage", _FROM_NOW, _needs_outage),
     "failure_time": Quantity(
         _failures(*_ANY_FAILURE),
         changes.set_failure("at"),
         _needs_failures(*_ANY_FAILURE),
-        limits.between(Range(0.0, ranges.SECONDS.high)),
+        limits.between(_FROM_NOW),
     ),
     "failed_thruster": Quantity(
         _failures(FailureEvents),

@@ -8,6 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.attitude import Quaternion
+from jaxsat.environment import AbstractOrbit
+from jaxsat.vehicle import Gyro, StarTracker
 
 
 class Measurement(NamedTuple):
@@ -37,8 +39,23 @@ class Estimate(NamedTuple):
     bias_sigma: Float[Array, "3"] | None = None
 
 
+class EstimatorContext(NamedTuple):
+    """What a scenario tells an estimator besides its own keys: the sensors as they are declared,
+    the orbit, and the time (s) from sample to sample."""
+
+    gyro: Gyro
+    tracker: StarTracker
+    orbit: AbstractOrbit
+    period: Float[Array, ""]
+
+
 class AbstractEstimator(eqx.Module):
-    """Turns the measurements of a run, one sample after the other, into estimates."""
+    """Turns the measurements of a run, one sample after the other, into estimates.
+
+    Estimators that a scenario can name also have a `declaration`, a `PartDeclaration`, and a class
+    method `from_table(values, context)`: `values` has every declared key, `context` is an
+    `EstimatorContext`.
+    """
 
     @abc.abstractmethod
     def init(self, attitude: Quaternion, sigma: Float[Array, ""]) -> PyTree:

@@ -90,16 +90,14 @@ class Navigation(eqx.Module):
         noise = sample_noise(self.key, sample, 9, plant.omega.dtype)
         rate = self.gyro.measured(plant.omega, state.bias, noise[:3], period)
         attitude = self.tracker.measured(plant.attitude.as_quaternion(), noise[6:])
-        arriving = Delivery(attitude.q, self.tracker.measures(sample, plant.omega))
+        arriving = Delivery(attitude.q, self.tracker.measures(sample, period, plant.omega))
         waiting = state.waiting
         if waiting is not None:
             queue = jax.tree.map(
                 lambda old, new: jnp.concatenate([old, new[None]]), waiting, arriving
             )
-            arriving, waiting = (
-                Delivery(*(part[0] for part in queue)),
-                Delivery(*(part[1:] for part in queue)),
-            )
+            arriving = self.tracker.arriving(queue)
+            waiting = Delivery(*(part[1:] for part in queue))
         measurement = Measurement(rate, Quaternion(arriving.attitude), arriving.seen)
         estimate, memory = self.estimator.step(sample, period, measurement, state.memory)
         bias = self.gyro.next_bias(state.bias, noise[3:6], period)

@@ -15,9 +15,9 @@ def fields_of(keys: Iterable[Key]) -> dict[str, tuple[Any, Any]]:
     return {key.name: (_annotation(key), _field(key)) for key in keys}
 
 
-def table_with(fields: Mapping[str, Any]) -> type[Table]:
+def table_with(fields: Mapping[str, Any], base: type[Table] = Table) -> Any:
     """A table with these fields, to derive a class with a name of its own from."""
-    return create_model("Declared", __base__=Table, **fields)
+    return create_model("Declared", __base__=base, **fields)
 
 
 def values_of(keys: Iterable[Key], table: Table) -> dict[str, Any]:

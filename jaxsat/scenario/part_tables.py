@@ -55,9 +55,20 @@ def table_of_part(base: type[PartTable], part: Part) -> type[PartTable]:
     )
 
 
-def _by_its_kind(base: type[PartTable]) -> WrapValidator:
+def by_its_kind(base: type[PartTable], own: type[PartTable] | None = None) -> WrapValidator:
+    """What makes a table of the class of its kind; `own` is that of the parts of jaxsat.
+
+    Without a kind it is `own` as well.
+    """
+
     def validate(value: Any, handler: Any) -> Any:
         kind = value.get("kind") if isinstance(value, Mapping) else None
+        if (
+            own is not None
+            and isinstance(value, Mapping)
+            and ("kind" not in value or kind in base.plugin.own)
+        ):
+            return own.model_validate(value)
         if not isinstance(kind, str):
             return handler(value)
         return table_of_part(base, find_part(base.plugin, kind)).model_validate(value)
@@ -66,9 +77,9 @@ def _by_its_kind(base: type[PartTable]) -> WrapValidator:
 
 
 OneDisturbance = Annotated[
-    SerializeAsAny[DisturbanceTorqueTable], _by_its_kind(DisturbanceTorqueTable)
+    SerializeAsAny[DisturbanceTorqueTable], by_its_kind(DisturbanceTorqueTable)
 ]
-ActuatorsOfAKind = Annotated[SerializeAsAny[ActuatorsTable], _by_its_kind(ActuatorsTable)]
+ActuatorsOfAKind = Annotated[SerializeAsAny[ActuatorsTable], by_its_kind(ActuatorsTable)]
 
 
 if TYPE_CHECKING:

@@ -20,6 +20,7 @@ from types import ModuleType
 from typing import Any
 
 from jaxsat.declaration import LawDeclaration, PartDeclaration
+from jaxsat.declaration.sensors import ESTIMATORS
 from jaxsat.errors import JaxsatError
 
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
@@ -29,7 +30,8 @@ _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 class PluginKind:
     """A kind of part: its name in messages, group of entry points, base classes and declaration.
 
-    `key` is the key of a table that names the part.
+    `key` is the key of a table that names the part, `own` are the names of those that come with
+    jaxsat.
     """
 
     what: str
@@ -37,6 +39,7 @@ class PluginKind:
     bases: tuple[str, ...]
     declaration: type
     key: str = "kind"
+    own: tuple[str, ...] = ()
 
     def resolved(self) -> tuple[type, ...]:
         """The base classes, which import JAX."""
@@ -58,6 +61,13 @@ DISTURBANCE = PluginKind(
 )
 ACTUATORS = PluginKind(
     "actuators", "jaxsat.actuators", ("jaxsat.vehicle:AbstractActuators",), PartDeclaration
+)
+ESTIMATOR = PluginKind(
+    "an estimator",
+    "jaxsat.estimators",
+    ("jaxsat.navigation:AbstractEstimator",),
+    PartDeclaration,
+    own=ESTIMATORS,
 )
 
 
@@ -85,7 +95,7 @@ def installed(kind: PluginKind) -> Mapping[str, Any]:
 
 @dataclass(frozen=True)
 class Part:
-    """A disturbance or actuators by the name in a scenario, and where the class is."""
+    """A part that is no law, by the name in a scenario, and where its class is."""
 
     name: str
     kind: PluginKind
@@ -99,7 +109,7 @@ class Part:
 
 
 def find_part(kind: PluginKind, name: str) -> Part:
-    """The disturbance or actuators that a scenario names; raises `PluginError` for others."""
+    """The part that a scenario names; raises `PluginError` for one that cannot be used."""
     made, place = find_class(kind, name)
     part = Part(name, kind, made.declaration, place)
     require_constants(kind, part)
@@ -127,7 +137,7 @@ def find_class(kind: PluginKind, name: str) -> tuple[Any, str]:
         entry = installed(kind)[name]
         place = f"{entry.module}:{entry.attr}"
     else:
-        known = [f'"{one}"' for one in sorted(installed(kind))]
+        known = [f'"{one}"' for one in (*kind.own, *sorted(installed(kind)))]
         allowed = f"be one of {', '.join(known)} or " if known else ""
         raise PluginError(kind, f'must {allowed}have the form "module:Class", got {name}')
     module, attribute = place.split(":")

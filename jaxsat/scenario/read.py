@@ -30,6 +30,7 @@ from jaxsat.scenario.overrides import Override, apply_overrides, parse_override
 from jaxsat.scenario.plugins import (
     ACTUATORS,
     DISTURBANCE,
+    ESTIMATOR,
     LAW,
     PluginError,
     PluginKind,
@@ -101,6 +102,7 @@ def _parts_named(data: Mapping[str, Any]) -> Iterator[tuple[PluginKind, Location
     """The parts of a scenario that are named by module and class, and where."""
     torques = _table(_table(data, "disturbance"), "torques")
     places = [(LAW, ("control", "law")), (ACTUATORS, ("actuators", "kind"))]
+    places += [(ESTIMATOR, ("estimator", "kind"))]
     places += [(DISTURBANCE, ("disturbance", "torques", name, "kind")) for name in torques]
     for kind, location in places:
         table = functools.reduce(_table, location[:-1], data)

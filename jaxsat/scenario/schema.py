@@ -25,7 +25,7 @@ from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.part_tables import ActuatorsOfAKind, DisturbanceTable
 from jaxsat.scenario.quantities import Line, Table, Text, choice
 from jaxsat.scenario.rules import broken_rules
-from jaxsat.scenario.sensor_tables import EstimatorTable, GyroTable, StarTrackerTable
+from jaxsat.scenario.sensor_tables import EstimatorOfAKind, GyroTable, StarTrackerTable
 from jaxsat.scenario.tables import (
     InitialTable,
     OrbitTable,
@@ -70,7 +70,7 @@ class Scenario(Table):
     sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
     gyro: GyroTable | None = choice("Rate gyros of a sampled law", None)
     star_tracker: StarTrackerTable | None = choice("Star tracker of a sampled law", None)
-    estimator: EstimatorTable | None = choice("What the law is told of both", None)
+    estimator: EstimatorOfAKind | None = choice("What the law is told of both", None)
     dispersion: DispersionTable | None = choice("What a Monte-Carlo study disperses", None)
     tuning: TuningTable | None = choice("Which gains are tuned, and how", None)
 

@@ -70,6 +70,14 @@ def _whole_periods(name, value, period, most):
         yield at(f"star_tracker.{name}", message)
 
 
+@rule("star_tracker.outage_start_s", "star_tracker.outage_s")
+def _an_outage_has_begin_and_length(start, length):
+    if (start is None) != (length is None):
+        names = ("outage_start_s", "outage_s")
+        lacking, other = names if start is None else names[::-1]
+        yield at(f"star_tracker.{lacking}", f"must be given beside {other}, got nothing", True)
+
+
 @rule("star_tracker.boresight")
 def _boresight_is_a_direction(boresight):
     if sum(entry * entry for entry in boresight) < 1e-12:

@@ -1,24 +1,29 @@
 """A star tracker: an attitude now and then, some time after it was true."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from jaxsat.attitude import Quaternion
-from jaxsat.checks import as_array, as_float, require_counts, require_positive
+from jaxsat.checks import as_array, as_float, as_optional_float, require_counts, require_positive
 from jaxsat.declaration.sensors import TRACKER_KEYS
 from jaxsat.errors import ArgumentError
+
+Queue = TypeVar("Queue")
 
 
 class StarTracker(eqx.Module):
     """A star tracker whose samples fall on those of a sampled law.
 
     It measures at every `every`-th sample of the law, from the first on, and its measurement is
-    there `latency` samples later. It measures nothing while |ω| exceeds `rate_limit` (rad/s).
+    there `latency` samples later, or `arrival` samples later, at most as many, if that is not None.
+    It measures nothing while |ω| exceeds `rate_limit` (rad/s), nor for `outage` (s) from
+    `outage_start` (s) on; None for both is no outage.
     The error is a small rotation with the standard deviations `across` (rad) about the two
     directions across the boresight and `along` (rad) about the boresight itself. The rows of
     `axes` are these three directions in body axes.
@@ -31,8 +36,11 @@ class StarTracker(eqx.Module):
     along: Float[Array, ""]
     axes: Float[Array, "3 3"]
     rate_limit: Float[Array, ""]
-    every: int = eqx.field(static=True)
+    every: Int[Array, ""]
     latency: int = eqx.field(static=True)
+    arrival: Int[Array, ""] | None
+    outage_start: Float[Array, ""] | None
+    outage: Float[Array, ""] | None
 
     def __init__(
         self,
@@ -42,11 +50,16 @@ class StarTracker(eqx.Module):
         every: int = 1,
         latency: int = 0,
         rate_limit: ArrayLike = np.inf,
+        outage_start: ArrayLike | None = None,
+        outage: ArrayLike | None = None,
     ):
         self.across, self.along = as_float(across), as_float(along)
         self.axes = as_array(_frame(np.asarray(boresight, float)))
         self.rate_limit = as_float(rate_limit)
-        self.every, self.latency = every, latency
+        self.every, self.latency, self.arrival = jnp.asarray(every), latency, None
+        self.outage_start, self.outage = as_optional_float(outage_start), as_optional_float(outage)
+        if (self.outage is None) != (self.outage_start is None):
+            raise ValueError("Arguments `outage_start` and `outage` must be given together.")
         for name in ("across", "along", "rate_limit"):
             require_positive(name, getattr(self, name))
         require_counts(every=every)
@@ -59,21 +72,32 @@ class StarTracker(eqx.Module):
 
         `period` (s) is that of the law.
         """
-        across, along, boresight, update, latency, limit = (
+        across, along, boresight, update, latency, limit, *outage = (
             values[own.name] for own in TRACKER_KEYS
         )
         every = 1 if update is None else round(update / period)
         limit = np.inf if limit is None else limit
-        return cls(across, along, boresight, every, round(latency / period), limit)
+        return cls(across, along, boresight, every, round(latency / period), limit, *outage)
 
     @property
     def deviations(self) -> Float[Array, "3"]:
         """Standard deviations (rad) about the three `axes`."""
         return jnp.stack([self.across, self.across, self.along])
 
-    def measures(self, sample: Int[Array, ""], omega: Float[Array, "3"]) -> Bool[Array, ""]:
-        """Whether there is a measurement at this sample of the run."""
-        return (sample % self.every == 0) & (jnp.sum(omega**2) <= self.rate_limit**2)
+    def measures(
+        self, sample: Int[Array, ""], period: Float[Array, ""], omega: Float[Array, "3"]
+    ) -> Bool[Array, ""]:
+        """Whether there is a measurement at this sample; samples are `period` s apart."""
+        seen = (sample % self.every == 0) & (jnp.sum(omega**2) <= self.rate_limit**2)
+        if self.outage_start is None or self.outage is None:
+            return seen
+        since = sample * period - self.outage_start
+        return seen & ((since < 0) | (since >= self.outage))
+
+    def arriving(self, queue: Queue) -> Queue:
+        """What arrives now of all that was measured in the last `latency` samples and now."""
+        place = 0 if self.arrival is None else self.latency - self.arrival
+        return jax.tree.map(lambda part: part[place], queue)
 
     def measured(self, attitude: Quaternion, noise: Float[Array, "3"]) -> Quaternion:
         """The measured attitude for the true one and standard normal numbers."""

@@ -84,7 +84,10 @@ REACHES = {
 FAILURES = {"failure_time", "failed_thruster", "failed_wheel", "failure_kind", "failure_amount"}
 """Of real actuators: tests/assembly/test_thrusters_as_parts.py and test_failing_wheels.py."""
 
-OTHERWISE = {"misalignment", "attitude_error", "rate_error", "wheel_momentum", *FAILURES}
+SENSORS = {name for name in QUANTITIES if name.startswith(("gyro", "tracker"))}
+"""Of loops with an estimator: tests/navigation/test_dispersed_sensors.py."""
+
+OTHERWISE = {"misalignment", "attitude_error", "rate_error", "wheel_momentum", *FAILURES, *SENSORS}
 
 
 def test_every_quantity_has_its_test():

@@ -17,7 +17,14 @@ from jaxsat.simulation import Outcome
 from montecarlo.copies import copies_of, sampled
 from montecarlo.studies import tumbling
 
+SENSORS = [
+    "gyro={bias_sigma_rad_s=1e-5}",
+    "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.2, outage_start_s=5, outage_s=9}",
+]
+
 NOMINAL = {"rate_noise": 1e-5, "attitude_noise": 1e-5, "delay": 0.05, "tilt": 0.7}
+NOMINAL |= {"tracker_across": 1e-5, "tracker_along": 1e-5}
+NOMINAL |= {"tracker_update_period": 0.1, "tracker_rate_limit": 1.0}
 """Numbers that may be drawn; zero for all others."""
 
 BEYOND = {
@@ -46,6 +53,18 @@ BEYOND = {
     "wheel_momentum": (-21.0, 21.0),
     "failure_kind": (-0.6, 6.6),
     "failure_amount": (-0.1, 1.1),
+    "gyro_noise_density": (-1e-9, 2e3),
+    "gyro_bias_walk": (-1e-9, 2e3),
+    "gyro_bias": (-2e3, 2e3),
+    "gyro_scale_factor": (-0.6, 0.6),
+    "gyro_misalignment": (-1.1, 1.1),
+    "tracker_across": (0.0, 2.0),
+    "tracker_along": (0.0, 2.0),
+    "tracker_update_period": (0.01, 2e8),
+    "tracker_latency": (-0.1, 0.3),
+    "tracker_rate_limit": (0.0, 2e6),
+    "tracker_outage_start": (-1.0, 2e8),
+    "tracker_outage": (-1.0, 2e8),
 }
 """For every quantity a number too low and one too high, in the scenarios of `base`."""
 
@@ -61,17 +80,19 @@ WHEELS = (
 )
 
 
-def changes(name):
-    if base(name) != "switching":
-        return ()
-    found = ("sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5")
-    return (*found, *(WHEELS if "wheel" in name else ()))
-
-
 def base(name):
     if name.startswith("fail") and "wheel" not in name:
         return "cubesat-12u"
     return "benchmark-three-axis" if name == "rate_error" else "switching"
+
+
+def changes(name):
+    if base(name) != "switching":
+        return ()
+    if name.startswith(("gyro", "tracker")):
+        return (*SENSORS, "sampling.rate_noise_rad_s=0", "sampling.attitude_noise_rad=0")
+    found = ("sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5")
+    return (*found, *(WHEELS if "wheel" in name else ()))
 
 
 def refused(name, distribution, *more):

@@ -40,7 +40,11 @@ BOTH = GYRO + TRACKER
         (GYRO, "star_tracker", "must be given beside [gyro], got nothing"),
         (TRACKER, "gyro", "must be given beside [star_tracker], got nothing"),
         ("[estimator]\nkind = 'mekf'", "estimator", "must belong to [gyro] and [star_tracker]"),
-        (BOTH + "[estimator]\nkind = 'ukf'", "estimator.kind", 'one of "mekf", "none", got "ukf"'),
+        (
+            BOTH + "[estimator]\nkind = 'ukf'",
+            "estimator.kind",
+            'one of "mekf", "none" or have the form "module:Class", got ukf',
+        ),
         (
             BOTH.replace("update_period_s = 0.5", "update_period_s = 0.25"),
             "star_tracker.update_period_s",
@@ -55,6 +59,11 @@ BOTH = GYRO + TRACKER
             BOTH.replace("latency_s = 0.2", "latency_s = 200"),
             "star_tracker.latency_s",
             "must be at most 1000 times control.period_s, got 200",
+        ),
+        (
+            BOTH + "outage_s = 3",
+            "star_tracker.outage_start_s",
+            "must be given beside outage_s, got nothing",
         ),
         (
             BOTH.replace("[0, 3, 4]", "[0, 0, 0]"),
@@ -109,7 +118,7 @@ def test_what_is_declared_is_built(tmp_path):
 def test_the_example_of_the_page_can_be_run(tmp_path):
     """The page docs/sensors.md, as it stands."""
     page = Path(__file__).parents[2] / "docs" / "sensors.md"
-    (example,) = re.findall(r"(?ms)^```toml\n(.*?)^```", page.read_text(encoding="utf-8"))
+    example, *_ = re.findall(r"(?ms)^```toml\n(.*?)^```", page.read_text(encoding="utf-8"))
     navigation = build(loaded(tmp_path, "\n" + example)).loop.navigation
     assert (navigation.tracker.every, navigation.tracker.latency) == (5, 2)
 
