@@ -37,6 +37,11 @@ from jaxsat.controllability import (
     analyse as analyse,
     failure_table as failure_table,
 )
+from jaxsat.controller_design import (
+    ControllerDesign as ControllerDesign,
+    design as design,
+    read_vehicle as read_vehicle,
+)
 from jaxsat.declaration import (
     LawDeclaration as LawDeclaration,
     PartDeclaration as PartDeclaration,

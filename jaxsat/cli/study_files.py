@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from jaxsat.montecarlo import Sensitivity, Study, Summary
+    from jaxsat.montecarlo import Study, Summary
     from jaxsat.report.study_figures import DrawnNumber
     from jaxsat.results import OutputFolder
     from jaxsat.scenario import Scenario
@@ -36,7 +36,7 @@ def write_figures(
         dataset = open_study(store)
         count = summary.cases
         columns = {"settling_time": np.asarray(dataset["settling_time"][:count])}
-        ranked = [entry.name for entry in _ranking(summary) if entry.matters][:2]
+        ranked = [entry.name for entry in summary.ranking if entry.matters][:2]
         drawn = {label: _drawn(dataset, label, count) for label in ranked}
         figures = study_figures(columns, drawn, title)
         every = max(1, study.program.intervals // FAN_INSTANTS)
@@ -99,13 +99,6 @@ def _histories(study: "Study", numbers: "np.ndarray", every: int) -> "Signals":
         for batch in batches
     ]
     return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
-
-
-def _ranking(summary: "Summary") -> list["Sensitivity"]:
-    """What settling depends on, or the cost where all cases settle or none."""
-    return (
-        summary.settling_sensitivity if 0 < summary.settled.value < 1 else summary.cost_sensitivity
-    )
 
 
 def _drawn(dataset: "xr.Dataset", label: str, count: int) -> "DrawnNumber":

@@ -47,6 +47,12 @@ class Summary(NamedTuple):
     valve_openings: dict[float, Interval]
     peak_wheel_momentum: dict[float, Interval]
 
+    @property
+    def ranking(self) -> list[Sensitivity]:
+        """What settling depends on, or the cost where all cases settle or none."""
+        some = 0 < self.settled.value < 1
+        return self.settling_sensitivity if some else self.cost_sensitivity
+
 
 def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int = 10) -> Summary:
     """The summary of the done cases among the first `count` (all unless given).

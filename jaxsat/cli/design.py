@@ -1,0 +1,212 @@
+"""`jaxsat design`: from a vehicle with failures to a controller verified on it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.options import (
+    Flag,
+    OptionalPath,
+    OptionalSeed,
+    Overrides,
+    Text,
+    Workers,
+    number,
+    whole,
+)
+from jaxsat.cli.progress import show_progress
+from jaxsat.cli.study_executors import chosen_executor
+from jaxsat.cli.study_text import progress_text as study_progress_text
+from jaxsat.cli.terminal import (
+    FAILED_RUN,
+    SUCCESS,
+    FailedRun,
+    Terminated,
+    UserMistake,
+    output_problem,
+    print_stderr,
+    print_stdout,
+    print_text,
+)
+from jaxsat.cli.tune import progress_text as tuning_progress_text
+from jaxsat.cli.work import require_approval
+
+if TYPE_CHECKING:
+    from jaxsat.controller_design import ControllerDesign, Vehicle
+    from jaxsat.montecarlo import Work
+
+MAX_STEPS, MAX_CASES = 10_000, 10**6
+CASE = 400
+"""Bytes of a case in memory and on the disk, about."""
+
+STUDIES = 4
+"""Candidates in all steps before the verification, about."""
+
+
+def design(
+    scenario: str,
+    /,
+    *,
+    out: OptionalPath = None,
+    overrides: Overrides = (),
+    law: Text = None,
+    settled: Annotated[float, Parameter(converter=number(0.0, 1.0))] = 0.99,
+    cases: Annotated[int, Parameter(converter=whole(1, MAX_CASES))] = 2000,
+    steps: Annotated[int, Parameter(converter=whole(0, MAX_STEPS))] = 16,
+    seed: OptionalSeed = None,
+    attitude: Literal["wanted", "nearest"] = "wanted",
+    engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
+    workers: Workers = None,
+    yes: Flag = False,
+    elsewhere: Flag = False,
+    quiet: Flag = False,
+) -> int:
+    """Design a controller for a vehicle with failures, and verify it on cases never seen before.
+
+    Says what is left of the actuators and what attitude can be held, screens the laws that fit,
+    tunes the best, and verifies it. The folder gets designed.toml, ready for every command, a page,
+    a record and figures. A run that was broken off goes on by the same command. Exits with 1 where
+    the wanted fraction does not settle, or where there is nothing to design.
+
+    Parameters
+    ----------
+    scenario
+        A name from `jaxsat scenarios list`, or a TOML file, which need not have more than
+        [spacecraft]: what it leaves open is assumed, and told.
+    out
+        Folder to write to; jaxsat-NAME-designed in the current folder if left out.
+    overrides
+        KEY=VALUE to put in place of what the scenario says, such as
+        spacecraft.failed_thrusters=[2]; may be given several times.
+    law
+        The law to design, or all for those that fit; that of the scenario if left out, and all if
+        it names none.
+    settled
+        Fraction of the cases that must settle.
+    cases
+        Unseen cases of the verification; earlier steps take at most as many.
+    steps
+        Steps of the tuner; 0 leaves tuning out.
+    seed
+        Seed of the first step, those of the others follow; that of the scenario if left out.
+    attitude
+        wanted, that of the orbit frame; nearest, where that cannot be held the nearest one that
+        can be, to which the body axes of designed.toml are turned.
+    engine
+        As for `jaxsat montecarlo`.
+    workers
+        Chunks computed at once; as many as processors if left out.
+    yes
+        Begin even what takes more steps, memory or disk than jaxsat does unasked.
+    elsewhere
+        Go on with a design that was begun with other versions or on another processor, if the
+        programs are the same.
+    quiet
+        Print nothing unless something is wrong.
+    """
+    vehicle = _vehicle(scenario, overrides)
+    target = Path(f"jaxsat-{Path(scenario).stem}-designed") if out is None else out
+    require_approval([_work(vehicle, cases, steps)], target, yes=yes, quiet=quiet)
+    executor = chosen_executor(workers, None, None, None)
+
+    import jaxsat
+    from jaxsat.montecarlo import ClusterError
+    from jaxsat.results import OutputError
+
+    told: set[str] = set()
+
+    def remark(text: str) -> None:
+        if text not in told and not quiet:
+            print_stderr(text, "")
+        told.add(text)
+
+    try:
+        found = interruptibly(
+            lambda: jaxsat.design(
+                vehicle.scenario,
+                law=law or vehicle.law,
+                settled=settled,
+                cases=cases,
+                steps=steps,
+                seed=seed,
+                attitude=attitude,
+                engine=engine,
+                executor=executor,
+                out=target,
+                elsewhere=elsewhere,
+                timed=vehicle.timed,
+                report=_told,
+                remark=remark,
+            )
+        )
+    except OutputError as error:
+        raise output_problem(error, "--elsewhere") from None
+    except ClusterError as error:
+        raise FailedRun(str(error)) from None
+    except ValueError as error:
+        raise UserMistake(str(error)) from None
+    except (KeyboardInterrupt, Terminated) as stop:
+        kept = f"what is done is in {target}; the same command goes on from there"
+        raise type(stop)(kept) from None
+    return _concluded(found, target, quiet)
+
+
+def _vehicle(scenario: str, overrides: tuple[str, ...]) -> "Vehicle":
+    """The vehicle of a file; raises `UserMistake` with every problem."""
+    import warnings
+
+    show_progress(f"reading {scenario}")
+    use_double_precision()
+    from jaxsat.controller_design import read_vehicle
+    from jaxsat.scenario import ScenarioError, ScenarioWarning
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ScenarioWarning)
+        try:
+            vehicle = read_vehicle(scenario, overrides)
+        except ScenarioError as error:
+            raise UserMistake(str(error), located=True) from None
+    for warning in caught:
+        print_stderr(f"{warning.message}", "warning: ")
+    return vehicle
+
+
+def _concluded(found: "ControllerDesign", target: Path, quiet: bool) -> int:
+    """Print the page; the status says whether the wanted fraction settles."""
+    from jaxsat.controller_design.page import design_page, headline
+
+    if not quiet:
+        print_text(design_page(found))
+        print_stdout("")
+        print_stdout(f"written to {target}")
+    if found.outcome == "reached":
+        return SUCCESS
+    if quiet:
+        print_stderr(headline(found))
+    return FAILED_RUN
+
+
+def _work(vehicle: "Vehicle", cases: int, steps: int) -> "Work":
+    """What all steps take, about."""
+    from jaxsat.controller_design.settings import SCREENING_CASES, VALIDATION_CASES
+    from jaxsat.controller_design.tuning import TUNED_CASES
+    from jaxsat.montecarlo import Work
+
+    simulation = vehicle.scenario.simulation
+    trajectories = STUDIES * (SCREENING_CASES + VALIDATION_CASES) + cases + 8 * steps * TUNED_CASES
+    intervals = round(simulation.duration_s / simulation.save_every_s)
+    return Work(trajectories, trajectories * intervals, cases * CASE, cases * CASE)
+
+
+def _told(what: str, progress: Any) -> None:
+    """Progress of a study, of the tuner, or of neither."""
+    from jaxsat.montecarlo import StudyProgress
+
+    text = what
+    if isinstance(progress, StudyProgress):
+        text = f"{what}: {study_progress_text(progress)}"
+    elif progress is not None:
+        text = f"{what}: {tuning_progress_text(progress)}"
+    show_progress(text)

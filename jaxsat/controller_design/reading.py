@@ -1,0 +1,79 @@
+"""A vehicle from a scenario file that need not say more than what is left of it."""
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jaxsat.assembly.load import load
+from jaxsat.scenario import Scenario, library
+from jaxsat.scenario.limits import MAX_FILE_SIZE
+
+ALL = "all"
+"""In place of a law: every law of jaxsat that fits."""
+
+PLACEHOLDER = "three-slew"
+"""Law of a scenario whose file names none; every key of it that is left out has a default."""
+
+UNTIMED = 1.0
+"""Duration (s) of a scenario whose file has none."""
+
+_DEFAULTS: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "title": (("title",), "{stem}"),
+    "orbit.rate_rad_s": (("orbit.rate_rad_s", "orbit.altitude_km"), "0.0"),
+    "initial.quaternion": (
+        ("initial.quaternion", "initial.w", "initial.z_rad", "initial.z_deg"),
+        "[1.0, 0.0, 0.0, 0.0]",
+    ),
+    "initial.omega_rad_s": (("initial.omega_rad_s", "initial.omega_deg_s"), "[0.0, 0.0, 0.0]"),
+    "control.law": (("control.law",), f'"{PLACEHOLDER}"'),
+    "simulation.duration_s": (("simulation.duration_s",), f"{UNTIMED}"),
+    "simulation.save_every_s": (("simulation.save_every_s",), "0.5"),
+}
+"""Keys that may be left out, by any of which a file gives them, and what they are then."""
+
+
+class Vehicle(NamedTuple):
+    """A scenario to design for: the law that was asked for, and whether a duration was given."""
+
+    scenario: Scenario
+    law: str
+    timed: bool
+
+
+def read_vehicle(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Vehicle:
+    """The scenario of a file whose vehicle is to get a controller.
+
+    What `jaxsat.load` needs and a vehicle does not have may be left out: title, orbit (inertial
+    pointing then), start (at rest in the wanted attitude), law (all that fit; so with "coast"),
+    duration. Raises `ScenarioError` as `jaxsat.load` does.
+    """
+    given = list(overrides)
+    present = _keys(_parsed(name_or_path)) | {text.partition("=")[0].strip() for text in given}
+    lacking = [key for key, (spellings, _) in _DEFAULTS.items() if not present & {*spellings}]
+    stem = Path(name_or_path).stem or "vehicle"
+    added = [f"{key}={_DEFAULTS[key][1].format(stem=stem)}" for key in lacking]
+    scenario = load(name_or_path, [*added, *given], purpose="motion")
+    law = ALL if "control.law" in lacking else scenario.control.law
+    return Vehicle(scenario, ALL if law == "coast" else law, "simulation.duration_s" not in lacking)
+
+
+def _parsed(name_or_path: str | Path) -> dict[str, Any]:
+    """The file's tables; none where it cannot be read, which `load` tells."""
+    known = library()
+    try:
+        if isinstance(name_or_path, str) and name_or_path in known:
+            content = known[name_or_path].read_bytes()
+        else:
+            with Path(name_or_path).open("rb") as file:
+                content = file.read(MAX_FILE_SIZE)
+        return tomllib.loads(content.decode())
+    except (OSError, ValueError, RecursionError):
+        return {}
+
+
+def _keys(data: Any, prefix: str = "") -> set[str]:
+    """Dotted keys of all that is no table."""
+    if not isinstance(data, dict):
+        return {prefix.removesuffix(".")}
+    return {key for name, value in data.items() for key in _keys(value, f"{prefix}{name}.")}

@@ -1,0 +1,164 @@
+"""What a design found, as objects and as plain data."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from jaxsat.comparison import ComparisonRow, ComparisonVerdict
+from jaxsat.controller_design.candidates import Candidate
+from jaxsat.controller_design.explanation import Remedy, Separation
+from jaxsat.controller_design.settings import DesignSettings
+from jaxsat.controller_design.tuning import Tuned
+from jaxsat.controller_design.vehicle import VehicleVerdict
+from jaxsat.montecarlo import Interval, Summary
+from jaxsat.scenario import Scenario
+
+DesignOutcome = Literal["reached", "not reached", "nothing to design"]
+
+
+class Step(NamedTuple):
+    """The candidates of a step on the same cases, and which to take."""
+
+    rows: tuple[ComparisonRow, ...]
+    verdict: ComparisonVerdict
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data."""
+        rows = [row.as_data() for row in self.rows]
+        return {"rows": rows, "taken": self.verdict.law, "reason": self.verdict.reason}
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The chosen controller on cases that no step before has seen.
+
+    `columns` are those of its study; `failing` numbers of the cases that do not settle, by which
+    each can be flown again alone.
+    """
+
+    summary: Summary
+    columns: dict[str, np.ndarray]
+    separations: tuple[Separation, ...] = ()
+    remedies: tuple[Remedy, ...] = ()
+
+    @property
+    def settled(self) -> Interval:
+        """The fraction that settles, with Wilson's interval."""
+        return self.summary.settled
+
+    @property
+    def failing(self) -> list[int]:
+        """Numbers of the cases that do not settle."""
+        return np.flatnonzero(~np.isfinite(self.columns["settling_time"])).tolist()
+
+
+@dataclass(frozen=True)
+class ControllerDesign:
+    """A controller for a vehicle, and the proof; or why there is none.
+
+    `outcome` is "reached" where at least the wanted fraction of the verification settles,
+    `proven` whether the whole interval is above it. `scenario` is the designed one, None where
+    there is nothing to design; `left_out` says which laws do not fit and why.
+    """
+
+    original: Scenario
+    settings: DesignSettings
+    verdict: VehicleVerdict
+    assumed: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
+    left_out: tuple[str, ...]
+    chosen: Candidate | None = None
+    screening: Step | None = None
+    tuned: Tuned | None = None
+    not_tuned: str | None = None
+    validation: Step | None = None
+    verification: Verification | None = None
+
+    @property
+    def scenario(self) -> Scenario | None:
+        """The designed scenario, its gains written out."""
+        return None if self.chosen is None else self.chosen.scenario
+
+    @property
+    def outcome(self) -> DesignOutcome:
+        """Whether the wanted fraction settles."""
+        if self.verification is None:
+            return "nothing to design"
+        reached = self.verification.settled.value >= self.settings.settled
+        return "reached" if reached else "not reached"
+
+    @property
+    def proven(self) -> bool:
+        """Whether the interval of the fraction, of 95 %, is above the wanted one."""
+        found = self.verification
+        return found is not None and found.settled.low >= self.settings.settled
+
+    @property
+    def gains(self) -> dict[str, Any]:
+        """The gains that can be tuned, by the name of their key, each in its unit."""
+        if self.chosen is None:
+            return {}
+        return {key: getattr(self.chosen.scenario.control, key) for key in self.chosen.tunable}
+
+    def as_data(self) -> dict[str, Any]:
+        """Everything but single cases as plain data."""
+        return {
+            "outcome": self.outcome,
+            "proven": self.proven,
+            "wanted": self.settings.settled,
+            "settings": self.settings.identity() | {"cases": self.settings.cases},
+            "seeds": self.settings.seeds._asdict(),
+            "controllability": {
+                "verdict": self.verdict.judgement.verdict,
+                "laws": self.verdict.judgement.laws,
+                "lost": self.verdict.lost,
+                "holds_wanted_attitude": self.verdict.holds,
+                "nearest_attitude_rad": self.verdict.turn,
+                "lines": self.verdict.lines(),
+            },
+            "assumed": list(self.assumed),
+            "candidates": [one.name for one in self.candidates],
+            "left_out": list(self.left_out),
+            "screening": self.screening and self.screening.as_data(),
+            "tuning": self._tuning_data(),
+            "validation": self.validation and self.validation.as_data(),
+            "chosen": self.chosen and self.chosen.name,
+            "gains": self.gains,
+            "verification": self.verification and _verification_data(self.verification),
+        }
+
+    def _tuning_data(self) -> dict[str, Any] | None:
+        if self.tuned is None:
+            return {"left_out": self.not_tuned} if self.not_tuned else None
+        state = self.tuned.state
+        return {
+            "candidate": self.tuned.candidate.name,
+            "steps": state.step,
+            "loss_before": float(np.min(state.validations[0].loss)),
+            "loss_after": float(state.best_loss),
+        }
+
+
+def _verification_data(found: Verification) -> dict[str, Any]:
+    times = {
+        name: {f"{percent:g}": _plain(one) for percent, one in getattr(found.summary, name).items()}
+        for name in ("settling_time", "effort")
+    }
+    return {
+        "cases": found.summary.cases,
+        "settled": _plain(found.settled),
+        "settling_time_s": times["settling_time"],
+        "effort_N_m_s": times["effort"],
+        "outcomes": found.summary.outcomes,
+        "failing_cases": found.failing,
+        "separations": [one._asdict() for one in found.separations],
+        "remedies": [one._asdict() for one in found.remedies],
+    }
+
+
+def _plain(found: Interval) -> dict[str, float | None]:
+    return {
+        name: float(value) if np.isfinite(value) else None
+        for name, value in found._asdict().items()
+    }

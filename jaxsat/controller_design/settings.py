@@ -1,0 +1,79 @@
+"""How much a design computes, and by which seeds."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+from jaxsat.assembly.study import EngineName
+from jaxsat.checks import require_counts
+
+SCREENING_CASES, VALIDATION_CASES = 200, 1000
+
+Attitude = Literal["wanted", "nearest"]
+
+
+class Seeds(NamedTuple):
+    """One for every step, so that no step sees the cases of another."""
+
+    screening: int
+    tuning: int
+    validation: int
+    verification: int
+
+
+@dataclass(frozen=True)
+class DesignSettings:
+    """What is asked of a design.
+
+    `law` is one law or "all", `settled` the fraction of cases that must settle, `cases` those of
+    the verification, `steps` those of the tuner (0 leaves tuning out). With `attitude` "nearest"
+    the controller is designed for the nearest attitude that can be held. Raises `ValueError` for
+    numbers that cannot be.
+    """
+
+    law: str
+    settled: float = 0.99
+    cases: int = 2000
+    steps: int = 16
+    seed: int = 0
+    attitude: Attitude = "wanted"
+    engine: EngineName = "auto"
+
+    def __post_init__(self):
+        require_counts(cases=self.cases)
+        if self.steps < 0:
+            raise ValueError(f"Argument `steps` must not be negative, but got {self.steps}.")
+        if not 0 < self.settled <= 1:
+            raise ValueError(
+                f"Argument `settled` must be above 0 and at most 1, but got {self.settled}."
+            )
+        if self.attitude not in ("wanted", "nearest"):
+            raise ValueError(
+                f"Argument `attitude` must be wanted or nearest, but got {self.attitude}."
+            )
+
+    @property
+    def seeds(self) -> Seeds:
+        """Consecutive ones from `seed` on."""
+        return Seeds(*range(self.seed, self.seed + 4))
+
+    @property
+    def screening_cases(self) -> int:
+        """Cases on which candidates are screened."""
+        return min(SCREENING_CASES, self.cases)
+
+    @property
+    def validation_cases(self) -> int:
+        """Cases on which tuned gains must be better."""
+        return min(VALIDATION_CASES, self.cases)
+
+    def identity(self) -> dict[str, Any]:
+        """What a folder is resumed by: all but the verification's size and the fraction wanted."""
+        return {
+            "law": self.law,
+            "steps": self.steps,
+            "seed": self.seed,
+            "attitude": self.attitude,
+            "engine": self.engine,
+            "screening_cases": self.screening_cases,
+            "validation_cases": self.validation_cases,
+        }

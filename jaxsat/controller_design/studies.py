@@ -1,0 +1,79 @@
+"""The Monte-Carlo studies of a design, kept in its folder, and single cases flown again."""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jaxsat.assembly.study import EngineName, build_study
+from jaxsat.comparison import ComparisonRow, ComparisonSetting, comparison_row
+from jaxsat.montecarlo import AbstractExecutor, Serial, StudyProgress, run_study
+from jaxsat.results import ResumableFolder, study_columns
+from jaxsat.scenario import Scenario
+
+CHUNK = 256
+"""Cases computed together: what a design that is broken off loses at most, for each thread."""
+
+STUDIES = "studies"
+"""Folder of the stores inside the output folder."""
+
+Columns = Mapping[str, np.ndarray]
+Report = Callable[[str, Any], None]
+"""Called with what runs, and with how far it is: a `StudyProgress`, a `DescentProgress` or None."""
+
+
+@dataclass(frozen=True)
+class Studies:
+    """Runs studies into stores of a folder, or what these lack."""
+
+    folder: ResumableFolder
+    engine: EngineName
+    executor: AbstractExecutor | None
+    elsewhere: bool
+    report: Report
+    remark: Callable[[str], None]
+
+    def columns(self, what: str, name: str, scenario: Scenario, count: int, seed: int) -> Columns:
+        """The columns of `count` cases of a scenario; `what` is told and `name` its step."""
+        study = build_study(scenario, count, seed=seed, engine=self.engine, chunk=CHUNK)
+        if study.remark is not None:
+            self.remark(study.remark)
+
+        def told(progress: StudyProgress) -> None:
+            self.report(what, progress)
+
+        self.report(what, None)
+        store = self.folder.path / STUDIES / f"{_file_name(name)}.zarr"
+        run_study(
+            study,
+            store,
+            executor=self.executor,
+            report=told,
+            tell=self.remark,
+            elsewhere=self.elsewhere,
+        )
+        return {key: np.asarray(column[:count]) for key, column in study_columns(store).items()}
+
+    def settled_again(
+        self, what: str, scenario: Scenario, count: int, seed: int, numbers: np.ndarray
+    ) -> np.ndarray:
+        """Which of these cases of a study of `count` cases settle, flown in another scenario."""
+        self.report(what, None)
+        study = build_study(scenario, count, seed=seed, engine=self.engine)
+        parts = [numbers[first : first + CHUNK] for first in range(0, len(numbers), CHUNK)]
+        executor = self.executor or Serial()
+        found = dict(
+            executor.run(lambda i: study.values(parts[i])["settling_time"], range(len(parts)))
+        )
+        return np.isfinite(np.concatenate([found[i] for i in range(len(parts))]))
+
+
+def row_of(step: str, torque: float, name: str, columns: Columns) -> ComparisonRow:
+    """What a candidate did in one step, as a row by which laws are compared."""
+    return comparison_row(ComparisonSetting(step, torque, name), columns)
+
+
+def _file_name(name: str) -> str:
+    return re.sub(r"[^\w.-]+", "-", name)

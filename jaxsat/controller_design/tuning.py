@@ -1,0 +1,112 @@
+"""Tuning of a candidate over its dispersions, with the tuner of `jaxsat tune`."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxsat.assembly.tuning import build_plan, tuned_scenario
+from jaxsat.comparison import ComparisonRow
+from jaxsat.controller_design.candidates import Candidate, written_out
+from jaxsat.controller_design.vehicle import Scale
+from jaxsat.processors import processors
+from jaxsat.results import ResumableFolder
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
+from jaxsat.tuning import DescentProgress, DescentState, TuningPlan
+from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
+from jaxsat.tuning_run import run_descent
+
+FOLDER = "tuning"
+"""Of the tuner inside the output folder."""
+
+RANGE = 3.0
+"""Bounds of a gain are its value times and over this."""
+
+TUNED_CASES = 96
+"""Cases of a step."""
+
+VALIDATION_CASES, VALIDATE_EVERY = 256, 4
+"""Cases by which the best iterate is chosen, and steps between two choices."""
+
+TAIL = 2.5
+"""A case is tuned for this many times the time within which nine tenths settle."""
+
+
+class Tuned(NamedTuple):
+    """What the descent came to."""
+
+    candidate: Candidate
+    plan: TuningPlan
+    state: DescentState
+
+
+def tuning_table(scenario: Scenario, scale: Scale, steps: int, validation: int) -> TuningTable:
+    """Every gain that is one number above zero, and a cost that counts settling most.
+
+    Weights of rates and torques are those of `oscillatory-dispersed`, scaled. A `[tuning]` table of
+    the scenario's own keeps its gains, bounds and cost.
+    """
+    budget = {
+        "steps": steps,
+        "cases": min(TUNED_CASES, validation),
+        "starts": 1,
+        "screened": 0,
+        "halve_at": (),
+        "validation_cases": min(VALIDATION_CASES, validation),
+        "validate_every": VALIDATE_EVERY,
+    }
+    if scenario.tuning is not None:
+        return scenario.tuning.model_copy(update=budget)
+    control = written_out(scenario).control
+    gains = {key: getattr(control, key) for key in Candidate("", scenario).tunable}
+    bounds = {
+        key: BoundsTable(low=value / RANGE, high=value * RANGE)  # pyright: ignore[reportCallIssue]
+        for key, value in gains.items()
+        if isinstance(value, float) and value > 0
+    }
+    cost = CostTable(  # pyright: ignore[reportCallIssue]
+        w=0.1,
+        z=0.1,
+        relative_rate=float(f"{0.145 * scale.time**2:.3g}"),
+        torque=float(f"{0.0025 / scale.torque**2:.3g}"),
+        settling=1.0,
+    )
+    return TuningTable(parameters=bounds, cost=cost, **budget)  # pyright: ignore[reportCallIssue]
+
+
+def tune_candidate(
+    candidate: Candidate,
+    row: ComparisonRow,
+    table: TuningTable,
+    seed: int,
+    folder: ResumableFolder,
+    *,
+    elsewhere: bool = False,
+    report: Callable[[DescentProgress], None] | None = None,
+) -> Tuned:
+    """Descend from a candidate's gains; resumes what the folder has of it.
+
+    `row` is the candidate's in the screening. Raises `ValueError` where it cannot be tuned.
+    """
+    written = written_out(candidate.scenario)
+    shorter = _shortened(written, row, table, seed)
+    plan = build_plan(shorter, workers=processors(), batch_size=32)
+    with TuningFolder(folder.path / FOLDER, plan_identity(plan), elsewhere=elsewhere) as kept:
+        state = run_descent(shorter, plan, kept, report=report)
+    control = tuned_scenario(shorter, plan, np.asarray(state.best_point)).control
+    tuned = written.model_copy(update={"control": control})
+    return Tuned(Candidate(f"{candidate.name}, tuned", tuned), plan, state)
+
+
+def _shortened(scenario: Scenario, row: ComparisonRow, table: TuningTable, seed: int) -> Scenario:
+    """The scenario with a horizon in which most cases settle, so that little is flown at rest."""
+    simulation = scenario.simulation
+    save, whole = simulation.save_every_s, simulation.duration_s
+    enough = TAIL * row.t90.value
+    duration = whole
+    if enough < whole:
+        duration = min(whole, math.ceil(enough / save) * save)
+    simulation = simulation.model_copy(update={"duration_s": duration, "seed": seed})
+    return scenario.model_copy(update={"simulation": simulation, "tuning": table})
