@@ -14,6 +14,7 @@ from jaxsat.cli.computing import import_interruptibly
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.progress import stop_progress
+from jaxsat.cli.report import report
 from jaxsat.cli.reproduce import reproduce
 from jaxsat.cli.scenarios import scenarios
 from jaxsat.cli.simulate import simulate
@@ -43,6 +44,7 @@ app.command(bound)
 app.command(tune)
 app.command(controllability)
 app.command(reproduce)
+app.command(report)
 app.command(scenarios)
 
 
