@@ -15,6 +15,7 @@ from jaxsat.cli.controllability import controllability
 from jaxsat.cli.design import design
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.progress import stop_progress
+from jaxsat.cli.report import report
 from jaxsat.cli.reproduce import reproduce
 from jaxsat.cli.scenarios import scenarios
 from jaxsat.cli.simulate import simulate
@@ -45,6 +46,7 @@ app.command(tune)
 app.command(design)
 app.command(controllability)
 app.command(reproduce)
+app.command(report)
 app.command(scenarios)
 
 

@@ -1,0 +1,204 @@
+"""What the 3-D replay draws of a run: body, actuators, attitude and phases, as plain data."""
+
+import base64
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jaxsat.report.time_axes import mode_names
+from jaxsat.scenario.laws import known_law
+
+MOST_SAMPLES = 20_000
+"""Of the attitude; of longer runs every second one is kept, or every third, and so on."""
+
+THINNEST = 0.12
+"""Of a side of the body, in parts of the longest one."""
+
+
+def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[str, Any]:
+    """One spacecraft and its motion; arrays are base64 of little-endian floats."""
+    every = -(-len(dataset["time"]) // MOST_SAMPLES)
+    kept = np.unique(np.append(np.arange(0, len(dataset["time"]), every), len(dataset["time"]) - 1))
+    data = dataset.isel(time=kept)
+    axes, half = body_box(scenario)
+    thrusters, columns = _thrusters(scenario, data)
+    half = _around(half, axes, thrusters)
+    wheels, momentum = _wheels(scenario, data)
+    law = known_law(scenario.get("control", {}).get("law"))
+    return {
+        "title": title,
+        "time": _encoded(data["time"].values, "<f8"),
+        "quaternion": _encoded(data["quaternion"].values, "<f8"),
+        "error": _encoded(data["pointing_error_total"].values, "<f4"),
+        "torque": _encoded(_scaled(data["torque"].values), "<f4"),
+        "half": half.tolist(),
+        "axes": axes.tolist(),
+        "thrusters": thrusters,
+        "levels": None if columns is None else _encoded(np.nan_to_num(columns), "<f4"),
+        "wheels": wheels,
+        "momentum": None if momentum is None else _encoded(np.nan_to_num(momentum), "<f4"),
+        "phases": phases_of(dataset),
+        "failures": [{"what": what, "at": at} for what, at in failures_of(scenario).items()],
+        "target": law is None or law.declaration.regulates_attitude,
+        "thinned": int(every),
+    }
+
+
+def body_box(scenario: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Principal axes (rows, body axes) and half sides of a uniform box with this inertia.
+
+    The longest half side is 1; the mass is not known. Of a body that no box can have, a side is
+    thin.
+    """
+    told = np.array(scenario.get("spacecraft", {}).get("inertia_kg_m2", (1.0, 1.0, 1.0)), float)
+    matrix = np.diag(told) if told.ndim == 1 else told
+    moments, axes = np.linalg.eigh(matrix)
+    if np.allclose(matrix, np.diag(np.diag(matrix))):
+        moments, axes = np.diag(matrix), np.eye(3)
+    squares = moments.sum() / 2 - moments
+    sides = np.sqrt(np.maximum(squares, 0.0))
+    sides = sides / sides.max() if sides.max() > 0 else np.ones(3)
+    return axes.T, np.maximum(sides, THINNEST)
+
+
+def failures_of(scenario: Mapping[str, Any]) -> dict[str, float]:
+    """When what fails in flight, s, such as {"thruster 3 dead": 300}."""
+    found: dict[str, float] = {}
+    for table in scenario.get("failure", ()):
+        found[f"{table.get('of', '')} {table.get('kind', 'fails')}"] = float(table.get("at_s", 0.0))
+    return found
+
+
+def phases_of(dataset: xr.Dataset) -> list[dict[str, Any]]:
+    """The phases of the law one after another: name, start and end, s."""
+    names, time = mode_names(dataset), dataset["time"].values
+    if len(names) < 2:
+        return []
+    mode = dataset["mode"].values
+    begins = np.concatenate([[0], 1 + np.flatnonzero(mode[1:] != mode[:-1])])
+    ends = [*begins[1:], len(time) - 1]
+    return [
+        {"name": names[int(mode[begin])], "start": float(time[begin]), "end": float(time[end])}
+        for begin, end in zip(begins, ends, strict=True)
+        if np.isfinite(mode[begin]) and int(mode[begin]) in names
+    ]
+
+
+def _failed_from(scenario: Mapping[str, Any], kind: str, name: str) -> tuple[float | None, str]:
+    """From when on a part has failed and how; None where it never does."""
+    for table in scenario.get("failure", ()):
+        if str(table.get("of", "")) == f"{kind} {name}":
+            return float(table.get("at_s", 0.0)), str(table.get("kind", ""))
+    return None, ""
+
+
+def _thrusters(
+    scenario: Mapping[str, Any], data: xr.Dataset
+) -> tuple[list[dict[str, Any]], np.ndarray | None]:
+    """The thrusters to draw and how hard each fires (times, n), if that is known."""
+    tables = scenario.get("thruster", ())
+    if not tables:
+        return _ideal_thrusters(scenario), None
+    level = data["thrust_level"].values if "thrust_level" in data else None
+    working = sum(1 + bool(one.get("two_sided")) for one in tables if not one.get("failed"))
+    known = level is not None and level.shape[1] == working
+    drawn, column = [], 0
+    for place, table in enumerate(tables, 1):
+        name = str(table.get("name", place))
+        since, kind = _failed_from(scenario, "thruster", name)
+        gone = bool(table.get("failed"))
+        for sign in (1, -1)[: 1 + bool(table.get("two_sided"))]:
+            force = _unit(table.get("direction"), sign)
+            drawn.append(
+                {
+                    "name": name,
+                    "position": table.get("position_m"),
+                    "force": force,
+                    "axis": _torque_axis(table, sign),
+                    "failed": 0.0 if gone else since,
+                    "kind": "failed" if gone else kind,
+                    "column": column if known and not gone else None,
+                }
+            )
+            column += not gone
+    return drawn, level if known else None
+
+
+def _ideal_thrusters(scenario: Mapping[str, Any]) -> list[dict[str, Any]]:
+    spacecraft = scenario.get("spacecraft", {})
+    failed = spacecraft.get("failed_thrusters", ())
+    return [
+        {
+            "name": str(place),
+            "position": None,
+            "force": None,
+            "axis": _unit(axis, 1),
+            "failed": 0.0 if place in failed else None,
+            "kind": "failed" if place in failed else "",
+            "column": None,
+        }
+        for place, axis in enumerate(spacecraft.get("thruster_torque_axes") or (), 1)
+    ]
+
+
+def _torque_axis(table: Mapping[str, Any], sign: int) -> list[float] | None:
+    if table.get("torque_axis") is not None:
+        return _unit(table["torque_axis"], sign)
+    if table.get("position_m") is None or table.get("direction") is None:
+        return None
+    return _unit(np.cross(table["position_m"], table["direction"]), sign)
+
+
+def _wheels(
+    scenario: Mapping[str, Any], data: xr.Dataset
+) -> tuple[list[dict[str, Any]], np.ndarray | None]:
+    """The wheels to draw and their momentum (times, n) in parts of its limit, or of its largest."""
+    tables = scenario.get("wheel", ())
+    drawn = []
+    for place, table in enumerate(tables, 1):
+        name = str(table.get("name", place))
+        since, kind = _failed_from(scenario, "wheel", name)
+        gone = bool(table.get("failed"))
+        since, kind = (0.0, "failed") if gone else (since, kind)
+        drawn.append(
+            {"name": name, "axis": _unit(table.get("axis"), 1), "failed": since, "kind": kind}
+        )
+    if "wheel_momentum" not in data or data["wheel_momentum"].shape[1] != len(tables):
+        return drawn, None
+    momentum = data["wheel_momentum"].values
+    largest = np.nanmax(np.abs(momentum), initial=0.0) or 1.0
+    limits = [float(table.get("momentum_limit_N_m_s") or largest) for table in tables]
+    return drawn, momentum / np.array(limits)
+
+
+def _around(
+    half: np.ndarray, axes: np.ndarray, thrusters: Sequence[Mapping[str, Any]]
+) -> np.ndarray:
+    """The box in metres where thrusters have places: so large that they sit on it or in it."""
+    places = [one["position"] for one in thrusters if one["position"] is not None]
+    if not places:
+        return half
+    inside = np.abs(np.array(places, float) @ axes.T) / half
+    scale = float(inside.max())
+    return half * scale if scale > 0 else half
+
+
+def _scaled(values: np.ndarray) -> np.ndarray:
+    """In parts of what is seldom exceeded, -1 to 1."""
+    sizes = np.abs(values[np.isfinite(values)])
+    usual = float(np.percentile(sizes, 99)) if len(sizes) else 0.0
+    usual = usual or (float(sizes.max()) if len(sizes) else 0.0) or 1.0
+    return np.clip(np.nan_to_num(values) / usual, -1.0, 1.0)
+
+
+def _unit(vector: Any, sign: int) -> list[float] | None:
+    if vector is None:
+        return None
+    length = float(np.linalg.norm(vector))
+    return (sign * np.asarray(vector, float) / length).tolist() if length > 0 else None
+
+
+def _encoded(values: np.ndarray, kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

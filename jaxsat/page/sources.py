@@ -1,0 +1,46 @@
+"""From paths to sections: what kind of result is where."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from jaxsat.page.content import Replay, Section, Verdict
+from jaxsat.page.run import run_section
+from jaxsat.results import OutputError, open_trajectory
+from jaxsat.results.files import parse_json, read_or_explain
+
+MOST_TOGETHER = 6
+"""Spacecraft that are replayed side by side."""
+
+
+def sections_of(paths: Sequence[Path]) -> list[Section]:
+    """A section for each path; with several runs one more before them, which replays all at once.
+
+    Raises `OutputError` for what is no result of jaxsat or is damaged.
+    """
+    sections = [_section(path) for path in paths]
+    crafts = [
+        craft
+        for section in sections
+        for block in section.blocks
+        if isinstance(block, Replay)
+        for craft in block.crafts
+    ]
+    if not 1 < len(crafts) <= MOST_TOGETHER:
+        return sections
+    told = Verdict(None, f"{len(crafts)} runs with one time for all.")
+    return [Section("Side by side", "Replay", told, [Replay("3-D replay", crafts)]), *sections]
+
+
+def _section(path: Path) -> Section:
+    if not path.exists():
+        raise OutputError(f"{path} does not exist.")
+    if path.suffix == ".nc" or (path / "trajectory.nc").is_file():
+        return _run(path)
+    raise OutputError(f"{path} is no result")
+
+
+def _run(path: Path) -> Section:
+    dataset = open_trajectory(path)
+    record = parse_json(read_or_explain(path / "run.json")) if path.is_dir() else None
+    command = record.get("command", "") if isinstance(record, Mapping) else ""
+    return run_section(dataset, path.name, str(command))
