@@ -1,5 +1,6 @@
 """From a scenario to its actuators."""
 
+import dataclasses
 import math
 from typing import Any
 
@@ -68,7 +69,7 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
         return _pulsed_thrusters(scenario, torques)
     ideal, table = ideal_thrusters(scenario, torques), scenario.actuators
     if table is None:
-        return ideal
+        return _failing(scenario, ideal)
     part, location = find_part(ACTUATORS, table.kind), ("actuators", "kind")
     made = made_part(part, location, table, ActuatorContext(ideal, torques))
     require_torque(part, location, made, jnp.zeros(torques or 2))
@@ -85,7 +86,7 @@ def _with_wheels(
     limit = limits_of(tables, "torque_limit_N_m")
     if not left_by_wheels(tables, torques).any():
         return ActuatorsWithWheels.of(axes, torques, limit, failed=failed)
-    ideal = ideal_thrusters(scenario, torques)
+    ideal = _failing(scenario, ideal_thrusters(scenario, torques))
     mixed = ActuatorsWithWheels.of(axes, torques, limit, ideal, failed)
     if not scenario.thruster or mixed.rest is None:
         return mixed
@@ -113,6 +114,26 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
         shared = as_array(direction_matrix(known, torque_directions(known)))
         return Actuators(thrusters.torque_axes, shared, as_float(limit))
     return Actuators.of(thrusters, limit, torques)
+
+
+def _failing(scenario: Scenario, ideal: Actuators) -> Actuators:
+    """Thrusters of `spacecraft.thruster_torque_axes` with what strikes those that work."""
+    table = scenario.spacecraft
+    if scenario.thruster or not scenario.failure:
+        return ideal
+    rows = range(1, len(table.thruster_torque_axes or ()) + 1)
+    working = [number for number in rows if number not in table.failed_thrusters]
+    axes = np.asarray(ideal.torque_axes)
+    found = [(number_of(one.of, "thruster", rows), one) for one in scenario.failure]
+    events = []
+    for number, one in found:
+        if number is None or number + 1 not in working:
+            continue
+        place, turned = working.index(number + 1), axes.copy()
+        if one.turn_rad is not None:
+            turned[:, place] = _rotated(turned[:, place], one.turn_rad)
+        events.append((one, place, turned))
+    return dataclasses.replace(ideal, failures=_events(events))
 
 
 def torque_limit(scenario: Scenario) -> float | None:
@@ -207,6 +228,11 @@ def _failures(
             if table.turn_rad is not None:
                 turned[:, place] = _turned(thrusters[number], nominal[:, place], table.turn_rad)
             events.append((table, place, turned))
+    return _events(events)
+
+
+def _events(events: list[tuple[FailureTable, int, np.ndarray]]) -> FailureEvents | None:
+    """Tables, which column each strikes, and the torques as it would turn them."""
     if not events:
         return None
     return FailureEvents(
@@ -230,10 +256,14 @@ def _places(thrusters: tuple[ThrusterTable, ...]) -> list[list[int]]:
 
 def _turned(thruster: ThrusterTable, torque: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
     """The torque (N m) once the force, or the torque itself, is turned by a rotation vector."""
+    if thruster.position_m is None:
+        return _rotated(torque, rotation)
+    way = math.copysign(1.0, float(torque @ thruster.torque()))
+    return np.cross(np.array(thruster.position_m), _rotated(way * thruster.force(), rotation))
+
+
+def _rotated(vector: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
+    """A vector turned by a rotation vector, rad."""
     from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
 
-    rotated = Rotation.from_rotvec(rotation).apply
-    if thruster.position_m is None:
-        return rotated(torque)
-    way = math.copysign(1.0, float(torque @ thruster.torque()))
-    return np.cross(np.array(thruster.position_m), rotated(way * thruster.force()))
+    return Rotation.from_rotvec(rotation).apply(vector)

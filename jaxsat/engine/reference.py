@@ -22,6 +22,7 @@ from jaxsat.simulation import (
     SampledLoop,
     Signals,
     default_method,
+    step_size_for,
 )
 from jaxsat.simulation.assessment import (
     MonitoredSolver,
@@ -133,7 +134,7 @@ def _continuous(program: Program, case: Case, method: Method, adjoint):
             ],
             solver_state=True,
         ),
-        stepsize_controller=method.step_size,
+        stepsize_controller=step_size_for(method, loop),
         max_steps=method.max_steps,
         adjoint=adjoint,
         event=diffrax.Event(lambda t, y, args, **_: ~all_within(y[0], program.state_limit)),

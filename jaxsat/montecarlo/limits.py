@@ -25,6 +25,7 @@ from jaxsat.montecarlo.changes import (
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.vehicle import (
+    Actuators,
     FailureEvents,
     FailureKind,
     Spacecraft,
@@ -129,19 +130,29 @@ def of_failed_wheel(loop: AbstractLoop) -> Limits:
 
 
 def of_failure_kind(loop: AbstractLoop) -> Limits:
-    """Numbers that are rounded to kinds; none of thrusters is turned, which takes a vector, and no
-    wheel without a torque limit runs away."""
+    """Numbers that are rounded to kinds.
+
+    None turns a thruster, which takes a vector. An ideal one is dead, weak or, where it has a
+    limit, stuck; a wheel runs away only where all have a torque limit.
+    """
+    thrusters, wheels = thrusters_of(loop), loop.plant.wheels
 
     def last(failures: FailureEvents | WheelFailures) -> np.ndarray:
-        kind = FailureKind.INTERMITTENT
         if isinstance(failures, WheelFailures):
-            limit = cast(Wheels, loop.plant.wheels).torque_limit
-            known = None if limit is None else concrete(limit)
-            bounded = known is not None and np.all(np.isfinite(known))
-            kind = WheelFailureKind.RUNAWAY if bounded else WheelFailureKind.FRICTION_TO
+            limited = _is_finite(cast(Wheels, wheels).torque_limit)
+            kind = WheelFailureKind.RUNAWAY if limited else WheelFailureKind.FRICTION_TO
+        elif isinstance(thrusters[0], Actuators):
+            kind = FailureKind.STUCK_AT if _is_finite(thrusters[0].limit) else FailureKind.DEGRADED
+        else:
+            kind = FailureKind.INTERMITTENT
         return np.full(failures.count, kind + 0.5)
 
     return Limits(as_float(-0.5), _of_failures(loop, last))
+
+
+def _is_finite(limit: Array | None) -> bool:
+    known = None if limit is None else concrete(limit)
+    return known is not None and bool(np.all(np.isfinite(known)))
 
 
 def of_failure_amount(loop: AbstractLoop) -> Limits:

@@ -19,6 +19,7 @@ ERROR_COORDINATE_KEYS = (
     "spacecraft.failed_thrusters",
     "spacecraft.torque_limit_N_m",
     "wheel",
+    "failure",
     "orbit.rate_rad_s",
     "orbit.altitude_km",
     "orbit.relation",
@@ -40,6 +41,8 @@ def error_coordinate_obstacle(values: Values) -> str | None:
         return "the torque is limited"
     if values["wheel"]:
         return "the spacecraft has wheels"
+    if values["failure"]:
+        return "something fails in flight"
     if "actuators.kind" in values:
         return "the actuators are not jaxsat's own"
     if values["spacecraft.thruster_torque_axes"] is None:

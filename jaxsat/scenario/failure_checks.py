@@ -3,50 +3,65 @@
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import rule
-from jaxsat.scenario.thruster_tables import FAILURES, number_of
+from jaxsat.scenario.thruster_tables import (
+    IDEAL_FAILURES,
+    THRUSTER_FAILURES,
+    WHEEL_FAILURES,
+    names_of,
+    number_of,
+)
 from jaxsat.scenario.wording import shown
 
-AMOUNTS = sorted({key for kinds in FAILURES.values() for keys in kinds.values() for key in keys})
+KINDS = (THRUSTER_FAILURES, IDEAL_FAILURES, WHEEL_FAILURES)
+
+AMOUNTS = sorted({key for kinds in KINDS for keys in kinds.values() for key in keys})
 """Keys that say how much."""
 
 
-@rule("failure", "thruster", "wheel")
-def _failures_have_something_to_strike(failures, thrusters, wheels):
-    parts = {"thruster": thrusters, "wheel": wheels}
+@rule("failure", "thruster", "spacecraft.thruster_torque_axes", "wheel")
+def _failures_have_something_to_strike(failures, thrusters, axes, wheels):
+    parts = {"thruster": thrusters or axes or (), "wheel": wheels}
     for number, one in enumerate(failures):
         if number_of(one.of, one.part, parts.get(one.part, ())) is None:
-            names = [
-                f'"{part} {table.name or n}"'
-                for part, tables in parts.items()
-                for n, table in enumerate(tables, 1)
-            ]
+            names = [f'"{part} {name}"' for part, all in parts.items() for name in names_of(all)]
             few = f"one of {', '.join(names[:6])}" if names else "a table [[thruster]] or [[wheel]]"
             yield Issue(("failure", number, "of"), f"must name {few}, got {shown(one.of)}")
 
 
-@rule("failure")
-def _failures_say_what_and_how_much(failures):
+@rule("failure", "thruster")
+def _failures_say_what_and_how_much(failures, thrusters):
+    ideal = not thrusters
+    parts = {"thruster": IDEAL_FAILURES if ideal else THRUSTER_FAILURES, "wheel": WHEEL_FAILURES}
     for number, one in enumerate(failures):
-        kinds = FAILURES.get(one.part)
+        kinds = parts.get(one.part)
         if kinds is None:
             continue
         if one.kind not in kinds:
-            message = f"must be one of {', '.join(kinds)} for a {one.part}, got {shown(one.kind)}"
+            which = "thruster of thruster_torque_axes" if kinds is IDEAL_FAILURES else one.part
+            message = f"must be one of {', '.join(kinds)} for a {which}, got {shown(one.kind)}"
             yield Issue(("failure", number, "kind"), message)
             continue
-        wanted = kinds[one.kind]
-        given = [key for key in AMOUNTS if getattr(one, key) is not None]
-        what = f'for a failure of kind "{one.kind}"'
-        for key in given:
-            if key not in wanted:
-                found = shown(getattr(one, key))
-                yield Issue(("failure", number, key), f"must not be given {what}, got {found}")
-        if wanted and not set(given) & set(wanted):
-            message = f"must be given {what}, got nothing"
-            yield Issue(("failure", number, wanted[-1]), message, (), True)
-        elif len(set(given) & set(wanted)) > 1:
-            message = f"must not be given beside {wanted[0]} {what}"
-            yield Issue(("failure", number, wanted[-1]), message)
+        yield from _amounts(number, one, kinds[one.kind])
+        signed = kinds is IDEAL_FAILURES and one.kind == "stuck-at"
+        if one.fraction is not None and one.fraction < 0 and not signed:
+            message = f"must be at least 0, got {shown(one.fraction)}"
+            yield Issue(("failure", number, "fraction"), message)
+
+
+def _amounts(number, one, wanted):
+    """Issues on the keys that say how much."""
+    given = [key for key in AMOUNTS if getattr(one, key) is not None]
+    what = f'for a failure of kind "{one.kind}"'
+    for key in given:
+        if key not in wanted:
+            found = shown(getattr(one, key))
+            yield Issue(("failure", number, key), f"must not be given {what}, got {found}")
+    if wanted and not set(given) & set(wanted):
+        message = f"must be given {what}, got nothing"
+        yield Issue(("failure", number, wanted[-1]), message, (), True)
+    elif len(set(given) & set(wanted)) > 1:
+        message = f"must not be given beside {wanted[0]} {what}"
+        yield Issue(("failure", number, wanted[-1]), message)
 
 
 @rule("failure", "wheel")
@@ -66,14 +81,46 @@ def _wheels_can_fail_so(failures, wheels):
             yield Issue(("failure", number, "factor"), f"{message} (friction_N_m gives it some)")
 
 
-@rule("failure", "control.law")
-def _wheels_fail_under_a_sampled_law(failures, law):
-    if find_law(law).declaration.sampled:
-        return
+@rule("failure", "spacecraft.torque_limit_N_m", "thruster")
+def _stuck_torques_have_a_size(failures, limit, thrusters):
     for number, one in enumerate(failures):
-        if one.part == "wheel":
+        ideal = not thrusters and one.part == "thruster"
+        if ideal and limit is None and one.kind.startswith("stuck"):
+            message = f'must not be "{one.kind}" without spacecraft.torque_limit_N_m'
+            yield Issue(("failure", number, "kind"), f"{message}, of which it is a part")
+
+
+@rule("failure", "control.law", "thruster")
+def _failures_suit_the_law(failures, law, thrusters):
+    sampled = find_law(law).declaration.sampled
+    for number, one in enumerate(failures):
+        if one.part == "wheel" and not sampled:
             yield Issue(
                 ("failure", number, "of"),
                 f'must name no wheel under the law "{law}", whose torque changes all the time: '
                 f"a wheel fails in flight under sampled laws, got {shown(one.of)}",
             )
+        elif one.part == "thruster" and not thrusters and sampled:
+            yield Issue(
+                ("failure", number, "of"),
+                f'must name a table [[thruster]] under the sampled law "{law}" (two_sided = true '
+                'and modulation.kind = "ideal" is a torque of either sign at once), '
+                f"got {shown(one.of)} of spacecraft.thruster_torque_axes",
+            )
+
+
+@rule("failure", "actuators.kind")
+def _failures_are_those_of_jaxsats_own_actuators(failures, kind):
+    if failures:
+        yield Issue(("failure",), f"must not be given beside actuators.kind = {shown(kind)}")
+
+
+@rule("failure", "control.law", "simulation.solver.steps", "simulation.solver.step_s")
+def _no_fixed_steps_across_a_failure(failures, law, steps, step):
+    fixed = steps == "fixed" or (steps is None and step is not None)
+    if failures and fixed and not find_law(law).declaration.sampled:
+        yield Issue(
+            ("simulation", "solver", "steps" if steps == "fixed" else "step_s"),
+            "must be left to adaptive steps where something fails in flight, which ends a step, "
+            f"got {shown(steps if steps == 'fixed' else step)}",
+        )

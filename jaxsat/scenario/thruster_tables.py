@@ -118,6 +118,16 @@ THRUSTER_FAILURES = {
 }
 """The keys of which one says how much, by kind: those of `jaxsat.vehicle.FailureKind`."""
 
+IDEAL_FAILURES = {
+    "dead": (),
+    "degraded": ("fraction",),
+    "stuck-on": (),
+    "stuck-at": ("fraction",),
+    "turned": ("turn_rad",),
+    "reversed": (),
+}
+"""The same of thrusters of `spacecraft.thruster_torque_axes`, whose torques have both signs."""
+
 WHEEL_FAILURES = {
     "dead": (),
     "degraded": ("fraction",),
@@ -126,8 +136,6 @@ WHEEL_FAILURES = {
     "runaway": (),
 }
 """The same of wheels: those of `jaxsat.vehicle.WheelFailureKind`, of which two are friction-up."""
-
-FAILURES = {"thruster": THRUSTER_FAILURES, "wheel": WHEEL_FAILURES}
 
 FailureName = Literal[
     "dead",
@@ -141,6 +149,7 @@ FailureName = Literal[
     "stopped",
     "friction-up",
     "runaway",
+    "reversed",
 ]
 
 
@@ -154,10 +163,14 @@ class FailureTable(Table):
         '"stuck-at" (a fraction of full thrust), "leaking" (never less than a fraction), "delayed" '
         '(delay_s), "intermittent" (off for a fraction of every 10 s), "turned" (turn_rad). Of a '
         'wheel: "stopped" (at once, its momentum goes to the body), "friction-up" (factor or '
-        'friction_N_m), "runaway" (full torque, the way that it turns)'
+        'friction_N_m), "runaway" (full torque, the way that it turns). Of a thruster of '
+        'thruster_torque_axes: "stuck-on", "stuck-at", "turned", "reversed"'
     )
-    fraction: Annotated[Number, Ge(0), Le(1)] | None = quantity(
-        "How much, of full thrust or torque or of time", "1", None
+    fraction: Annotated[Number, Ge(-1), Le(1)] | None = quantity(
+        "How much, of full thrust or torque or of time; below 0 only of a torque of either sign "
+        "that is stuck",
+        "1",
+        None,
     )
     delay_s: Time | None = quantity("How much later its valve follows", "s", None)
     turn_rad: Rotation3 | None = quantity(
@@ -180,10 +193,18 @@ class FailureTable(Table):
 
 
 def number_of(of: str, part: str, tables: Sequence[Any]) -> int | None:
-    """Which of the tables, from 0, "PART 3" or "PART NAME" is; None if there is none."""
+    """Which of the tables, from 0, "PART 3" or "PART NAME" is; None if there is none.
+
+    Of what has no name, such as torque axes, the number is told.
+    """
     kind, _, which = of.partition(" ")
-    names = [one.name or str(number) for number, one in enumerate(tables, 1)]
+    names = names_of(tables)
     return names.index(which) if kind == part and which in names else None
+
+
+def names_of(tables: Sequence[Any]) -> list[str]:
+    """The name of each table, or its number from 1."""
+    return [getattr(one, "name", None) or str(number) for number, one in enumerate(tables, 1)]
 
 
 def working_torques(thrusters: tuple[ThrusterTable, ...]) -> np.ndarray:

@@ -8,7 +8,7 @@ from jaxsat.simulation.loops import (
     ContinuousLoop,
     Motion,
 )
-from jaxsat.simulation.methods import Method, adaptive, default_method, fixed
+from jaxsat.simulation.methods import Method, adaptive, default_method, fixed, step_size_for
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.simulation.solve import simulate
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
@@ -29,4 +29,5 @@ __all__ = [
     "default_method",
     "fixed",
     "simulate",
+    "step_size_for",
 ]

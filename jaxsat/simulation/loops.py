@@ -94,12 +94,21 @@ class LoopState(NamedTuple):
     memory: Memory
 
 
+NEVER = 1e9
+"""s; a failure later than this has no event function that grows."""
+
+
 class ContinuousLoop(AbstractContinuousLoop):
-    """Plant, continuous controller and thrusters."""
+    """Plant, continuous controller and thrusters.
+
+    `struck` tells which failures of the actuators have struck, see `smooth_piece`; None is those
+    whose time has come.
+    """
 
     plant: RigidBody
     controller: AbstractController
     actuators: AbstractActuators
+    struck: Bool[Array, " f"] | None = None
 
     def __check_init__(self):
         wheels = self.plant.wheels
@@ -111,14 +120,15 @@ class ContinuousLoop(AbstractContinuousLoop):
 
     def is_smooth(self) -> bool:
         """Whether fixed steps suit the loop: no corner of the law, of actuators of a user's own or
-        of wheels, whose torque ends at the limit of their momentum.
+        of wheels, whose torque ends at the limit of their momentum, and no failure in flight.
 
         A thruster or wheel that reaches the limit of its torque is no corner here: a smooth law
         passes it in few steps.
         """
         own = (Actuators, ActuatorsWithWheels)
         corners = 0 if isinstance(self.actuators, own) else self.actuators.event_count
-        return not corners and not _wheel_events(self.plant) and self.controller.is_smooth()
+        corners += self.actuators.failure_times.size + _wheel_events(self.plant)
+        return not corners and self.controller.is_smooth()
 
     def start(self, state: PlantState) -> LoopState:
         """The plant's state and the controller's first memory."""
@@ -137,13 +147,19 @@ class ContinuousLoop(AbstractContinuousLoop):
     def motion(self, t: Float[Array, ""], state: LoopState) -> Motion:
         """Equations (1) and (36) under the controller's torque."""
         command, memory_rate = self.controller(t, state.plant, state.memory)
-        torque = self.actuators(command)
+        torque = self._actuators_at(t)(command)
         wheels = self._wheel_torque(state.plant, command)
         rate = LoopState(self.plant.rate(t, state.plant, torque, wheels), memory_rate)
         relative_rate = self.plant.relative_rate(state.plant)
         error = self.controller.rate_error(state.plant)
         torque = self.plant.control_torque(torque, wheels)
         return Motion(rate, state.plant, relative_rate, error, torque)
+
+    def _actuators_at(self, t: Float[Array, ""]) -> AbstractActuators:
+        times = self.actuators.failure_times
+        if not times.size:
+            return self.actuators
+        return self.actuators.after_failures(t >= times if self.struck is None else self.struck)
 
     def _wheel_torque(self, state: PlantState, command) -> Float[Array, " wheels"] | None:
         return self.plant.wheel_torque(state, self.actuators.wheel_command(command))
@@ -158,17 +174,22 @@ class ContinuousLoop(AbstractContinuousLoop):
         return signals if rate is None else dataclasses.replace(signals, wheel_torque=-rate)
 
     def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
-        """Those of the controller, of the actuators and of the wheels' momenta."""
+        """Those of controller, actuators and wheels' momenta, and the time since each failure."""
         command, _ = self.controller(t, state.plant, state.memory)
         own = self.controller.event_functions(state.plant)
         events = jnp.concatenate([own, self.actuators.event_functions(command)])
-        if not _wheel_events(self.plant):
+        if _wheel_events(self.plant):
+            share = self.actuators.wheel_command(command)
+            events = jnp.concatenate([events, self.plant.wheel_events(state.plant, share)])
+        times = self.actuators.failure_times
+        if not times.size:
             return events
-        share = self.actuators.wheel_command(command)
-        return jnp.concatenate([events, self.plant.wheel_events(state.plant, share)])
+        return jnp.concatenate([events, t - jnp.minimum(times, NEVER)])
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ContinuousLoop":
-        """Controller, actuators and wheels held in a piece of theirs each."""
+        """Controller, actuators and wheels held in a piece of theirs each, failures as they are."""
+        failures = self.actuators.failure_times.size
+        signs, struck = signs[: signs.size - failures], signs[signs.size - failures :]
         wheels = signs.size - _wheel_events(self.plant)
         count = wheels - self.actuators.event_count
         held = (
@@ -176,7 +197,8 @@ class ContinuousLoop(AbstractContinuousLoop):
             self.actuators.smooth_piece(signs[count:wheels]),
         )
         made = eqx.tree_at(lambda loop: (loop.controller, loop.actuators), self, held)
-        return dataclasses.replace(made, plant=self.plant.wheel_piece(signs[wheels:]))
+        plant = self.plant.wheel_piece(signs[wheels:])
+        return dataclasses.replace(made, plant=plant, struck=struck if failures else None)
 
     def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
         """That of the controller."""

@@ -28,6 +28,15 @@ class Method(eqx.Module):
     max_steps: int = eqx.field(static=True)
 
 
+def step_size_for(method: Method, loop: AbstractLoop) -> diffrax.AbstractStepSizeController:
+    """The method's steps, which end where actuators of the loop fail, if they are adaptive."""
+    steps = method.step_size
+    if not isinstance(loop, ContinuousLoop) or not isinstance(steps, diffrax.PIDController):
+        return steps
+    times = loop.actuators.failure_times
+    return diffrax.ClipStepSizeController(steps, jump_ts=times) if times.size else steps
+
+
 def adaptive(
     rtol: float = 1e-13,
     atol: float = 1e-14,

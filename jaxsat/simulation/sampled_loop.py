@@ -70,6 +70,8 @@ class SampledLoop(AbstractLoop):
         require_counts(substeps=self.substeps)
         if self.sensors is not None and self.navigation is not None:
             raise ValueError("Arguments `sensors` and `navigation` must not both be given.")
+        if isinstance(self.actuators, AbstractActuators) and self.actuators.failure_times.size:
+            raise ValueError("Failures of ideal actuators must be those of a continuous loop.")
         if self.delay is None:
             return
         require_positive("delay", self.delay, zero_allowed=True)

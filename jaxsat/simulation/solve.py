@@ -27,7 +27,7 @@ from jaxsat.simulation.assessment import (
 )
 from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop
-from jaxsat.simulation.methods import Method, default_method
+from jaxsat.simulation.methods import Method, default_method, step_size_for
 from jaxsat.simulation.sampled_loop import Integrator, SampledLoop, SampledState
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
 
@@ -86,7 +86,7 @@ def _run_continuous(loop, start, times, method, adjoint, limit, tolerances) -> T
             ],
             solver_state=True,
         ),
-        stepsize_controller=method.step_size,
+        stepsize_controller=step_size_for(method, loop),
         max_steps=method.max_steps,
         adjoint=adjoint,
         event=diffrax.Event(lambda t, y, args, **_: ~all_within(y, limit)),

@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.smooth import sat
+from jaxsat.vehicle.failures import FailureEvents
 from jaxsat.vehicle.thruster_set import directions_across
 from jaxsat.vehicle.thrusters import Thrusters, allocation
 
@@ -38,6 +39,16 @@ class AbstractActuators(eqx.Module):
     @abc.abstractmethod
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractActuators":
         """These actuators held on the side of each corner that `signs` tells."""
+
+    @property
+    def failure_times(self) -> Float[Array, " f"]:
+        """When something of them fails under a continuous law, s; here never."""
+        return jnp.zeros(0)
+
+    def after_failures(self, struck: Bool[Array, " f"]) -> "AbstractActuators":
+        """These actuators once those failures have struck; here themselves."""
+        del struck
+        return self
 
     def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"] | None:
         """The torque that each wheel is to put on the body, N m; here None: there are no wheels."""
@@ -69,13 +80,17 @@ class Actuators(AbstractActuators):
     (3, m) are the directions of the working thrusters' torques, `thrust_map` (m, 2) or (m, 3)
     shares the command among them, and `limit` (N m, may be infinite) bounds each thruster. The
     map belongs to whoever allocates: `misaligned` changes the true axes and leaves it as it is.
-    `saturated` holds each thruster on one side of its limit, see `smooth_piece`.
+    `saturated` holds each thruster on one side of its limit, see `smooth_piece`. `failures` strike
+    in flight; what they leave is `gain` times the thrust and `level` of the limit, None for sound.
     """
 
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
     thrust_map: Float[Array, "m torques"] = eqx.field(converter=as_float)
     limit: Float[Array, ""] = eqx.field(converter=as_float, default=jnp.inf)
     saturated: Bool[Array, " m"] | None = None
+    failures: FailureEvents | None = None
+    gain: Float[Array, " m"] | None = None
+    level: Float[Array, " m"] | None = None
 
     def __check_init__(self):
         require_positive("limit", self.limit)
@@ -101,7 +116,7 @@ class Actuators(AbstractActuators):
         across = jnp.stack([directions_across(axis) for axis in self.torque_axes.T])  # (m, 2, 3)
         axes = self.torque_axes.T + jnp.sum(angles[:, :, None] * across, axis=1)
         axes = axes / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))
-        return Actuators((axes * (1 + gain_errors[:, None])).T, self.thrust_map, self.limit)
+        return dataclasses.replace(self, torque_axes=(axes * (1 + gain_errors[:, None])).T)
 
     @property
     def event_count(self) -> int:
@@ -111,7 +126,22 @@ class Actuators(AbstractActuators):
     def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
         """The body torque, N m, each thruster clipped at its limit: T of equation (5)."""
         thrust = sat(self.thrust_map @ command, self.limit, None, self.saturated)
+        if self.gain is not None and self.level is not None:
+            full = jnp.where(jnp.isfinite(self.limit), self.limit, 0.0)
+            thrust = self.gain * thrust + self.level * full
         return self.torque_axes @ thrust
+
+    @property
+    def failure_times(self) -> Float[Array, " f"]:
+        """When each failure strikes, s."""
+        return jnp.zeros(0) if self.failures is None else self.failures.at
+
+    def after_failures(self, struck: Bool[Array, " f"]) -> "Actuators":
+        """These thrusters once those failures have struck."""
+        if self.failures is None:
+            return self
+        gain, level, axes = self.failures.two_signed(struck, self.torque_axes)
+        return dataclasses.replace(self, torque_axes=axes, gain=gain, level=level, failures=None)
 
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
         """Positive for each thruster of which more than its limit is asked."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float
 
@@ -29,6 +29,8 @@ class FailureKind(enum.IntEnum):
     """It makes no thrust for `amount` of every `CYCLE` seconds."""
     TURNED = 7
     """Its torque is turned by `turn`."""
+    REVERSED = 8
+    """It makes the opposite of the torque it should; one that has both signs."""
 
 
 CYCLE = 10.0
@@ -74,6 +76,30 @@ class FailureEvents(eqx.Module):
                 -begin,
             )
         return found
+
+    def two_signed(
+        self, struck: Bool[Array, " f"], axes: Float[Array, "3 m"]
+    ) -> tuple[Float[Array, " m"], Float[Array, " m"], Float[Array, "3 m"]]:
+        """State of thrusters of either sign once those events have struck.
+
+        Their torque in parts of the limit is `gain` x commanded + `level`, along the third. They
+        may be dead, degraded, stuck, turned or reversed.
+        """
+        gain = jnp.ones(axes.shape[1])
+        level = jnp.zeros_like(gain)
+        for event in range(self.count):
+            hit = (jnp.arange(gain.size) == jnp.round(self.thruster[event])) & struck[event]
+            kind, amount = jnp.round(self.kind[event]), self.amount[event]
+            stuck = (kind == FailureKind.STUCK_ON) | (kind == FailureKind.STUCK_AT)
+            held = jnp.where(kind == FailureKind.STUCK_ON, 1.0, amount)
+            left = jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)
+            left = jnp.where(kind == FailureKind.REVERSED, -1.0, left)
+            left = jnp.where(stuck | (kind == FailureKind.DEAD), 0.0, left)
+            gain = jnp.where(hit, gain * left, gain)
+            level = jnp.where(hit, jnp.where(stuck, held, left * level), level)
+            turns = hit & (kind == FailureKind.TURNED)
+            axes = jnp.where(turns[None], self.turned[event], axes)
+        return gain, level, axes
 
 
 class Condition(NamedTuple):

@@ -88,6 +88,17 @@ class ActuatorsWithWheels(AbstractActuators):
         return self.thrusters(self.rest @ command)
 
     @property
+    def failure_times(self) -> Float[Array, " f"]:
+        """When thrusters fail, s."""
+        return jnp.zeros(0) if self.thrusters is None else self.thrusters.failure_times
+
+    def after_failures(self, struck: Bool[Array, " f"]) -> "ActuatorsWithWheels":
+        """These actuators once those failures of thrusters have struck."""
+        if self.thrusters is None:
+            return self
+        return dataclasses.replace(self, thrusters=self.thrusters.after_failures(struck))
+
+    @property
     def event_count(self) -> int:
         """One for each wheel with a limit, and those of the thrusters."""
         wheels = 0 if self.wheel_limit is None else self.wheel_map.shape[0]

@@ -1,0 +1,141 @@
+"""Ideal thrusters that fail under a continuous law: steps end there, in every engine."""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxsat.attitude import Quaternion
+from jaxsat.control.controller import AbstractFeedbackLaw
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.engine import (
+    AbstractCaseFactory,
+    AdaptiveStepper,
+    Case,
+    NativeEngine,
+    ReferenceEngine,
+    ScanEngine,
+    Tolerance,
+    program_of,
+)
+from jaxsat.environment import ExactOrbit
+from jaxsat.simulation import ContinuousLoop, adaptive, simulate
+from jaxsat.vehicle import Actuators, FailureEvents, FailureKind, Spacecraft, Thrusters
+
+INERTIA = np.array([[4.0, 0.3, -0.2], [0.3, 2.5, 0.1], [-0.2, 0.1, 3.2]])
+AXES = np.eye(3)
+TURNED = np.array([[0.0, 0.0, 0.0], [0.8, 1.0, 0.0], [0.6, 0.0, 1.0]])
+LIMIT, SECONDS = 0.3, 8.0
+OMEGA = [0.05, -0.03, 0.1]
+
+
+class Waves(AbstractFeedbackLaw):
+    """Torques that go beyond the limit, and damping."""
+
+    def torque(self, t, state):
+        wave = jnp.stack([jnp.sin(t), jnp.cos(0.7 * t), 0.3 + 0.1 * jnp.sin(2 * t)])
+        return -0.4 * state.omega + 0.35 * wave
+
+
+class Struck(AbstractCaseFactory):
+    """A loop with other events in every case: (thruster, time, kind, amount) of two."""
+
+    loop: ContinuousLoop
+    start: PlantState
+
+    def __call__(self, case, gains):
+        del gains
+        events = FailureEvents(*case.reshape(4, 2), jnp.stack([jnp.asarray(TURNED)] * 2))
+        loop = eqx.tree_at(lambda loop: loop.actuators.failures, self.loop, events)
+        return Case(loop, self.start, {"failure": case}, jnp.array(True))
+
+
+def factory():
+    never = FailureEvents([0, 0], [np.inf] * 2, [0, 0], [0, 0], np.stack([TURNED] * 2))
+    actuators = dataclasses.replace(Actuators.of(Thrusters(AXES), LIMIT, torques=3), failures=never)
+    plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
+    start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA)
+    return Struck(ContinuousLoop(plant, Waves(), actuators), start)
+
+
+K, NEVER = FailureKind, np.inf
+CASES = np.array(
+    [  # thrusters, times, kinds, amounts
+        [0, 0, NEVER, NEVER, K.DEAD, K.DEAD, 0, 0],
+        [0, 1, 2.345, NEVER, K.DEAD, K.DEAD, 0, 0],
+        [1, 1, 1.5, 4.25, K.DEGRADED, K.REVERSED, 0.4, 0],
+        [2, 0, 3.3, 3.3, K.STUCK_AT, K.STUCK_ON, -0.7, 0],
+        [0, 0, 1.1, 5.0, K.TURNED, K.DEAD, 0, 0],
+        [2, 1, 0.0, 7.999, K.REVERSED, K.STUCK_ON, 0, 0],
+    ],
+    float,
+)
+
+
+def truth(case):
+    """ω at the end, by SciPy between the events; shares no code with jaxsat."""
+    gain, level, axes = np.ones(3), np.zeros(3), AXES.copy()
+    events = sorted(zip(*case.reshape(4, 2)[[1, 0, 2, 3]], strict=True), key=lambda x: x[0])
+    t, omega = 0.0, np.array(OMEGA)
+
+    def rate(t, omega):
+        wave = [np.sin(t), np.cos(0.7 * t), 0.3 + 0.1 * np.sin(2 * t)]
+        thrust = np.clip(-0.4 * omega + 0.35 * np.array(wave), -LIMIT, LIMIT)
+        torque = axes @ (gain * thrust + level * LIMIT)
+        return np.linalg.solve(INERTIA, torque - np.cross(omega, INERTIA @ omega))
+
+    for end, which, kind, amount in [*events, (SECONDS, 0, -1, 0)]:
+        end, which = min(end, SECONDS), int(which)
+        if end > t:
+            run = solve_ivp(rate, (t, end), omega, "DOP853", rtol=1e-11, atol=1e-13, max_step=0.01)
+            omega, t = run.y[:, -1], end
+        if kind in (K.DEAD, K.STUCK_ON, K.STUCK_AT):
+            gain[which] = 0.0
+            level[which] = {K.DEAD: 0.0, K.STUCK_ON: 1.0, K.STUCK_AT: amount}[kind]
+        elif kind in (K.DEGRADED, K.REVERSED):
+            gain[which] *= amount if kind == K.DEGRADED else -1.0
+        elif kind == K.TURNED:
+            axes[:, which] = TURNED[:, which]
+    return omega
+
+
+@pytest.mark.slow
+def test_engines_agree_with_an_independent_program():
+    cases = factory()
+    program = program_of(cases, cases.loop, SECONDS)
+    stepper = AdaptiveStepper(tolerance=Tolerance(1e-11, 1e-11))
+    found = NativeEngine(stepper).evaluate(program, CASES)
+    scanned = ScanEngine(stepper, 6).evaluate(program, CASES)
+    reference = ReferenceEngine(adaptive(1e-12, 1e-13, min_step=1e-10), batch_size=6)
+    expected = np.array([truth(case) for case in CASES])
+    assert np.abs(expected[1:] - expected[0]).max(axis=1).min() > 1e-4
+    for other in (found, scanned, reference.evaluate(program, CASES)):
+        assert np.all(other.code == 0)
+        np.testing.assert_allclose(other.omega, expected, atol=2e-9)
+    np.testing.assert_allclose(found.omega, scanned.omega, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_step_ends_where_a_thruster_fails():
+    """A body at rest about whose axis a thruster dies at t: ω = t T / J."""
+
+    class Push(AbstractFeedbackLaw):
+        def torque(self, t, state):
+            del t, state
+            return jnp.array([0.2, 0.0])
+
+    events = FailureEvents([0.0], [1.23456], [K.DEAD], [0.0], AXES[None, :, :2])
+    actuators = dataclasses.replace(Actuators.of(Thrusters(AXES[:, :2]), LIMIT), failures=events)
+    plant = RigidBody(Spacecraft([2.0, 3.0, 4.0]), ExactOrbit(0.0))
+    loop = ContinuousLoop(plant, Push(), actuators)
+    assert not loop.is_smooth()
+    start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.0, 0.0, 0.0])
+    run = simulate(loop, start, np.array([0.0, 1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(
+        run.signals.omega[:, 0], [0, 0.1, 0.123456, 0.123456], rtol=0, atol=1e-14
+    )
+    np.testing.assert_array_equal(run.signals.torque[:, 0], [0.2, 0.2, 0, 0])
+    assert run.assessment.effort[0] == pytest.approx(0.2 * 1.23456, rel=1e-9)
