@@ -5,12 +5,13 @@
 The same law, sensors, cases and duration, on one thread, by the native engine; with thrusters also
 pulse-width modulation, allocation by least propellant and a failure in flight, and then with gyro,
 star tracker and Kalman filter in place of white noise. Times are the least of several runs,
-compiling left out.
+compiling left out. `native/compare.py --work pulsed` sets the pulses beside C written by hand.
 """
 
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import diffrax
@@ -78,12 +79,12 @@ def scenario_text(pulsed: bool, filtered: bool) -> str:
     return f'{before}{SIX}{FAILURE}[modulation]\nkind = "pwm"\n\n{mark}{after}'
 
 
-def study_of(pulsed: bool, filtered: bool, count: int):
+def study_of(pulsed: bool, filtered: bool, count: int, changes: Sequence[str] = CHANGES):
     """A study of the scenario, read from a file as a user would."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scenario.toml"
         file.write_text(scenario_text(pulsed, filtered), encoding="utf-8")
-        return build_study(load(file, CHANGES), count, seed=1)
+        return build_study(load(file, changes), count, seed=1)
 
 
 def processor_seconds(study, count: int) -> tuple[float, float]:

@@ -2,11 +2,13 @@
 
     python benchmarks/native/compare.py --cases 1024 --duration 200
     python benchmarks/native/compare.py --work sampled --cases 256 --duration 600
+    python benchmarks/native/compare.py --work pulsed --cases 256 --duration 100
 
 The work is the scenario benchmark-three-axis: RK4 with 20 steps a second, the same with the
 derivatives of the cost by four gains, and adaptive 5(4) steps with located switches; or, with
 `--work sampled`, the scenario acceptance-hard with the oscillatory law: sensor noise, Kalman filter
-and least squares ten times a second. The results are compared first. Times are processor seconds
+and least squares ten times a second; or, with `--work pulsed`, that with six thrusters that push,
+pulse widths, allocation and a failure. The results are compared first. Times are processor seconds
 (of all threads), the least of several turns, so that what else the machine does counts little;
 ratios are paces in parts of that of C. Needs a C compiler; says so where there is none.
 """
@@ -27,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from hand_written import Adaptive, FixedSteps, compiler
-from sampled_work import Sampled, sampled_engine, sampled_study
+from sampled_work import Sampled, pulsed_study, sampled_engine, sampled_study
 
 from contenders.work import K3, K4, MU, A, starts
 from engines import made_study
@@ -188,13 +190,19 @@ def compare(options: argparse.Namespace) -> None:
 def compare_sampled(options: argparse.Namespace) -> None:
     """The table of the sampled loop."""
     count = options.cases
-    study = sampled_study(count, options.duration)
+    pulsed = options.work == "pulsed"
+    study = (pulsed_study if pulsed else sampled_study)(count, options.duration)
     program = Sampled(study, count)
     results = by_hand(program, study, count, 1)()
     found = sampled_engine(1).evaluate(study.program, study.cases(np.arange(count)))
     for name, column in (("cost", 0), ("effort", 1), ("peak_rate", 2)):
         off = np.abs(getattr(found, name) / results[:, column] - 1)
         print(f"{name}: native and C differ by {np.median(off):.0e}, at most {off.max():.0e}")
+    if pulsed:
+        for name, column in (("propellant", 11), ("valve_openings", 12)):
+            values = np.asarray(getattr(found, name)).reshape(count, -1).sum(axis=1)
+            off = np.abs(values - results[:, column]) / np.maximum(results[:, column], 1e-30)
+            print(f"{name}: native and C differ by {np.median(off):.0e}, at most {off.max():.0e}")
     late = np.isinf(found.settling_time), np.isinf(results[:, 3])
     print(f"settled: native {count - late[0].sum()}, C {count - late[1].sum()} of {count} cases")
     for threads in options.threads:
@@ -202,14 +210,14 @@ def compare_sampled(options: argparse.Namespace) -> None:
             "C": by_hand(program, study, count, threads),
             "native": by_engine(sampled_engine(threads), study, count),
         }
-        report(f"Oscillatory law, 10 samples a second, {threads} threads", runs, count,
-               options.rounds)  # fmt: skip
+        title = f"Oscillatory law{' by pulses' * pulsed}, 10 samples a second, {threads} threads"
+        report(title, runs, count, options.rounds)
 
 
 def main() -> None:
     """Compare, where there is a compiler."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--work", choices=["three-axis", "sampled"], default="three-axis")
+    parser.add_argument("--work", choices=["three-axis", "sampled", "pulsed"], default="three-axis")
     parser.add_argument("--cases", type=int, default=1024)
     parser.add_argument("--duration", type=float, default=200.0)
     parser.add_argument("--tolerance", type=float, default=1e-7)
@@ -220,7 +228,7 @@ def main() -> None:
         sys.exit("There is no C compiler here, so there is nothing to compare with.")
     jax.config.update("jax_enable_x64", True)
     options = parser.parse_args()
-    (compare_sampled if options.work == "sampled" else compare)(options)
+    (compare if options.work == "three-axis" else compare_sampled)(options)
 
 
 if __name__ == "__main__":

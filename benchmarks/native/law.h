@@ -151,8 +151,13 @@ static void control(const Numbers *numbers, Block *k, double (*noise)[LANES], do
         k->rho[l] = regulating ? 1e-9 : rho;
         u1 = within_limits(regulating ? v1 : u1, c->limit);
         u2 = within_limits(regulating ? v2 : u2, c->limit);
+#ifdef PULSED
+        k->command[0][l] = u1;
+        k->command[1][l] = u2;
+#else
         k->torque[0][l] = k->axes[0][l] * u1 + k->axes[1][l] * u2;
         k->torque[1][l] = k->axes[2][l] * u1 + k->axes[3][l] * u2;
         k->torque[2][l] = k->axes[4][l] * u1 + k->axes[5][l] * u2;
+#endif
     }
 }

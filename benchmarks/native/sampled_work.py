@@ -1,4 +1,4 @@
-"""sampled.c and what it is given: the cases and numbers of a study of the oscillatory law."""
+"""sampled.c, pulsed.c and what they are given: cases and numbers of a study."""
 
 import ctypes
 
@@ -13,14 +13,17 @@ from jaxsat.assembly.study import build_study
 from jaxsat.engine import NativeEngine, SampledStepper
 from jaxsat.engine.native.functions import error_function
 from jaxsat.montecarlo import Study
+from jaxsat.vehicle import Actuators, FailureKind, PulsedThrusters, PulseWidth
+from pulses import study_of
 
 COLUMNS = 11
+USED = 2
+"""More columns of pulsed.c: propellant and openings."""
 
 
 def sampled_study(count: int, duration: float) -> Study:
     """acceptance-hard with the oscillatory law."""
-    changed = ["control.law='oscillatory'", f"simulation.duration_s={duration}"]
-    return build_study(load("acceptance-hard", changed), count, seed=1)
+    return build_study(load("acceptance-hard", _changes(duration)), count, seed=1)
 
 
 def sampled_engine(workers: int) -> NativeEngine:
@@ -28,12 +31,23 @@ def sampled_engine(workers: int) -> NativeEngine:
     return NativeEngine(SampledStepper(diffrax.Bosh3()), workers=workers)
 
 
-class Sampled:
-    """sampled.c, for the cases of a study."""
+def pulsed_study(count: int, duration: float) -> Study:
+    """The same with six thrusters that push, pulse-width modulation and a failure."""
+    return study_of(True, False, count, _changes(duration))
 
-    columns = COLUMNS
+
+def _changes(duration: float) -> list[str]:
+    cost = "simulation.attitude_cost=wz"
+    return ["control.law='oscillatory'", cost, f"simulation.duration_s={duration}"]
+
+
+class Sampled:
+    """sampled.c, for the cases of a study, or pulsed.c where thrusters push."""
 
     def __init__(self, study: Study, count: int):
+        actuators = study.case_factory.loop.actuators
+        pulsed = isinstance(actuators, PulsedThrusters)
+        self.columns = COLUMNS + (USED if pulsed else 0)
         program, cases = study.program, study.cases(np.arange(count))
         assert program.cost.unsettled is None
         assert program.cost.limit is None
@@ -44,7 +58,9 @@ class Sampled:
         self.rows, self.keys = _rows(copies), np.ascontiguousarray(copies.loop.sensors.key)
         one = jax.tree.map(lambda x: np.asarray(x[0]), copies.loop)
         self.numbers = _numbers(one, program)
-        self.function = library("sampled", _coefficients()).sampled
+        if pulsed:
+            self.numbers = np.concatenate([self.numbers, _of_pulses(actuators)])
+        self.function = library("pulsed" if pulsed else "sampled", _coefficients()).sampled
         self.function.argtypes = [*[POINTER] * 3, *[WHOLE] * 3, POINTER]
         self.function.restype = None
 
@@ -61,7 +77,10 @@ def _rows(copies) -> np.ndarray:
     plant, start = copies.loop.plant, copies.start
     wave = plant.disturbance
     inertia = np.asarray(plant.spacecraft.inertia)[:, *np.triu_indices(3)]
-    axes = np.asarray(copies.loop.actuators.torque_axes).reshape(-1, 6)
+    actuators = copies.loop.actuators
+    pulsed = isinstance(actuators, PulsedThrusters)
+    axes = np.asarray(actuators.thrusters.torque if pulsed else actuators.torque_axes)
+    axes = axes.reshape(len(axes), -1)
     rest = [wave.amplitude, wave.frequency, wave.phase, start.attitude.q, start.omega]
     return np.ascontiguousarray(np.concatenate([inertia, axes, *rest], axis=1))
 
@@ -69,11 +88,12 @@ def _rows(copies) -> np.ndarray:
 def _numbers(loop, program) -> np.ndarray:
     """The fields of `Numbers` in order."""
     law, sensors = loop.controller, loop.sensors
-    assert np.array_equal(loop.actuators.thrust_map, np.eye(2))
     oscillator, handover = law.fine.oscillator, law.fine.handover
     demand, filtering, fit = oscillator.demand, law.estimator.observer, law.estimator.least_squares
     moments = np.diag(oscillator.form.model.spacecraft.inertia)
-    assert loop.actuators.limit == law.torque_limit
+    if isinstance(loop.actuators, Actuators):
+        assert np.array_equal(loop.actuators.thrust_map, np.eye(2))
+        assert loop.actuators.limit == law.torque_limit
     parts = [
         *(oscillator.form.model.orbit.rate, *moments, demand.k3, demand.damping, demand.rest),
         *(oscillator.frequency, oscillator.tilt_gain, oscillator.rate_gain),
@@ -88,6 +108,21 @@ def _numbers(loop, program) -> np.ndarray:
         *(program.cost.w, program.cost.z, program.cost.relative_rate, program.cost.torque),
     ]
     return np.array([float(x) for x in parts])
+
+
+def _of_pulses(actuators: PulsedThrusters) -> np.ndarray:
+    """The fields for thrusters that push: pairs about x, y and z, the first of which degrades."""
+    thrusters, failures = actuators.thrusters, actuators.failures
+    assert isinstance(actuators.modulation, PulseWidth)
+    assert not thrusters.ramps
+    torque = np.asarray(thrusters.torque)
+    assert np.array_equal(np.sign(torque), np.kron(np.eye(3), [1, -1]))
+    assert failures is not None
+    assert (failures.thruster, failures.kind) == (0, FailureKind.DEGRADED)
+    on_time = np.unique(np.asarray(thrusters.min_on_time))
+    flow = np.broadcast_to(np.asarray(thrusters.flow), 6)
+    full = np.abs(torque).sum(axis=0)[:4]
+    return np.concatenate([full, on_time, flow, np.asarray(failures.at), failures.amount])
 
 
 def _coefficients() -> str:

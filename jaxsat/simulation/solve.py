@@ -45,7 +45,8 @@ def simulate(
     """Run a closed loop from `start` at `times[0]` and save its signals at `times` (s).
 
     Without a `method` the loop's default is used. `adjoint` chooses how diffrax differentiates
-    (reverse mode with checkpoints unless told otherwise; `diffrax.ForwardMode()` for few gains).
+    a continuous loop (reverse mode with checkpoints unless told otherwise; `diffrax.ForwardMode()`
+    for few gains); a sampled loop takes both modes and needs none.
     When the run settled, by `tolerances`, is judged on the integrator's own steps and their dense
     output, so it does not depend on what is saved; nothing of that is differentiated. A run that
     fails raises nothing: see `Trajectory.code`. Raises `ValueError` for times that do not increase,
@@ -60,12 +61,21 @@ def simulate(
     tolerances = Tolerances() if tolerances is None else tolerances
     if isinstance(loop, SampledLoop):
         numbers = sample_numbers(loop, times)
-        samples = int(numbers[-1])
-        return _run_sampled(loop, start, times, numbers, samples, method.solver, limit, tolerances)
+        samples, solver = int(numbers[-1]), _either_mode(method.solver)
+        return _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances)
     if not isinstance(loop, AbstractContinuousLoop):
         raise TypeError(f"Argument `loop` must be a loop of jaxsat.simulation, got {type(loop)}.")
     adjoint = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
     return _run_continuous(loop, start, times, method, adjoint, limit, tolerances)
+
+
+def _either_mode(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+    """The solver with a loop over its stages that both modes of differentiation go through."""
+    if getattr(solver, "scan_kind", "none") is not None:
+        return solver
+    return eqx.tree_at(
+        lambda solver: solver.scan_kind, solver, "bounded", is_leaf=lambda x: x is None
+    )
 
 
 @eqx.filter_jit

@@ -196,3 +196,17 @@ def test_a_noisy_delayed_misaligned_loop_is_the_plain_one_when_all_errors_are_ze
     )
     runs = [simulate(loop, start(), np.arange(51) * 0.1).signals for loop in (plain, full)]
     np.testing.assert_allclose(runs[0].omega, runs[1].omega, atol=1e-11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+def test_a_sampled_loop_is_differentiated_in_either_mode(mode):
+    """By the gain of ω1 ← (1 - gain h / J1) ω1, with the solver that is taken by default."""
+
+    def last(gain):
+        loop = eqx.tree_at(lambda loop: loop.controller.gain, damped(), gain)
+        return simulate(loop, SPIN, TIMES[:5]).signals.omega[-1, 0]
+
+    factor = 1 - 0.7 * 0.5 / 2.0
+    expected = 0.3 * 4 * factor**3 * (-0.5 / 2.0)
+    np.testing.assert_allclose(mode(last)(jnp.array(0.7)), expected, rtol=1e-9)
