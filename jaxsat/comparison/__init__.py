@@ -24,6 +24,7 @@ from jaxsat.comparison.verdict import (
     choose_law,
     choose_laws,
     comparison_row,
+    settles_fewer,
 )
 
 __all__ = [
@@ -47,4 +48,5 @@ __all__ = [
     "comparison_study",
     "horizon",
     "require_suitable",
+    "settles_fewer",
 ]

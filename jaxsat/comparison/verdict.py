@@ -85,7 +85,7 @@ def choose_law(rows: Sequence[ComparisonRow]) -> ComparisonVerdict:
     surest = max(rows, key=lambda row: (row.settled.value, -row.t50.value))
     if surest.settled.value == 0:
         return ComparisonVerdict(level, limit, None, "no law settled a single case")
-    sure = [row for row in rows if not _settles_fewer(row, surest)]
+    sure = [row for row in rows if not settles_fewer(row, surest)]
     best = min(sure, key=lambda row: (row.t50.value, row.t90.value, -row.settled.value))
     return ComparisonVerdict(level, limit, best.setting.law, _reason(best, surest, sure, rows))
 
@@ -126,7 +126,7 @@ def _reason(
     return "; ".join(clauses)
 
 
-def _settles_fewer(row: ComparisonRow, other: ComparisonRow) -> bool:
+def settles_fewer(row: ComparisonRow, other: ComparisonRow) -> bool:
     """Whether of the cases that only one law settles too many are the other's."""
     one, two = (np.isfinite(each.settling_times) for each in (row, other))
     alone, others = int((one & ~two).sum()), int((two & ~one).sum())

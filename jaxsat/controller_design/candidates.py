@@ -15,6 +15,7 @@ from jaxsat.controller_design.vehicle import Scale, VehicleVerdict, scale_of
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.changes import controller_of
 from jaxsat.scenario import Scenario, ScenarioWarning
+from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.laws import known_law
 
 PERIOD = 0.1
@@ -35,12 +36,13 @@ GAINS: Mapping[str, Mapping[str, Gains]] = {
     },
     "three-axis": {
         "": (
-            {"k3": 0.316, "mu": 1.58, "k4": 4.74},
+            {"k3": 0.316, "mu": 1.58, "k4": 4.74, "attitude_weight_N_m": 2.5},
             {"a": 0.2, "internal_model": False, "saturation_width": 0.5, "tilt_width": 0.01},
         ),
     },
 }
-"""Variants of every law: gains times τ (of k4 over J0/τ) and those without dimension.
+"""Variants of every law: gains times τ (k4 over J0/τ, the weight over T) and those without
+dimension.
 
 The settling laws have their own (`jaxsat.control.tuned_gains`); those of the three-axis law are the
 ones of `two-wheel-telescope`.
@@ -176,9 +178,10 @@ def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
         kept["period_s"] = own.get("period_s", PERIOD)
 
     def table(scale: Scale) -> dict[str, Any]:
-        units = {key: scale.moment if key == "k4" else 1.0 for key in rates}
+        units = {"k4": scale.moment / scale.time, "attitude_weight_N_m": scale.torque}
         scaled = {
-            key: float(f"{value * units[key] / scale.time:.4g}") for key, value in rates.items()
+            key: float(f"{value * units.get(key, 1 / scale.time):.4g}")
+            for key, value in rates.items()
         }
         return {"law": name, **numbers, **kept, **scaled}
 
@@ -197,7 +200,9 @@ def _made(
             build(made)
             return made
     except ValidationError as error:
-        return "; ".join(dict.fromkeys(found["msg"] for found in error.errors()))
+        issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
+        told = (f"{key_of(issue.location)} {issue.message}" for issue in issues)
+        return "; ".join(dict.fromkeys(told))
     except ValueError as error:
         return str(error).rstrip(".")
 

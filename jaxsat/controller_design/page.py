@@ -6,8 +6,9 @@ import numpy as np
 
 from jaxsat.comparison import ComparisonRow
 from jaxsat.controller_design.result import ControllerDesign, Step, Verification
+from jaxsat.controller_design.tuning import TUNED
 from jaxsat.montecarlo import Interval, ends_text
-from jaxsat.text import markdown
+from jaxsat.text import clean, markdown
 
 SHOWN_CASES = 20
 """Failing cases that are listed; design.json has all."""
@@ -86,9 +87,10 @@ def _way(found: ControllerDesign) -> Iterator[str]:
     if found.tuned is not None:
         state = found.tuned.state
         yield (
-            f"Tuning of {found.tuned.candidate.name.removesuffix(', tuned')}, seed {seeds.tuning}: "
+            f"Tuning of {found.tuned.candidate.name.removesuffix(TUNED)}, seed {seeds.tuning}: "
             f"{state.step} steps, loss on its own validation cases from "
-            f"{float(np.min(state.validations[0].loss)):.4g} to {state.best_loss:.4g}."
+            f"{found.tuned.loss_before:.4g} to {state.best_loss:.4g}"
+            f"{'.' if found.tuned.improved else ': nothing better was found.'}"
         )
     elif found.not_tuned is not None:
         yield f"Tuning was left out: {found.not_tuned}."
@@ -167,7 +169,7 @@ def _verification(found: ControllerDesign, made: Verification) -> Iterator[str]:
 
 
 def _items(lines: Sequence[str]) -> str:
-    return "\n".join(f"- {markdown(line)}" for line in lines)
+    return "\n".join(f"- {clean(line)}" for line in lines)
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

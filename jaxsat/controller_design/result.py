@@ -135,7 +135,7 @@ class ControllerDesign:
         return {
             "candidate": self.tuned.candidate.name,
             "steps": state.step,
-            "loss_before": float(np.min(state.validations[0].loss)),
+            "loss_before": self.tuned.loss_before,
             "loss_after": float(state.best_loss),
         }
 

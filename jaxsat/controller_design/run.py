@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from jaxsat.assembly.study import EngineName
-from jaxsat.comparison import choose_law
+from jaxsat.comparison import choose_law, settles_fewer
 from jaxsat.controller_design.candidates import (
     Candidate,
     Fitting,
@@ -25,7 +25,7 @@ from jaxsat.controller_design.reading import ALL
 from jaxsat.controller_design.result import ControllerDesign, Step, Verification
 from jaxsat.controller_design.settings import Attitude, DesignSettings
 from jaxsat.controller_design.studies import Columns, Report, Studies, row_of
-from jaxsat.controller_design.tuning import Tuned, tune_candidate, tuning_table
+from jaxsat.controller_design.tuning import TUNED, Tuned, tune_candidate, tuning_table
 from jaxsat.controller_design.turned import turned
 from jaxsat.controller_design.vehicle import (
     Scale,
@@ -151,12 +151,11 @@ class DesignRun:
             return found
         screening = self._step("screening", 2, fitting.candidates)
         names = {one.name: one for one in fitting.candidates}
-        best = names[screening.verdict.law or _surest(screening)]
+        best = names[screening.verdict.law or fitting.candidates[0].name]
         tuned, not_tuned = self._tuned(fitting.candidates, screening, best)
         chosen, validation = best, None
-        if tuned is not None:
-            start = names[tuned.candidate.name.removesuffix(", tuned")]
-            contenders = tuple({one.name: one for one in (best, start, tuned.candidate)}.values())
+        contenders = _contenders(fitting.candidates, screening, tuned)
+        if len(contenders) > 1:
             validation = self._step("validation", 4, contenders)
             by_name = {one.name: one for one in contenders}
             chosen = by_name[validation.verdict.law or best.name]
@@ -294,9 +293,18 @@ class DesignRun:
         return tuple(found)
 
 
-def _surest(step: Step) -> str:
-    """Where no law settles anything, the first."""
-    return step.rows[0].setting.law
+def _contenders(
+    candidates: tuple[Candidate, ...], screening: Step, tuned: Tuned | None
+) -> tuple[Candidate, ...]:
+    """Those that may be the surest by the screening, whose cases are few, and the tuned one."""
+    top = max(screening.rows, key=lambda row: (row.settled.value, -row.t50.value))
+    rows = {row.setting.law: row for row in screening.rows}
+    kept = [one for one in candidates if not settles_fewer(rows[one.name], top)]
+    if tuned is None or not tuned.improved:
+        return tuple(kept)
+    start = tuned.candidate.name.removesuffix(TUNED)
+    kept += [one for one in candidates if one.name == start and one not in kept]
+    return (*kept, tuned.candidate)
 
 
 def _worth_tuning(

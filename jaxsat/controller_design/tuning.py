@@ -21,6 +21,9 @@ from jaxsat.tuning_run import run_descent
 FOLDER = "tuning"
 """Of the tuner inside the output folder."""
 
+TUNED = ", tuned"
+"""After the name of a candidate whose gains were tuned."""
+
 RANGE = 3.0
 """Bounds of a gain are its value times and over this."""
 
@@ -40,6 +43,16 @@ class Tuned(NamedTuple):
     candidate: Candidate
     plan: TuningPlan
     state: DescentState
+
+    @property
+    def loss_before(self) -> float:
+        """The loss of the first gains on the tuner's own validation cases."""
+        return float(np.min(self.state.validations[0].loss))
+
+    @property
+    def improved(self) -> bool:
+        """Whether any gains were better there."""
+        return self.state.best_loss < self.loss_before
 
 
 def tuning_table(scenario: Scenario, scale: Scale, steps: int, validation: int) -> TuningTable:
@@ -97,7 +110,7 @@ def tune_candidate(
         state = run_descent(shorter, plan, kept, report=report)
     control = tuned_scenario(shorter, plan, np.asarray(state.best_point)).control
     tuned = written.model_copy(update={"control": control})
-    return Tuned(Candidate(f"{candidate.name}, tuned", tuned), plan, state)
+    return Tuned(Candidate(f"{candidate.name}{TUNED}", tuned), plan, state)
 
 
 def _shortened(scenario: Scenario, row: ComparisonRow, table: TuningTable, seed: int) -> Scenario:

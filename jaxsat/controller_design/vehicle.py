@@ -58,7 +58,7 @@ class VehicleVerdict:
         elif self.holds:
             found.append("The wanted attitude can be held.")
         else:
-            turn = ", ".join(f"{part:.3g}" for part in self.turn)
+            turn = ", ".join(f"{round(part, 6):.3g}" for part in self.turn)
             found.append(
                 "The wanted attitude cannot be held: it would take a torque about the axis without "
                 "one. The nearest attitude that can be is turned from it by the rotation vector "

@@ -1,0 +1,143 @@
+"""A whole design: its steps, its folder, and that it goes on where it was broken off."""
+
+import json
+
+import numpy as np
+import pytest
+
+import jaxsat
+from jaxsat.comparison import ComparisonSetting, choose_law, comparison_row
+from jaxsat.controller_design import run as design_run
+from jaxsat.controller_design.candidates import Candidate
+from jaxsat.controller_design.page import DESIGNED, design_page, headline
+from jaxsat.controller_design.result import Step
+from jaxsat.controller_design.settings import DesignSettings
+
+ONE_TORQUE = ["spacecraft.failed_thrusters=[2, 3]"]
+TINY = {"cases": 12, "steps": 1}
+
+
+def test_nothing_to_design_is_said_and_not_raised(tmp_path):
+    scenario = jaxsat.load("two-torque-free", ONE_TORQUE, purpose="motion")
+    found = jaxsat.design(scenario, law="all", out=tmp_path / "d")
+    assert found.outcome == "nothing to design"
+    assert (found.scenario, found.gains, found.proven) == (None, {}, False)
+    assert {path.name for path in (tmp_path / "d").iterdir()} == {
+        ".jaxsat",
+        "design.md",
+        "design.json",
+    }
+    record = json.loads((tmp_path / "d" / "design.json").read_text())
+    assert record["controllability"]["verdict"] == "uncontrollable"
+    assert "all but rotation about x" in (tmp_path / "d" / "design.md").read_text()
+
+
+def test_a_law_that_does_not_fit_is_told_with_its_reason():
+    scenario = jaxsat.load("two-torque-free", ONE_TORQUE, purpose="motion")
+    found = jaxsat.design(scenario, law="three-slew")
+    assert found.outcome == "nothing to design"
+    assert "two independent axes" in found.left_out[0]
+    assert headline(found).startswith("Nothing to design. The law three-slew does not fit")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"law": "nonsense"}, "must be a law or all"),
+        ({"law": "coast"}, "aims at an attitude"),
+        ({"law": "rate"}, "aims at an attitude"),
+        ({"settled": 0.0}, "above 0 and at most 1"),
+        ({"cases": 0}, "at least 1"),
+        ({"steps": -1}, "must not be negative"),
+    ],
+)
+def test_arguments_that_cannot_be(given, message):
+    with pytest.raises(ValueError, match=message):
+        jaxsat.design(jaxsat.load("two-torque-free"), **given)
+
+
+def test_no_step_sees_the_cases_of_another():
+    seeds = DesignSettings("all", seed=7).seeds
+    assert len(set(seeds)) == 4
+
+
+def test_a_folder_of_another_design_is_refused(tmp_path):
+    one, other = (
+        jaxsat.load("two-torque-free", [*ONE_TORQUE, more], purpose="motion")
+        for more in ("title=one", "simulation.seed=4")
+    )
+    jaxsat.design(one, law="all", out=tmp_path / "d")
+    with pytest.raises(jaxsat.OutputError, match=r"another design.*seed"):
+        jaxsat.design(other, law="all", out=tmp_path / "d")
+
+
+def rows(**times):
+    return tuple(
+        comparison_row(
+            ComparisonSetting("screening", 1.0, name),
+            {"settling_time": np.asarray(given), "effort": [1.0], "peak_rate": [1.0]},
+        )
+        for name, given in times.items()
+    )
+
+
+def test_validation_has_all_that_may_be_the_surest():
+    """A quicker law that is perhaps less sure, and not one that surely is."""
+    sure, unsure = np.full(200, 50.0), np.full(200, 20.0)
+    worse = np.full(200, 10.0)
+    unsure[:3], worse[:40] = np.inf, np.inf
+    step = rows(sure=sure, unsure=unsure, worse=worse)
+    scenario = jaxsat.load("two-torque-free", purpose="text")
+    candidates = tuple(Candidate(name, scenario) for name in ("sure", "unsure", "worse"))
+    screening = Step(step, choose_law(step))
+    kept = design_run._contenders(candidates, screening, None)
+    assert [one.name for one in kept] == ["sure", "unsure"]
+
+
+@pytest.mark.slow
+def test_a_design_is_tuned_verified_written_and_resumed(tmp_path):
+    scenario = jaxsat.load(
+        "two-torque-free",
+        ["control.law=oscillatory", "control.k3=0.02", "spacecraft.torque_limit_N_m=20"],
+    )
+    told = []
+    given = TINY | {"out": tmp_path / "d", "report": lambda what, _: told.append(what)}
+    found = jaxsat.design(scenario, **given)
+    assert found.outcome == "reached"
+    assert [one.name for one in found.candidates] == ["oscillatory, as given", "oscillatory"]
+    assert found.tuned is not None
+    assert found.verification.summary.cases == 12
+    assert set(found.gains) == set(Candidate("", found.scenario).tunable)
+    for step in ("screening", "tuning", "validation", "verification"):
+        assert any(step in what for what in told), step
+
+    designed = jaxsat.load(tmp_path / "d" / DESIGNED, purpose="study")
+    assert designed == found.scenario
+    study = jaxsat.build_study(designed, 12, seed=found.settings.seeds.verification)
+    again = study.values(np.arange(3))["settling_time"]
+    np.testing.assert_array_equal(again, found.verification.columns["settling_time"][:3])
+
+    stores = sorted((tmp_path / "d" / "studies").rglob("*"))
+    before = {path: path.stat().st_mtime_ns for path in stores if "lock" not in path.name}
+    page = (tmp_path / "d" / "design.md").read_text()
+    resumed = jaxsat.design(scenario, **given)
+    assert design_page(resumed) == page
+    assert all(path.stat().st_mtime_ns == time for path, time in before.items() if path.is_file())
+    more = jaxsat.design(scenario, **given | {"cases": 14})
+    assert more.verification.summary.cases == 14
+
+
+@pytest.mark.slow
+def test_too_few_that_settle_are_explained_and_measured():
+    scenario = jaxsat.load(
+        "acceptance-hard", ["simulation.duration_s=60", "spacecraft.torque_limit_N_m=1"]
+    )
+    found = jaxsat.design(scenario, **TINY)
+    made = found.verification
+    assert found.outcome == "not reached"
+    assert len(made.failing) == 12
+    helped = {one.change: one.settled for one in made.remedies}
+    assert helped["nothing but 0.1 % more torque, to see what chance does"] == 0
+    assert {one.flown for one in made.remedies} == {12}
+    assert "twice the torque" in helped
+    assert "--case 0" in design_page(found)
