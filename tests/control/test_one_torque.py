@@ -50,7 +50,7 @@ def test_held_momentum_turns_to_one_side():
 
 
 def test_turning_is_never_slower_than_that():
-    """(x dy - y dx)/dt is convex in w for y > 0; at w = 0 and at -C / (pγy) it is -γ y R² or less."""
+    """(x dy - y dx)/dt is convex in w for y > 0, and -γ y R² or less at 0 and at -C / (pγy)."""
     _, first, second = drift()
     turn = sympy.expand(x * second - y * first)
     assert is_zero(turn - (gamma * y * w**2 + COUPLING * w - gamma * y * (x**2 + y**2)))
