@@ -55,9 +55,11 @@ def allocation_matrix(
     """Thrusts that make a torque commanded about the first two body axes, or about all three.
 
     `torque_axes` has a unit column for each thruster. With two torques and two thrusters the third
-    torque is then b1 u1 + b2 u2, equation (5); with more thrusters it is zero. Raises `ValueError`
-    where the thrusters cannot make the torques independently.
+    torque is then b1 u1 + b2 u2, equation (5); with more thrusters it is zero. One torque is about
+    the `torque_axis`. Raises `ValueError` where the thrusters cannot make them independently.
     """
+    if torques == 1:
+        return np.linalg.pinv(torque_axes) @ torque_axis(torque_axes)[:, None]
     count = torque_axes.shape[1]
     rows = torque_axes[:2] if count == torques == 2 else torque_axes
     rank = np.linalg.matrix_rank(rows, tol=NORMALISER_FLOOR)
@@ -68,6 +70,20 @@ def allocation_matrix(
             f"but their torque axes are the columns of {torque_axes.round(6).tolist()}."
         )
     return np.linalg.pinv(rows)[:, :torques]
+
+
+def torque_axis(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3"]:
+    """The unit vector about which alone the thrusters make torques, the way of the first one.
+
+    `torque_axes` has a column for each thruster. Raises `ValueError` for none, or torques about
+    more than one axis.
+    """
+    if not torque_axes.size or np.linalg.matrix_rank(torque_axes, tol=NORMALISER_FLOOR) != 1:
+        raise ValueError(
+            "The thrusters left must make torques about one axis alone, "
+            f"but their torque axes are the columns of {torque_axes.round(6).tolist()}."
+        )
+    return unit_columns(torque_axes)[:, 0]
 
 
 def torque_directions(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 2"]:
@@ -110,11 +126,13 @@ def plane_map(
     """The torque on the body for a command about the first two body axes, or about all three.
 
     Where the thrusters make torques in one plane only, two commanded torques have the third with
-    them that keeps to the plane; commands in `any_plane` are about its `torque_directions`. Raises
-    `ValueError` where the plane holds no such torques.
+    them that keeps to the plane; commands in `any_plane` are about its `torque_directions`, and one
+    torque is about the `torque_axis`. Raises `ValueError` where the plane holds no such torques.
     """
     if torques == 3:
         return np.eye(3)
+    if torques == 1:
+        return torque_axis(torque)[:, None]
     if any_plane:
         return torque_directions(unit_columns(torque))
     rows = _independent_rows(torque)

@@ -39,3 +39,27 @@ def normal_axes(
     axes = np.vstack([turn @ directions.T, normal])
     principal = turn @ reduced @ turn.T
     return axes, (float(principal[0, 0]), float(principal[1, 1]), float(normal @ along))
+
+
+LEAST_TORQUE_TILT = 1e-3
+"""Tangent of the angle between a torque and the acceleration that it makes, below which the axis
+counts as a principal one."""
+
+
+def torque_axis_frame(
+    inertia: Float[np.ndarray, "3 3"], axis: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
+    """Rows b, d, e of the frame of one torque about the unit vector b = `axis`, and J⁻¹ along them.
+
+    d is along J⁻¹b × b and e = b × d, so that no entry couples b and d (1/(kg m²)). About a
+    principal axis, where J⁻¹b × b vanishes, d is any direction across b.
+    """
+    inverse = np.linalg.inv(inertia)
+    side = np.cross(inverse @ axis, axis)
+    length = np.sqrt(side @ side)
+    if not length > 1e-12 * np.abs(inverse).max():
+        side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        length = np.sqrt(side @ side)
+    side = side / length
+    axes = np.stack([axis, side, np.cross(axis, side)])
+    return axes, axes @ inverse @ axes.T

@@ -10,9 +10,11 @@ from jaxsat.control.controller import (
 from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
+from jaxsat.control.inertia_fit import InertiaFit
 from jaxsat.control.internal_model import InternalModel, OscillatorState
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm, NormalState
+from jaxsat.control.one_torque import OneTorque, OneTorqueMode
 from jaxsat.control.oscillatory import (
     AbstractDemand,
     MorinSamson,
@@ -35,6 +37,7 @@ from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.switching import SwitchingLaw
 from jaxsat.control.terminal import OrbitalRegulator, linear_model
 from jaxsat.control.three_axis import ThreeAxisLaw
+from jaxsat.control.torque_axis import TorqueAxisFrame
 
 __all__ = [
     "AbstractBacksteppingLaw",
@@ -48,11 +51,14 @@ __all__ = [
     "FiniteTimeRate",
     "FiniteTimeRateLaw",
     "Handover",
+    "InertiaFit",
     "InternalModel",
     "LawContext",
     "MorinSamson",
     "NormalForm",
     "NormalState",
+    "OneTorque",
+    "OneTorqueMode",
     "OrbitalRegulator",
     "Oscillator",
     "OscillatorState",
@@ -70,6 +76,7 @@ __all__ = [
     "ThreeAxisLaw",
     "ThreeSlewLaw",
     "ThreeSlewSettling",
+    "TorqueAxisFrame",
     "TwoChannel",
     "UnsuitableModel",
     "linear_model",

@@ -17,7 +17,8 @@ class LawDeclaration:
     - `summary`: one line, what the law does.
     - `keys`: the law's own keys of `[control]`. A law that is sampled has `period_s` among them.
     - `torques`: 2 for a law that commands (u1, u2) about body x and y, 3 for one that commands a
-      torque about each body axis, which takes three independent thrusters, 0 for none.
+      torque about each body axis, which takes three independent thrusters, 1 for one that commands
+      a torque about the one axis that is left, `jaxsat.allocation.torque_axis`, 0 for none.
     - `any_plane`: the two torques are about `jaxsat.allocation.torque_directions` of the thrusters
       left, in whatever plane these are, instead of body x and y.
     - `has_model`: whether the table `[control.model]` may say what the controller believes.
@@ -39,7 +40,7 @@ class LawDeclaration:
 
     summary: str
     keys: tuple[Key, ...] = ()
-    torques: Literal[0, 2, 3] = 2
+    torques: Literal[0, 1, 2, 3] = 2
     any_plane: bool = False
     has_model: bool = True
     measures_disturbance: bool = False

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from jaxsat.declaration.law import LawDeclaration
+from jaxsat.declaration.one_torque import ONE_TORQUE
 from jaxsat.declaration.quaternion_feedback import QUATERNION_FEEDBACK
 from jaxsat.declaration.rate import RATE
 from jaxsat.declaration.settling import OSCILLATORY, THREE_SLEW
@@ -67,6 +68,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
                 "jaxsat.control.supervisor:ThreeSlewSettling",
                 "jaxsat.control.settling_laws:build_three_slew",
             ),
+            Law("one-torque", ONE_TORQUE, "jaxsat.control.one_torque:OneTorque"),
         )
     }
 )

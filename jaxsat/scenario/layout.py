@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.allocation import allocation_matrix, torque_directions, unit_columns
+from jaxsat.allocation import allocation_matrix, torque_axis, torque_directions, unit_columns
+from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.thruster_tables import working_torques
 
 
@@ -19,16 +20,19 @@ def working_axes(
 
 
 def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
-    """A unit column for each torque that a law of two torques in any plane counts on.
+    """A unit column for each torque that a law of one torque, or of two in any plane, counts on.
 
-    `scenario` is a checked one. Of thrusters that push these are two directions in which they make
+    `scenario` is a checked one. Of thrusters that push these are the directions in which they make
     torques of either sign, of wheels body x and y.
     """
     table = scenario.spacecraft
     if scenario.wheel:
         return np.eye(3)[:, :2]
     if scenario.thruster:
-        return torque_directions(unit_columns(working_torques(scenario.thruster)))
+        torques = unit_columns(working_torques(scenario.thruster))
+        if find_law(scenario.control.law).declaration.torques == 1:
+            return torque_axis(torques)[:, None]
+        return torque_directions(torques)
     return working_axes(table.thruster_torque_axes, table.failed_thrusters)
 
 

@@ -65,7 +65,9 @@ def _wheels_go_with_jaxsats_own_actuators(wheels, actuators):
 )
 def _wheels_and_thrusters_make_what_the_law_commands(law, wheels, thrusters, axes, failed):
     torques = find_law(law).declaration.torques
-    if not wheels or thrusters or not torques:
+    if wheels and torques == 1:
+        yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
+    if not wheels or thrusters or torques not in (2, 3):
         return
     working = working_axes(axes or (), failed)
     missing = what_is_left(working, least_squares_map(working, torques))

@@ -1,0 +1,163 @@
+"""Least squares for the inertia and the axis of the one torque that is left."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jaxsat.checks import as_float, require_positive
+from jaxsat.vehicle.thruster_set import directions_across
+
+RealScalar = Float[Array, ""]
+
+PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Of the six numbers of an inertia in its matrix."""
+
+MOMENT_ERROR, PRODUCT_ERROR, AXIS_ERROR = 0.08, 0.015, 0.012
+"""Standard deviations of a moment relative to itself, of a product relative to the geometric mean
+of its two moments, and of the direction of the torque axis (rad)."""
+
+BELIEVED = 3.0
+"""Standard deviations of the prior within which an estimate is believed."""
+
+
+def _basis() -> np.ndarray:
+    found = np.zeros((6, 3, 3))
+    for number, (row, column) in enumerate(PLACES):
+        found[number, row, column] = found[number, column, row] = 1.0
+    return found
+
+
+BASIS = _basis()
+"""Symmetric matrices (6, 3, 3), of which an inertia is the sum."""
+
+
+class InertiaMemory(NamedTuple):
+    """Errors of the model and their covariance, the last rates, and the present interval.
+
+    `first` are the rates (rad/s) at its beginning, `squares` is ∫ω ωᵀ dt and `impulse` ∫u dt;
+    `torque` (N m) was asked for at the last of its `samples`.
+    """
+
+    errors: Float[Array, "8"]
+    covariance: Float[Array, "8 8"]
+    first: Float[Array, "3"]
+    omega: Float[Array, "3"]
+    squares: Float[Array, "3 3"]
+    impulse: RealScalar
+    torque: RealScalar
+    samples: Int[Array, ""]
+
+
+class InertiaFit(eqx.Module):
+    """Recursive least squares for J and the torque axis b in J dω/dt = -ω × Jω + b u.
+
+    Over an interval J Δω + ∫ω × Jω dt = b ∫u dt, which is linear in the six numbers of J and the
+    two by which b leans; the torque that is commanded gives the unit. `moments` (kg m²) are those
+    of the model, whose principal axes everything is in, `axis` its unit vector b. `rate_noise`
+    (rad/s) is the standard deviation of a measured rate, `torque_noise` (N m) that of unknown
+    torques over an interval of `samples` control periods. What is believed keeps within three
+    standard deviations of the prior.
+    """
+
+    moments: Float[Array, "3"] = eqx.field(converter=as_float)
+    axis: Float[Array, "3"] = eqx.field(converter=as_float)
+    rate_noise: RealScalar = eqx.field(converter=as_float)
+    torque_noise: RealScalar = eqx.field(converter=as_float)
+    samples: int = eqx.field(static=True, default=10)
+
+    def __check_init__(self):
+        for name in ("moments", "rate_noise", "torque_noise"):
+            require_positive(name, getattr(self, name))
+        if self.samples < 1:
+            raise ValueError(f"Argument `samples` must be at least 1, but got {self.samples}.")
+
+    @property
+    def prior(self) -> Float[Array, "8"]:
+        """Standard deviations of the six numbers of J (kg m²) and of b along two directions."""
+        products = jnp.stack(
+            [jnp.sqrt(self.moments[row] * self.moments[column]) for row, column in PLACES[3:]]
+        )
+        lean = jnp.full(2, AXIS_ERROR, self.moments.dtype)
+        return jnp.concatenate([MOMENT_ERROR * self.moments, PRODUCT_ERROR * products, lean])
+
+    def init(self, omega: Float[Array, "3"]) -> InertiaMemory:
+        """No error known yet."""
+        zero = jnp.zeros_like(omega[0])
+        return InertiaMemory(
+            jnp.zeros(8, omega.dtype),
+            jnp.diag(self.prior**2).astype(omega.dtype),
+            omega,
+            omega,
+            jnp.zeros((3, 3), omega.dtype),
+            zero,
+            zero,
+            jnp.array(-1),  # the first sample only begins the first interval
+        )
+
+    def believed(self, memory: InertiaMemory) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
+        """J (kg m²) and the unit vector b."""
+        prior = self.prior
+        errors = jnp.clip(memory.errors, -BELIEVED * prior, BELIEVED * prior)
+        inertia = jnp.diag(self.moments) + jnp.sum(errors[:6, None, None] * BASIS, axis=0)
+        axis = self.axis + jnp.sum(errors[6:, None] * directions_across(self.axis), axis=0)
+        return inertia, axis / jnp.sqrt(jnp.sum(axis**2))
+
+    def sampled(
+        self, memory: InertiaMemory, omega: Float[Array, "3"], period: RealScalar
+    ) -> InertiaMemory:
+        """One sample more, `period` (s) after the last, from where on its torque was held."""
+        started = memory.samples >= 0
+        span = jnp.where(started, period, 0.0)
+        middle = (memory.omega + omega) / 2
+        # Simpson's rule, exact for squares of straight lines.
+        square = (_square(memory.omega) + 4 * _square(middle) + _square(omega)) / 6
+        memory = memory._replace(
+            first=jnp.where(started, memory.first, omega),
+            omega=omega,
+            squares=memory.squares + span * square,
+            impulse=memory.impulse + span * memory.torque,
+            samples=memory.samples + 1,
+        )
+        full = memory.samples >= self.samples
+        errors, covariance = self._corrected(memory, period)
+        return memory._replace(
+            errors=jnp.where(full, errors, memory.errors),
+            covariance=jnp.where(full, covariance, memory.covariance),
+            first=jnp.where(full, omega, memory.first),
+            squares=jnp.where(full, 0.0, memory.squares),
+            impulse=jnp.where(full, 0.0, memory.impulse),
+            samples=jnp.where(full, 0, memory.samples),
+        )
+
+    def _corrected(self, memory: InertiaMemory, period: RealScalar):
+        """Errors and covariance after the three equations of an interval, one at a time."""
+        change = memory.omega - memory.first
+        turned = jnp.sum(memory.squares[None, :, :, None] * BASIS[:, None, :, :], axis=2)
+        rows = jnp.sum(BASIS * change[None, None, :], axis=-1) + _antisymmetric(turned)
+        across = -directions_across(self.axis) * memory.impulse
+        regressors = jnp.concatenate([rows, across])  # (8, 3)
+        known = jnp.sum(self.moments[:, None] * rows[:3], axis=0) - self.axis * memory.impulse
+        noise = 2 * (jnp.mean(self.moments) * self.rate_noise) ** 2
+        noise += (self.torque_noise * self.samples * period) ** 2
+        errors, covariance = memory.errors, memory.covariance
+        for number in range(3):
+            regressor = regressors[:, number]
+            projected = jnp.sum(covariance * regressor[None, :], axis=1)
+            gain = projected / (noise + jnp.sum(regressor * projected))
+            errors = errors - gain * (known[number] + jnp.sum(regressor * errors))
+            covariance = covariance - gain[:, None] * projected[None, :]
+        return errors, covariance
+
+
+def _square(omega: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    return omega[:, None] * omega[None, :]
+
+
+def _antisymmetric(matrices: Float[Array, "6 3 3"]) -> Float[Array, "6 3"]:
+    """∫ω × Eω dt of (∫ω ωᵀ dt) E."""
+    pairs = ((1, 2), (2, 0), (0, 1))
+    parts = [matrices[:, row, column] - matrices[:, column, row] for row, column in pairs]
+    return jnp.stack(parts, axis=1)

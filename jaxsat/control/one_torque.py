@@ -1,0 +1,282 @@
+"""All three rates to zero with one torque about a fixed axis.
+
+The momentum across the torque axis b turns in the body only by gyroscopic torque. Held at zero
+momentum about b it turns by itself to one direction, d ∝ J⁻¹b × b, and there a spin about b of
+either sense takes it away; docs/one_torque.md has the derivation.
+"""
+
+import enum
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple, cast
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.allocation import torque_axis
+from jaxsat.checks import as_float, require_positive
+from jaxsat.control.context import LawContext, UnsuitableModel
+from jaxsat.control.inertia_fit import InertiaFit, InertiaMemory
+from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.scaling import Scaling
+from jaxsat.control.torque_axis import TorqueAxisFrame
+from jaxsat.declaration import LawDeclaration
+from jaxsat.declaration.one_torque import ONE_TORQUE
+from jaxsat.dynamics import PlantState
+from jaxsat.inertia import LEAST_TORQUE_TILT, torque_axis_frame
+
+RealScalar = Float[Array, ""]
+
+RATE_GAIN = 12.0
+"""Default of the inner loop's gain, times the `loop_time` of `Scaling`."""
+
+RATE_NOISE, TORQUE_NOISE = 3e-6, 2e-3
+"""What the least squares expect: noise of a rate, rad per `fine_time`, and unknown torques beside
+the periodic one in parts of the torque limit."""
+
+HELD = 0.52
+"""Share of the torque limit that holds the momentum about b against gyroscopic torque."""
+
+OVERWHELMED, RECOVERED = 1.15, 0.6
+"""Gyroscopic torque over the torque limit beyond which the law only damps, and until when."""
+
+BRAKE_SIDE = 1.7
+"""A brake may be faster than a turn where |y| is below this times x."""
+
+PASSED, FAST = 0.5, 0.3
+"""A brake goes on past y = 0 while |y| is below this share of what it still turns y by, and the
+spin is above this share of what is asked for."""
+
+SLOW, QUICK, SPIN = 0.25, 0.5, 2.3
+"""Momentum across b, over √(ηT / γ), below which the law spins up to turn faster, and until when;
+and the spin's momentum over that."""
+
+STILL, BRAKED = 1.3, 0.3
+"""Spinning up begins below this momentum about b over that across it, and where no brake of this
+share of the largest can begin."""
+
+LEFT = 0.15
+"""Share of the rest rate that a brake leaves."""
+
+LEAVE_REST = 1.2
+"""Rate over the rest rate at which the law goes on."""
+
+SMALL = 1e-30
+"""Keeps quotients and roots of zero finite."""
+
+
+class OneTorqueMode(enum.IntEnum):
+    """What the law is doing."""
+
+    DAMPING = 1
+    TURNING = 2
+    BRAKING = 3
+    SPINNING_UP = 4
+    RESTING = 5
+
+
+class Momenta(NamedTuple):
+    """Along b, d and e, N m s."""
+
+    w: RealScalar
+    x: RealScalar
+    y: RealScalar
+
+
+class Wanted(NamedTuple):
+    """The momentum about b that is asked for (N m s), its derivative (N m), and what it is for."""
+
+    momentum: RealScalar
+    derivative: RealScalar
+    mode: Int[Array, ""]
+
+
+class OneTorqueMemory(NamedTuple):
+    """The estimate, whether the law damps, spins up or rests, and the mode."""
+
+    fit: InertiaMemory
+    damps: Bool[Array, ""]
+    spins: Bool[Array, ""]
+    rests: Bool[Array, ""]
+    mode: Int[Array, ""]
+
+
+class OneTorque(AbstractSampledController):
+    """Turns the momentum (x, y) across b to y = 0, x > 0, and brakes it there by spinning about b.
+
+    With w the momentum about b, dx/dt = -γw² + w((α-ζ)y - ηx) + γy² and
+    dy/dt = w((δ-α)x + ηy) - γxy. The law asks for w = -C / (pγy), with which |y| falls as xᵖ,
+    within ± r √(x² + y²) while it turns and ± (3ηT x / γ)^⅓ while it brakes, which a torque of ηT
+    follows to x = 0 in finite time. Below `rest_rate` (rad/s) it rests. Rates that make gyroscopic
+    torques beyond `torque_limit` T (N m) are damped by a torque against b·ω, and a momentum that is
+    so small that it turns slowly is made larger first. `share` is η, `turn_ratio` r, `exponent` p;
+    `rate_gain` (1/s) is that on w, `period` in s. The rows of `principal` are the principal axes of
+    the model, in which `fit` works.
+    """
+
+    declaration: ClassVar[LawDeclaration] = ONE_TORQUE
+    modes: ClassVar[type[enum.IntEnum]] = OneTorqueMode
+
+    fit: InertiaFit
+    principal: Float[Array, "3 3"] = eqx.field(converter=as_float)
+    torque_limit: RealScalar = eqx.field(converter=as_float)
+    share: RealScalar = eqx.field(converter=as_float)
+    turn_ratio: RealScalar = eqx.field(converter=as_float)
+    exponent: RealScalar = eqx.field(converter=as_float)
+    rate_gain: RealScalar = eqx.field(converter=as_float)
+    rest_rate: RealScalar = eqx.field(converter=as_float)
+    period: RealScalar = eqx.field(converter=as_float)
+    estimates: bool = eqx.field(static=True, default=True)
+
+    def __check_init__(self):
+        for name in (
+            "torque_limit",
+            "share",
+            "turn_ratio",
+            "exponent",
+            "rate_gain",
+            "rest_rate",
+            "period",
+        ):
+            require_positive(name, getattr(self, name))
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "OneTorque":
+        """The law of a table of a scenario.
+
+        Raises `UnsuitableModel` where the torque axis is a principal axis.
+        """
+        inertia = np.asarray(context.model.spacecraft.inertia, float)
+        axis = torque_axis(context.torque_axes)
+        _, mobility = torque_axis_frame(inertia, axis)
+        if not mobility[0, 2] > LEAST_TORQUE_TILT * mobility[0, 0]:
+            raise UnsuitableModel(
+                "inertia",
+                "can stop the rotation, which takes a torque axis that is no principal axis: a "
+                "torque about principal axis 1 never changes (J1-J2) J2 ω2² + (J1-J3) J3 ω3², got "
+                f"principal moments {np.linalg.eigvalsh(inertia).round(6).tolist()} kg m² and the "
+                f"torque axis {axis.round(6).tolist()}",
+            )
+        shares = np.linalg.pinv(context.torque_axes) @ axis
+        limit = cast(float, context.torque_limit) / float(np.abs(shares).max())
+        period = values["period_s"]
+        scaling = Scaling.of(1 / float(mobility[0, 0]), limit, period)
+        moments, columns = np.linalg.eigh(inertia)
+        gain = values["rate_gain"]
+        fit = InertiaFit(
+            moments,
+            columns.T @ axis,
+            RATE_NOISE / scaling.fine_time,
+            TORQUE_NOISE * limit + float(np.max(np.abs(context.disturbance_amplitude))),
+        )
+        return cls(
+            fit=fit,
+            principal=columns.T,
+            torque_limit=limit,
+            share=values["share"],
+            turn_ratio=values["turn_ratio"],
+            exponent=values["exponent"],
+            rate_gain=RATE_GAIN / scaling.loop_time if gain is None else gain,
+            rest_rate=values["rest_rate_rad_s"],
+            period=period,
+            estimates=values["estimate_inertia"],
+        )
+
+    def init(self, state: PlantState) -> OneTorqueMemory:
+        """Nothing known yet."""
+        no = jnp.array(False)
+        fit = self.fit.init(self.principal @ state.omega)
+        return OneTorqueMemory(fit, ~no, no, no, jnp.array(OneTorqueMode.DAMPING))
+
+    def step(
+        self, t: RealScalar, state: PlantState, memory: OneTorqueMemory
+    ) -> tuple[Float[Array, "1"], OneTorqueMemory]:
+        """Estimate, choose what to do, and the torque."""
+        del t
+        omega = self.principal @ state.omega
+        fit = memory.fit
+        if self.estimates:
+            fit = self.fit.sampled(fit, omega, self.period)
+        inertia, axis = self.fit.believed(fit)
+        frame = TorqueAxisFrame.of(inertia, axis)
+        momentum = inertia @ omega
+        momenta = Momenta(*(frame.axes @ momentum))
+        rate = jnp.sqrt(jnp.sum(omega**2) + SMALL)
+        rests = rate < jnp.where(memory.rests, LEAVE_REST, 1.0) * self.rest_rate
+        holding = jnp.abs(frame.holding_torque(momenta.x, momenta.y)) / self.torque_limit
+        damps = holding > jnp.where(memory.damps, RECOVERED, OVERWHELMED)
+        wanted, spins = self._wanted(frame, momenta, memory.spins, rests)
+        gyroscopic = momenta.x * (frame.gamma * momenta.w + frame.eta * momenta.x)
+        gyroscopic += (frame.zeta - frame.delta) * momenta.x * momenta.y
+        gyroscopic -= frame.eta * momenta.y**2
+        tracking = wanted.derivative - gyroscopic + self.rate_gain * (wanted.momentum - momenta.w)
+        about_axis = momenta.w + frame.gamma / frame.alpha * momenta.y  # b·ω / α
+        asked = jnp.where(damps, -self.rate_gain * about_axis, tracking)
+        torque = jnp.clip(asked, -self.torque_limit, self.torque_limit)
+        mode = jnp.where(damps, OneTorqueMode.DAMPING, wanted.mode)
+        fit = fit._replace(torque=torque)
+        return torque[None], OneTorqueMemory(fit, damps, spins, rests, mode)
+
+    def mode(self, memory: OneTorqueMemory) -> Int[Array, ""]:
+        """The `OneTorqueMode` at work."""
+        return memory.mode
+
+    def _wanted(
+        self, frame: TorqueAxisFrame, at: Momenta, spun: Bool[Array, ""], rests: Bool[Array, ""]
+    ) -> tuple[Wanted, Bool[Array, ""]]:
+        """What to do, and whether that is to spin up."""
+        w, x, y = at
+        across = jnp.sqrt(x**2 + y**2 + SMALL)
+        force = self.share * self.torque_limit
+        left = LEFT * self.rest_rate / frame.alpha
+        braking_room = jnp.maximum(x - left, 0.0)
+        held = HELD * self.torque_limit / (frame.gamma * across)
+        turn = jnp.minimum(self.turn_ratio * across, held)
+        brake = jnp.minimum(_cube_root(3 * force * braking_room / frame.gamma), held)
+        brake = jnp.where(jnp.abs(y) < BRAKE_SIDE * x, brake, 0.0)
+        most = jnp.maximum(turn, brake)
+        asked, sense = self._turning(frame, at, turn, brake, most, left)
+        size = jnp.minimum(asked, most)
+
+        unit = jnp.sqrt(force / frame.gamma)
+        ready = (x > 0) & (asked >= BRAKED * brake)
+        slow = (jnp.abs(w) < STILL * across) & (across < SLOW * unit) & ~ready
+        spins = ~rests & (across <= QUICK * unit) & (spun | slow)
+        brakes = ~rests & ~spins & (brake > turn) & (asked > turn)
+
+        spin = jnp.where(w < 0, -1.0, 1.0) * SPIN * QUICK * unit
+        momentum = jnp.where(rests, 0.0, jnp.where(spins, spin, sense * size))
+        room = jnp.where(brakes & (braking_room > 0), braking_room, 1.0)
+        slope = jnp.minimum(frame.braked(w, x, y), 0.0) / (3 * room)
+        most_slope = self.torque_limit
+        derivative = jnp.where(
+            brakes & (braking_room > 0),
+            jnp.clip(momentum * slope, -most_slope, most_slope),
+            0.0,
+        )
+        mode = jnp.where(brakes, OneTorqueMode.BRAKING, OneTorqueMode.TURNING)
+        mode = jnp.where(spins, OneTorqueMode.SPINNING_UP, mode)
+        mode = jnp.where(rests, OneTorqueMode.RESTING, mode)
+        return Wanted(momentum, derivative, mode), spins
+
+    def _turning(
+        self, frame: TorqueAxisFrame, at: Momenta, turn, brake, most, left
+    ) -> tuple[RealScalar, RealScalar]:
+        """|w| that takes |y| down as xᵖ, without a limit, and its sign.
+
+        The sign is kept where a brake has taken y past zero and turning round would take longer
+        than what is left of it, and where y is as good as zero.
+        """
+        w, x, y = at
+        coupling = frame.coupling(x, y)
+        sense = jnp.where((coupling >= 0) == (y >= 0), -1.0, 1.0)
+        size = jnp.abs(coupling) / (self.exponent * frame.gamma * (jnp.abs(y) + SMALL))
+        turned = 0.6 * jnp.abs(frame.delta - frame.alpha) * x**2 / (frame.gamma * (brake + SMALL))
+        passed = (brake > turn) & (jnp.abs(y) < PASSED * turned) & (jnp.abs(w) > FAST * most)
+        kept = (passed | (jnp.abs(y) < left)) & (w * sense < 0)
+        return jnp.where(kept, jnp.inf, size), jnp.where(kept, -sense, sense)
+
+
+def _cube_root(value: RealScalar) -> RealScalar:
+    return jnp.where(value > 0, jnp.cbrt(jnp.where(value > 0, value, 1.0)), 0.0)
