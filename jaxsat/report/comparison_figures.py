@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from jaxsat.report.style import FURTHER_LINES, LINES, SETTINGS, escape_mathematics, set_title
+from jaxsat.report.style import SETTINGS, escape_mathematics, line_of, set_title
 
 EARLIEST = 10.0
 """Seconds at which the logarithmic time axes begin; nothing that tumbles settles before."""
@@ -26,7 +26,6 @@ def settling_comparison(
     """
     levels = list(dict.fromkeys(level for level, _ in panels))
     limits = list(dict.fromkeys(limit for _, limit in panels))
-    styles = (*LINES, *FURTHER_LINES)
     with rc_context(dict[Any, Any](SETTINGS)):
         size = (max(6.5, 3.2 * len(levels) + 0.8), 2.3 * len(limits) + 1.1)
         figure = Figure(figsize=size, layout="constrained")
@@ -34,8 +33,9 @@ def settling_comparison(
         set_title(figure, title)
     for (level, limit), laws in panels.items():
         axis = axes[limits.index(limit), levels.index(level)]
-        for (law, times), style in zip(laws.items(), styles, strict=False):
+        for number, (law, times) in enumerate(laws.items()):
             steps = _fraction_by(times, horizons[level, limit])
+            style = line_of(number) | {"markevery": (0.03 * (number % 5), 0.15)}
             axis.step(*steps, where="post", label=escape_mathematics(law), **style)
         axis.set_title(escape_mathematics(f"{level}, {limit:g} N m"), fontsize=8, loc="left")
         axis.set_xscale("log")

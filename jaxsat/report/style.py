@@ -35,6 +35,19 @@ FURTHER_LINES: tuple[Mapping[str, Any], ...] = tuple(
 )
 """For the fourth line of a panel and the fifth."""
 
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+
+
+def line_of(number: int) -> dict[str, Any]:
+    """How to draw line `number` (from 0) of many: no two of 35 share both marker and dashes.
+
+    The first five differ in either, so that they are told apart in grey where they lie close.
+    """
+    lines = (*LINES, *FURTHER_LINES)
+    marker = {"marker": MARKERS[number % len(MARKERS)], "markersize": 4.0}
+    return {**lines[number % len(lines)], **marker}
+
+
 SETTINGS: Mapping[str, Any] = MappingProxyType(
     {
         "font.size": 9,

@@ -6,18 +6,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from jaxsat.report.style import LINES, escape_mathematics, panels
+from jaxsat.report.style import LINES, escape_mathematics, line_of, panels
 
 FAINT = {"color": "#999999", "linestyle": "-", "linewidth": 0.8}
 BEFORE, AFTER = LINES[1], LINES[0]
-METHODS = (
-    {"color": "#000000", "linestyle": "-", "marker": "o"},
-    {"color": "#D55E00", "linestyle": (0, (6, 2)), "marker": "s"},
-    {"color": "#56B4E9", "linestyle": (0, (1.2, 1.2)), "marker": "^"},
-    {"color": "#009E73", "linestyle": (0, (6, 2, 1.2, 2)), "marker": "D"},
-    {"color": "#0072B2", "linestyle": (0, (8, 1.5, 1.2, 1.5, 1.2, 1.5)), "marker": "P"},
-    {"color": "#CC79A7", "linestyle": (0, (3, 1.5)), "marker": "v"},
-)
 
 
 def loss_figure(history: xr.Dataset, title: str) -> Figure:
@@ -89,8 +81,8 @@ def before_after_figure(
 def baselines_figure(traces: Mapping[str, np.ndarray], title: str) -> Figure:
     """Validation loss of the best point so far over trajectories spent, a line each method."""
     figure, (panel,) = panels(1, title, height=3.6)
-    for (name, trace), look in zip(traces.items(), METHODS, strict=False):
-        look = {"drawstyle": "steps-post", "markersize": 3.5, "linewidth": 1.2, **look}
+    for number, (name, trace) in enumerate(traces.items()):
+        look = {"drawstyle": "steps-post", **line_of(number)}
         panel.plot(trace[:, 0], trace[:, 1], label=escape_mathematics(name), **look)
     panel.set_xscale("symlog", linthresh=100)
     panel.set_yscale("log")

@@ -1,0 +1,33 @@
+"""Every line of a figure is drawn, and told from the others without colour."""
+
+import numpy as np
+import pytest
+
+from jaxsat.report.comparison_figures import settling_comparison
+from jaxsat.report.style import MARKERS
+from jaxsat.report.tuning_figures import baselines_figure
+
+COUNT = 9
+
+
+def looks(axis):
+    return [(line.get_marker(), str(line.get_linestyle()), line.get_color()) for line in axis.lines]
+
+
+@pytest.mark.parametrize("count", [2, COUNT])
+def test_each_law_of_a_comparison_has_a_line_of_its_own(count):
+    times = np.random.default_rng(0).uniform(20, 200, (count, 50))
+    laws = {f"law {number}": one for number, one in enumerate(times)}
+    figure = settling_comparison({("hard", 5.0): laws}, {("hard", 5.0): 300.0}, "many laws")
+    axis = figure.axes[0]
+    assert len(axis.lines) == count
+    assert len(set(looks(axis))) == count
+    assert len({marker for marker, *_ in looks(axis)}) == min(count, len(MARKERS))
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(laws)
+
+
+def test_each_method_of_a_baseline_has_a_line_of_its_own():
+    trace = np.stack([np.linspace(10, 1000, 8), np.geomspace(9, 1, 8)], axis=1)
+    figure = baselines_figure({f"method {n}": trace * (1 + n / 10) for n in range(COUNT)}, "many")
+    (axis,) = figure.axes
+    assert len(set(looks(axis))) == COUNT
