@@ -26,7 +26,8 @@ def settling_comparison(
     """
     levels = list(dict.fromkeys(level for level, _ in panels))
     limits = list(dict.fromkeys(limit for _, limit in panels))
-    styles = (*LINES, *FURTHER_LINES)
+    names = dict.fromkeys(name for laws in panels.values() for name in laws)
+    styles = dict(zip(names, (*LINES, *FURTHER_LINES), strict=False))
     with rc_context(dict[Any, Any](SETTINGS)):
         size = (max(6.5, 3.2 * len(levels) + 0.8), 2.3 * len(limits) + 1.1)
         figure = Figure(figsize=size, layout="constrained")
@@ -34,9 +35,9 @@ def settling_comparison(
         set_title(figure, title)
     for (level, limit), laws in panels.items():
         axis = axes[limits.index(limit), levels.index(level)]
-        for (law, times), style in zip(laws.items(), styles, strict=False):
+        for law, times in laws.items():
             steps = _fraction_by(times, horizons[level, limit])
-            axis.step(*steps, where="post", label=escape_mathematics(law), **style)
+            axis.step(*steps, where="post", label=escape_mathematics(law), **styles.get(law, {}))
         axis.set_title(escape_mathematics(f"{level}, {limit:g} N m"), fontsize=8, loc="left")
         axis.set_xscale("log")
         axis.set_xlim(EARLIEST, horizons[level, limit])
@@ -45,8 +46,9 @@ def settling_comparison(
         row[0].set_ylabel("fraction settled")
     for axis in axes[-1]:
         axis.set_xlabel("time (s)")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))
+    drawn = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in axes.flat]
+    lines = {label: handle for pairs in drawn for handle, label in pairs}
+    figure.legend([*lines.values()], [*lines], loc="outside lower center", ncols=min(5, len(lines)))
     return figure
 
 
