@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from jaxsat.controller_design import ControllerDesign, Vehicle
     from jaxsat.montecarlo import Work
 
-MAX_STEPS, MAX_CASES = 10_000, 10**6
+MAX_STEPS, MAX_CASES, MIN_SETTLED = 10_000, 10**6, 1e-6
 CASE = 400
 """Bytes of a case in memory and on the disk, about."""
 
@@ -52,7 +52,7 @@ def design(
     out: OptionalPath = None,
     overrides: Overrides = (),
     law: Text = None,
-    settled: Annotated[float, Parameter(converter=number(0.0, 1.0))] = 0.99,
+    settled: Annotated[float, Parameter(converter=number(MIN_SETTLED, 1.0))] = 0.99,
     cases: Annotated[int, Parameter(converter=whole(1, MAX_CASES))] = 2000,
     steps: Annotated[int, Parameter(converter=whole(0, MAX_STEPS))] = 16,
     seed: OptionalSeed = None,

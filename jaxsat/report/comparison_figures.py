@@ -26,6 +26,7 @@ def settling_comparison(
     """
     levels = list(dict.fromkeys(level for level, _ in panels))
     limits = list(dict.fromkeys(limit for _, limit in panels))
+    names = list(dict.fromkeys(name for laws in panels.values() for name in laws))
     with rc_context(dict[Any, Any](SETTINGS)):
         size = (max(6.5, 3.2 * len(levels) + 0.8), 2.3 * len(limits) + 1.1)
         figure = Figure(figsize=size, layout="constrained")
@@ -33,8 +34,8 @@ def settling_comparison(
         set_title(figure, title)
     for (level, limit), laws in panels.items():
         axis = axes[limits.index(limit), levels.index(level)]
-        for number, (law, times) in enumerate(laws.items()):
-            steps = _fraction_by(times, horizons[level, limit])
+        for law, times in laws.items():
+            steps, number = _fraction_by(times, horizons[level, limit]), names.index(law)
             style = line_of(number) | {"markevery": (0.03 * (number % 5), 0.15)}
             axis.step(*steps, where="post", label=escape_mathematics(law), **style)
         axis.set_title(escape_mathematics(f"{level}, {limit:g} N m"), fontsize=8, loc="left")
@@ -45,8 +46,9 @@ def settling_comparison(
         row[0].set_ylabel("fraction settled")
     for axis in axes[-1]:
         axis.set_xlabel("time (s)")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))
+    drawn = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in axes.flat]
+    lines = {label: handle for pairs in drawn for handle, label in pairs}
+    figure.legend([*lines.values()], [*lines], loc="outside lower center", ncols=min(5, len(lines)))
     return figure
 
 

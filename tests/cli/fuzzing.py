@@ -136,6 +136,11 @@ OPTIONS = {
         "--batch-size": NUMBERS, "--workers": NUMBERS, "--out": PLACES, "--baselines": None,
         "--engine": ("scan", "native", "x"), "--quiet": None,
     },
+    "design": {
+        "--cases": NUMBERS, "--steps": NUMBERS, "--settled": NUMBERS, "--seed": NUMBERS,
+        "--law": ("rate", "three-slew", "x", ""), "--attitude": ("nearest", "x"), "--out": PLACES,
+        "--workers": NUMBERS, "--quiet": None,
+    },
     "bound": {
         "--starts": ("0", "1", "-1", "1.5", "", "1e9"), "--longest": NUMBERS, "--seed": NUMBERS,
         "--objective": ("time", "effort", "", "x"), "--out": PLACES, "--quiet": None,
@@ -154,6 +159,7 @@ SHORT = {
     "montecarlo": ["--set", "simulation.duration_s=1", "-n", "3", "--engine", "scan"],
     "controllability": [],
     "tune": ["--set", "tuning.steps=1"],
+    "design": ["--cases", "2", "--steps", "0"],
     "bound": ["--starts", "1"],
 }
 """What keeps a right command line short."""

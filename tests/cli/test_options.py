@@ -52,6 +52,17 @@ CASES = {
         "--out": ["", "x" * 300],
         "--engine": ["", "x"],
     },
+    ("design", "two-torque-free"): {
+        "--cases": WHOLE,
+        "--steps": [one for one in WHOLE if one != "0"],
+        "--settled": ["0", "1.5", "-1", "nan", "", "all"],
+        "--seed": ["-1", "0.5", ""],
+        "--law": ["", " "],
+        "--attitude": ["", "x"],
+        "--engine": ["", "x"],
+        "--workers": WHOLE,
+        "--out": ["", "x" * 300],
+    },
     ("bound", "two-torque-free"): {
         "--starts": WHOLE,
         "--longest": ["1e-9", "0", "-1", "nan", "inf", "1e300", "", "long"],
