@@ -3,7 +3,7 @@
 import itertools
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 NORMALISER_FLOOR = 1e-9
 """Below this the normalisation of (5) or (8) divides by what counts as zero (unit columns)."""
@@ -161,9 +161,46 @@ def least_propellant(
     Raises `ValueError`, which names a torque that cannot be made, where some u has no solution.
     """
     torque, cost = np.asarray(torque, float), np.asarray(cost, float)
+    possible, optimal = _bases(torque, cost, command_map)
+    _require_all_ways(possible, torque, command_map)
+    return np.stack(_optimal_somewhere(optimal))
+
+
+def all_bases(
+    torque: Float[np.ndarray, "3 m"],
+) -> tuple[Int[np.ndarray, "bases 3"], Float[np.ndarray, "bases 3 3"]]:
+    """All sets of three thrusters whose torques (N m) are independent, and their inverses."""
+    size = _size(torque)
+    bases = [
+        list(basis)
+        for basis in itertools.combinations(range(torque.shape[1]), 3)
+        if abs(np.linalg.det(torque[:, basis] / size)) > BASIS_TOLERANCE
+    ]
+    return np.array(bases), np.stack([np.linalg.inv(torque[:, basis]) for basis in bases])
+
+
+def two_sided_torques(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 k"]:
+    """The columns, thrusters that push at full thrust (N m), whose opposite the others can make.
+
+    They span all torques that can be made with either sign.
+    """
+    torque = np.asarray(torque, float)
+    if not torque.shape[1]:
+        return torque
+    possible, _ = _bases(torque, np.ones(torque.shape[1]), -torque)
+    made = [np.min(duties, axis=0) >= -BASIS_TOLERANCE for duties in possible]
+    return torque[:, np.any(made, axis=0)]
+
+
+def _bases(
+    torque: Float[np.ndarray, "3 m"],
+    cost: Float[np.ndarray, " m"],
+    command_map: Float[np.ndarray, "3 k"],
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Duties a unit of command of all bases of the columns, and of those that may be optimal."""
     rows = _independent_rows(torque)
     reduced, wanted = rows @ torque, rows @ command_map
-    size = np.sqrt(np.sum(torque**2, axis=0)).max()
+    size = _size(torque)
     price = np.maximum(cost / np.max(cost), BASIS_TOLERANCE)
     possible, optimal = [], []
     for basis in map(list, itertools.combinations(range(torque.shape[1]), len(rows))):
@@ -176,8 +213,12 @@ def least_propellant(
         dual = np.linalg.solve(square.T, price[basis])
         if np.all(dual @ reduced <= price * (1 + BASIS_TOLERANCE) + BASIS_TOLERANCE):
             optimal.append(duties)
-    _require_all_ways(possible, size, rows, command_map)
-    return np.stack(_optimal_somewhere(optimal))
+    return possible, optimal
+
+
+def _size(torque: Float[np.ndarray, "3 m"]) -> float:
+    """Of the largest column, N m."""
+    return float(np.sqrt(np.sum(torque**2, axis=0)).max())
 
 
 def _independent_rows(torque: np.ndarray) -> np.ndarray:
@@ -187,13 +228,14 @@ def _independent_rows(torque: np.ndarray) -> np.ndarray:
 
 
 def _require_all_ways(
-    possible: list[np.ndarray], size: float, rows: np.ndarray, command_map: np.ndarray
+    possible: list[np.ndarray], torque: np.ndarray, command_map: np.ndarray
 ) -> None:
     """Raise `ValueError` unless both ways along each commanded axis are combinations of columns.
 
     What thrusters that push can make is a convex cone, and whatever is in it is a combination of
     as many of them as a basis has (Carathéodory).
     """
+    rows, size = _independent_rows(torque), _size(torque)
     for number, axis in enumerate(command_map.T):
         inside = np.allclose(rows.T @ (rows @ axis), axis, rtol=0, atol=BASIS_TOLERANCE)
         for sign in (1.0, -1.0):

@@ -19,7 +19,10 @@ from jaxsat.allocation import (
 from jaxsat.assembly.plugin_trial import made_part, require_events, require_torque
 from jaxsat.assembly.wheels import limits_of
 from jaxsat.checks import as_array, as_float
-from jaxsat.declaration.sensors import DELAY
+from jaxsat.control.context import ThrusterContext
+from jaxsat.declaration.sensors import DELAY, GYRO_KEYS, SENSOR_KEYS
+from jaxsat.diagnosis import ThrusterModel
+from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario
@@ -42,6 +45,7 @@ from jaxsat.vehicle import (
     DeltaSigma,
     FailureEvents,
     FailureKind,
+    Gyro,
     IdealThrottle,
     LeastPropellant,
     PulsedActuatorsWithWheels,
@@ -156,13 +160,47 @@ def _pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     thrusters = _thruster_set(working)
     drawn = getattr(scenario.dispersion, "failure_kind", None) is not None
     late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
+    as_commanded = find_law(scenario.control.law).declaration.commands_duties
+    duties = np.eye(thrusters.count)[None] if as_commanded else _duties(scenario, torques or 3)
     return PulsedThrusters(
         thrusters,
-        LeastPropellant.of(_duties(scenario, torques or 3)),
+        LeastPropellant.of(duties),
         _modulation(modulation, scenario),
         _failures(scenario.failure, scenario.thruster),
         late or thrusters.valve_delay is not None,
     )
+
+
+def thruster_context(scenario: Scenario) -> ThrusterContext | None:
+    """What a law that commands duties is told of the thrusters that work; None for others."""
+    if not find_law(scenario.control.law).declaration.commands_duties:
+        return None
+    working = [one for one in scenario.thruster if not one.failed]
+    thrusters = _thruster_set(working)
+    zero = np.zeros(thrusters.count)
+    delay = 0.0 if scenario.sampling is None else getattr(scenario.sampling, DELAY.name)
+
+    def late(ramp: Any) -> np.ndarray:
+        times = (thrusters.valve_delay, None if ramp is None else ramp / 2)
+        return sum((np.asarray(one) for one in times if one is not None), zero + delay)
+
+    model = ThrusterModel(
+        thrusters.torque,
+        thrusters.min_on_time,
+        late(thrusters.rise_time),
+        late(thrusters.fall_time),
+        _modulation(scenario.modulation or ModulationTable(), scenario),
+    )
+    return ThrusterContext(model, _costs(scenario), _rate_noise(scenario))
+
+
+def _rate_noise(scenario: Scenario) -> float:
+    """Standard deviation (rad/s) of the rates that a sampled law is told, from sample to sample."""
+    if scenario.gyro is not None:
+        gyro = Gyro.from_table(values_of(GYRO_KEYS, scenario.gyro))
+        period = getattr(scenario.control, "period_s")  # noqa: B009
+        return float(gyro.rate_variance(as_float(period))) ** 0.5
+    return 0.0 if scenario.sampling is None else getattr(scenario.sampling, SENSOR_KEYS[0].name)
 
 
 def _thruster_set(working: list[ThrusterTable]) -> ThrusterSet:
@@ -196,10 +234,16 @@ def _flow(thruster: ThrusterTable) -> float:
 
 def _duties(scenario: Scenario, torques: int) -> np.ndarray:
     torque = working_torques(scenario.thruster)
-    flows = [_flow(one) for one in scenario.thruster if not one.failed for _ in signs(one)]
-    cost = np.array(flows) if all(flows) else np.sqrt(np.sum(torque**2, axis=0))
     any_plane = find_law(scenario.control.law).declaration.any_plane and not scenario.wheel
-    return least_propellant(torque, cost, plane_map(torque, torques, any_plane))
+    return least_propellant(torque, _costs(scenario), plane_map(torque, torques, any_plane))
+
+
+def _costs(scenario: Scenario) -> np.ndarray:
+    """Of full thrust of each thruster: its propellant flow or, if any has none, its torque."""
+    flows = [_flow(one) for one in scenario.thruster if not one.failed for _ in signs(one)]
+    if all(flows):
+        return np.array(flows)
+    return np.sqrt(np.sum(working_torques(scenario.thruster) ** 2, axis=0))
 
 
 def _modulation(table: ModulationTable, scenario: Scenario) -> AbstractModulation:

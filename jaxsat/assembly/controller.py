@@ -4,7 +4,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from jaxsat.assembly.actuators import torque_limit
+from jaxsat.assembly.actuators import thruster_context, torque_limit
 from jaxsat.assembly.errors import BuildError
 from jaxsat.assembly.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.assembly.plugin_trial import broken
@@ -45,6 +45,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         disturbance.amplitude_N_m,
         disturbance.frequency_rad_s,
         believed_axes(scenario),
+        thruster_context(scenario),
     )
     try:
         made = law.from_table(values, context)

@@ -5,8 +5,21 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.diagnosis import ThrusterModel
 from jaxsat.dynamics import RigidBody
 from jaxsat.errors import JaxsatError
+
+
+class ThrusterContext(NamedTuple):
+    """What a law that commands the duties of thrusters is told of them.
+
+    `cost` is what full thrust of each costs, `rate_noise` (rad/s) the standard deviation of the
+    rates that the law is told, zero where they are exact.
+    """
+
+    model: ThrusterModel
+    cost: Float[np.ndarray, " m"]
+    rate_noise: float
 
 
 class LawContext(NamedTuple):
@@ -15,7 +28,8 @@ class LawContext(NamedTuple):
     `model` is what the controller believes of the plant, with the disturbance that it measures.
     `torque_limit` (N m) is that of each thruster, None if unlimited. The periodic disturbance has
     `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z. The unit
-    columns of `torque_axes` are the torque axes of the working thrusters.
+    columns of `torque_axes` are the torque axes of the working thrusters. `thrusters` is None for
+    laws that command torques.
     """
 
     model: RigidBody
@@ -23,6 +37,7 @@ class LawContext(NamedTuple):
     disturbance_amplitude: tuple[float, ...]
     disturbance_frequency: tuple[float, ...]
     torque_axes: Float[np.ndarray, "3 m"] = np.eye(3)[:, :2]
+    thrusters: ThrusterContext | None = None
 
 
 class UnsuitableModel(JaxsatError, ValueError):

@@ -2,6 +2,7 @@
 
 import abc
 import enum
+from collections.abc import Mapping
 from typing import ClassVar
 
 import equinox as eqx
@@ -55,6 +56,11 @@ class AbstractSampledController(eqx.Module):
         """How far the rates are from the reference of the active law, rad/s; here NaN, for none."""
         del memory
         return jnp.full(2, jnp.nan, state.omega.dtype)
+
+    def telemetry(self, memory: Memory) -> Mapping[str, Array]:
+        """What the controller tells of itself, by the names of `jaxsat.simulation.Signals`."""
+        del memory
+        return {}
 
     def mode(self, memory: Memory) -> Int[Array, ""]:
         """Which part of the controller is at work, a member of `modes`; here, the only one."""

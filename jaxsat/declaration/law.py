@@ -21,6 +21,8 @@ class LawDeclaration:
       a torque about the one axis that is left, `jaxsat.allocation.torque_axis`, 0 for none.
     - `any_plane`: the two torques are about `jaxsat.allocation.torque_directions` of the thrusters
       left, in whatever plane these are, instead of body x and y.
+    - `commands_duties`: the law allocates its torques itself and commands the duty of each
+      `[[thruster]]`.
     - `has_model`: whether the table `[control.model]` may say what the controller believes.
     - `measures_disturbance`: whether the key `measured_disturbance` may add the periodic
       disturbance to the model.
@@ -42,6 +44,7 @@ class LawDeclaration:
     keys: tuple[Key, ...] = ()
     torques: Literal[0, 1, 2, 3] = 2
     any_plane: bool = False
+    commands_duties: bool = False
     has_model: bool = True
     measures_disturbance: bool = False
     ordered: tuple[tuple[str, str], ...] = ()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+from jaxsat.declaration.fault_tolerant import FAULT_TOLERANT
 from jaxsat.declaration.law import LawDeclaration
 from jaxsat.declaration.one_torque import ONE_TORQUE
 from jaxsat.declaration.quaternion_feedback import QUATERNION_FEEDBACK
@@ -54,6 +55,12 @@ LAWS: Mapping[str, Law] = MappingProxyType(
                 "quaternion-feedback",
                 QUATERNION_FEEDBACK,
                 "jaxsat.control.quaternion_feedback:QuaternionFeedback",
+            ),
+            Law(
+                "fault-tolerant",
+                FAULT_TOLERANT,
+                "jaxsat.control.fault_tolerant:FaultTolerant",
+                "jaxsat.control.fault_tolerant_law:build_fault_tolerant",
             ),
             Law("switching", SWITCHING, "jaxsat.control.switching:SwitchingLaw"),
             Law(

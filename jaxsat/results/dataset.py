@@ -55,6 +55,15 @@ VARIABLES = {
     ),
     "propellant": _Variable((), "kg", "propellant used"),
     "valve_openings": _Variable(("thruster",), "1", "openings of each valve"),
+    "diagnosed_kind": _Variable(
+        ("thruster",),
+        "1",
+        "diagnosed failure: -1 none, 0 dead, 1 degraded, 2 stuck on, 3 stuck at, 4 leaking, "
+        "5 reversed",
+    ),
+    "detection_statistic": _Variable(
+        ("thruster",), "1", "CUSUM statistic of each thruster over the threshold of an alarm"
+    ),
     "wheel_momentum": _Variable(("wheel",), "N m s", "wheel momentum relative to the body"),
     "wheel_torque": _Variable(("wheel",), "N m", "wheel torque on the body along its axis"),
     "attitude_estimate_error": _Variable(

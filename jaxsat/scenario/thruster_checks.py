@@ -75,6 +75,18 @@ def _thrusters_need_a_sampled_law(thrusters, law):
         )
 
 
+@rule("thruster", "wheel", "control.law")
+def _a_law_that_commands_duties_has_thrusters_alone(thrusters, wheels, law):
+    if not find_law(law).declaration.commands_duties:
+        return
+    if not thrusters:
+        message = f'must be given under the law "{law}", which diagnoses them, got none'
+        yield at("thruster", message, True)
+    if wheels:
+        message = f'must not be given under the law "{law}", which knows of thrusters alone'
+        yield at("wheel", f"{message}, got {len(wheels)}")
+
+
 @rule("thruster", "actuators.kind")
 def _one_kind_of_actuators(thrusters, kind):
     if thrusters:

@@ -44,7 +44,9 @@ class Signals(eqx.Module):
     the next time; `propellant` (kg) and `valve_openings` have been used so far. They are
     None for other actuators. What is told of estimates is None without `jaxsat.navigation`: truth
     less estimate of attitude (rotation vector), rate and gyro bias, and three of the standard
-    deviations that the estimator claims. With a leading axis it is a history.
+    deviations that the estimator claims. A law that diagnoses thrusters tells of each the
+    `jaxsat.diagnosis.DiagnosedKind`, -1 for one that works, and its CUSUM statistic over the
+    threshold. With a leading axis it is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -69,6 +71,8 @@ class Signals(eqx.Module):
     rate_estimate_3sigma: Float[Array, "*times 3"] | None = None
     bias_estimate_error: Float[Array, "*times 3"] | None = None
     bias_estimate_3sigma: Float[Array, "*times 3"] | None = None
+    diagnosed_kind: Float[Array, "*times m"] | None = None
+    detection_statistic: Float[Array, "*times m"] | None = None
 
 
 class TorqueRange(eqx.Module):

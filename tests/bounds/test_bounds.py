@@ -26,7 +26,13 @@ from jaxsat.simulation import SampledLoop, simulate
 
 pytest.importorskip("casadi")
 
-REAL = ("cubesat-12u", "pulsed-two-torque", "two-wheel-telescope")
+REAL = (
+    "cubesat-12u",
+    "failures-12u",
+    "pulsed-two-torque",
+    "thruster-dies",
+    "two-wheel-telescope",
+)
 """Scenarios with wheels, or thrusters that push, which have no bound."""
 
 

@@ -1,0 +1,221 @@
+"""A law that diagnoses its thrusters and goes on by what is left of them."""
+
+import enum
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from jaxsat.checks import as_float, require_positive
+from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
+from jaxsat.control.reconfiguration import Left, Reconfiguration
+from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
+from jaxsat.declaration import LawDeclaration
+from jaxsat.declaration.fault_tolerant import FAULT_TOLERANT
+from jaxsat.diagnosis import Diagnosis, DiagnosisMemory, Stage
+from jaxsat.dynamics import PlantState
+
+RealScalar = Float[Array, ""]
+
+PROBE_INTERVAL = 30.0
+"""s; a failed thruster is given a test pulse so often, whose effect would show that it works."""
+
+TEST_PERIODS = 3
+"""Control periods from the test pulse of one thruster to that of the next, during an alarm."""
+
+QUIET_SIGMAS = 4.0
+"""A rate about a thruster's torque within so many sigmas of the noise is not damped."""
+
+
+class TolerantMode(enum.IntEnum):
+    """What the law does; the last four but one are the phases of the law of two torques."""
+
+    THREE_AXES = 0
+    ALARM = 1
+    REALLOCATED = 2
+    STOPPING = 3
+    SLEWING = 4
+    OSCILLATING = 5
+    REGULATING = 6
+    DAMPING = 7
+
+
+FIRST_PHASE = TolerantMode.STOPPING - Phase.STOPPING
+
+
+class TolerantMemory(NamedTuple):
+    """Memories of all parts, the number of the failed set, the `Left` and the `TolerantMode`.
+
+    `on_time` (s) is what was commanded of each thruster since the last sample, `spill` (s) what of
+    that reaches into the next period, `probe` (s) the time since the last test pulse.
+    """
+
+    diagnosis: DiagnosisMemory
+    healthy: QuaternionFeedbackMemory
+    settling: SettlingMemory | None
+    modulation: PyTree
+    on_time: Float[Array, " m"]
+    spill: Float[Array, " m"]
+    probe: RealScalar
+    number: Int[Array, ""]
+    left: Int[Array, ""]
+    mode: Int[Array, ""]
+
+
+class SettlingLaws(eqx.Module):
+    """Laws of two torques, one for each plane that failures leave, all of one structure.
+
+    The arrays of `laws` have a leading axis. `of_set` (sets,) is the number of the law of each
+    failed set, `directions` (laws, 3, 2) are the axes about which the laws command.
+    """
+
+    laws: ThreeSlewSettling
+    of_set: Int[Array, " sets"]
+    directions: Float[Array, "laws 3 2"] = eqx.field(converter=as_float)
+
+    def at(self, number: Int[Array, ""]) -> tuple[ThreeSlewSettling, Float[Array, "3 2"]]:
+        """The law of a failed set, and its directions."""
+        place = self.of_set[number]
+        return jax.tree.map(lambda x: x[place], self.laws), self.directions[place]
+
+
+class FaultTolerant(AbstractSampledController):
+    """Quaternion feedback, diagnosis of the thrusters, and the best law for those that are left.
+
+    The command is the duty of each thruster. The law sees estimates of attitude and rate and its
+    own commands, nothing else. Isolated thrusters are left out, and what they make all the time is
+    fed forward. What is left decides: three axes go on under quaternion feedback; where torques of
+    either sign are left in a plane, `settling` has the law of three slews in the normal form of
+    that plane; else rates are damped by whatever thruster takes energy out. `settling` holds laws
+    of up to two structures, those with a regulator and those without. During an alarm the suspect
+    and all thrusters in turn give test pulses. Those that have failed do every `PROBE_INTERVAL`,
+    so that one that works again is found.
+    """
+
+    declaration: ClassVar[LawDeclaration] = FAULT_TOLERANT
+    modes: ClassVar[type[enum.IntEnum]] = TolerantMode
+
+    healthy: QuaternionFeedback
+    diagnosis: Diagnosis
+    reconfiguration: Reconfiguration
+    settling: tuple[SettlingLaws, ...]
+    group: Int[Array, " sets"]
+    period: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_positive("period", self.period)
+
+    def init(self, state: PlantState) -> TolerantMemory:
+        """All thrusters work."""
+        thrusters = self.diagnosis.filter.thrusters
+        zero = jnp.zeros(thrusters.count, state.omega.dtype)
+        first = jnp.array(0)
+        return TolerantMemory(
+            self.diagnosis.init(state.omega),
+            self.healthy.init(state),
+            self.settling[0].at(first)[0].init(state) if self.settling else None,
+            thrusters.modulation.init(thrusters.count),
+            zero,
+            zero,
+            zero[0],
+            first,
+            jnp.array(Left.THREE_AXES),
+            jnp.array(TolerantMode.THREE_AXES),
+        )
+
+    def step(
+        self, t: RealScalar, state: PlantState, memory: TolerantMemory
+    ) -> tuple[Float[Array, " m"], TolerantMemory]:
+        """The duty of each thruster."""
+        thrusters, period = self.diagnosis.filter.thrusters, self.period
+        diagnosis = self.diagnosis.step(state.omega, memory.on_time, period, memory.diagnosis)
+        condition = diagnosis.condition
+        number, left = self.reconfiguration.find(condition.failed, condition.flow)
+        constant = thrusters.torque @ condition.flow + condition.torque
+        torque, healthy = self.healthy.step(t, state, memory.healthy)
+        settling = memory.settling
+        if settling is not None:
+            begins = (left == Left.PLANE) & ((number != memory.number) | (memory.left != left))
+            in_plane, settling = self._settled(t, state, number, begins, settling)
+            torque = jnp.where(left == Left.PLANE, in_plane, torque)
+        duty = self.reconfiguration.allocate(condition.failed, torque - constant)
+        damping = jnp.where(condition.failed, 0.0, self._damping(state))
+        duty = jnp.where(left == Left.LESS, damping, duty)
+        probe = memory.probe + period
+        due = (probe >= PROBE_INTERVAL) & (diagnosis.stage == Stage.QUIET)
+        tested = (condition.failed & due) | self._in_turn(diagnosis)
+        duty = jnp.where(tested, jnp.maximum(duty, self.diagnosis.test_duty(period)), duty)
+        on_time, spill, modulation = thrusters.on_times(duty, memory.modulation, period)
+        return duty, TolerantMemory(
+            diagnosis,
+            healthy,
+            settling,
+            modulation,
+            memory.spill + on_time,
+            spill,
+            jnp.where(due, 0.0, probe),
+            number,
+            left,
+            self._mode(diagnosis, left, number, settling),
+        )
+
+    def _settled(self, t, state, number, begins, memory):
+        """The torque (N m) of the law of two torques of a failed set, and its memory."""
+
+        def by(laws: SettlingLaws):
+            def step(memory):
+                law, directions = laws.at(number)
+                memory = jax.tree.map(
+                    lambda new, old: jnp.where(begins, new, old), law.init(state), memory
+                )
+                command, memory = law.step(t, state, memory)
+                return directions @ command, memory
+
+            return step
+
+        if len(self.settling) == 1:
+            return by(self.settling[0])(memory)
+        first, second = map(by, self.settling)
+        return jax.lax.cond(self.group[number] == 0, first, second, memory)
+
+    def _in_turn(self, diagnosis: DiagnosisMemory) -> Bool[Array, " m"]:
+        """During an alarm the suspect and each thruster in turn are tested, one after the other."""
+        count = diagnosis.condition.failed.shape[0]
+        sample = jnp.round(diagnosis.age / self.period).astype(int)
+        test = sample // TEST_PERIODS
+        turn = jnp.where(test % 2 == 0, diagnosis.suspect, test // 2 % count)
+        now = (diagnosis.stage == Stage.ALARM) & (sample % TEST_PERIODS == 0) & (test > 0)
+        return now & (jnp.arange(count) == turn)
+
+    def _damping(self, state: PlantState) -> Float[Array, " m"]:
+        """Each thruster against the rate about its own torque: none puts energy in."""
+        torque = self.reconfiguration.torque
+        size = jnp.sqrt(jnp.sum(torque**2, axis=0))
+        units = torque / size[None]
+        inverse = self.healthy.model.spacecraft.inverse_inertia
+        inertia = 1 / jnp.sum(units * (inverse @ units), axis=0)
+        rate = -jnp.sum(units * state.omega[:, None], axis=0)
+        above = jnp.maximum(rate - QUIET_SIGMAS * self.diagnosis.filter.rate_noise, 0.0)
+        pull = 2 * self.healthy.damping * self.healthy.natural_frequency
+        return jnp.minimum(pull * inertia * above / size, 1.0)
+
+    def _mode(self, diagnosis: DiagnosisMemory, left, number, settling) -> Int[Array, ""]:
+        mode = jnp.where(number == 0, TolerantMode.THREE_AXES, TolerantMode.REALLOCATED)
+        if settling is not None:
+            phase = self.settling[0].laws.mode(settling)
+            mode = jnp.where(left == Left.PLANE, FIRST_PHASE + phase, mode)
+        mode = jnp.where(left == Left.LESS, TolerantMode.DAMPING, mode)
+        return jnp.where(diagnosis.stage == Stage.ALARM, TolerantMode.ALARM, mode)
+
+    def telemetry(self, memory: TolerantMemory) -> dict[str, Array]:
+        """The verdict on each thruster, and how near an alarm it is."""
+        diagnosis = memory.diagnosis
+        statistic = jnp.max(diagnosis.statistic, axis=0) / self.diagnosis.threshold
+        return {"diagnosed_kind": diagnosis.kind, "detection_statistic": statistic}
+
+    def mode(self, memory: TolerantMemory) -> Int[Array, ""]:
+        """The `TolerantMode` at work."""
+        return memory.mode

@@ -1,0 +1,128 @@
+"""How the law that diagnoses its thrusters is built of a table."""
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.allocation import torque_directions
+from jaxsat.checks import as_array
+from jaxsat.control.context import LawContext, ThrusterContext, UnsuitableModel
+from jaxsat.control.fault_tolerant import FaultTolerant, SettlingLaws
+from jaxsat.control.quaternion_feedback import QuaternionFeedback
+from jaxsat.control.reconfiguration import (
+    FailedSet,
+    Left,
+    Reconfiguration,
+    failed_sets,
+    limit_about,
+)
+from jaxsat.control.settling_laws import build_three_slew
+from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.diagnosis import Diagnosis, ResidualFilter
+from jaxsat.inertia import normal_axes
+
+LEAST_NOISE = 1e-6
+"""rad/s; of rates that are told without noise."""
+
+DIGITS = 9
+"""Of planes and limits that count as the same."""
+
+
+def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> FaultTolerant:
+    """The law of a table, with the tables of all that may fail.
+
+    A plane in which the two torques cannot steer the third axis counts as less than a plane.
+    """
+    thrusters = cast(ThrusterContext, context.thrusters)
+    torque = np.asarray(thrusters.model.torque)
+    sets = failed_sets(torque)
+    sets, settling, group = _settling(values, context, torque, sets)
+    given = values["rate_noise_rad_s"]
+    noise = max(thrusters.rate_noise, LEAST_NOISE) if given is None else given
+    residual = ResidualFilter(context.model, thrusters.model, noise, values["torque_uncertainty"])
+    return FaultTolerant(
+        healthy=QuaternionFeedback.from_table(values, context),
+        diagnosis=Diagnosis(
+            residual,
+            values["cusum_reference"],
+            values["cusum_threshold"],
+            values["isolation_margin"],
+        ),
+        reconfiguration=Reconfiguration.of(torque, thrusters.cost, sets),
+        settling=settling,
+        group=as_array(group),
+        period=values["period_s"],
+    )
+
+
+def _settling(
+    values: Mapping[str, Any],
+    context: LawContext,
+    torque: Float[np.ndarray, "3 m"],
+    sets: tuple[FailedSet, ...],
+) -> tuple[tuple[FailedSet, ...], tuple[SettlingLaws, ...], np.ndarray]:
+    """The sets, laws of two torques by their structure, and which of these a set belongs to."""
+    made: dict[tuple, tuple[ThreeSlewSettling, np.ndarray] | None] = {}
+    laws: dict[Any, list[tuple[ThreeSlewSettling, np.ndarray]]] = {}
+    places: list[tuple[Any, int]] = []
+    known = []
+    for one in sets:
+        found = None
+        if one.directions is not None:
+            axes = _plane_axes(context, one.directions)
+            limit = limit_about(np.delete(torque, one.failed, axis=1), axes)
+            key = (*np.round(axes, DIGITS).ravel().tolist(), round(limit, DIGITS))
+            if key not in made:
+                made[key] = _law(values, context, axes, limit)
+            found = made[key]
+            if found is None:
+                one = one._replace(left=Left.LESS, directions=None)
+        known.append(one)
+        if found is None:
+            places.append((None, 0))
+            continue
+        alike = laws.setdefault(jax.tree.structure(found[0]), [])
+        if not any(found is other for other in alike):
+            alike.append(found)
+        number = next(n for n, other in enumerate(alike) if found is other)
+        places.append((jax.tree.structure(found[0]), number))
+    structures = list(laws)
+    of_set = as_array(np.array([number for _, number in places]))
+    settling = tuple(_stacked(laws[one], of_set) for one in structures)
+    group = [0 if one is None else structures.index(one) for one, _ in places]
+    return tuple(known), settling, np.array(group)
+
+
+def _stacked(found: list[tuple[ThreeSlewSettling, np.ndarray]], of_set) -> SettlingLaws:
+    laws = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(law for law, _ in found))
+    return SettlingLaws(laws, of_set, np.stack([directions for _, directions in found]))
+
+
+def _plane_axes(
+    context: LawContext, directions: Float[np.ndarray, "3 2"]
+) -> Float[np.ndarray, "3 2"]:
+    """The axes x and y of the normal form of two torques."""
+    axes, _ = normal_axes(np.asarray(context.model.spacecraft.inertia), directions)
+    return axes[:2].T
+
+
+def _law(
+    values: Mapping[str, Any], context: LawContext, axes: np.ndarray, limit: float
+) -> tuple[ThreeSlewSettling, np.ndarray] | None:
+    """The law of three slews about two axes, and those about which it commands."""
+    table = {
+        "period_s": values["period_s"],
+        "observe_ripple": True,
+        "estimate_axes": True,
+        "ripple_amplitude_N_m": None,
+        "ripple_frequency_rad_s": None,
+    }
+    own = context._replace(torque_axes=axes, torque_limit=limit)
+    try:
+        return build_three_slew(table, own), torque_directions(axes)
+    except UnsuitableModel:
+        return None

@@ -1,0 +1,103 @@
+"""The law that diagnoses its thrusters, in the loop: what it knows, and what it does."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.control.fault_tolerant import TolerantMode
+from jaxsat.diagnosis import DiagnosedKind
+from jaxsat.dynamics import PlantState
+from jaxsat.scenario import ScenarioError
+from jaxsat.simulation import simulate
+
+
+class Told(eqx.Module):
+    """Sensors that tell what was written down beforehand, whatever the truth is."""
+
+    attitude: jax.Array
+    omega: jax.Array
+
+    def __call__(self, sample, attitude, omega):
+        del omega
+        q = self.attitude[jnp.minimum(sample, len(self.attitude) - 1)]
+        rate = self.omega[jnp.minimum(sample, len(self.omega) - 1)]
+        return type(attitude)(q), rate
+
+
+@pytest.mark.slow
+def test_law_and_detector_see_estimates_and_commands_alone():
+    """The truth differs in body, thrusters and failure; what is told does not."""
+    run = build(load("failures-12u", ["simulation.duration_s=20", "simulation.save_every_s=20"]))
+    rng = np.random.default_rng(5)
+    attitude = np.array([0.9, 0.3, -0.2, 0.1]) + 1e-4 * rng.normal(size=(210, 4))
+    attitude /= np.linalg.norm(attitude, axis=1)[:, None]
+    told = Told(jnp.asarray(attitude), jnp.asarray(np.cumsum(1e-4 * rng.normal(size=(210, 3)), 0)))
+    one = eqx.tree_at(lambda loop: loop.sensors, run.loop, told)
+    other = eqx.tree_at(
+        lambda loop: (
+            loop.plant.spacecraft.inertia,
+            loop.actuators.thrusters.torque,
+            loop.actuators.failures.at,
+        ),
+        one,
+        replace_fn=lambda x: 0.7 * x - (200.0 if x.shape == (1,) else 0.0),
+    )
+    first, second = (
+        simulate(loop, run.start, run.times, method=run.method) for loop in (one, other)
+    )
+    assert np.abs(np.asarray(first.signals.omega - second.signals.omega)).max() > 1e-3
+    for x, y in zip(
+        jax.tree.leaves(first.final.memory), jax.tree.leaves(second.final.memory), strict=True
+    ):
+        np.testing.assert_array_equal(x, y)
+    assert float(first.final.memory.diagnosis.statistic.max()) > 0 or bool(
+        first.final.memory.diagnosis.condition.failed.any()
+    )
+
+
+@pytest.mark.slow
+def test_a_thruster_dies_and_two_torques_settle():
+    run = build(load("thruster-dies"))
+    trajectory = run.simulate()
+    signals, times = trajectory.signals, np.asarray(trajectory.times)
+    mode, kind = np.asarray(signals.mode), np.asarray(signals.diagnosed_kind)
+    assert np.all(mode[times < 300] == TolerantMode.THREE_AXES)
+    (found,) = np.unique(np.argwhere(kind >= 0)[:, 1])
+    assert (found, kind[-1, found]) == (5, DiagnosedKind.DEAD)
+    first_use = times[
+        np.argmax((times > 300) & (np.asarray(signals.detection_statistic)[:, 5] > 0))
+    ]
+    assert times[np.argmax(kind[:, 5] >= 0)] < first_use + 10
+    assert {TolerantMode.SLEWING, TolerantMode.REGULATING} <= set(mode.astype(int).tolist())
+    assert set(mode[kind[:, 5] >= 0].astype(int)) <= set(range(TolerantMode.STOPPING, 7))
+    assert float(trajectory.assessment.settled_from) < 600
+    changes = np.count_nonzero(np.diff(mode[mode != TolerantMode.ALARM]))
+    assert changes < 10  # no chatter
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [("wheel=[{axis=[0, 0, 1]}]", "wheel"), ("thruster=[]", "thruster")],
+)
+def test_the_law_needs_thrusters_and_no_wheels(change, key):
+    with pytest.raises(ScenarioError) as caught:
+        load("failures-12u", [change])
+    assert any(
+        problem.key == key and "fault-tolerant" in problem.message
+        for problem in caught.value.problems
+    )
+
+
+def test_damping_takes_energy_out_whatever_is_left():
+    law = build(load("failures-12u")).loop.controller
+    rng = np.random.default_rng(6)
+    torque = np.asarray(law.reconfiguration.torque)
+    start = build(load("failures-12u")).start
+    for omega in rng.normal(size=(20, 3)) * 0.1:
+        duty = np.asarray(law._damping(PlantState(start.attitude, omega)))
+        assert np.all(duty * (omega @ torque) <= 0)
+        assert duty.max() > 0

@@ -1,0 +1,151 @@
+"""Detection and isolation on prescribed commands: kinds, false alarms, delays."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from helpers.thruster_layouts import canted
+from jaxsat.diagnosis import (
+    DiagnosedKind,
+    Diagnosis,
+    ResidualFilter,
+    ThrusterModel,
+    average_run_length,
+)
+from jaxsat.diagnosis.residual import RESTLESSNESS
+from jaxsat.dynamics import RigidBody
+from jaxsat.environment import SmallAngleOrbit
+from jaxsat.vehicle import DeltaSigma, Spacecraft
+
+MOMENTS = np.array([0.30, 0.55, 0.62])
+PERIOD, NOISE, SHORTEST = 0.2, 3e-5, 0.02
+TORQUE = canted()[0]
+COUNT = TORQUE.shape[1]
+
+
+def diagnosis(**options):
+    model = RigidBody(Spacecraft(MOMENTS), SmallAngleOrbit(0.0))
+    late = np.zeros(COUNT)
+    thrusters = ThrusterModel(TORQUE, np.full(COUNT, SHORTEST), late, late, DeltaSigma())
+    return Diagnosis(ResidualFilter(model, thrusters, NOISE, 0.1), **options)
+
+
+def commanded(rng, samples, rate=0.2):
+    """On-times (s): now and then some whole pulses of each thruster."""
+    return (rng.random((samples, COUNT)) < rate) * SHORTEST * rng.integers(1, 4, (samples, COUNT))
+
+
+def followed(watch, on_time, made, noise):
+    """Verdicts where thrusters really made `made` (s of full thrust) of what was commanded."""
+    body = watch.filter.model
+
+    def sample(carry, now):
+        omega, memory = carry
+        commanded, real, error = now
+        omega = omega + body.spacecraft.inverse_inertia @ (
+            jnp.asarray(TORQUE) @ real - PERIOD * jnp.cross(omega, MOMENTS * omega)
+        )
+        memory = watch.step(omega + NOISE * error, commanded, jnp.array(PERIOD), memory)
+        seen = (memory.stage, memory.condition.failed, memory.kind, memory.condition.flow)
+        return (omega, memory), seen
+
+    start = (jnp.zeros(3), watch.init(jnp.zeros(3)))
+    return jax.lax.scan(sample, start, (on_time, made, noise))[1]
+
+
+PARTS = {  # missing of what is commanded, and made all the time, both of full thrust
+    DiagnosedKind.DEAD: (1.0, 0.0),
+    DiagnosedKind.DEGRADED: (0.5, 0.0),
+    DiagnosedKind.STUCK_ON: (1.0, 1.0),
+    DiagnosedKind.STUCK_AT: (1.0, 0.3),
+    DiagnosedKind.LEAKING: (0.15, 0.15),
+    DiagnosedKind.REVERSED: (2.0, 0.0),
+}
+
+
+@pytest.mark.slow
+def test_every_thruster_and_kind_is_isolated():
+    rng = np.random.default_rng(18)
+    samples, begin = 160, 40
+    on_time = commanded(rng, samples)
+    cases = [(thruster, kind) for thruster in range(COUNT) for kind in PARTS]
+    made = np.repeat(on_time[None], len(cases), axis=0)
+    for case, (thruster, kind) in zip(made, cases, strict=True):
+        missing, always = PARTS[kind]
+        after = (1 - missing) * on_time[begin:, thruster] + always * PERIOD
+        case[begin:, thruster] = after
+    noise = rng.standard_normal((len(cases), samples, 3))
+    each = jax.jit(jax.vmap(lambda real, error: followed(diagnosis(), on_time, real, error)))
+    stage, failed, kinds, flow = map(np.asarray, each(made, noise))
+    assert not failed[:, :begin].any()
+    assert not stage[:, :begin].any()
+    right = 0
+    for row, (thruster, kind) in enumerate(cases):
+        first = np.argmax(failed[row].any(axis=1))
+        assert failed[row, first].tolist() == [k == thruster for k in range(COUNT)], (row, kind)
+        assert first > begin
+        right += kinds[row, first, thruster] == kind
+        assert flow[row, first, thruster] == pytest.approx(PARTS[kind][1], abs=0.1)
+    assert right >= 0.9 * len(cases)
+
+
+@pytest.mark.slow
+def test_false_alarms_come_as_seldom_as_the_closed_form_says():
+    """Of the tests of flow, which run at every sample: the mean run L, from 1 - e^(-n/L)."""
+    threshold, samples, runs = 3.0, 400, 1000
+    alarms = _alarms(threshold, samples, runs, leak=0.0)
+    expected = 1 - np.exp(-samples / average_run_length(1.0, threshold))
+    spread = np.sqrt(expected * (1 - expected) / runs)  # tests of one run depend on each other
+    assert (alarms < samples).mean() == pytest.approx(expected, abs=3 * spread + 0.06 * expected)
+
+
+@pytest.mark.slow
+def test_the_delay_of_detection_is_that_of_the_closed_form():
+    """Of a leak that begins with the run; its signature takes three samples to build up."""
+    leak, threshold = 0.01, 10.0
+    effect = np.linalg.norm(TORQUE[:, 0] / MOMENTS) * PERIOD
+    decay = _steady_gain()
+    variance = NOISE**2 / (1 - decay)
+    shift = leak * effect / decay / np.sqrt(variance)
+    assert 1.5 < shift < 4
+    alarms = _alarms(threshold, 60, 500, leak)[:, 0]
+    expected = average_run_length(1.0, threshold, shift)
+    assert expected - 1 < alarms.mean() < expected + 3
+
+
+def _steady_gain():
+    """Of the filter of thrusters at rest: K² / (1 - K) is the process noise over that of a rate."""
+    ratio = RESTLESSNESS
+    return (-ratio + np.sqrt(ratio**2 + 4 * ratio)) / 2
+
+
+def _alarms(threshold, samples, runs, leak):
+    """When each test of flow first exceeds a threshold, (runs, thrusters); else `samples`.
+
+    No thruster is commanded, and the first leaks. Random impulses are those that the filter allows
+    for; without them false alarms are rarer.
+    """
+    watch, none = diagnosis(), jnp.zeros(COUNT)
+    condition = watch.init(jnp.zeros(3)).condition
+    change = jnp.asarray(leak * PERIOD * TORQUE[:, 0] / MOMENTS)
+
+    def sample(carry, draws):
+        (omega, memory, statistic), (error, impulse) = carry, draws
+        omega = omega + change - PERIOD * jnp.cross(omega, MOMENTS * omega) / MOMENTS
+        omega = omega + np.sqrt(RESTLESSNESS) * NOISE * impulse
+        residual, memory = watch.filter.step(
+            omega + NOISE * error, none, condition, jnp.array(PERIOD), memory
+        )
+        size = jnp.sqrt(jnp.sum(residual.flow**2, axis=0) * residual.variance)
+        along = jnp.sum(residual.flow * residual.innovation[:, None], axis=0)
+        score = along / jnp.where(size > 0, size, 1.0)
+        statistic = jnp.maximum(0.0, statistic + score - watch.reference)
+        return (omega, memory, statistic), statistic > threshold
+
+    def run(key):
+        start = (jnp.zeros(3), watch.filter.init(jnp.zeros(3)), none)
+        alarm = jax.lax.scan(sample, start, jax.random.normal(key, (samples + 1, 2, 3)))[1][1:]
+        return jnp.where(alarm.any(axis=0), jnp.argmax(alarm, axis=0) + 1, samples)
+
+    return np.asarray(jax.jit(jax.vmap(run))(jax.random.split(jax.random.key(7), runs)))
