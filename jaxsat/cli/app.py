@@ -12,6 +12,7 @@ from jaxsat.cli.bugs import report_error, thread_errors_reported
 from jaxsat.cli.compare import compare
 from jaxsat.cli.computing import import_interruptibly
 from jaxsat.cli.controllability import controllability
+from jaxsat.cli.export import export
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.progress import stop_progress
 from jaxsat.cli.reproduce import reproduce
@@ -42,6 +43,7 @@ app.command(compare)
 app.command(bound)
 app.command(tune)
 app.command(controllability)
+app.command(export)
 app.command(reproduce)
 app.command(scenarios)
 
