@@ -13,6 +13,7 @@ from jaxsat.cli.compare import compare
 from jaxsat.cli.computing import import_interruptibly
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.design import design
+from jaxsat.cli.export import export
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.progress import stop_progress
 from jaxsat.cli.report import report
@@ -45,6 +46,7 @@ app.command(bound)
 app.command(tune)
 app.command(design)
 app.command(controllability)
+app.command(export)
 app.command(reproduce)
 app.command(report)
 app.command(scenarios)

@@ -4,7 +4,8 @@ The rules that lower primitives are written against this class alone.
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,47 @@ from jaxsat.engine.native.ir import (
 from jaxsat.engine.native.operations import BOOL, OPERATIONS, evaluate
 from jaxsat.engine.native.simplify import identity, simplified
 
+
+@dataclass(frozen=True)
+class Frame:
+    """A function of the source that was being traced, and the line in it."""
+
+    function: str
+    file: str
+    line: int
+
+
+@dataclass(frozen=True)
+class Element:
+    """Which element of which array a value was first; `array` is a number, with its place."""
+
+    array: int
+    shape: tuple[int, ...]
+    index: tuple[int, ...]
+    place: tuple[Frame, ...]
+
+
+@dataclass
+class Trace:
+    """What is known of values beside their program, by their numbers.
+
+    `places` are the calls of the source that a value comes from, from the outermost.
+    """
+
+    places: dict[int, tuple[Frame, ...]] = field(default_factory=dict)
+    elements: dict[int, "Element"] = field(default_factory=dict)
+    now: tuple[Frame, ...] = ()
+
+    @contextmanager
+    def at(self, frames: tuple[Frame, ...]):
+        """While inside, values come from there."""
+        before, self.now = self.now, frames
+        try:
+            yield
+        finally:
+            self.now = before
+
+
 CHEAP = 24
 """Branches of at most so many operations in all are computed in every lane, not jumped over."""
 
@@ -34,13 +76,17 @@ INT = np.dtype(np.int32)
 class Builder:
     """Appends to one block; `mask` (a varying bool or None) tells which lanes really need it."""
 
-    def __init__(self):
+    def __init__(self, like: "Builder | None" = None):
+        """One of its own, or one for a function that a program like another one's calls."""
         self.block = Block()
+        self.compact = like is not None and like.compact  # functions are called, never written out
+        self.trace: Trace | None = None if like is None else like.trace
         self.mask: Scalar | None = None
         self.functions: dict[tuple, Function] = {}
         self.repeated: dict[int, Any] = {}
         self.sine_and_cosine: set[Any] = set()  # variables of jaxprs
         self._negated: dict[int, Scalar] = {}  # what a value is the negative of
+        self.truths: set[int] = set()  # numbers made of bools: 0 or 1
         self.written = 0  # operations so far
 
     def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
@@ -64,10 +110,13 @@ class Builder:
         if found is None:
             found = Value(dtype, uniform or name == "any")
             self.block.steps.append(Operation(name, args, found))
+            self._note(found)
             self.written += 1
             self.block.known[key] = found
             if name == "neg":
                 self._negated[found.number] = args[0]
+            if name == "convert" and (args[0].dtype == BOOL or identity(args[0]) in self.truths):
+                self.truths.add(found.number)
         return found
 
     def _with_sign_outside(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
@@ -110,6 +159,7 @@ class Builder:
         if found is None:
             found = Value(memory.dtype, memory.uniform and is_uniform(index))
             self.block.steps.append(Load(memory, index, found))
+            self._note(found)
             self.block.known[key] = found
         return found
 
@@ -117,6 +167,10 @@ class Builder:
         """Put a value at an element of a memory."""
         self.block.steps.append(Store(memory, index, value))
         self.written += 1
+
+    def at(self, frames: tuple[Frame, ...]):
+        """While inside, values come from there in the source, if that is kept."""
+        return nullcontext() if self.trace is None else self.trace.at(frames)
 
     @contextmanager
     def inside(self, block: Block, mask: Scalar | None):
@@ -152,6 +206,7 @@ class Builder:
             after = body(list(params))
             if lanes is not None:
                 after = [self.select(lanes, a, p) for a, p in zip(after, params, strict=True)]
+        self._note(*params)
         for value, param in zip(after, params, strict=True):
             assert is_uniform(value) or not param.uniform, "a uniform carry became varying"
             assert value.dtype == param.dtype, f"{param} became {value.dtype}"
@@ -198,8 +253,13 @@ class Builder:
             return list(known)  # pyright: ignore[reportArgumentType]
         outs = [Value(result.dtype, is_uniform(result)) for result in function.results]
         self.block.steps.append(Call(function, list(args), outs))
+        self._note(*outs)
         self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
         return list(outs)
+
+    def _note(self, *made: Value) -> None:
+        if self.trace is not None:
+            self.trace.places.update((value.number, self.trace.now) for value in made)
 
     def _known(self, key: tuple):
         block = self.block
@@ -218,6 +278,7 @@ class Builder:
         kinds = zip(*yields, strict=True)
         outs = [Value(several[0].dtype, all(map(is_uniform, several))) for several in kinds]
         self.block.steps.append(Switch(index, blocks, yields, outs, cold))
+        self._note(*outs)
         return list(outs)
 
     def _everywhere(self, index, masks, blocks, yields) -> list[Scalar]:

@@ -47,9 +47,9 @@ class Module:
     memory has a place of its own in it, as no function is ever called inside itself.
     """
 
-    def __init__(self, lanes: int, masks: bool = False):
+    def __init__(self, lanes: int, masks: bool = False, contract: bool = True):
         require_lanes(lanes)
-        self.lanes, self.masks = lanes, masks
+        self.lanes, self.masks, self.contract = lanes, masks, contract
         self.functions: dict[str, str] = {}
         self.printed: dict[int, tuple[str, Function, bool]] = {}  # by identity: `llvm.internal`
         self.constants: dict[int, str] = {}  # by the number of the memory

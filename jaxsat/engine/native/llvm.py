@@ -1,7 +1,7 @@
 """Programs as LLVM code in text: vectors for varying values, scalars for uniform ones.
 
 Floating-point operations carry the flag `contract` and no other: a product and a sum may become
-one fused operation, and nothing else may change.
+one fused operation, and nothing else may change. A module without `contract` rounds each.
 """
 
 from collections.abc import Mapping, Sequence
@@ -146,6 +146,7 @@ class FunctionEmitter(AbstractEmitter):
             typed = ", ".join(f"{kind} {arg}" for arg in args)
             self.line(f"{out} = call {kind} {full}({typed})")
         else:
+            word = word if self.module.contract else word.removesuffix(" contract")
             self.line(f"{out} = {word} {kind} {', '.join(args)}")
 
     def _any(self, out: str, predicate: Scalar) -> None:

@@ -5,10 +5,12 @@ An array of the jaxpr is a NumPy object array of constants and values. A rule is
 `jaxsat.engine.native.rules`.
 """
 
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -17,7 +19,7 @@ import numpy as np
 from jax._src import source_info_util
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
-from jaxsat.engine.native.builder import Builder, is_uniform
+from jaxsat.engine.native.builder import Builder, Element, Frame, is_uniform
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value
 from jaxsat.errors import JaxsatError
@@ -147,7 +149,9 @@ def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elemen
             aval: Any = var.aval
             number_type(aval.dtype)
         before = b.written
-        outputs = RULES[name](b, eqn, *arrays)
+        with b.at(() if b.trace is None else _frames(eqn, b.trace.now)):
+            outputs = RULES[name](b, eqn, *arrays)
+            _note_elements(b, [outputs] if isinstance(outputs, np.ndarray) else outputs)
         if b.written - before > LONGEST and not _is_call(eqn):
             many = b.written - before
             raise CannotLower(f"`{name}` would be written out as {many} operations")
@@ -185,6 +189,48 @@ def _is_call(eqn: JaxprEqn) -> bool:
 
 def _where(eqn: JaxprEqn) -> str:
     return source_info_util.summarize(eqn.source_info)
+
+
+def _note_elements(b: Builder, arrays: Sequence[Elements]) -> None:
+    """Keep of which arrays values are the elements."""
+    if b.trace is None:
+        return
+    for array in arrays:
+        if array.size < 2:
+            continue
+        shape = tuple(n for n in array.shape if n > 1)
+        number = len(b.trace.elements)
+        for index, x in zip(np.ndindex(shape), array.flat, strict=True):
+            if isinstance(x, Value):
+                found = Element(number, shape, index, b.trace.now)
+                b.trace.elements.setdefault(x.number, found)
+
+
+def _frames(eqn: JaxprEqn, outer: tuple[Frame, ...]) -> tuple[Frame, ...]:
+    """The calls of the source that an equation comes from, from the outermost, inside `outer`.
+
+    A compiled function keeps the places of its first trace: those inside it go after its call. The
+    inside of one that is JAX's own is the place of its call.
+    """
+    found = [
+        Frame(frame.function_name.split(".<locals>")[0], frame.file_name, frame.start_line)
+        for frame in source_info_util.user_frames(eqn.source_info.traceback)
+        if not frame.file_name.startswith((*_WRAPPERS, "<"))
+    ][::-1]
+    if not outer:
+        return tuple(found)
+    for number, frame in enumerate(found):
+        if (frame.function, frame.file) == (outer[-1].function, outer[-1].file):
+            return (*outer[:-1], *found[number:])
+    return outer
+
+
+_WRAPPERS = tuple(
+    os.path.join(os.path.dirname(spec.origin), "")
+    for name in ("equinox", "jaxtyping", "beartype", "diffrax")
+    if (spec := find_spec(name)) is not None and spec.origin is not None
+)
+"""Folders of libraries whose functions only call others."""
 
 
 @cache
@@ -264,9 +310,10 @@ def function_of(b: Builder, name: str, closed: ClosedJaxpr, args: Sequence[Scala
     key = (name, kinds)
     if key not in b.functions:
         params = [Value(arg.dtype, is_uniform(arg)) for arg in args]
-        inner = Builder()
+        inner = Builder(like=b)
         inner.functions = b.functions
-        results = scalars_of(lower(inner, closed, arrays_of(params, [()] * len(params))))
+        with b.at(()):
+            results = scalars_of(lower(inner, closed, arrays_of(params, [()] * len(params))))
         label = f"{name}.{''.join(char + 'vu'[uniform] for char, uniform in kinds)}"
         b.functions[key] = without_dead_code(Function(label, params, inner.block, results))
     return b.functions[key]

@@ -35,7 +35,8 @@ class Mapped:
     `function(case, shared)` is given as for one case and may be anything of `jax.numpy` that the
     compiled engine knows; `case` and `shared` are examples, for their shapes and types. Raises
     `CannotLower` for what it does not know, and `ValueError` for a number of `lanes` that is none
-    of 1, 2, 4, 8 and 16. `cpu` is the processor to make code for, this one unless given.
+    of 1, 2, 4, 8 and 16. `cpu` is the processor to make code for, this one unless given. Without
+    `contract` no product and sum become one operation: every processor gives the same bits.
     """
 
     def __init__(
@@ -45,8 +46,9 @@ class Mapped:
         shared: PyTree = None,
         lanes: int = 0,
         cpu: target.Host | None = None,
+        contract: bool = True,
     ):
-        self.cpu = cpu or target.host()
+        self.cpu, self._contract = cpu or target.host(), contract
         self.lanes = lanes or self.cpu.lanes
         require_lanes(self.lanes)
         self.jaxpr, self._shape = jax.make_jaxpr(function, return_shape=True)(case, shared)
@@ -98,7 +100,7 @@ class Mapped:
 
     @cached_property
     def _module(self) -> Module:
-        module = Module(self.lanes, self.cpu.masks)
+        module = Module(self.lanes, self.cpu.masks, self._contract)
         emit_entry_point(module, self.entry_point)
         module.functions["run"] = run_blocks(self.lanes, [self.entry_point.function.name])
         return module

@@ -51,7 +51,7 @@ def _shared(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements
         params = [Value(x.dtype, x.uniform) for x in given]
         rest = iter(params)
         inside = [next(rest) if isinstance(x, Value) else x for x in args]
-        body = Builder()
+        body = Builder(like=b)
         body.functions, body.repeated = b.functions, b.repeated
         shapes = [array.shape for array in arrays]
         results = scalars_of(lower(body, inner, arrays_of(inside, shapes)))

@@ -6,7 +6,7 @@ from functools import reduce
 import numpy as np
 
 from jaxsat.engine.native.builder import INT, Builder, is_uniform
-from jaxsat.engine.native.ir import Memory, Scalar
+from jaxsat.engine.native.ir import Memory, Scalar, Value
 from jaxsat.engine.native.lowering import (
     Elements,
     arrays_of,
@@ -143,7 +143,9 @@ def _cond(b: Builder, eqn, which: Elements, *arrays: Elements) -> list[Elements]
     branches = eqn.params["branches"]
     index = which[()]
     index = b.convert(index, INT) if index.dtype == BOOL or index.dtype != INT else index
-    index = extremum(b, "min", extremum(b, "max", index, INT.type(0)), INT.type(len(branches) - 1))
+    if not (isinstance(index, Value) and index.number in b.truths and len(branches) == 2):
+        last = INT.type(len(branches) - 1)
+        index = extremum(b, "min", extremum(b, "max", index, INT.type(0)), last)
     shapes = [var.aval.shape for var in eqn.outvars]
 
     def taking(branch):

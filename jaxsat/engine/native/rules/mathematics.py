@@ -5,10 +5,11 @@ from typing import Any
 
 from jax.extend.core import Literal
 
-from jaxsat.engine.native.builder import Builder
+from jaxsat.engine.native.builder import INT, Builder
+from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.functions import FUNCTIONS, program
 from jaxsat.engine.native.interpreter import interpret
-from jaxsat.engine.native.ir import Scalar, Value
+from jaxsat.engine.native.ir import Function, Scalar, Value
 from jaxsat.engine.native.lowering import Elements, each, filled, function_of, lower, lowers
 
 PARTS = ("sin", "cos")
@@ -27,7 +28,7 @@ def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar
     """The results of a function, known ones of known arguments."""
     dtypes = [x.dtype for x in scalars]
     function = function_of(b, name, program(name, *dtypes), scalars)
-    if name == "sincos" and not function.parts:
+    if name == "sincos" and not function.parts and not b.compact:
         function.parts = [function_of(b, part, program(part, *dtypes), scalars) for part in PARTS]
     known = [x for x in scalars if not isinstance(x, Value)]
     if len(known) < len(scalars):
@@ -40,6 +41,8 @@ def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar
 def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
     """The short way in place, which a processor does beside its neighbours; a call if it fails."""
     part, operand = eqn.primitive.name.removeprefix("jaxsat_"), eqn.invars[0]
+    if b.compact:
+        return each(lambda y: _compact(b, part, y), x)
     aval: Any = operand.aval
     both = not isinstance(operand, Literal) and operand in b.sine_and_cosine
     closed = program("near_sincos" if both else f"near_{part}", aval.dtype)
@@ -55,6 +58,29 @@ def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
         return b.cold_branch(found[-1], long_way, found[place])
 
     return each(one, x)
+
+
+def _compact(b: Builder, part: str, y: Scalar) -> Scalar:
+    """The same as a call of one function, the way that is taken seldom inside it."""
+    if not isinstance(y, Value):
+        return _called(b, "sincos", [y])[PARTS.index(part)]
+    key = (part, y.dtype.char, y.uniform)
+    if key not in b.functions:
+        param, inner = Value(y.dtype, y.uniform), Builder(like=b)
+        inner.functions = b.functions
+        closed = program(f"near_{part}", y.dtype)
+        with b.at(()):
+            found = [result[()] for result in lower(inner, closed, [filled((), param)])]
+            result = inner.switch(
+                inner.convert(found[-1], INT),
+                [
+                    lambda: found[:1],
+                    lambda: [_called(inner, "sincos", [param])[PARTS.index(part)]],
+                ],
+            )[0]
+        whole = Function(f"{part}.{y.dtype.char}", [param], inner.block, [result])
+        b.functions[key] = without_dead_code(whole)
+    return b.call(b.functions[key], [y])[0]
 
 
 @lowers("integer_pow")

@@ -1,0 +1,99 @@
+"""`jaxsat export`: the controller of a scenario as C99 for a flight computer."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from jaxsat.cli.computing import interruptibly
+from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import Flag, OptionalPath, Overrides
+from jaxsat.cli.progress import show_progress
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout
+
+if TYPE_CHECKING:
+    from jaxsat.export import Export
+    from jaxsat.scenario import Scenario
+
+Float = Annotated[bool, Parameter(name="--float", negative="")]
+
+
+def export(
+    scenario: str,
+    /,
+    *,
+    overrides: Overrides = (),
+    out: OptionalPath = None,
+    float_: Float = False,
+    functions: Literal["own", "libm"] = "own",
+    overwrite: Flag = False,
+    quiet: Flag = False,
+) -> int:
+    """Write the controller of a scenario as C99, with test vectors, a test program and build files.
+
+    The law must be one that runs once a period. Its estimator, the allocation and the modulation
+    go with it, plug-ins included.
+
+    Parameters
+    ----------
+    scenario
+        A name from `jaxsat scenarios list`, or a TOML file.
+    overrides
+        KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
+    out
+        Folder to write to; jaxsat-NAME-flight in the current folder if left out.
+    float_
+        Single precision in place of double.
+    functions
+        own, elementary functions in the file, the same bits on every processor; libm, those of the
+        C library, shorter.
+    overwrite
+        Replace the folder if jaxsat wrote it before.
+    quiet
+        Print nothing unless something is wrong.
+    """
+    chosen = load_or_explain(scenario, overrides)
+    target = Path(f"jaxsat-{Path(scenario).stem}-flight") if out is None else out
+
+    from jaxsat.export import CannotExport, CannotLower
+    from jaxsat.results import OutputError, OutputFolder
+
+    try:
+        with OutputFolder(target, kind="flight code", overwrite=overwrite) as folder:
+            show_progress(f"exporting {scenario}")
+            made = interruptibly(lambda: _export(chosen, single=float_, libm=functions == "libm"))
+            for name, content in made.files.items():
+                folder.write(name, content)
+    except CannotExport as error:
+        raise UserMistake(f"{scenario}: {error}") from None
+    except CannotLower as error:
+        raise UserMistake(f"{scenario}: cannot be flight code: {error}") from None
+    except OutputError as error:
+        raise output_problem(error) from None
+    if not quiet:
+        print_stdout(f"controller       {made.lines} lines of C, program {made.program.hash[:12]}")
+        print_stdout(f"test vectors     {len(made.vectors.given)} samples")
+        if made.measured.instructions is not None:
+            print_stdout(f"a step           {made.measured.instructions} instructions (Cortex-M4)")
+        print_stdout(f"written          {target}; `make -C {target} test` builds and checks it")
+    return SUCCESS
+
+
+def _export(scenario: "Scenario", *, single: bool, libm: bool) -> "Export":
+    from jaxsat.assembly.run import build
+    from jaxsat.export import Request, export
+    from jaxsat.results import provenance
+    from jaxsat.scenario import dump
+
+    run = build(scenario)
+    request = Request(
+        run.loop,
+        run.start,
+        float(run.times[-1]),
+        scenario.title,
+        dump(scenario),
+        provenance(),
+        single,
+        libm,
+    )
+    return export(request)

@@ -1,0 +1,17 @@
+"""Flight code: the controller of a sampled loop as C99, with test vectors and build files."""
+
+from jaxsat.engine.native.lowering import CannotLower
+from jaxsat.export.external import Library, LibraryError, with_library
+from jaxsat.export.files import Export, Request, export
+from jaxsat.export.flight import CannotExport
+
+__all__ = [
+    "CannotExport",
+    "CannotLower",
+    "Export",
+    "Library",
+    "LibraryError",
+    "Request",
+    "export",
+    "with_library",
+]

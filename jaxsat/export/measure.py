@@ -1,0 +1,86 @@
+"""What a compiler and an emulator tell of an export: stack, code size, instructions of a step."""
+
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+ARM, QEMU = "arm-none-eabi-gcc", "qemu-system-arm"
+LONGEST = 120.0
+"""Seconds that a compiler or an emulator may take."""
+
+_FLAGS = "-mcpu=cortex-m4 -mthumb -O2 -std=c99 -ffp-contract=off --specs=rdimon.specs".split()  # noqa: SIM905
+
+
+@dataclass(frozen=True)
+class Measured:
+    """On a Cortex-M4: bytes of stack and of code and constants, instructions of a step at most.
+
+    None is what could not be measured, for which `why` is the reason.
+    """
+
+    stack: int | None = None
+    code: int | None = None
+    instructions: int | None = None
+    why: str = ""
+
+
+def measured(files: Mapping[str, bytes]) -> Measured:
+    """What the tools that are installed tell of these files."""
+    missing = [tool for tool in (ARM, QEMU) if shutil.which(tool) is None]
+    if ARM in missing:
+        return Measured(why=f"{' and '.join(missing)} not installed where this was exported")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, content in files.items():
+            if file.endswith((".c", ".h")):
+                (folder / file).write_bytes(content)
+        try:
+            return _measured(folder, has_emulator=QEMU not in missing)
+        except (OSError, subprocess.SubprocessError) as error:
+            return Measured(why=f"the tools failed: {type(error).__name__}")
+
+
+def _measured(folder: Path, *, has_emulator: bool) -> Measured:
+    _run(folder, ARM, *_FLAGS, "-fstack-usage", "-c", "controller.c")
+    stack = _stack((folder / "controller.su").read_text())
+    sizes = _run(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
+    if not has_emulator:
+        return Measured(stack, int(sizes[0]), None, f"{QEMU} not installed")
+    section = "-Wl,--section-start=.vectors=0x0"
+    parts = ["-DSTEPS", "cortex_m.c", "controller.c", "-o", "steps.elf", "-lm"]
+    _run(folder, ARM, *_FLAGS, section, *parts)
+    told = _run(
+        folder, QEMU, "-M", "mps2-an386", "-nographic", "-icount", "shift=0",
+        "-semihosting-config", "enable=on,target=native", "-kernel", "steps.elf",
+    )  # fmt: skip
+    found = re.search(r"(\d+) instructions", told)
+    return Measured(stack, int(sizes[0]), int(found.group(1)) if found else None)
+
+
+def _run(folder: Path, *command: str) -> str:
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=LONGEST, check=True,
+        stdin=subprocess.DEVNULL,
+    )  # fmt: skip
+    return done.stdout
+
+
+def _stack(text: str) -> int:
+    """Bytes at most: the step's own frame, and the deepest chain below it can be no more than the
+    frames of one function of each level, for which the largest ones are taken."""
+    sizes = {}
+    for line in text.splitlines():
+        place, size, _ = line.split("\t")
+        sizes[place.rsplit(":", 1)[1]] = int(size)
+    entries = [size for name, size in sizes.items() if name in ("controller_step",)]
+    stages = [size for name, size in sizes.items() if name in ("estimate", "control", "allocate")]
+    others = sorted(
+        size
+        for name, size in sizes.items()
+        if name not in ("controller_step", "controller_init", "estimate", "control", "allocate")
+    )
+    return sum(entries) + max(stages, default=0) + sum(others[-4:])

@@ -1,0 +1,119 @@
+"""Names and comments of C files: identifiers from Python names, prose that ends no comment."""
+
+import ast
+import functools
+import re
+import unicodedata
+from collections.abc import Iterable
+from pathlib import Path
+
+KEYWORDS = frozenset((
+    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else",
+    "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "register",
+    "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef",
+    "union", "unsigned", "void", "volatile", "while", "bool", "true", "false", "asm", "typeof",
+    "and", "or", "not", "xor", "class", "new", "delete", "this", "namespace", "template", "try",
+    "catch", "throw", "private", "public", "protected", "operator", "friend", "using",
+    "virtual", "explicit", "export", "mutable", "near", "far", "main", "NULL", "NAN", "INFINITY"
+))  # fmt: skip
+LIBRARY = frozenset((
+    "acos", "asin", "atan", "atan2", "acosh", "asinh", "atanh", "cbrt", "ceil", "copysign",
+    "cos", "cosh", "erf", "erfc", "exp", "exp2", "expm1", "fabs", "fdim", "floor", "fma",
+    "fmax", "fmin", "fmod", "frexp", "gamma", "hypot", "ilogb", "index", "isfinite", "isinf",
+    "isnan", "j0", "j1", "jn", "ldexp", "lgamma", "log", "log10", "log1p", "log2", "logb",
+    "lrint", "lround", "memcpy", "memset", "modf", "nan", "nearbyint", "nextafter", "pow",
+    "remainder", "rint", "round", "scalbn", "signbit", "signgam", "sin", "sinh", "sqrt", "tan",
+    "tanh", "tgamma", "time", "trunc", "y0", "y1", "yn", "abs", "div", "exit", "free", "rand",
+    "remove", "rename", "signal"
+))  # fmt: skip
+RESERVED = KEYWORDS | LIBRARY | {f"{name}f" for name in LIBRARY}
+
+_LETTERS = {
+    "×": "x", "·": "*", "⊗": "(x)", "→": "->", "∫": "integral ", "Σ": "sum ", "√": "sqrt ",
+    "²": "^2", "³": "^3", "⁻": "^-", "¹": "1", "ᵀ": "^T", "≤": "<=", "≥": ">=", "≈": "~",
+    "−": "-", "–": "-", "—": "-", "…": "...", "“": '"', "”": '"', "’": "'", "∞": "infinity",
+    "°": " deg", "±": "+-", "π": "pi", "∈": "in", "∂": "d", "₀": "0", "₁": "1", "₂": "2",
+}  # fmt: skip
+
+
+def ascii_text(text: str) -> str:
+    """The text in ASCII: Greek letters by their names, other signs by what is nearest."""
+    found = []
+    for letter in text:
+        name = unicodedata.name(letter, "")
+        if letter.isascii():
+            found.append(letter)
+        elif letter in _LETTERS:
+            found.append(_LETTERS[letter])
+        elif name.startswith("GREEK") and "LETTER" in name:
+            word = name.split("LETTER ")[1].split()[0].lower()
+            found.append(word.capitalize() if "CAPITAL" in name else word)
+        else:
+            plain = unicodedata.normalize("NFKD", letter).encode("ascii", "ignore").decode()
+            found.append(plain or "?")
+    return "".join(found)
+
+
+def comment(text: str, indent: str = "", width: int = 98) -> list[str]:
+    """Lines of one C comment; nothing in the text ends it or begins another one."""
+    plain = ascii_text(" ".join(text.split())).replace("`", "")
+    for sign, harmless in (("\\", "|"), ("/*", "/ *"), ("*/", "* /"), ("//", "/ /"), ("??", "? ?")):
+        while sign in plain:
+            plain = plain.replace(sign, harmless)
+    plain = "".join(letter for letter in plain if letter.isprintable())
+    lines, line = [], f"{indent}/*"
+    for word in plain.split():
+        if len(line) + len(word) + 4 > width and line.strip() not in ("/*", ""):
+            lines.append(line)
+            line = f"{indent}  "
+        line += f" {word}"
+    return [*lines, f"{line} */"]
+
+
+def identifier(*parts: str) -> str:
+    """A C identifier of words, in lower case with underscores."""
+    text = "_".join(ascii_text(part) for part in parts)
+    text = re.sub(r"(?<=[a-z0-9])(?=[A-Z][a-z])", "_", text)
+    text = re.sub(r"[\W_]+", "_", text).strip("_").lower() or "x"
+    return f"x_{text}" if text[0].isdigit() else text
+
+
+class Names:
+    """Identifiers that are in use in a scope, no two alike."""
+
+    def __init__(self, taken: Iterable[str] = (), *, fields: bool = False):
+        self._taken = (set(KEYWORDS) if fields else set(RESERVED)) | set(taken)
+        self._last: dict[str, int] = {}
+
+    def new(self, wish: str) -> str:
+        """An identifier that is this one, or this one with a number."""
+        name = wish
+        while name in self._taken:
+            self._last[wish] = self._last.get(wish, 1) + 1
+            name = f"{wish}_{self._last[wish]}"
+        self._taken.add(name)
+        return name
+
+
+def assigned_name(file: str, line: int) -> str | None:
+    """The name that a statement of Python gives its result, if it is one name and can be read."""
+    statement = _statements(file).get(line)
+    targets = statement.targets if isinstance(statement, ast.Assign) else []
+    if len(targets) == 1 and isinstance(targets[0], ast.Name):
+        return targets[0].id
+    return None
+
+
+@functools.cache
+def _statements(file: str) -> dict[int, ast.stmt]:
+    """Statements by each of the lines that they take; the innermost one."""
+    try:
+        tree = ast.parse(Path(file).read_text(encoding="utf-8"))
+    except (OSError, SyntaxError, ValueError):
+        return {}
+    found: dict[int, ast.stmt] = {}
+    for node in ast.walk(tree):  # from the outermost
+        if isinstance(node, ast.stmt):
+            for line in range(node.lineno, (node.end_lineno or node.lineno) + 1):
+                found[line] = node
+    return found

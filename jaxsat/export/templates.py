@@ -1,0 +1,140 @@
+"""Files that are the same for every controller."""
+
+MAKEFILE = """\
+# make              builds build/test_controller and build/libcontroller.so
+# make test         compares the controller with its test vectors
+# make sanitize     the same under the sanitizers for undefined behaviour and addresses
+# make cppcheck     static analysis with the MISRA add-on
+# make cortex-m     the same test and the instructions of a step on an emulated Cortex-M4
+CC ?= cc
+CFLAGS ?= -O2
+STRICT = -std=c99 -Wall -Wextra -Wconversion -pedantic -Werror -ffp-contract=off
+ULP ?= @ULP@
+ARM = arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -O2 $(STRICT) --specs=rdimon.specs \\
+\t-Wl,--section-start=.vectors=0x0
+QEMU = qemu-system-arm -M mps2-an386 -nographic
+SOURCES = controller.h controller_records.h
+
+.PHONY: all test sanitize cppcheck cortex-m clean
+all: build/test_controller build/libcontroller.so
+
+build:
+\tmkdir -p build
+
+build/controller.o: controller.c controller.h | build
+\t$(CC) $(CFLAGS) $(STRICT) -c controller.c -o $@
+
+build/test_controller: build/controller.o test_controller.c $(SOURCES)
+\t$(CC) $(CFLAGS) $(STRICT) test_controller.c build/controller.o -o $@ -lm
+
+build/libcontroller.so: controller.c controller_library.c $(SOURCES) | build
+\t$(CC) $(CFLAGS) $(STRICT) -fPIC -shared controller_library.c -o $@ -lm
+
+test: build/test_controller
+\t./build/test_controller test_vectors.bin $(ULP)
+
+sanitize: | build
+\t$(CC) -O1 -g $(STRICT) -fsanitize=undefined,address -fno-sanitize-recover=all \\
+\t\tcontroller.c test_controller.c -o build/test_sanitized -lm
+\t./build/test_sanitized test_vectors.bin $(ULP)
+
+cppcheck:
+\tcppcheck --quiet --std=c99 --enable=warning,portability,performance --error-exitcode=1 \\
+\t\t--addon=misra --suppressions-list=misra_deviations.txt controller.c
+
+cortex-m: | build
+\t$(ARM) cortex_m.c controller.c -DSTEPS -o build/steps.elf -lm
+\t$(QEMU) -icount shift=0 -semihosting-config enable=on,target=native -kernel build/steps.elf
+\t$(ARM) cortex_m.c controller.c test_controller.c -o build/test.elf -lm
+\t$(QEMU) -semihosting-config enable=on,target=native,arg=test,arg=test_vectors.bin,arg=$(ULP) \\
+\t\t-kernel build/test.elf
+
+clean:
+\trm -rf build
+"""
+
+CMAKE = """\
+cmake_minimum_required(VERSION 3.13)
+project(controller C)
+set(CMAKE_C_STANDARD 99)
+set(CMAKE_C_EXTENSIONS OFF)
+add_compile_options(-Wall -Wextra -Wconversion -pedantic -Werror -ffp-contract=off)
+
+add_library(flight_controller STATIC controller.c)
+target_include_directories(flight_controller PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
+target_link_libraries(flight_controller m)
+
+add_library(controller MODULE controller_library.c)
+target_link_libraries(controller m)
+
+add_executable(test_controller test_controller.c)
+target_link_libraries(test_controller flight_controller)
+
+enable_testing()
+add_test(NAME vectors
+         COMMAND test_controller ${CMAKE_CURRENT_SOURCE_DIR}/test_vectors.bin @ULP@)
+"""
+
+CORTEX_M = """\
+/* Start-up code for an emulated Cortex-M4 (mps2-an386), and how many instructions a step takes. */
+#include "controller.h"
+
+#include <stdio.h>
+
+extern void _start(void);
+
+/* Address of the end of the stack, then of the first function. */
+__attribute__((section(".vectors"), used)) static void (*const vectors[2])(void) = {
+  (void (*)(void))0x20400000, _start
+};
+
+#ifdef STEPS
+#define TIMER_CONTROL (*(volatile uint32_t *)0xE000E010u)
+#define TIMER_RELOAD (*(volatile uint32_t *)0xE000E014u)
+#define TIMER_VALUE (*(volatile uint32_t *)0xE000E018u)
+
+/* The timer counts at 25 MHz; with -icount shift=0 an instruction takes one nanosecond. */
+#define INSTRUCTIONS_PER_TICK (40u)
+#define SAMPLES (20)
+
+static controller_input in;
+static controller_state state;
+static controller_output out;
+
+int main(void)
+{
+  uint32_t most = 0u;
+@START@
+  TIMER_RELOAD = 0xFFFFFFu;
+  TIMER_VALUE = 0u;
+  TIMER_CONTROL = 5u;
+  for (int sample = 0; sample < SAMPLES; sample++) {
+    const uint32_t before = TIMER_VALUE;
+    controller_step(&controller_default_parameters, &in, &state, &out);
+    const uint32_t ticks = (before - TIMER_VALUE) & 0xFFFFFFu;
+    if (ticks > most) {
+      most = ticks;
+    }
+    in.sample++;
+  }
+  printf("%lu instructions a step at most\\n", (unsigned long)(most * INSTRUCTIONS_PER_TICK));
+  return 0;
+}
+#endif
+"""
+
+DEVIATIONS = {
+    "misra-c2012-2.5": "macros of modes are for callers",
+    "misra-c2012-5.9": "names are unique in a file, and Python's names recur",
+    "misra-c2012-8.7": "the interface is for other files",
+    "misra-c2012-8.9": "tables stand before the functions that read them",
+    "misra-c2012-10.4": "selections of one type, which the checker takes for mixed",
+    "misra-c2012-12.1": "the precedence of * over + is relied on, as in any formula",
+    "misra-c2012-15.4": "a bounded loop with a condition of its own ends by break",
+    "misra-c2012-15.5": "small helpers return where they know the result",
+    "misra-c2012-17.3": "functions of math.h are declared there, which the checker does not read",
+    "misra-c2012-21.15": "bits of a number are copied with memcpy, between types of one size",
+    "missingIncludeSystem": "headers of the C library",
+    "unusedStructMember": "fields that the law reads in part",
+}
+"""Rules that are not followed, and why."""

@@ -1,0 +1,157 @@
+"""Exported controllers are compiled and agree with the compiled engine to the bit."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.export import CannotExport, CannotLower, Request, export, vectors
+from jaxsat.export.naming import Names, comment, identifier
+from jaxsat.export.rolling import rolled
+from tests.export.laws import Filtered, Searching, loop_of, start
+
+PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
+
+
+def needs(tool: str):
+    """Skips a test where a tool is not installed."""
+    return pytest.mark.skipif(shutil.which(tool) is None, reason=f"{tool} is not installed")
+
+
+@pytest.fixture(autouse=True)
+def _few_samples(monkeypatch):
+    monkeypatch.setattr(vectors, "SAMPLES", 32)
+    monkeypatch.setattr(vectors, "CASES", 2)
+    monkeypatch.setattr(vectors, "LONGEST", 64)
+    monkeypatch.setattr("jaxsat.export.files.measured", lambda files: _nothing())
+
+
+def _nothing():
+    from jaxsat.export.measure import Measured
+
+    return Measured(why="not measured in tests")
+
+
+def _written(folder: Path, request: Request):
+    made = export(request)
+    for name, content in made.files.items():
+        (folder / name).write_bytes(content)
+    return made
+
+
+def _make(folder: Path, *words: str) -> str:
+    done = subprocess.run(["make", *words], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def _request(law=None, **options) -> Request:
+    law = Filtered([3.0, 2.0]) if law is None else law
+    return Request(loop_of(law), start(), 100.0, "A */ title", "", PROVENANCE, **options)
+
+
+@needs("gcc")
+@pytest.mark.slow
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+def test_a_law_with_branches_loops_and_functions_agrees_to_the_bit(tmp_path, single):
+    made = _written(tmp_path, _request(single=single))
+    assert "0 numbers differ" in _make(tmp_path, "test", "CC=gcc")
+    assert made.vectors.expected.shape[0] == 64 + vectors.EDGES
+    assert np.isfinite(made.vectors.expected[:64]).all()
+    assert np.isnan(made.vectors.expected).any()  # edge cases reach what is not a number
+    text = made.files["controller.c"].decode()
+    assert "for (" in text
+    assert "} else {" in text
+    assert "malloc" not in text
+
+
+@needs("clang")
+@pytest.mark.slow
+def test_clang_and_the_sanitizers_find_nothing(tmp_path):
+    _written(tmp_path, _request())
+    assert "0 numbers differ" in _make(tmp_path, "test", "sanitize", "CC=clang")
+
+
+@needs("gcc")
+@pytest.mark.slow
+def test_the_test_program_notices_one_changed_bit(tmp_path):
+    made = _written(tmp_path, _request())
+    rows = np.frombuffer(made.files["test_vectors.bin"], "<f8").copy()
+    width = made.vectors.given.shape[1] + made.vectors.expected.shape[1]
+    place = 4 + 5 * width + made.vectors.given.shape[1]
+    rows[place] = np.nextafter(rows[place], 9.0)
+    (tmp_path / "test_vectors.bin").write_bytes(rows.tobytes())
+    done = subprocess.run(["make", "test"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode != 0
+    assert re.search(r" 1 numbers? differ", done.stdout)
+
+
+@needs("gcc")
+@pytest.mark.slow
+def test_estimator_and_modulation_agree_to_the_bit(tmp_path):
+    scenario = load(
+        "switching",
+        [
+            "gyro.noise_density_rad_s_sqrt_Hz=1.5e-5",
+            "star_tracker.across_rad=2.4e-5",
+            "star_tracker.along_rad=1.2e-4",
+            "star_tracker.latency_s=0.2",
+        ],
+    )
+    run = build(scenario)
+    request = Request(run.loop, run.start, 100.0, "With a filter", "", PROVENANCE)
+    made = _written(tmp_path, request)
+    assert made.program.estimates
+    assert "0 numbers differ" in _make(tmp_path, "test", "CC=gcc")
+
+
+@needs("qemu-system-arm")
+@needs("arm-none-eabi-gcc")
+@pytest.mark.slow
+def test_an_emulated_cortex_m_agrees_to_the_bit(tmp_path):
+    _written(tmp_path, _request())
+    told = _make(tmp_path, "cortex-m")
+    assert "0 numbers differ" in told
+    assert re.search(r"[1-9]\d+ instructions a step", told)
+
+
+def test_a_loop_without_a_bound_is_told_with_its_line():
+    with pytest.raises(CannotLower, match=r"`while`.*no bound.*laws\.py:\d+ \(Searching\.step\)"):
+        export(_request(Searching([1.0, 1.0])))
+
+
+def test_a_law_in_continuous_time_is_refused():
+    run = build(load("paper-rate"))
+    with pytest.raises(CannotExport, match="once a period"):
+        export(Request(run.loop, run.start, 1.0, "", "", PROVENANCE))
+
+
+def test_comments_end_where_they_should():
+    told = "\n".join(comment(r"a */ b /* c // d ??/ e \ ω² " + "word " * 40))
+    assert told.count("/*") == told.count("*/") == 1
+    assert told.isascii()
+    assert "//" not in told
+    assert "??" not in told
+    assert "omega^2" in told
+
+
+def test_names_are_identifiers_of_c_and_differ():
+    names = Names()
+    found = [names.new(identifier(*word)) for word in (["double"], ["aB"], ["a_b"], ["ω", "1"])]
+    assert found == ["double_2", "a_b", "a_b_2", "omega_1"]
+
+
+def test_repeated_statements_become_loops_in_the_same_order():
+    lines = [f"  x[{i}][{j}] = y[{j}] * z[{i + 1}];" for i in range(4) for j in range(5)]
+    assert rolled(lines) == [
+        "  for (int32_t j = 0; j < 4; j++) {",
+        "    for (int32_t i = 0; i < 5; i++) {",
+        "      x[j][i] = y[i] * z[j + 1];",
+        "    }",
+        "  }",
+    ]
