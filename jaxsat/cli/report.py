@@ -1,15 +1,16 @@
 """`jaxsat report`: one HTML file of results."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.options import Flag, OutputPath
+from jaxsat.cli.options import Flag, OutputPath, place
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout
 
 
 def report(
-    *paths: Path,
+    *paths: str,
     out: OutputPath = Path("jaxsat-report.html"),
     overwrite: Flag = False,
     quiet: Flag = False,
@@ -33,13 +34,13 @@ def report(
     if not paths:
         raise UserMistake("report: must be given at least one path, got none")
     use_double_precision()
-    write_report(paths, out, overwrite=overwrite)
+    write_report([place("PATH", path) for path in paths], out, overwrite=overwrite)
     if not quiet:
         print_stdout(f"written to {out}")
     return SUCCESS
 
 
-def write_report(paths: tuple[Path, ...], out: Path, *, overwrite: bool) -> None:
+def write_report(paths: Sequence[Path], out: Path, *, overwrite: bool) -> None:
     """Make the page of results and write it; raises `UserMistake` or `FailedRun`."""
     from jaxsat.results import OutputError, refuse_existing, save_file
 
@@ -52,7 +53,7 @@ def write_report(paths: tuple[Path, ...], out: Path, *, overwrite: bool) -> None
         raise output_problem(error) from None
 
 
-def _page(paths: tuple[Path, ...]) -> str:
+def _page(paths: Sequence[Path]) -> str:
     from jaxsat.page import MissingPackages, report_page
 
     try:

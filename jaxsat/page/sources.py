@@ -5,6 +5,7 @@ from pathlib import Path
 
 from jaxsat.page.content import Replay, Section, Verdict
 from jaxsat.page.run import run_section
+from jaxsat.page.study import study_section
 from jaxsat.results import OutputError, open_trajectory
 from jaxsat.results.files import parse_json, read_or_explain
 
@@ -32,14 +33,21 @@ def sections_of(paths: Sequence[Path]) -> list[Section]:
 
 
 def _section(path: Path) -> Section:
+    """The section of one path, made by what is there."""
     if not path.exists():
         raise OutputError(f"{path} does not exist.")
-    if path.suffix == ".nc" or (path / "trajectory.nc").is_file():
+    if path.is_file() or (path / "trajectory.nc").is_file():
         return _run(path)
-    raise OutputError(f"{path} is no result")
+    if (path / "zarr.json").is_file():
+        return study_section(path)
+    raise OutputError(
+        f"{path} is no result of jaxsat; give the folder of a run, a tuning, a comparison or a "
+        "reproduction, or the store of a study."
+    )
 
 
 def _run(path: Path) -> Section:
+    """The section of a run: of its folder, or of its netCDF file alone."""
     dataset = open_trajectory(path)
     record = parse_json(read_or_explain(path / "run.json")) if path.is_dir() else None
     command = record.get("command", "") if isinstance(record, Mapping) else ""

@@ -1,0 +1,211 @@
+"""The section of a study: how many cases settle, when, what it depends on, and the worst."""
+
+import hashlib
+import json
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from jaxsat.montecarlo import Sensitivity, Summary, ends_text, numbers_of, summarise
+from jaxsat.page.content import Charts, Facts, Listing, Section, Table, Verdict, number
+from jaxsat.page.run import scenario_facts
+from jaxsat.page.study_charts import (
+    convergence_chart,
+    settled_by_chart,
+    settling_over_chart,
+    settling_times_chart,
+    success_chart,
+)
+from jaxsat.results import OutputError, case_table, open_study, study_columns
+from jaxsat.scenario import Scenario, dump
+
+WORST = 25
+"""Cases of the table of the worst."""
+
+QUANTITIES = 6
+"""Dispersed quantities over which success is drawn, those that matter most."""
+
+FILE = "study.toml"
+
+
+def study_section(path: Path) -> Section:
+    """What a store has to say; raises `OutputError` for one that is empty or damaged."""
+    study, columns = open_study(path), study_columns(path)
+    identity, runs = (json.loads(study.attrs[name]) for name in ("identity", "runs"))
+    try:
+        summary = summarise(columns, worst=WORST)
+    except ValueError:
+        raise OutputError(f"{path} has no case that is done.") from None
+    done = np.flatnonzero(np.asarray(columns["status"]) == 1)
+    times = np.asarray(columns["settling_time"])[done]
+    scenario = {name: _told(table) for name, table in identity["scenario"].items() if table}
+    text = scenario_text(identity["scenario"], path.stem)
+    charts = [settled_by_chart(times), settling_times_chart(times), convergence_chart(times)]
+    blocks: list[Any] = [
+        Facts("Scenario", scenario_facts(scenario)),
+        Charts("Settling", [chart for chart in charts if chart is not None]),
+        *_quantities(columns, done, times, summary),
+        _percentiles(summary),
+        *_rankings(summary),
+        _worst(study, summary, identity, text is not None),
+        _provenance(identity, runs, path),
+    ]
+    if text is not None:
+        blocks.append(Listing("Scenario file", text, FILE))
+    return Section(path.stem, f"Study {path.name}", study_verdict(summary), blocks)
+
+
+def study_verdict(summary: Summary) -> Verdict:
+    """The settled fraction with its interval, settling times, and how the others ended."""
+    found = summary.settled
+    interval = f"95 % interval {found.low:.2%} to {found.high:.2%}"
+    text = f"{found.value:.2%} of {summary.cases:,} cases settle ({interval})."
+    more = ["Ends: " + ", ".join(f"{n:,} {name}" for name, n in summary.outcomes.items()) + "."]
+    if summary.settling_time:
+        parts = [
+            f"{percent:g} %: {number(t.value)} s" for percent, t in summary.settling_time.items()
+        ]
+        more.append(f"Settling time of those that settle: {', '.join(parts)}.")
+    return Verdict(None, text, more)
+
+
+def scenario_text(tables: Mapping[str, Any], title: str) -> str | None:
+    """The scenario of a study as a file; None where its law is not installed here."""
+    given = {name: table for name, table in tables.items() if table is not None}
+    try:
+        return dump(Scenario.model_validate({"title": title, **given}))
+    except ValidationError:
+        return None
+
+
+def _told(value: Any) -> Any:
+    """A table without what is not given."""
+    if isinstance(value, Mapping):
+        told = {key: _told(entry) for key, entry in value.items() if entry is not None}
+        return {key: entry for key, entry in told.items() if entry != {}}
+    return [_told(entry) for entry in value] if isinstance(value, list) else value
+
+
+def _quantities(
+    columns: Mapping[str, Any], done: np.ndarray, times: np.ndarray, summary: Summary
+) -> list[Charts]:
+    """Success and settling time over the dispersed numbers that matter most."""
+    settled = np.isfinite(times)
+    charts = []
+    for label in _ranked(summary)[:QUANTITIES]:
+        name = label.partition("[")[0]
+        column = columns[f"drawn_{name}"]
+        values = numbers_of(name, np.asarray(column)[done])[label]
+        unit = "rad" if label == "attitude[angle]" else column.column.units
+        if 0 < settled.mean() < 1:
+            charts.append(success_chart(label, values, settled, unit))
+        charts.append(settling_over_chart(label, values, times, unit))
+    shown = [chart for chart in charts if chart is not None]
+    return [Charts("Over dispersed quantities", shown)] if shown else []
+
+
+def _ranked(summary: Summary) -> list[str]:
+    """The dispersed numbers, what settling depends on first, then the cost; no axis of a turn."""
+
+    def weight(entry: Sensitivity) -> float:
+        return -np.nan_to_num(entry.first_order.value, nan=-1.0)
+
+    entries = sorted(summary.settling_sensitivity, key=lambda one: (not one.matters, weight(one)))
+    if not any(one.matters for one in entries):
+        entries = sorted(summary.cost_sensitivity, key=lambda one: (not one.matters, weight(one)))
+    return [one.name for one in entries]
+
+
+def _percentiles(summary: Summary) -> Table:
+    rows = []
+    for name, unit in {"settling_time": "s", "effort": "N m s"}.items():
+        for percent, found in getattr(summary, name).items():
+            rows.append(
+                [f"{name.replace('_', ' ')} ({unit})", percent, found.value, ends_text(found)]
+            )
+    return Table("Percentiles", ["of", "percent", "value", "95 % interval"], rows)
+
+
+def _rankings(summary: Summary) -> list[Table]:
+    """What settling and cost depend on."""
+    rankings = {"Settling": summary.settling_sensitivity, "The cost": summary.cost_sensitivity}
+    columns = ["quantity", "first-order index", "interval", "rank correlation", "its interval"]
+    note = "Intervals of 95 % hold together; what does not matter cannot be told from chance."
+    found = []
+    for name, ranking in rankings.items():
+        rows = [
+            [
+                one.name,
+                one.first_order.value,
+                ends_text(one.first_order, ".3g"),
+                one.rank_correlation.value,
+                ends_text(one.rank_correlation, ".3g"),
+                "yes" if one.matters else "no",
+            ]
+            for one in ranking
+            if np.isfinite(one.first_order.value)
+        ]
+        if rows:
+            title = f"{name}: what it depends on"
+            found.append(Table(title, [*columns, "matters"], rows, note))
+    return found
+
+
+def _worst(study: Any, summary: Summary, identity: Mapping[str, Any], known: bool) -> Table:
+    """The worst cases with what was drawn and the command that computes each again."""
+    table = case_table(study.isel(case=summary.worst))
+    drawn = [name for name in table if str(name).startswith("drawn_")]
+    told = [name for name in table if str(name) not in drawn]
+    shown = [name for name in told if not str(name).startswith(("quaternion", "w1", "w2", "z_"))]
+    shown.sort(key=lambda name: name not in ("outcome", "settling_time_s"))
+    columns = ["case", *(["command"] if known else []), *map(str, shown), *map(str, drawn)]
+    rows = []
+    for case, row in table.iterrows():
+        command = [case_command(identity, int(str(case)), summary.cases)] if known else []
+        values = [row[name] for name in (*shown, *drawn)]
+        cells = [value if isinstance(value, str) else _cell(value) for value in values]
+        rows.append([int(str(case)), *command, *cells])
+    note = (
+        "Failed ones first, then those that do not settle, then the slow. Save the scenario below "
+        f"as {FILE}; the command computes the case again with its whole trajectory."
+    )
+    return Table("Worst cases", columns, rows, note if known else "", frozenset({"command"}))
+
+
+def _cell(value: Any) -> float | None:
+    found = float(value)
+    return None if np.isnan(found) else found
+
+
+def case_command(identity: Mapping[str, Any], case: int, count: int) -> str:
+    """The command that computes one case of a study again, from the scenario file of the page."""
+    engine = identity["engine"]
+    words = ["jaxsat", "montecarlo", FILE, "--seed", str(identity["seed"])]
+    words += ["--count", str(identity["size"] or count), "--engine", str(engine["name"])]
+    if "batch_size" in engine:
+        words += ["--batch-size", str(engine["batch_size"])]
+    return shlex.join([*words, "--case", str(case)])
+
+
+def _provenance(identity: Mapping[str, Any], runs: list[dict[str, Any]], path: Path) -> Facts:
+    """What made a store: program, seed, versions and machines of every time it was continued."""
+    text = json.dumps(identity["scenario"], sort_keys=True)
+    rows = {
+        "store": str(path.name),
+        "scenario (SHA-256)": hashlib.sha256(text.encode()).hexdigest(),
+        "program": str(identity.get("program", {}).get("operations", "")),
+        "seed": str(identity["seed"]),
+        "design": str(identity["design"]),
+        "engine": ", ".join(f"{key} {value}" for key, value in identity["engine"].items()),
+    }
+    for place, run in enumerate(runs, 1):
+        versions = ", ".join(f"{name} {version}" for name, version in run["versions"].items())
+        machine = run.get("machine", {}).get("processor", "")
+        rows[f"run {place}"] = (
+            f"{run.get('created', '')}: {versions}; {run.get('platform', '')}, {machine}"
+        )
+    return Facts("Provenance", {label: value for label, value in rows.items() if value})
