@@ -10,7 +10,7 @@ from jaxsat.assembly.plugin_trial import made_part, require_torque
 from jaxsat.assembly.wheels import build_wheels
 from jaxsat.attitude import Quaternion
 from jaxsat.checks import as_float
-from jaxsat.declaration.disturbances import DISTURBANCES
+from jaxsat.declaration.disturbances import AERODYNAMIC, DISTURBANCES, SOLAR
 from jaxsat.dynamics import RigidBody
 from jaxsat.environment import (
     AbstractDisturbance,
@@ -18,9 +18,13 @@ from jaxsat.environment import (
     CircularOrbit,
     DisturbanceContext,
     ExactOrbit,
+    PanelDrag,
+    Panels,
+    PanelSolarPressure,
     PeriodicTorque,
     SmallAngleOrbit,
     SumOfDisturbances,
+    Sunlight,
     circular_orbit_rate,
 )
 from jaxsat.scenario.declared import values_of
@@ -78,11 +82,28 @@ def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance
     context = DisturbanceContext(inertia, orbit_rate(scenario), _place(scenario))
     terms: list[AbstractDisturbance] = []
     for place, declaration in DISTURBANCES.items():
+        if scenario.panel and declaration in (AERODYNAMIC, SOLAR):
+            continue
         made = pkgutil.resolve_name(place).from_table(values_of(declaration.keys, table), context)
         terms += [] if made is None else [made]
+    terms += _on_panels(scenario, context.place)
     in_wz = scenario.simulation.attitude == "wz"
     terms += [_other(name, other, context, in_wz) for name, other in table.torques.items()]
     return terms[0] if len(terms) == 1 else SumOfDisturbances(tuple(terms))
+
+
+def _on_panels(scenario: Scenario, orbit: CircularOrbit) -> list[AbstractDisturbance]:
+    """Light, and air where there is some, on the panels of a scenario."""
+    tables, table = scenario.panel, scenario.disturbance
+    if not tables:
+        return []
+    names = ("area_m2", "normal", "centre_m", "drag_coefficient", "specular", "diffuse")
+    panels = Panels(*(np.array([getattr(one, name) for one in tables]) for name in names))
+    values = values_of((*AERODYNAMIC.keys, *SOLAR.keys), table)
+    light = Sunlight(values["sun_direction"], orbit, values["eclipses"])
+    found: list[AbstractDisturbance] = [PanelSolarPressure(panels, light)]
+    density = values["drag_density_kg_m3"]
+    return [PanelDrag(density, panels, orbit), *found] if density else found
 
 
 def _other(

@@ -46,7 +46,7 @@ AERODYNAMIC = PartDeclaration(
     ),
 )
 SOLAR = PartDeclaration(
-    "the torque of sunlight, by one coefficient and without eclipses",
+    "the torque of sunlight, by one coefficient",
     (
         number(
             "solar_area_m2", "Area across the sunlight", "m²", at_least=0, at_most=1e6, default=0.0
@@ -67,6 +67,7 @@ SOLAR = PartDeclaration(
             size=3,
             default=(1.0, 0.0, 0.0),
         ),
+        switch("eclipses", "Whether the Earth has a shadow, a cylinder", False),
     ),
 )
 

@@ -20,7 +20,9 @@ from jaxsat.environment.orbital_torques import (
     AerodynamicTorque,
     MagneticTorque,
     SolarPressureTorque,
+    Sunlight,
 )
+from jaxsat.environment.panels import PanelDrag, Panels, PanelSolarPressure
 
 __all__ = [
     "AbstractDisturbance",
@@ -33,9 +35,13 @@ __all__ = [
     "GravityGradient",
     "MagneticTorque",
     "NoDisturbance",
+    "PanelDrag",
+    "PanelSolarPressure",
+    "Panels",
     "PeriodicTorque",
     "SmallAngleOrbit",
     "SolarPressureTorque",
     "SumOfDisturbances",
+    "Sunlight",
     "circular_orbit_rate",
 ]

@@ -15,7 +15,7 @@ from jaxsat.checks import as_float, require_finite, require_positive
 from jaxsat.declaration import PartDeclaration
 from jaxsat.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
 from jaxsat.environment.disturbances import AbstractDisturbance, DisturbanceContext, RealScalar
-from jaxsat.environment.orbit import EARTH_ROTATION, CircularOrbit
+from jaxsat.environment.orbit import EARTH_RADIUS, EARTH_ROTATION, CircularOrbit
 from jaxsat.trigonometry import cos, sin
 
 DIPOLE = (-1450.9e-9, 4652.5e-9, -29404.8e-9)
@@ -113,12 +113,38 @@ class AerodynamicTorque(AbstractDisturbance):
         return jnp.cross(self.centre, force)
 
 
+class Sunlight(eqx.Module):
+    """Where light comes from along an orbit: the Sun's direction is fixed in inertial axes.
+
+    `sun` is of any length but zero. With `eclipses` the Earth has a shadow, a cylinder as wide as
+    its equator, into which no light comes.
+    """
+
+    sun: Float[Array, "3"] = eqx.field(converter=as_float)
+    orbit: CircularOrbit
+    eclipses: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self):
+        require_finite("sun", self.sun)
+        require_positive("sun", jnp.sum(self.sun**2))
+
+    def __call__(self, t: RealScalar) -> tuple[Float[Array, "3"], Float[Array, ""]]:
+        """Unit vector to the Sun in orbit axes at time `t` (s), and the light there, 0 or 1."""
+        towards = self.orbit.axes(t) @ (self.sun / jnp.sqrt(jnp.sum(self.sun**2)))
+        if not self.eclipses:
+            return towards, jnp.ones_like(towards[2])
+        across = self.orbit.radius**2 * (1 - towards[2] ** 2)
+        dark = (towards[2] > 0) & (across < EARTH_RADIUS**2)  # z is down
+        return towards, jnp.where(dark, 0.0, 1.0)
+
+
 class SolarPressureTorque(AbstractDisturbance):
-    """Light of one coefficient: the force P `coefficient` `area` away from the Sun, always lit.
+    """Light of one coefficient: the force P `coefficient` `area` away from the Sun.
 
     `coefficient` is 1 for a surface that absorbs all light and 2 for a mirror across it; `area` in
     m². It acts at the `centre` of pressure (m) from the centre of mass, body axes. `sun` is the
-    direction to the Sun, fixed in inertial axes, of any length but zero.
+    direction to the Sun, fixed in inertial axes, of any length but zero; see `Sunlight` for
+    `eclipses`.
     """
 
     declaration: ClassVar[PartDeclaration] = SOLAR
@@ -128,13 +154,17 @@ class SolarPressureTorque(AbstractDisturbance):
     centre: Float[Array, "3"] = eqx.field(converter=as_float)
     sun: Float[Array, "3"] = eqx.field(converter=as_float)
     orbit: CircularOrbit
+    eclipses: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         for name in ("coefficient", "area"):
             require_positive(name, getattr(self, name), zero_allowed=True)
         require_finite("centre", self.centre)
-        require_finite("sun", self.sun)
-        require_positive("sun", jnp.sum(self.sun**2))
+        self.light()
+
+    def light(self) -> Sunlight:
+        """Where the light comes from."""
+        return Sunlight(self.sun, self.orbit, self.eclipses)
 
     @classmethod
     def from_table(
@@ -149,6 +179,7 @@ class SolarPressureTorque(AbstractDisturbance):
             values["solar_centre_m"],
             values["sun_direction"],
             context.place,
+            values["eclipses"],
         )
 
     def __call__(
@@ -156,6 +187,6 @@ class SolarPressureTorque(AbstractDisturbance):
     ) -> Float[Array, "3"]:
         """centre × force in body axes."""
         del inertia
-        sun = self.sun / jnp.sqrt(jnp.sum(self.sun**2))
-        towards = attitude.as_dcm().matrix @ (self.orbit.axes(t) @ sun)
-        return jnp.cross(self.centre, -SOLAR_PRESSURE * self.coefficient * self.area * towards)
+        towards, light = self.light()(t)
+        push = -light * SOLAR_PRESSURE * self.coefficient * self.area
+        return jnp.cross(self.centre, push * (attitude.as_dcm().matrix @ towards))

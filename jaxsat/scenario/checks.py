@@ -83,19 +83,25 @@ RATE_AT_GROUND = 0.00124
 """rad/s; of a circular orbit at the Earth's surface."""
 
 
-@rule("orbit.rate_rad_s", "disturbance.residual_dipole_A_m2", "disturbance.drag_density_kg_m3")
-def _field_and_air_need_an_orbit(rate, dipole, density):
-    if rate is not None and not 0 < rate <= RATE_AT_GROUND and (any(dipole) or density):
+@rule(
+    "orbit.rate_rad_s",
+    "disturbance.residual_dipole_A_m2",
+    "disturbance.drag_density_kg_m3",
+    "disturbance.eclipses",
+)
+def _field_air_and_shadow_need_an_orbit(rate, dipole, density, eclipses):
+    asked = any(dipole) or density or eclipses
+    if rate is not None and not 0 < rate <= RATE_AT_GROUND and asked:
         yield at(
             "orbit.rate_rad_s",
             f"must be that of an orbit above the ground, greater than 0 and at most "
-            f"{RATE_AT_GROUND:g} rad/s, where a residual dipole or drag acts, got {shown(rate)}",
+            f"{RATE_AT_GROUND:g} rad/s, with residual dipole, drag or eclipses, got {shown(rate)}",
         )
 
 
-@rule("disturbance.solar_area_m2", "disturbance.sun_direction")
-def _sun_has_a_direction(area, direction):
-    if area and not any(direction):
+@rule("disturbance.solar_area_m2", "disturbance.sun_direction", "panel")
+def _sun_has_a_direction(area, direction, panels):
+    if (area or panels) and not any(direction):
         yield at("disturbance.sun_direction", "must be a direction, got zeros")
 
 

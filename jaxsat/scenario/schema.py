@@ -22,6 +22,7 @@ from jaxsat.scenario import wheel_checks as _wheel_checks  # noqa: F401
 from jaxsat.scenario.control_tables import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.panel_tables import PanelTable
 from jaxsat.scenario.part_tables import ActuatorsOfAKind, DisturbanceTable
 from jaxsat.scenario.quantities import Line, Table, Text, choice
 from jaxsat.scenario.rules import broken_rules
@@ -58,6 +59,11 @@ class Scenario(Table):
     wheel: Annotated[tuple[WheelTable, ...], Len(0, 100)] = choice(
         "Reaction wheels, which make what they can of the torque that the law commands; thrusters "
         "make the rest",
+        (),
+    )
+    panel: Annotated[tuple[PanelTable, ...], Len(0, 1000)] = choice(
+        "Flat plates that sunlight strikes, and air where disturbance.drag_density_kg_m3 is above "
+        "0, in place of the constant areas",
         (),
     )
     modulation: ModulationTable | None = choice("How [[thruster]] are pulsed", None)

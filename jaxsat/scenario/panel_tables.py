@@ -1,0 +1,45 @@
+"""`[[panel]]`: flat plates that air and light strike, and the rules on them."""
+
+from typing import Annotated
+
+from annotated_types import Ge, Le
+
+from jaxsat.declaration.disturbances import AERODYNAMIC, SOLAR
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.quantities import Line, Number, Table, choice, quantity
+from jaxsat.scenario.rules import at, rule_over
+from jaxsat.scenario.thruster_tables import Direction, Position3
+from jaxsat.scenario.wording import shown
+
+Share = Annotated[Number, Ge(0), Le(1)]
+
+
+class PanelTable(Table):
+    """`[[panel]]`: one flat plate, struck on the side of its normal."""
+
+    name: Line | None = choice("A name for a person", None)
+    area_m2: Annotated[Number, Ge(0), Le(1e6)] = quantity("Area", "m²")
+    normal: Direction = quantity("Direction of its outward normal, body axes", "1")
+    centre_m: Position3 = quantity("Its centre, from the centre of mass, body axes", "m")
+    drag_coefficient: Annotated[Number, Ge(0), Le(100)] = quantity("Drag coefficient", "1", 2.2)
+    specular: Share = quantity("Share of light that it reflects as a mirror", "1", 0.0)
+    diffuse: Share = quantity("Share of light that it reflects evenly", "1", 0.0)
+
+
+ONE_COEFFICIENT = {
+    f"disturbance.{key.name}": key.default
+    for key in (*AERODYNAMIC.keys, *SOLAR.keys)
+    if key.name.startswith(("drag", "solar")) and "density" not in key.name
+}
+"""What the models of one coefficient have and panels do not, and what it is where left out."""
+
+
+@rule_over("panel", *ONE_COEFFICIENT)
+def _panels_stand_for_the_constant_areas(values):
+    for number, one in enumerate(values["panel"]):
+        if one.specular + one.diffuse > 1:
+            message = f"must be at most 1 with specular = {shown(one.specular)}"
+            yield Issue(("panel", number, "diffuse"), f"{message}, got {shown(one.diffuse)}")
+    for key, default in ONE_COEFFICIENT.items():
+        if values["panel"] and values[key] != default:
+            yield at(key, f"must be left out beside [[panel]], got {shown(values[key])}")
