@@ -98,9 +98,10 @@ def of_update_period(loop: AbstractLoop) -> Limits:
 
 
 def of_latency(loop: AbstractLoop) -> Limits:
-    """At most as long as measurements are kept: the nominal latency."""
+    """At most as long as measurements are kept: the nominal latency, but for rounding."""
     period = cast(SampledLoop, loop).controller.period
-    return Limits(jnp.zeros_like(period), period * navigation_of(loop).tracker.latency)
+    most = navigation_of(loop).tracker.latency + 1e-9
+    return Limits(jnp.zeros_like(period), period * most)
 
 
 def of_omega(loop: AbstractLoop) -> Limits:

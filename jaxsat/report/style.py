@@ -41,7 +41,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 def line_of(number: int) -> dict[str, Any]:
     """How to draw line `number` (from 0) of many: no two of 35 share both marker and dashes.
 
-    The first five differ in either, so that they are told apart in grey where they lie close.
+    The markers tell the first seven apart in grey, also where they lie close.
     """
     lines = (*LINES, *FURTHER_LINES)
     marker = {"marker": MARKERS[number % len(MARKERS)], "markersize": 4.0}

@@ -56,7 +56,7 @@ class StarTracker(eqx.Module):
         self.across, self.along = as_float(across), as_float(along)
         self.axes = as_array(_frame(np.asarray(boresight, float)))
         self.rate_limit = as_float(rate_limit)
-        self.every, self.latency, self.arrival = jnp.asarray(every), latency, None
+        self.every, self.latency, self.arrival = as_array(np.asarray(every)), latency, None
         self.outage_start, self.outage = as_optional_float(outage_start), as_optional_float(outage)
         if (self.outage is None) != (self.outage_start is None):
             raise ValueError("Arguments `outage_start` and `outage` must be given together.")

@@ -71,6 +71,16 @@ def test_a_measurement_arrives_when_the_latency_of_the_case_is_over():
     assert sooner.arriving(queue).seen
 
 
+@pytest.mark.parametrize("periods", [3, 6, 7])
+def test_the_declared_latency_may_be_drawn_whatever_its_rounding(periods):
+    latency = round(0.7 * periods, 1)
+    sensors = f"star_tracker={{across_rad=1e-5, along_rad=1e-4, latency_s={latency}}}"
+    table = f"{{distribution='uniform', low=0, high={latency}}}"
+    changes = ["control.period_s=0.7", "simulation.duration_s=7", "simulation.save_every_s=0.7"]
+    changes += [SENSORS[0], sensors, f"dispersion.tracker_latency_s={table}"]
+    load("switching", changes, purpose="study")
+
+
 def test_an_outage_is_from_its_start_to_its_end():
     tracker = StarTracker(1e-5, 1e-5, every=2, outage_start=1.0, outage=0.5)
     still, period = jnp.zeros(3), jnp.array(0.125)
