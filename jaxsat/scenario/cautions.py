@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxsat.allocation import torque_directions
-from jaxsat.inertia import normal_axes
+from jaxsat.inertia import normal_axes, torque_axis_frame
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import nearest_held
@@ -17,6 +17,13 @@ LEAST_COUPLING = 0.1
 
 ROUNDING = 1e-6
 """Of a torque limit, relative to itself."""
+
+LEAST_TILT = 0.1
+"""Tangent of the angle between the one torque and its acceleration down to which the law of one
+torque was verified."""
+
+LEAST_STEERING = 0.01
+"""Of δ - α and η of docs/one_torque.md over α: where both vanish rest cannot be reached."""
 
 HELD_TURN = 0.02
 """Turn (rad) that an attitude may need to be held; settled means within 0.05."""
@@ -32,6 +39,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *_law_cautions(scenario),
         *_limit_cautions(scenario),
         *_steering_cautions(scenario),
+        *_one_torque_cautions(scenario),
     ]
 
 
@@ -130,6 +138,36 @@ def _steering_cautions(scenario: Scenario) -> list[Issue]:
         message = (
             f'should let the law "{law}" hold the attitude of the orbit frame, where a torque '
             f"about the axis without one would be needed: {nearest}"
+        )
+        found.append(Issue(location, message))
+    return found
+
+
+def _one_torque_cautions(scenario: Scenario) -> list[Issue]:
+    """Axes nearly principal, of which rates turn slowly, and bodies that cannot be stopped at all."""
+    if find_law(scenario.control.law).declaration.torques != 1:
+        return []
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    axis = believed_axes(scenario)[:, 0]
+    _, mobility = torque_axis_frame(inertia, axis)
+    scale = mobility[0, 0]
+    location, got = (
+        ("spacecraft", "inertia_kg_m2"),
+        f"got torque axis {shown(tuple(axis.tolist()))}",
+    )
+    found = []
+    tilt = mobility[0, 2] / scale
+    if not tilt >= LEAST_TILT:
+        message = (
+            "should turn the torque axis by at least a tenth of a radian into the acceleration that "
+            f"the torque makes, as that axis is nearly a principal one and the law "
+            f'"{scenario.control.law}" needs the longer the nearer it is: {tilt:.2g} rad, {got}'
+        )
+        found.append(Issue(location, message))
+    if max(abs(mobility[1, 1] - scale), abs(mobility[1, 2])) < LEAST_STEERING * scale:
+        message = (
+            "should let the torque turn momentum that lies across its axis on the far side, as it "
+            f"cannot stop a rotation that begins there otherwise: {got}"
         )
         found.append(Issue(location, message))
     return found

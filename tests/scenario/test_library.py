@@ -16,7 +16,7 @@ PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-a
 TUNED = ["oscillatory-dispersed", "rate-limited", "switching-dispersed", "switching-rounded"]
 SETTLING = ["two-torque-free", "two-torque-free-1", "two-torque-free-20"]
 ACCEPTANCE = ["acceptance-hard", "acceptance-mc", "acceptance-nominal"]
-REAL = ["cubesat-12u", "pulsed-two-torque", "two-wheel-telescope"]
+REAL = ["cubesat-12u", "one-torque-damping", "pulsed-two-torque", "two-wheel-telescope"]
 NAMES = PAPER + SETTLING + ACCEPTANCE + TUNED + REAL
 
 
