@@ -144,30 +144,26 @@ def _steering_cautions(scenario: Scenario) -> list[Issue]:
 
 
 def _one_torque_cautions(scenario: Scenario) -> list[Issue]:
-    """Axes nearly principal, of which rates turn slowly, and bodies that cannot be stopped at all."""
+    """Axes that are nearly principal, and those that cannot stop every rotation."""
     if find_law(scenario.control.law).declaration.torques != 1:
         return []
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     axis = believed_axes(scenario)[:, 0]
     _, mobility = torque_axis_frame(inertia, axis)
-    scale = mobility[0, 0]
-    location, got = (
-        ("spacecraft", "inertia_kg_m2"),
-        f"got torque axis {shown(tuple(axis.tolist()))}",
-    )
-    found = []
-    tilt = mobility[0, 2] / scale
+    tilt, named = mobility[0, 2] / mobility[0, 0], axis.round(6).tolist()
+    location, found = ("spacecraft", "inertia_kg_m2"), []
     if not tilt >= LEAST_TILT:
         message = (
-            "should turn the torque axis by at least a tenth of a radian into the acceleration that "
-            f"the torque makes, as that axis is nearly a principal one and the law "
-            f'"{scenario.control.law}" needs the longer the nearer it is: {tilt:.2g} rad, {got}'
+            "should give the one torque an acceleration at least a tenth of a radian from its "
+            f'axis under the law "{scenario.control.law}", which needs the longer the nearer this '
+            f"is to a principal axis, got {tilt:.2g} rad, torque axis {named}"
         )
         found.append(Issue(location, message))
-    if max(abs(mobility[1, 1] - scale), abs(mobility[1, 2])) < LEAST_STEERING * scale:
+    steering = max(abs(mobility[1, 1] - mobility[0, 0]), abs(mobility[1, 2]))
+    if steering < LEAST_STEERING * mobility[0, 0]:
         message = (
-            "should let the torque turn momentum that lies across its axis on the far side, as it "
-            f"cannot stop a rotation that begins there otherwise: {got}"
+            "should let the one torque turn a momentum against J⁻¹b × b, b its axis, as it cannot "
+            f"stop a rotation that begins there otherwise, got b = {named}"
         )
         found.append(Issue(location, message))
     return found

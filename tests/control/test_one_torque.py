@@ -13,7 +13,7 @@ from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.control import InertiaFit, OneTorqueMode, TorqueAxisFrame
 from jaxsat.inertia import torque_axis_frame
-from jaxsat.scenario import ScenarioError
+from jaxsat.scenario import ScenarioError, ScenarioWarning
 
 w, x, y = sympy.symbols("w x y", real=True)
 alpha, gamma, delta, eta, zeta, p = sympy.symbols("alpha gamma delta eta zeta p", positive=True)
@@ -162,6 +162,20 @@ def flown(*changes, duration=600):
 def test_principal_axis_is_refused(axis):
     change = f"spacecraft.thruster_torque_axes=[{axis}]"
     with pytest.raises(ScenarioError, match="takes a torque axis that is no principal axis"):
+        load("acceptance-nominal", [*BASE, change])
+
+
+@pytest.mark.parametrize(
+    ("axis", "told"),
+    [((1, 0.05, 0.02), "at least a tenth of a radian"), (None, "turn a momentum against")],
+)
+def test_axes_that_stop_slowly_or_not_always_are_told(axis, told):
+    """The second axis is about z across J: b1²/J1 + b2²/J2 = 1/J3."""
+    moments = np.array([449.5, 264.6, 312.5])
+    share = (1 / moments[2] - 1 / moments[1]) / (1 / moments[0] - 1 / moments[1])
+    axis = axis or (share**0.5, (1 - share) ** 0.5, 0)
+    change = f"spacecraft.thruster_torque_axes=[{list(map(float, axis))}]"
+    with pytest.warns(ScenarioWarning, match=told):
         load("acceptance-nominal", [*BASE, change])
 
 
