@@ -189,3 +189,32 @@ def test_flight_comes_to_rest():
     omega, mode = flown()  # saved every half second
     assert set(mode) >= {OneTorqueMode.BRAKING, OneTorqueMode.RESTING}
     assert np.linalg.norm(omega[-100:], axis=1).max() < 1e-3
+
+
+@pytest.mark.slow
+def test_mass_and_time_may_be_of_any_unit():
+    """J, T, d times 7; rates over 3 and torques over 9 with times three times as long."""
+    sizes = {
+        "spacecraft.inertia_kg_m2": ((449.5, 264.6, 312.5), 1, 0),
+        "spacecraft.torque_limit_N_m": (5.0, 1, -2),
+        "disturbance.amplitude_N_m": ((0.01, 0.02, 0.001), 1, -2),
+        "disturbance.frequency_rad_s": ((0.7, 0.8, 0.1), 0, -1),
+        "orbit.rate_rad_s": (0.0011, 0, -1),
+        "initial.omega_rad_s": ((0.1, -0.11, 0.05), 0, -1),
+        "control.rest_rate_rad_s": (8e-4, 0, -1),
+        "control.period_s": (0.1, 0, 1),
+        "simulation.save_every_s": (0.1, 0, 1),
+        "simulation.duration_s": (60.0, 0, 1),
+    }
+
+    def motion(mass, time):
+        scaled = {k: np.array(v) * mass**m * time**t for k, (v, m, t) in sizes.items()}
+        changes = [f"{key}={value.tolist()!r}" for key, value in scaled.items()]
+        signals = build(load("acceptance-nominal", [*BASE, *changes])).simulate().signals
+        return np.asarray(signals.omega) * time, np.asarray(signals.mode)
+
+    omega, mode = motion(1.0, 1.0)
+    for factors in ((7.0, 1.0), (1.0, 3.0)):
+        found = motion(*factors)
+        np.testing.assert_allclose(found[0], omega, atol=1e-8)
+        np.testing.assert_array_equal(found[1], mode)
