@@ -1,10 +1,12 @@
 """From a scenario with a `[dispersion]` table to a Monte-Carlo study."""
 
+import dataclasses
 from typing import Any, Literal, cast
 
 import jax
 import numpy as np
 
+from jaxsat.assembly.plant import orbit_rate
 from jaxsat.assembly.run import SOLVERS, Run, build
 from jaxsat.checks import as_float, require_counts
 from jaxsat.engine import (
@@ -20,6 +22,7 @@ from jaxsat.engine import (
     native_obstacle,
     program_of,
 )
+from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import (
     AbstractDesign,
     AbstractDistribution,
@@ -37,6 +40,7 @@ from jaxsat.montecarlo import (
     Uniform,
 )
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
+from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
 from jaxsat.simulation import ContinuousLoop, SampledLoop
@@ -114,7 +118,17 @@ def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, P
     copies = Dispersed(run.loop, run.start, dispersions, seed)
     table = scenario.simulation
     cost = RunningCost(attitude=table.attitude_cost)
-    return copies, program_of(copies, run.loop, table.duration_s, table.save_every_s, cost=cost)
+    program = program_of(copies, run.loop, table.duration_s, table.save_every_s, cost=cost)
+    return copies, dataclasses.replace(program, tolerances=tolerances_of(scenario))
+
+
+def tolerances_of(scenario: Scenario) -> Tolerances:
+    """When a case counts as settled: under a law that has no attitude to go to by its rate alone,
+    which at rest is that of the orbit."""
+    usual = Tolerances()
+    if find_law(scenario.control.law).declaration.regulates_attitude:
+        return usual
+    return Tolerances(np.inf, np.inf, usual.relative_rate + orbit_rate(scenario))
 
 
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:

@@ -9,9 +9,8 @@ import equinox as eqx
 import numpy as np
 
 from jaxsat.assembly.errors import BuildError, at_key
-from jaxsat.assembly.plant import orbit_rate
 from jaxsat.assembly.run import build, build_loop, substeps_of
-from jaxsat.assembly.study import EngineName, build_study
+from jaxsat.assembly.study import EngineName, build_study, tolerances_of
 from jaxsat.checks import as_float
 from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
 from jaxsat.engine.native import CannotLower, NativeEngine, process_obstacle
@@ -79,7 +78,7 @@ def build_plan(
             engine=engine if engine == "diffrax" else "scan",
             batch_size=batch_size,
         )
-        program = _with_cost(study.program, cost, _tolerances(scenario))
+        program = _with_cost(study.program, cost, tolerances_of(scenario))
         return CostEvaluator(
             program,
             study.design,
@@ -269,15 +268,6 @@ def _plain(cost: RunningCost) -> RunningCost:
     return eqx.tree_at(
         lambda cost: (cost.settling, cost.limit), cost, (as_float(0.0), as_float(np.inf))
     )
-
-
-def _tolerances(scenario: Scenario) -> Tolerances:
-    """When a case counts as settled: under a law that has no attitude to go to by its rate alone,
-    which at rest is that of the orbit."""
-    usual = Tolerances()
-    if find_law(scenario.control.law).declaration.regulates_attitude:
-        return usual
-    return Tolerances(np.inf, np.inf, usual.relative_rate + orbit_rate(scenario))
 
 
 def _with_cost(program: Program, cost: RunningCost, tolerances: Tolerances) -> Program:

@@ -30,7 +30,8 @@ class Manoeuvre:
     of either sign, `orbit_rate` ω0 in rad/s. The start is a unit quaternion from the orbit to the
     body frame, scalar first, and ω in rad/s. The disturbance is (2) plus a constant, N m, and the
     gravity gradient of an orbit at `gradient_rate` rad/s. With `small_angle` (11) has the identity
-    in place of C_bo; with `third_rate_held` an ideal torque keeps ω3 as it is.
+    in place of C_bo; with `third_rate_held` an ideal torque keeps ω3 as it is. With `rates_only` it
+    ends at ω = 0 in any attitude.
     """
 
     inertia: Float[np.ndarray, "3 3"]
@@ -46,6 +47,7 @@ class Manoeuvre:
     gradient_rate: float = 0.0
     small_angle: bool = False
     third_rate_held: bool = False
+    rates_only: bool = False
 
     def __post_init__(self):
         if not 0 < self.limit < math.inf:
@@ -62,12 +64,15 @@ class Manoeuvre:
     def slew_time(self) -> float:
         """Seconds for the tilt and turn of the start as one slew with one thruster."""
         angle = 2 * math.acos(min(1.0, abs(float(self.quaternion[0]))))
+        angle = math.pi if self.rates_only else angle  # as many rates take a turn to stop
         stop = float(np.abs(self.inertia @ self.omega).max()) / self.limit
         return 2 * math.sqrt(np.diag(self.inertia).max() * angle / self.limit) + stop
 
 
-def manoeuvre_of(loop: AbstractLoop, start: PlantState) -> Manoeuvre:
+def manoeuvre_of(loop: AbstractLoop, start: PlantState, rates_only: bool = False) -> Manoeuvre:
     """The manoeuvre that a closed loop has to do from a start, whatever its controller.
+
+    With `rates_only` it is to stop the rotation, in whatever attitude.
 
     Raises `ValueError` where the thrusters have no limit, or a disturbance is not one of jaxsat's.
     """
@@ -100,6 +105,7 @@ def manoeuvre_of(loop: AbstractLoop, start: PlantState) -> Manoeuvre:
         gradient_rate=float(gradients[0].orbit_rate) if gradients else 0.0,
         small_angle=isinstance(plant.orbit, SmallAngleOrbit),
         third_rate_held=plant.third_rate_held,
+        rates_only=rates_only,
     )
 
 

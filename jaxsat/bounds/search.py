@@ -49,7 +49,8 @@ def best_of_starts(
         solution = transcription.solve(solver, seed * 1_000_003 + number)
         if solution is not None:
             verification = propagate(manoeuvre, solution)
-            if verification.angle < MAX_ANGLE and verification.rate < MAX_RATE:
+            there = manoeuvre.rates_only or verification.angle < MAX_ANGLE
+            if there and verification.rate < MAX_RATE:
                 found.append((solution, verification))
         if report is not None:
             report(number + 1, min((one.value for one, _ in found), default=float("inf")))

@@ -19,6 +19,8 @@ MIN_DURATION_S = 0.01
 STATES = 7
 """Quaternion and ω."""
 
+NO_RATE = np.zeros(3)
+
 
 class BoundObjective(enum.Enum):
     """What is to be least: the duration (s), or ∫ Σ|T_i| dt (N m s)."""
@@ -107,7 +109,7 @@ class Transcription:
     def solve(self, solver: Any, seed: int) -> Solution | None:
         """The local optimum from a random guess; None where IPOPT finds none."""
         lower, upper = self._bounds()
-        equal = STATES * self.intervals + 3 + self._rates
+        equal = STATES * self.intervals + self._arrivals
         free = 2 * 3 * self.intervals
         found = solver(
             x0=self._guess(np.random.default_rng(seed)),
@@ -161,7 +163,9 @@ class Transcription:
         return -self.manoeuvre.orbit_rate * axis
 
     def _arrival(self, casadi, end) -> Any:
-        """Zero in the orbit frame and at rest there; q and -q are the same attitude."""
+        """Zero in the orbit frame and at rest there; q and -q are the same attitude. Or ω = 0."""
+        if self.manoeuvre.rates_only:
+            return end[4 : 4 + self._rates]
         relative = end[4:7] - self._frame_rate(casadi, end[0], end[1:4])
         return casadi.vertcat(end[1:4], relative[: self._rates])
 
@@ -169,6 +173,11 @@ class Transcription:
     def _rates(self) -> int:
         """How many rates have to arrive: not the third where it is held, and always zero."""
         return 2 if self.manoeuvre.third_rate_held else 3
+
+    @property
+    def _arrivals(self) -> int:
+        """How many numbers have to arrive."""
+        return self._rates + (0 if self.manoeuvre.rates_only else 3)
 
     def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
         man, n = self.manoeuvre, self.intervals
@@ -186,6 +195,8 @@ class Transcription:
         share = np.linspace(0, 1, n + 1)[:, None]
         sign = random.choice([-1.0, 1.0])
         target = np.array([sign, 0, 0, 0, 0, -man.orbit_rate, 0])
+        if man.rates_only:
+            target = np.concatenate([sign * man.quaternion, NO_RATE])
         start = np.concatenate([man.quaternion, man.omega])
         bumps = np.sin(np.pi * share * random.integers(1, 4, STATES))
         states = start + share * (target - start) + 0.5 * bumps * random.normal(size=STATES)

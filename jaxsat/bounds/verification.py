@@ -14,6 +14,7 @@ TOLERANCE = 1e-11
 class Verification(NamedTuple):
     """How far from the target a flight ends, in angle (rad) and relative rate (rad/s).
 
+    The rate is that in inertial axes where rates alone are to be stopped.
     `effort` is ∫ Σ|T_i| dt (N m s) and `largest_thrust` the largest of any thruster (N m).
     """
 
@@ -59,7 +60,7 @@ def propagate(manoeuvre: Manoeuvre, solution: Solution) -> Verification:
     torques = solution.thrust @ manoeuvre.torque_axes.T
     return Verification(
         float(angle),
-        float(np.linalg.norm(relative_rate(cosines, omega))),
+        float(np.linalg.norm(omega if manoeuvre.rates_only else relative_rate(cosines, omega))),
         float(np.abs(torques).sum() * length),
         float(np.abs(solution.thrust).max()),
     )

@@ -34,6 +34,7 @@ def bound(
     /,
     *,
     objective: Literal["time", "effort"] = "time",
+    target: Literal["attitude", "rates"] = "attitude",
     starts: Starts = 12,
     longest: Longest = None,
     seed: Seed = 0,
@@ -55,6 +56,8 @@ def bound(
         does not matter.
     objective
         time, or effort, the integral of the sum of the torques' sizes.
+    target
+        attitude, for rest in the orbit frame, or rates, for no rotation in whatever attitude.
     starts
         Random guesses from which the search begins.
     longest
@@ -98,7 +101,7 @@ def bound(
     from jaxsat.bounds import BoundObjective, manoeuvre_of
 
     try:
-        manoeuvre = manoeuvre_of(*build_uncontrolled(chosen))
+        manoeuvre = manoeuvre_of(*build_uncontrolled(chosen), rates_only=target == "rates")
     except ValueError as error:
         raise UserMistake(str(error)) from None
     limit = chosen.simulation.duration_s if longest is None else longest
@@ -111,16 +114,15 @@ def bound(
         print_stderr(f"none of {starts} starts found a way within {limit:g} s; give more starts")
         return FAILED_RUN
     if out is not None:
-        _write(out, found, overwrite)
+        _write(out, found, target, overwrite)
     if not quiet:
         end, values = found.verification, found.values
         print_stdout(f"least {objective:<10} {found.solution.value:.4g} {unit}")
         print_stdout(f"duration         {found.solution.duration:.4g} s")
         print_stdout(f"effort           {end.effort:.4g} N m s")
-        print_stdout(
-            f"flown again      ends {end.angle:.1e} rad and {end.rate:.1e} rad/s from rest "
-            "in the orbit frame"
-        )
+        where = f"{end.angle:.1e} rad and {end.rate:.1e} rad/s from rest in the orbit frame"
+        where = f"with {end.rate:.1e} rad/s" if manoeuvre.rates_only else where
+        print_stdout(f"flown again      ends {where}")
         listed = ", ".join(f"{value:.4g}" for value in values)
         print_stdout(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
     return SUCCESS
@@ -167,13 +169,14 @@ def _refuse_existing(target: Path, overwrite: bool) -> None:
         raise output_problem(error) from None
 
 
-def _write(target: Path, found: "Bound", overwrite: bool) -> None:
+def _write(path: Path, found: "Bound", target: str, overwrite: bool) -> None:
     from jaxsat.results import OutputError, provenance, save_file
 
     solution = found.solution
     record = {
         "command": command_line(),
         "objective": found.objective.value,
+        "target": target,
         "value": solution.value,
         "duration_s": solution.duration,
         "starts": found.starts,
@@ -185,6 +188,6 @@ def _write(target: Path, found: "Bound", overwrite: bool) -> None:
     }
     text = json.dumps(record, indent=1, allow_nan=False) + "\n"
     try:
-        save_file(target, text, overwrite=overwrite)
+        save_file(path, text, overwrite=overwrite)
     except OutputError as error:
         raise output_problem(error) from None

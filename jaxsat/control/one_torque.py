@@ -41,6 +41,10 @@ HELD = 0.52
 OVERWHELMED, RECOVERED = 1.15, 0.6
 """Gyroscopic torque over the torque limit beyond which the law only damps, and until when."""
 
+MOST_GROWTH, REGROWTH = 4.0, 0.8
+"""Of the momentum, over the larger of √(ηT / γ) and that at the beginning: beyond it the law only
+damps, until it is below this share of it."""
+
 BRAKE_SIDE = 1.7
 """A brake may be faster than a turn where |y| is below this times x."""
 
@@ -93,13 +97,15 @@ class Wanted(NamedTuple):
 
 
 class OneTorqueMemory(NamedTuple):
-    """The estimate, whether the law damps, spins up or rests, and the mode."""
+    """The estimate, whether the law damps, spins up or rests, the mode, and the momentum (N m s)
+    above which the model must be wrong."""
 
     fit: InertiaMemory
     damps: Bool[Array, ""]
     spins: Bool[Array, ""]
     rests: Bool[Array, ""]
     mode: Int[Array, ""]
+    most: RealScalar
 
 
 class OneTorque(AbstractSampledController):
@@ -109,10 +115,10 @@ class OneTorque(AbstractSampledController):
     dy/dt = w((δ-α)x + ηy) - γxy. The law asks for w = -C / (pγy), with which |y| falls as xᵖ,
     within ± r √(x² + y²) while it turns and ± (3ηT x / γ)^⅓ while it brakes, which a torque of ηT
     follows to x = 0 in finite time. Below `rest_rate` (rad/s) it rests. Rates that make gyroscopic
-    torques beyond `torque_limit` T (N m) are damped by a torque against b·ω, and a momentum that is
-    so small that it turns slowly is made larger first. `share` is η, `turn_ratio` r, `exponent` p;
-    `rate_gain` (1/s) is that on w, `period` in s. The rows of `principal` are the principal axes of
-    the model, in which `fit` works.
+    torques beyond `torque_limit` T (N m), and momentum that grows, are damped by a torque against
+    b·ω; a momentum so small that it turns slowly is made larger first. `share` is η, `turn_ratio`
+    r, `exponent` p; `rate_gain` (1/s) is that on w, `period` in s. The rows of `principal` are the
+    principal axes of the model, in which `fit` works.
     """
 
     declaration: ClassVar[LawDeclaration] = ONE_TORQUE
@@ -163,6 +169,7 @@ class OneTorque(AbstractSampledController):
         period = values["period_s"]
         scaling = Scaling.of(1 / float(mobility[0, 0]), limit, period)
         moments, columns = np.linalg.eigh(inertia)
+        columns = columns * np.linalg.det(columns)  # right-handed, as cross products are
         gain = values["rate_gain"]
         fit = InertiaFit(
             moments,
@@ -186,8 +193,13 @@ class OneTorque(AbstractSampledController):
     def init(self, state: PlantState) -> OneTorqueMemory:
         """Nothing known yet."""
         no = jnp.array(False)
-        fit = self.fit.init(self.principal @ state.omega)
-        return OneTorqueMemory(fit, ~no, no, no, jnp.array(OneTorqueMode.DAMPING))
+        omega = self.principal @ state.omega
+        fit = self.fit.init(omega)
+        inertia, axis = self.fit.believed(fit)
+        frame = TorqueAxisFrame.of(inertia, axis)
+        unit = jnp.sqrt(self.share * self.torque_limit / frame.gamma)
+        most = MOST_GROWTH * jnp.maximum(jnp.sqrt(jnp.sum((inertia @ omega) ** 2)), unit)
+        return OneTorqueMemory(fit, ~no, no, no, jnp.array(OneTorqueMode.DAMPING), most)
 
     def step(
         self, t: RealScalar, state: PlantState, memory: OneTorqueMemory
@@ -205,7 +217,9 @@ class OneTorque(AbstractSampledController):
         rate = jnp.sqrt(jnp.sum(omega**2) + SMALL)
         rests = rate < jnp.where(memory.rests, LEAVE_REST, 1.0) * self.rest_rate
         holding = jnp.abs(frame.holding_torque(momenta.x, momenta.y)) / self.torque_limit
+        size = jnp.sqrt(jnp.sum(momentum**2))
         damps = holding > jnp.where(memory.damps, RECOVERED, OVERWHELMED)
+        damps |= size > jnp.where(memory.damps, REGROWTH, 1.0) * memory.most
         wanted, spins = self._wanted(frame, momenta, memory.spins, rests)
         gyroscopic = momenta.x * (frame.gamma * momenta.w + frame.eta * momenta.x)
         gyroscopic += (frame.zeta - frame.delta) * momenta.x * momenta.y
@@ -216,7 +230,7 @@ class OneTorque(AbstractSampledController):
         torque = jnp.clip(asked, -self.torque_limit, self.torque_limit)
         mode = jnp.where(damps, OneTorqueMode.DAMPING, wanted.mode)
         fit = fit._replace(torque=torque)
-        return torque[None], OneTorqueMemory(fit, damps, spins, rests, mode)
+        return torque[None], OneTorqueMemory(fit, damps, spins, rests, mode, memory.most)
 
     def mode(self, memory: OneTorqueMemory) -> Int[Array, ""]:
         """The `OneTorqueMode` at work."""

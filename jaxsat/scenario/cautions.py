@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxsat.allocation import torque_directions
-from jaxsat.inertia import normal_axes
+from jaxsat.inertia import normal_axes, torque_axis_frame
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import nearest_held
@@ -17,6 +17,13 @@ LEAST_COUPLING = 0.1
 
 ROUNDING = 1e-6
 """Of a torque limit, relative to itself."""
+
+LEAST_TILT = 0.1
+"""Tangent of the angle between the one torque and its acceleration down to which the law of one
+torque was verified."""
+
+LEAST_STEERING = 0.01
+"""Of δ - α and η of docs/one_torque.md over α: where both vanish rest cannot be reached."""
 
 HELD_TURN = 0.02
 """Turn (rad) that an attitude may need to be held; settled means within 0.05."""
@@ -32,6 +39,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *_law_cautions(scenario),
         *_limit_cautions(scenario),
         *_steering_cautions(scenario),
+        *_one_torque_cautions(scenario),
     ]
 
 
@@ -130,6 +138,32 @@ def _steering_cautions(scenario: Scenario) -> list[Issue]:
         message = (
             f'should let the law "{law}" hold the attitude of the orbit frame, where a torque '
             f"about the axis without one would be needed: {nearest}"
+        )
+        found.append(Issue(location, message))
+    return found
+
+
+def _one_torque_cautions(scenario: Scenario) -> list[Issue]:
+    """Axes that are nearly principal, and those that cannot stop every rotation."""
+    if find_law(scenario.control.law).declaration.torques != 1:
+        return []
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    axis = believed_axes(scenario)[:, 0]
+    _, mobility = torque_axis_frame(inertia, axis)
+    tilt, named = mobility[0, 2] / mobility[0, 0], axis.round(6).tolist()
+    location, found = ("spacecraft", "inertia_kg_m2"), []
+    if not tilt >= LEAST_TILT:
+        message = (
+            "should give the one torque an acceleration at least a tenth of a radian from its "
+            f'axis under the law "{scenario.control.law}", which needs the longer the nearer this '
+            f"is to a principal axis, got {tilt:.2g} rad, torque axis {named}"
+        )
+        found.append(Issue(location, message))
+    steering = max(abs(mobility[1, 1] - mobility[0, 0]), abs(mobility[1, 2]))
+    if steering < LEAST_STEERING * mobility[0, 0]:
+        message = (
+            "should let the one torque turn a momentum against J⁻¹b × b, b its axis, as it cannot "
+            f"stop a rotation that begins there otherwise, got b = {named}"
         )
         found.append(Issue(location, message))
     return found

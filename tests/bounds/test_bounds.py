@@ -191,3 +191,37 @@ def test_command_line(tmp_path, capsys):
     record = json.loads(target.read_text())
     assert len(record["thrust_N_m"]) == 100
     assert record["value"] == pytest.approx(2 * np.sqrt(INERTIA[0] * 0.1 / 5.0), rel=0.02)
+
+
+SKEW = [
+    "spacecraft.thruster_torque_axes=[[0.8,0.5,0.331662479]]",
+    "spacecraft.failed_thrusters=[]",
+    "initial.omega_rad_s=[0.1,-0.11,0.1]",
+    "initial.w=[0,0]",
+]
+
+
+def test_rates_alone_are_stopped_in_whatever_attitude():
+    """A spin about the axis of the torque stops in J ω / T."""
+    spin = dataclasses.replace(planar(0.3, 0.02), rates_only=True)
+    found = best_of_starts(spin, BoundObjective.TIME, 2, longest=60.0, intervals=20)
+    assert found.solution.value == pytest.approx(INERTIA[0] * 0.02 / 5.0, rel=1e-4)
+    assert found.verification.angle > 0.2
+
+
+@pytest.mark.slow
+def test_one_torque_stops_the_rotation(paper):
+    """The flight of another integrator ends at rest, and so does jaxsat's own loop."""
+    scenario = load("acceptance-nominal", SKEW, purpose="motion")
+    own, start = build_uncontrolled(scenario)
+    manoeuvre = manoeuvre_of(own, start, rates_only=True)
+    found = best_of_starts(manoeuvre, BoundObjective.TIME, 1, longest=300.0, intervals=60)
+    assert found.solution.thrust.shape[1] == 1
+    assert found.verification.rate < 1e-6
+    assert found.verification.largest_thrust <= 5 * (1 + 1e-6)
+    thrust = jnp.asarray(found.solution.thrust)
+    controller = _Replayed(thrust, jnp.asarray(found.solution.duration / len(thrust)))
+    actuators = dataclasses.replace(own.actuators, thrust_map=jnp.ones((1, 1)))
+    loop = SampledLoop(own.plant, controller, actuators, 20)
+    run = simulate(loop, start, controller.period * jnp.arange(len(thrust) + 1))
+    assert np.linalg.norm(run.signals.omega[-1]) < 1e-6

@@ -19,6 +19,7 @@ ACCEPTANCE = ["acceptance-hard", "acceptance-mc", "acceptance-nominal"]
 REAL = [
     "cubesat-12u",
     "failures-12u",
+    "one-torque-damping",
     "pulsed-two-torque",
     "thruster-dies",
     "two-wheel-telescope",
