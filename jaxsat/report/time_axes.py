@@ -11,6 +11,12 @@ from jaxsat.report.style import LINES, escape_mathematics
 
 Span = tuple[float, float]
 
+DIAGNOSED = ("dead", "degraded", "stuck on", "stuck at a level", "leaking", "reversed")
+"""Kinds of failure by the numbers of `jaxsat.diagnosis.DiagnosedKind`."""
+
+MOST_VERDICTS = 6
+"""Alarms and verdicts that a figure names."""
+
 
 def figure_title(dataset: xr.Dataset, subject: str, title: str) -> str:
     """The title that is given, or that of the run and a subject."""
@@ -41,12 +47,13 @@ def finish(
 ) -> None:
     """Time axes from the start to the end, or over `zoom` (s), and their label under the lowest.
 
-    A vertical line marks each failure in flight, with its name in the uppermost panel.
+    A vertical line marks each failure in flight, and each alarm and verdict of a law that diagnoses
+    its thrusters, with their names in the uppermost panel.
     """
     start, end = float(dataset["time"][0]), float(dataset["time"][-1])
-    for at, name in failures(dataset):
+    for row, (at, name) in enumerate([*failures(dataset), *verdicts(dataset)]):
         for panel in (*axes, *(() if enlarged is None else (enlarged,))):
-            _mark(panel, at, name if panel is axes[0] else "")
+            _mark(panel, at, name if panel is axes[0] else "", row)
     for one in axes:
         one.set_xlim(start, end)
     if enlarged is not None:
@@ -64,12 +71,28 @@ def failures(dataset: xr.Dataset) -> list[tuple[float, str]]:
     ]
 
 
-def _mark(axes: Axes, at: float, name: str) -> None:
+def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
+    """When (s) a law that diagnoses its thrusters had its first alarms, and what it isolated."""
+    if "diagnosed_kind" not in dataset:
+        return []
+    time, kinds = dataset["time"].values, dataset["diagnosed_kind"].values
+    alarm = [mode for mode, name in mode_names(dataset).items() if name == "alarm"]
+    in_alarm = np.isin(dataset["mode"].values, alarm)
+    found = [(float(time[row]), "alarm") for row in np.flatnonzero(np.diff(in_alarm * 1) > 0) + 1]
+    for row, thruster in np.argwhere(np.diff(kinds, axis=0) != 0):
+        kind = kinds[row + 1, thruster]
+        if np.isfinite(kind):
+            verdict = DIAGNOSED[int(kind)] if kind >= 0 else "works again"
+            found.append((float(time[row + 1]), f"isolated: thruster {thruster + 1} {verdict}"))
+    return sorted(found)[:MOST_VERDICTS]
+
+
+def _mark(axes: Axes, at: float, name: str, row: int = 0) -> None:
     axes.axvline(at, color="black", linewidth=0.9, linestyle=(0, (1, 1.5)))
     if name:
         axes.text(
             at,
-            0.97,
+            0.97 - 0.13 * (row % 4),
             f" {escape_mathematics(name)}",
             transform=axes.get_xaxis_transform(),
             verticalalignment="top",
