@@ -94,6 +94,7 @@ def build_study(
     run = build(scenario)
     if controller is not None:
         run = _with_library(run, controller)
+        engine = "scan" if engine == "auto" else engine  # machine code calls nothing back
     seed = scenario.simulation.seed if seed is None else seed
     copies, program = study_program(scenario, run, seed)
     design = _design(scenario.dispersion, seed, count)
