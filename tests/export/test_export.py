@@ -199,7 +199,7 @@ def test_comments_end_where_they_should():
 
 def test_names_are_identifiers_of_c_and_differ():
     names = Names()
-    found = [names.new(identifier(*word)) for word in (["double"], ["aB"], ["a_b"], ["ω", "1"])]
+    found = [names.new(identifier(*word)) for word in (["double"], ["A", "b"], ["a_b"], ["ω", "1"])]
     assert found == ["double_2", "a_b", "a_b_2", "omega_1"]
 
 
