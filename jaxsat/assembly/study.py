@@ -1,6 +1,7 @@
 """From a scenario with a `[dispersion]` table to a Monte-Carlo study."""
 
 import dataclasses
+from pathlib import Path
 from typing import Any, Literal, cast
 
 import jax
@@ -22,6 +23,7 @@ from jaxsat.engine import (
     native_obstacle,
     program_of,
 )
+from jaxsat.export import Library, with_library
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import (
     AbstractDesign,
@@ -74,6 +76,7 @@ def build_study(
     batch_size: int = 64,
     chunk: int | None = None,
     history: int | None = None,
+    controller: Path | None = None,
 ) -> Study:
     """The study of `count` cases that a scenario describes, with its own seed unless given.
 
@@ -85,11 +88,16 @@ def build_study(
     disperses nothing or something that its loop does not have, and for "native" where that cannot
     be. `batch_size` cases are in memory together; `chunk` are written together, by default what
     suits the engine; `history` is the number of instants at which signals of every case are kept.
+    `controller` is the library of an export, which then runs in the place of law and estimator;
+    raises `LibraryError` for one that is not of this scenario's controller.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
     require_counts(count=count, batch_size=batch_size, chunk=1 if chunk is None else chunk)
     run = build(scenario)
+    if controller is not None:
+        run = _with_library(run, controller)
+        engine = "scan" if engine == "auto" else engine  # machine code calls nothing back
     seed = scenario.simulation.seed if seed is None else seed
     copies, program = study_program(scenario, run, seed)
     design = _design(scenario.dispersion, seed, count)
@@ -107,6 +115,13 @@ def build_study(
         remark=remark,
         history=history,
     )
+
+
+def _with_library(run: Run, path: Path) -> Run:
+    if not isinstance(run.loop, SampledLoop):
+        raise ValueError("--controller: must go with a law that runs once a period.")
+    library = Library(path, run.loop, run.start)
+    return dataclasses.replace(run, loop=with_library(run.loop, library))
 
 
 def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, Program]:

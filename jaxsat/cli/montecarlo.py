@@ -71,6 +71,7 @@ def montecarlo(
     history: Instants = None,
     yes: Flag = False,
     elsewhere: Flag = False,
+    controller: OptionalPath = None,
     quiet: Flag = False,
 ) -> int:
     """Simulate many dispersed copies of a scenario, as its [dispersion] table says.
@@ -131,6 +132,9 @@ def montecarlo(
     elsewhere
         Resume a store that was begun with other versions or on another processor, if the
         program is the same.
+    controller
+        Library that `make` built of `jaxsat export`: its C runs in the place of law and estimator,
+        in threads of this process.
     quiet
         Print nothing unless something is wrong.
     """
@@ -141,6 +145,8 @@ def montecarlo(
         raise UserMistake("--case: must be given without --csv, which has all cases of a study")
     if case is None and csv is None and overwrite:
         raise UserMistake("--overwrite: must be given with --case or --csv; a store is resumed")
+    if controller is not None and (processes or scheduler or devices):
+        raise UserMistake("--controller: must go without --processes, --scheduler and --devices")
     target = out or Path(f"jaxsat-{stem}.zarr")
     more = {"--figures": figures, "--csv": csv}
     places = [(option, place) for option, place in more.items() if place is not None]
@@ -153,6 +159,8 @@ def montecarlo(
         try_folder(lambda: figures_folder(figures))
     rule = None if until_ci is None else _stop_rule(until_ci)
     use_double_precision()
+    from jaxsat.export import LibraryError
+
     try:
         from jaxsat.assembly.study import build_study
         from jaxsat.montecarlo import study_work
@@ -167,8 +175,11 @@ def montecarlo(
                 batch_size=batch_size,
                 chunk=chunk,
                 history=history,
+                controller=controller,
             )
         )
+    except LibraryError as error:
+        raise UserMistake(f"--controller: {error}") from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if study.remark is not None and not quiet:

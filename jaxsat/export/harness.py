@@ -110,7 +110,11 @@ static double distance(double x, double y)
   if (isnan(x) || isnan(y)) {
     return (isnan(x) && isnan(y)) ? 0.0 : HUGE_VAL;
   }
-  return fabs((double)ordered(x) - (double)ordered(y));
+  const int64_t first = ordered(x);
+  const int64_t second = ordered(y);
+  const uint64_t apart = (first > second) ? ((uint64_t)first - (uint64_t)second)
+                                          : ((uint64_t)second - (uint64_t)first);
+  return (double)apart;
 }
 
 static void skip_comment(const char *name)

@@ -85,10 +85,11 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         leaves = [parameters[number] for number in order]
         return eqx.combine(jax.tree.unflatten(structure, leaves), rest)
 
+    start = as_type(start, dtype)
     estimates = flight.estimator is not None
     momentum = None if estimates else start.wheel_momentum
-    seen = as_type(Seen(start.attitude, start.omega, momentum), dtype)
-    q = as_type(start.attitude.as_quaternion().q, dtype)
+    seen = Seen(start.attitude, start.omega, momentum)
+    q = start.attitude.as_quaternion().q
     measured = Measured(seen.omega, q, jnp.array(True)) if estimates else seen
     now = Input(jnp.zeros((), dtype), jnp.zeros((), np.int32), measured)
     begun: Any = State(

@@ -58,7 +58,7 @@ class Filtered(AbstractSampledController):
             return (carry[0] < 30) & (carry[1] > 1e-3)
 
         _, left = jax.lax.while_loop(goes_on, lambda c: (c[0] + 1, c[1] * 0.7), (0, total[0] ** 2))
-        mixed = memory.samples * 2654435761 + 12345
+        mixed = memory.samples * 1103515245 + 12345
         bent = jnp.sign(total[:2]) * jnp.abs(total[:2]) ** 1.3 + left + (mixed % 7) * 1e-6
         turned = memory.turned ^ (jnp.max(total) > 0)
         command = -self.gain * jnp.clip(bent, -1.0, 1.0) * jnp.where(turned, 1.0, 0.5)

@@ -5,14 +5,28 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.export import CannotExport, CannotLower, Request, export, vectors
+from jaxsat.dynamics import PlantState
+from jaxsat.export import (
+    CannotExport,
+    CannotLower,
+    Library,
+    LibraryError,
+    Request,
+    export,
+    vectors,
+    with_library,
+)
 from jaxsat.export.naming import Names, comment, identifier
 from jaxsat.export.rolling import rolled
+from jaxsat.simulation import SampledLoop
 from tests.export.laws import Filtered, Searching, loop_of, start
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
@@ -120,6 +134,49 @@ def test_an_emulated_cortex_m_agrees_to_the_bit(tmp_path):
     assert re.search(r"[1-9]\d+ instructions a step", told)
 
 
+@needs("gcc")
+@pytest.mark.slow
+def test_the_library_runs_in_the_place_of_the_law(tmp_path):
+    request = _request()
+    made = _written(tmp_path, request)
+    _make(tmp_path, "build/libcontroller.so", "CC=gcc")
+    library = Library(tmp_path / "build" / "libcontroller.so", request.loop, request.start)
+    assert isinstance(request.loop, SampledLoop)
+    law, state = request.loop.controller, request.start
+    outside = with_library(request.loop, library).controller
+    states = jax.vmap(lambda x: PlantState(state.attitude, x * state.omega))(jnp.arange(1.0, 4.0))
+    memory = jax.vmap(law.init)(states)
+    for t in (0.0, 0.5):
+        inside = jax.vmap(law.step, (None, 0, 0))(t, states, memory)
+        found = jax.jit(jax.vmap(outside.step, (None, 0, 0)))(t, states, memory)
+        for one, other in zip(jax.tree.leaves(inside), jax.tree.leaves(found), strict=True):
+            np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-12)
+        memory = found[1]
+    stronger = eqx.tree_at(lambda x: x.law.gain, outside, 2 * law.gain)  # as a case may have it
+    once = outside.step(jnp.array(1.0), state, law.init(state))[0]
+    np.testing.assert_array_equal(
+        stronger.step(jnp.array(1.0), state, law.init(state))[0], 2 * once
+    )
+    assert made.program.hash == library.program.hash
+    with pytest.raises(LibraryError, match="export it again"):
+        Library(library.path, loop_of(_Other([1.0, 1.0])), request.start)
+
+
+class _Other(Filtered):
+    """Another law."""
+
+    def step(self, t, state, memory):
+        command, memory = super().step(t, state, memory)
+        return command + 1.0, memory
+
+
+def test_a_file_that_is_no_library_is_told(tmp_path):
+    place = tmp_path / "libcontroller.so"
+    place.write_text("none")
+    with pytest.raises(LibraryError, match="`make` built"):
+        Library(place, loop_of(Filtered([1.0, 1.0])), start())
+
+
 def test_a_loop_without_a_bound_is_told_with_its_line():
     with pytest.raises(CannotLower, match=r"`while`.*no bound.*laws\.py:\d+ \(Searching\.step\)"):
         export(_request(Searching([1.0, 1.0])))
@@ -142,7 +199,7 @@ def test_comments_end_where_they_should():
 
 def test_names_are_identifiers_of_c_and_differ():
     names = Names()
-    found = [names.new(identifier(*word)) for word in (["double"], ["aB"], ["a_b"], ["ω", "1"])]
+    found = [names.new(identifier(*word)) for word in (["double"], ["A", "b"], ["a_b"], ["ω", "1"])]
     assert found == ["double_2", "a_b", "a_b_2", "omega_1"]
 
 
