@@ -16,6 +16,7 @@ from jaxsat.comparison.run import (
     compare,
     comparison_settings,
     require_suitable,
+    store_of,
 )
 from jaxsat.comparison.studies import Start, comparison_study
 from jaxsat.comparison.verdict import (
@@ -47,4 +48,5 @@ __all__ = [
     "comparison_study",
     "horizon",
     "require_suitable",
+    "store_of",
 ]
