@@ -16,6 +16,7 @@ from jaxsat.comparison.run import (
     compare,
     comparison_settings,
     require_suitable,
+    store_of,
 )
 from jaxsat.comparison.studies import Start, comparison_study
 from jaxsat.comparison.verdict import (
@@ -49,4 +50,5 @@ __all__ = [
     "horizon",
     "require_suitable",
     "settles_fewer",
+    "store_of",
 ]

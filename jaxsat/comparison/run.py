@@ -141,7 +141,7 @@ class ComparisonRun:
         level, limit, law = setting
         what = f"{law}, {limit:g} N m, {level}, {start.value} start"
         self.report(what, None)
-        store = self._store(setting, start)
+        store = store_of(self.folder, setting, start)
         run_study(
             study,
             store,
@@ -162,7 +162,7 @@ class ComparisonRun:
 
         parts = {
             (*setting, start.value): case_table(
-                open_study(self._store(setting, start)).isel(case=slice(count))
+                open_study(store_of(self.folder, setting, start)).isel(case=slice(count))
             )
             for setting in settings
             for start, count in ((Start.RANDOM, self.count), (Start.PAPER, 1))
@@ -170,10 +170,12 @@ class ComparisonRun:
         names: list[Any] = ["level", "torque_limit_N_m", "law", "start", "case"]
         return pd.concat(parts, names=names).reset_index()
 
-    def _store(self, setting: ComparisonSetting, start: Start) -> Path:
-        level, limit, law = setting
-        name = re.sub(r"[^\w.-]+", "-", law)  # of a module or a file
-        return self.folder / STUDIES / f"{level}-{limit:g}-{name}-{start.value}.zarr"
+
+def store_of(folder: Path, setting: ComparisonSetting, start: Start) -> Path:
+    """The store of one study in the folder of a comparison."""
+    level, limit, law = setting
+    name = re.sub(r"[^\w.-]+", "-", law)  # of a module or a file
+    return folder / STUDIES / f"{level}-{limit:g}-{name}-{start.value}.zarr"
 
 
 def _several(given: Any) -> tuple:

@@ -37,7 +37,7 @@ def _dash(style: Mapping[str, Any]) -> Any:
     return "solid" if dash == "-" else [max(1, round(3 * part / 2)) for part in dash[1]]
 
 
-def _stroke(number: int) -> dict[str, Any]:
+def stroke_of(number: int) -> dict[str, Any]:
     """Colour, dashes and width of a line, as in the figures on paper."""
     style = STYLES[number % MOST_LINES]
     width = max(1.4, 1.3 * style["linewidth"])
@@ -48,7 +48,7 @@ def legend(labels: Sequence[str]) -> list[Key]:
     """What the lines of a plot are, in the order of their styles; nothing for a single one."""
     if len(labels) < 2:
         return []
-    strokes = [(label, _stroke(number)) for number, label in enumerate(labels)]
+    strokes = [(label, stroke_of(number)) for number, label in enumerate(labels)]
     return [
         Key(
             label,
@@ -144,7 +144,7 @@ class TimePlots:
                 area.glyph.tags = [INK_FILL]
         first = None
         for number in range(len(labels)):
-            stroke = _stroke(number)
+            stroke = stroke_of(number)
             draw = made.step if steps else made.line
             mode = {"mode": "after"} if steps else {}
             line = draw("t", f"c{number}", source=source, **stroke, **mode)
@@ -180,7 +180,7 @@ class TimePlots:
         start, end = self.reset
         kept = kept_samples(values[:, None], 1500)
         made = new_figure(x_label="", y_label="", x_range=Range1d(start=start, end=end), height=80)
-        made.line(self.times[kept], values[kept].astype("f4"), **_stroke(2))
+        made.line(self.times[kept], values[kept].astype("f4"), **stroke_of(2))
         made.yaxis.visible = False
         made.ygrid.visible = False
         tool = RangeTool(x_range=self.range, start_gesture="pan")

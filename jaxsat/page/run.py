@@ -63,7 +63,7 @@ MUTE = frozenset({"constraint_torque", "disturbance", "rate_error", "z", "lyapun
 
 def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Section:
     """What the dataset of a run has to say; `name` is where it came from."""
-    scenario = _tables(dataset)
+    scenario = scenario_tables(dataset)
     dataset = _until_end(dataset)
     failures = failures_of(scenario)
     plots = TimePlots(dataset["time"].values, failures) if len(dataset["time"]) > 1 else None
@@ -86,7 +86,7 @@ def _title(dataset: xr.Dataset, name: str) -> str:
     return title if case is None else f"{title}, case {int(case)}"
 
 
-def _tables(dataset: xr.Dataset) -> dict[str, Any]:
+def scenario_tables(dataset: xr.Dataset) -> dict[str, Any]:
     """The scenario that a dataset carries; empty where it has none."""
     try:
         return tomllib.loads(str(dataset.attrs.get("scenario", "")))

@@ -1,8 +1,9 @@
 """From paths to sections: what kind of result is where."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from jaxsat.page.batches import comparison_section, reproduction_section, tuning_section
 from jaxsat.page.content import Replay, Section, Verdict
 from jaxsat.page.run import run_section
 from jaxsat.page.study import study_section
@@ -11,6 +12,15 @@ from jaxsat.results.files import parse_json, read_or_explain
 
 MOST_TOGETHER = 6
 """Spacecraft that are replayed side by side."""
+
+
+MADE_BY: Mapping[str, Callable[[Path], Section]] = {
+    "zarr.json": study_section,
+    "verdict.json": tuning_section,
+    "comparison.json": comparison_section,
+    "verdicts.md": reproduction_section,
+}
+"""What makes the section of a folder, by a file that only its kind of result has."""
 
 
 def sections_of(paths: Sequence[Path]) -> list[Section]:
@@ -38,8 +48,9 @@ def _section(path: Path) -> Section:
         raise OutputError(f"{path} does not exist.")
     if path.is_file() or (path / "trajectory.nc").is_file():
         return _run(path)
-    if (path / "zarr.json").is_file():
-        return study_section(path)
+    for name, section_of in MADE_BY.items():
+        if (path / name).is_file():
+            return section_of(path)
     raise OutputError(
         f"{path} is no result of jaxsat; give the folder of a run, a tuning, a comparison or a "
         "reproduction, or the store of a study."
@@ -49,6 +60,8 @@ def _section(path: Path) -> Section:
 def _run(path: Path) -> Section:
     """The section of a run: of its folder, or of its netCDF file alone."""
     dataset = open_trajectory(path)
+    if not {"time", "quaternion", "pointing_error_total", "omega"} <= set(dataset.variables):
+        raise OutputError(f"{path} holds no trajectory.")
     record = parse_json(read_or_explain(path / "run.json")) if path.is_dir() else None
     command = record.get("command", "") if isinstance(record, Mapping) else ""
     return run_section(dataset, path.name, str(command))

@@ -1,14 +1,15 @@
 """Plots of a study: of fractions and percentiles, so that their size does not grow with it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from bokeh.models import ColumnDataSource, HoverTool
 
 from jaxsat.montecarlo import wilson
-from jaxsat.page.charts import INK, INK_FILL, new_figure, plain
+from jaxsat.page.charts import INK, INK_FILL, legend, new_figure, plain, stroke_of
 from jaxsat.page.content import Chart
+from jaxsat.page.decimation import kept_samples
 
 POINTS, BINS, HEIGHT = 400, 20, 260
 """Points of a line, bins of a quantity, height of a plot."""
@@ -101,6 +102,34 @@ def settling_over_chart(
     return _banded(title, told, middles, points, axes, (unit, "s"), False, points=True)
 
 
+def curves_chart(
+    title: str,
+    curves: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    axes: Sequence[str],
+    *,
+    log: str = "",
+    steps: bool = False,
+) -> Chart:
+    """Lines with x values of their own, by name, as many as can be told apart; `log`: "x", "y"."""
+    scales = {f"{axis}_axis_type": "log" for axis in log}
+    made = new_figure(x_label=axes[0], y_label=axes[1], height=HEIGHT, **scales)
+    told = []
+    for number, (label, (x, y)) in enumerate(curves.items()):
+        kept = kept_samples(y[:, None])
+        source = ColumnDataSource({"x": x[kept], "y": y[kept]})
+        stroke = stroke_of(number)
+        if steps:
+            line = made.step("x", "y", source=source, mode="after", **stroke)
+        else:
+            line = made.line("x", "y", source=source, **stroke)
+        if stroke["line_color"] == "#000000":
+            line.glyph.tags = [INK]
+        _hover(made, line, [(label, "@y{%.5g}"), (axes[0], "@x{%.5g}")], "mouse")
+        good = y[np.isfinite(y)]
+        told.append(f"{label}: ends at {good[-1]:.4g}" if len(good) else f"{label}: no values")
+    return Chart(made, title, f"{title}. {'; '.join(told)}.", legend(list(curves)))
+
+
 def _bins(values: np.ndarray) -> list[np.ndarray]:
     """Places of the values in bins of equally many; none where the values do not vary."""
     if len(values) < 2 * LEAST or not np.ptp(values) > 0:
@@ -152,12 +181,12 @@ def _banded(
     return Chart(made, title, f"{title}. {told}")
 
 
-def _hover(made: Any, drawn: Any, rows: list[tuple[str, str]]) -> None:
+def _hover(made: Any, drawn: Any, rows: list[tuple[str, str]], mode: Any = "vline") -> None:
     """What a pointer is told of the nearest point."""
     keys = ("x", "y", "low", "high", "left", "right", "top")
     printed: Any = {f"@{key}": "printf" for key in keys}
     told = [(plain(label), text) for label, text in rows]
-    hover = HoverTool(renderers=[drawn], mode="vline", tooltips=told, formatters=printed)
+    hover = HoverTool(renderers=[drawn], mode=mode, tooltips=told, formatters=printed)
     made.tools = [*made.tools, hover]
 
 
