@@ -30,8 +30,9 @@ def test_every_quantity_has_an_effect_and_every_distribution_its_kind():
 def test_units_make_the_keys_of_quantities():
     """As README, library and files of users have them."""
     found = {one.unit: one.key.removeprefix(name) for name, one in DISPERSIBLE.items()}
-    units = {"1": "", "rad": "_rad", "rad/s": "_rad_s", "N m": "_N_m", "s": "_s"}
-    assert found == units | {"N m s": "_N_m_s"}
+    densities = {"rad/s/√Hz": "_rad_s_sqrt_Hz", "rad/s²/√Hz": "_rad_s2_sqrt_Hz"}
+    plain = {"1": "", "rad": "_rad", "rad/s": "_rad_s", "N m": "_N_m", "N m s": "_N_m_s", "s": "_s"}
+    assert found == plain | densities
 
 
 def test_what_is_sampled_can_be_dispersed_under_the_same_key():
