@@ -41,6 +41,9 @@ MAX_STEPS, MAX_CASES, MIN_SETTLED = 10_000, 10**6, 1e-6
 CASE = 400
 """Bytes of a case in memory and on the disk, about."""
 
+USUAL_DURATION = 1200.0
+"""Seconds of a case where the file has none, about."""
+
 STUDIES = 4
 """Candidates in all steps before the verification, about."""
 
@@ -196,7 +199,8 @@ def _work(vehicle: "Vehicle", cases: int, steps: int) -> "Work":
 
     simulation = vehicle.scenario.simulation
     trajectories = STUDIES * (SCREENING_CASES + VALIDATION_CASES) + cases + 8 * steps * TUNED_CASES
-    intervals = round(simulation.duration_s / simulation.save_every_s)
+    duration = simulation.duration_s if vehicle.timed else USUAL_DURATION
+    intervals = round(duration / simulation.save_every_s)
     return Work(trajectories, trajectories * intervals, cases * CASE, cases * CASE)
 
 

@@ -39,6 +39,7 @@ from jaxsat.results import OutputError, ResumableFolder
 from jaxsat.results.differences import differences
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.laws import known_law
+from jaxsat.scenario.tuning_tables import TuningTable
 
 KIND = "design"
 """Of the output folder."""
@@ -159,7 +160,7 @@ class DesignRun:
             validation = self._step("validation", 4, contenders)
             by_name = {one.name: one for one in contenders}
             chosen = by_name[validation.verdict.law or best.name]
-        chosen = Candidate(chosen.name, self._ready(chosen, tuned))
+        chosen = Candidate(chosen.name, self._ready(chosen))
         others = tuple(one for one in fitting.candidates if one.name != chosen.name)
         verification = self._verification(chosen, others, verdict)
         return replace(
@@ -217,12 +218,7 @@ class DesignRun:
             return None, f"{best.name} has no gains that are keys of [control]"
         if rows[start.name].settled.value == 0:
             return None, f"{start.name} settled no case, so no cost tells better gains from worse"
-        table = tuning_table(
-            start.scenario,
-            scale_of(start.scenario),
-            self.settings.steps,
-            self.settings.validation_cases,
-        )
+        table = self._tuning_table(start)
         what = f"step 3 of 5, tuning of {start.name}"
         self.studies.report(what, None)
         try:
@@ -241,16 +237,19 @@ class DesignRun:
             return None, f"{start.name} cannot be tuned: {error}"
         return found, None
 
-    def _ready(self, chosen: Candidate, tuned: Tuned | None) -> Scenario:
+    def _ready(self, chosen: Candidate) -> Scenario:
         """The scenario for every command: gains written out, and how they can be tuned again."""
         scenario = written_out(chosen.scenario)
-        title = f"{self.original.title[:150]}, designed"
-        changes: dict[str, Any] = {"title": title}
+        changes: dict[str, Any] = {"title": f"{self.original.title[:150]}, designed"}
         if chosen.tunable:
-            table = tuned.plan.description["scenario"]["tuning"] if tuned else None
-            data = scenario.model_dump(exclude_none=True) | ({"tuning": table} if table else {})
-            scenario = Scenario.model_validate(data)
+            table = self._tuning_table(Candidate(chosen.name, scenario))
+            changes["tuning"] = table if table.parameters else None
         return scenario.model_copy(update=changes)
+
+    def _tuning_table(self, candidate: Candidate) -> TuningTable:
+        settings, scenario = self.settings, candidate.scenario
+        steps = max(1, settings.steps)
+        return tuning_table(scenario, scale_of(scenario), steps, settings.validation_cases)
 
     def _verification(
         self, chosen: Candidate, others: tuple[Candidate, ...], verdict: VehicleVerdict

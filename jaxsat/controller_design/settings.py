@@ -8,6 +8,9 @@ from jaxsat.checks import require_counts
 
 SCREENING_CASES, VALIDATION_CASES = 200, 1000
 
+MAX_SEED = 2**63 - 4
+"""So that three more follow which a scenario can have."""
+
 Attitude = Literal["wanted", "nearest"]
 
 
@@ -42,6 +45,8 @@ class DesignSettings:
         require_counts(cases=self.cases)
         if self.steps < 0:
             raise ValueError(f"Argument `steps` must not be negative, but got {self.steps}.")
+        if not 0 <= self.seed <= MAX_SEED:
+            raise ValueError(f"Argument `seed` must be from 0 to {MAX_SEED}, but got {self.seed}.")
         if not 0 < self.settled <= 1:
             raise ValueError(
                 f"Argument `settled` must be above 0 and at most 1, but got {self.settled}."

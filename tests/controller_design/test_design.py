@@ -49,6 +49,7 @@ def test_a_law_that_does_not_fit_is_told_with_its_reason():
         ({"settled": 0.0}, "above 0 and at most 1"),
         ({"cases": 0}, "at least 1"),
         ({"steps": -1}, "must not be negative"),
+        ({"seed": 2**63}, "must be from 0 to"),
     ],
 )
 def test_arguments_that_cannot_be(given, message):
@@ -117,12 +118,20 @@ def test_a_design_is_tuned_verified_written_and_resumed(tmp_path):
     again = study.values(np.arange(3))["settling_time"]
     np.testing.assert_array_equal(again, found.verification.columns["settling_time"][:3])
 
-    stores = sorted((tmp_path / "d" / "studies").rglob("*"))
-    before = {path: path.stat().st_mtime_ns for path in stores if "lock" not in path.name}
-    page = (tmp_path / "d" / "design.md").read_text()
-    resumed = jaxsat.design(scenario, **given)
-    assert design_page(resumed) == page
-    assert all(path.stat().st_mtime_ns == time for path, time in before.items() if path.is_file())
+    for stop in ("tuning", "verification"):
+
+        def broken_off(what, progress, stop=stop):
+            if stop in what and progress is not None:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            jaxsat.design(scenario, **TINY, out=tmp_path / "e", report=broken_off)
+    stores = (tmp_path / "e" / "studies").glob("screening*/*/c/**/*")
+    before = {path: path.stat().st_mtime_ns for path in stores if path.is_file()}
+    resumed = jaxsat.design(scenario, **TINY, out=tmp_path / "e")
+    assert design_page(resumed) == design_page(found)
+    assert before
+    assert all(path.stat().st_mtime_ns == time for path, time in before.items())
 
 
 @pytest.mark.slow
