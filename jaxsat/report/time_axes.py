@@ -14,6 +14,9 @@ Span = tuple[float, float]
 DIAGNOSED = ("dead", "degraded", "stuck on", "stuck at a level", "leaking", "reversed")
 """Kinds of failure by the numbers of `jaxsat.diagnosis.DiagnosedKind`."""
 
+MOST_ENTRIES = 6
+"""Of a legend with modes, in one row."""
+
 MOST_VERDICTS = 6
 """Alarms and verdicts that a figure names."""
 
@@ -32,7 +35,7 @@ def draw_lines(axes: Axes, time, values, labels: Sequence[str], *, legend: bool 
 
 
 def place_legend(axes: Axes, count: int) -> None:
-    """The legend above a panel, in one row for `count` lines."""
+    """The legend above a panel, in rows of one more than `count` entries."""
     axes.legend(
         loc="lower right",
         ncols=count + 1,
@@ -82,8 +85,8 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
     for row, thruster in np.argwhere(np.diff(kinds, axis=0) != 0):
         kind = kinds[row + 1, thruster]
         if np.isfinite(kind):
-            verdict = DIAGNOSED[int(kind)] if kind >= 0 else "works again"
-            found.append((float(time[row + 1]), f"isolated: thruster {thruster + 1} {verdict}"))
+            verdict = f"isolated, {DIAGNOSED[int(kind)]}" if kind >= 0 else "works again"
+            found.append((float(time[row + 1]), f"thruster {thruster + 1}: {verdict}"))
     return sorted(found)[:MOST_VERDICTS]
 
 
@@ -119,7 +122,8 @@ def shade_modes(dataset: xr.Dataset, axes: Axes) -> None:
             label=escape_mathematics(names[mode]),
         )
     if unusual:
-        place_legend(axes, 3 + len(unusual))
+        entries = 3 + len(unusual)
+        place_legend(axes, entries if entries <= MOST_ENTRIES else (entries - 1) // 2)
 
 
 def mode_names(dataset: xr.Dataset) -> dict[int, str]:

@@ -91,11 +91,12 @@ def test_the_law_needs_thrusters_and_no_wheels(change, key):
     )
 
 
+@pytest.mark.slow
 def test_damping_takes_energy_out_whatever_is_left():
-    law = build(load("failures-12u")).loop.controller
+    run = build(load("failures-12u"))
+    law, start = run.loop.controller, run.start
     rng = np.random.default_rng(6)
     torque = np.asarray(law.reconfiguration.torque)
-    start = build(load("failures-12u")).start
     for omega in rng.normal(size=(20, 3)) * 0.1:
         duty = np.asarray(law._damping(PlantState(start.attitude, omega)))
         assert np.all(duty * (omega @ torque) <= 0)

@@ -36,6 +36,7 @@ def test_what_is_left_is_what_the_controllability_analysis_finds(seed):
             assert np.allclose(found.missing, 0 if cone.opposed is None else cone.opposed)
 
 
+@pytest.mark.slow
 def test_the_torque_is_made_by_those_left_as_by_a_table_of_their_own():
     torque = canted()[0]
     made = tables(torque)

@@ -1,0 +1,29 @@
+"""Alarms and verdicts of a law that diagnoses its thrusters, as figures tell them."""
+
+import numpy as np
+import xarray as xr
+
+from jaxsat.diagnosis import DiagnosedKind
+from jaxsat.report.time_axes import DIAGNOSED, verdicts
+
+
+def test_alarms_and_verdicts_are_found_in_the_signals():
+    kinds = np.full((8, 3), -1.0)
+    kinds[3:6, 1] = DiagnosedKind.STUCK_ON
+    mode = xr.Variable("time", [0.0, 0, 1, 2, 2, 1, 0, 0])
+    mode.attrs |= {"flag_values": [0.0, 1, 2], "flag_meanings": "three_axes alarm reallocated"}
+    kinds = xr.Variable(("time", "thruster"), kinds)
+    found = xr.Dataset({"mode": mode, "diagnosed_kind": kinds}, {"time": np.arange(8) * 10.0})
+    assert verdicts(found) == [
+        (20.0, "alarm"),
+        (30.0, "thruster 2: isolated, stuck on"),
+        (50.0, "alarm"),
+        (60.0, "thruster 2: works again"),
+    ]
+    assert verdicts(found.drop_vars("diagnosed_kind")) == []
+
+
+def test_every_kind_has_its_words():
+    assert len(DIAGNOSED) == len(DiagnosedKind)
+    for kind in DiagnosedKind:
+        assert DIAGNOSED[kind].startswith(kind.name.lower().replace("_", " "))
