@@ -19,6 +19,7 @@ COMMANDS = [
     ("bound",),
     ("tune",),
     ("controllability",),
+    ("export",),
     ("reproduce",),
     ("scenarios", "list"),
     ("scenarios", "show"),

@@ -45,6 +45,11 @@ CASES = {
         "--out": ["", "x" * 300, "x/" * 3000],
         "--figures": ["", "x" * 300],
         "--csv": ["", "x" * 300],
+        "--controller": ["", "x" * 300],
+    },
+    ("export", "switching"): {
+        "--functions": ["", "fast"],
+        "--out": ["", "x" * 300],
     },
     ("tune", "benchmark-three-axis"): {
         "--workers": WHOLE,
