@@ -20,6 +20,7 @@ COMMANDS = [
     ("tune",),
     ("controllability",),
     ("reproduce",),
+    ("report",),
     ("scenarios", "list"),
     ("scenarios", "show"),
     ("scenarios", "schema"),
