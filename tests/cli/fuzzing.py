@@ -152,6 +152,7 @@ OPTIONS = {
         "--seed": NUMBERS, "-n": NUMBERS, "--law": ("rate", "x", ""), "--torque-limit": NUMBERS,
         "--level": ("nominal", "x"), "--workers": NUMBERS, "--bounds": NUMBERS, "--out": PLACES,
     },
+    "report": {"--out": PLACES, "--overwrite": None, "--quiet": None},
     "reproduce": {"--out": ("", "file.txt", "x" * 300, "/proc/x", "folder"), "--overwrite": None},
 }  # fmt: skip
 SHORT = {
@@ -185,7 +186,7 @@ def command_line(chance: random.Random) -> list[str]:
     for place in range(0, len(usual), 2):
         if usual[place] not in given and chance.random() < 0.98:
             tokens += usual[place : place + 2]
-    if command not in ("reproduce", "compare") and chance.random() < 0.3:
+    if command not in ("reproduce", "compare", "report") and chance.random() < 0.3:
         tokens += ["--set", chance.choice(SETS)]
     if command == "compare" and "--seed" not in given and chance.random() < 0.2:
         given.append("--seed")

@@ -21,6 +21,7 @@ COMMANDS = [
     ("controllability",),
     ("export",),
     ("reproduce",),
+    ("report",),
     ("scenarios", "list"),
     ("scenarios", "show"),
     ("scenarios", "schema"),

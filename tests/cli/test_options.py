@@ -92,6 +92,7 @@ CASES = {
     },
     ("simulate", "paper-rate"): {"--out": ["", "x" * 300]},
     ("reproduce",): {"--out": ["", "x" * 300]},
+    ("report", "run"): {"--out": ["", "x" * 300]},
 }
 
 

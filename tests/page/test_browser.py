@@ -1,7 +1,6 @@
 """Pages in a real browser: no error, no network, no barrier, and the attitude that was saved."""
 
 import json
-import os
 import shutil
 
 import jax.numpy as jnp
@@ -218,12 +217,3 @@ def test_hover_tells_the_value_with_its_unit(opened, page):
     shown.mouse.move(box["x"] + box["width"] / 2 + 2, box["y"] + box["height"] / 2)
     tip = shown.locator(".bk-Tooltip")
     tip.get_by_text("rad/s").first.wait_for()
-
-
-@pytest.mark.skipif("JAXSAT_SCREENSHOTS" not in os.environ, reason="for a person to look at")
-def test_screenshots(opened, page):
-    folder = os.environ["JAXSAT_SCREENSHOTS"]
-    for scheme in ("light", "dark"):
-        shown, _ = opened(page, color_scheme=scheme)
-        move_slider(shown, 4.0)
-        shown.screenshot(path=f"{folder}/run-{scheme}.png", full_page=True)
