@@ -220,9 +220,7 @@ def largest_torque(duties: Float[np.ndarray, "bases m torques"]) -> float:
     return float(1 / np.max(candidates[np.arange(len(wanted)), best]))
 
 
-def usable_share(
-    torque_axes: Float[np.ndarray, "3 m"], frame: Float[np.ndarray, "2 3"]
-) -> float:
+def usable_share(torque_axes: Float[np.ndarray, "3 m"], frame: Float[np.ndarray, "2 3"]) -> float:
     """Of each thruster's limit: torques up to it about both rows of `frame` saturate no thruster.
 
     The rows are orthonormal, in the plane of the torques.
