@@ -15,10 +15,10 @@ from jaxtyping import Float
 from jaxsat import noise
 from jaxsat.allocation import torque_directions, usable_share
 from jaxsat.assembly.load import load
+from jaxsat.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS
 from jaxsat.inertia import normal_axes
 from jaxsat.scenario import Scenario, ScenarioWarning
 from jaxsat.scenario.holding import nearest_held, rotation
-from jaxsat.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS, TUNED_PERIOD
 
 SEED = 20261122
 SIZE = 200
@@ -166,8 +166,8 @@ def _turn_to_hold(
 def family_scenario(member: FamilyMember, law: str) -> Scenario:
     """The scenario of one spacecraft under a law with the gains of its preset."""
     moment = math.sqrt(TUNED_MOMENTS[0] * TUNED_MOMENTS[1])
-    unit = math.sqrt(moment / REFERENCE_LIMIT)
-    slower, weaker = unit / member.unit, member.limit / REFERENCE_LIMIT
+    slower = math.sqrt(moment / REFERENCE_LIMIT) / member.unit
+    weaker = math.sqrt(member.moments[0] * member.moments[1]) / moment * slower**2
     base = load("acceptance-hard", purpose="text")
     data = base.model_dump(exclude_none=True)
     _scale(data, RATE_KEYS, slower)

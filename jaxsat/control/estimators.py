@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.checks import as_float
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
@@ -22,12 +23,18 @@ MIN_COUPLING, MIN_SHARE = 0.2, 0.5
 divide by it."""
 
 
+LEAST_TURN = 0.02
+"""rad: an attitude as far from the wanted one is left to the end game, which finds it by itself."""
+
+
 class ThirdAxis(NamedTuple):
     """What a law is told of the third axis.
 
     `rate` is s less its value at rest in the orbit frame (rad/s), `lean` are the (ε1, ε2) by which
     the turn about n is that of s, p1 and p2, `coupling` is c, and the ripples of rate (rad/s) and
-    turn (rad) are those to ignore.
+    turn (rad) are those to ignore. `products` are the six factors of ds/dt, c the first of them,
+    `drift` is ds/dt (rad/s²) at rest in the orbit frame in the wanted attitude, zero where that can
+    be held, and `stiffness` its derivative by the turn (1/s²).
     """
 
     rate: RealScalar
@@ -35,6 +42,13 @@ class ThirdAxis(NamedTuple):
     coupling: RealScalar
     rate_ripple: RealScalar
     turn_ripple: RealScalar
+    products: Float[Array, "6"]
+    drift: RealScalar
+    stiffness: RealScalar
+
+    def change(self, omega: Float[Array, "3"]) -> RealScalar:
+        """ds/dt (rad/s²) at the rates (p1, p2, s), rad/s."""
+        return jnp.sum(self.products * _products(omega))
 
 
 class EstimatorMemory(NamedTuple):
@@ -50,12 +64,14 @@ class ThirdAxisEstimator(eqx.Module):
     """Observer and fit together; without either the third axis is what the model says it is.
 
     The observer predicts the measured ω3 with the fitted errors in it, so that a new estimate
-    does not look like a disturbance.
+    does not look like a disturbance. A drift of s at rest below `least_drift` (rad/s²), or
+    one that a turn of `LEAST_TURN` takes away, is none.
     """
 
     form: NormalForm
     observer: AbstractRippleEstimator | None = None
     least_squares: RecursiveLeastSquares | None = eqx.field(default_factory=RecursiveLeastSquares)
+    least_drift: RealScalar = eqx.field(converter=as_float, default=0.0)
 
     def init(self, omega: Float[Array, "3"]) -> EstimatorMemory:
         """Nothing known yet but (p1, p2, s), rad/s."""
@@ -92,10 +108,10 @@ class ThirdAxisEstimator(eqx.Module):
             fit = self.least_squares.update(fit, omega, products, factors)
             errors = fit.estimate
         following = EstimatorMemory(ripple, fit, omega, jnp.array(True))
-        return self._believed(omega, ripple, errors, c), following
+        return self._believed(omega, ripple, errors, factors), following
 
-    def _believed(self, omega, ripple, errors, c) -> ThirdAxis:
-        zero = jnp.zeros_like(omega[2])
+    def _believed(self, omega, ripple, errors, factors) -> ThirdAxis:
+        zero, c = jnp.zeros_like(omega[2]), factors[0]
         known = ThirdRate(omega[2], zero, zero)
         if self.observer is not None:
             known = self.observer.believed(ripple, omega[2])
@@ -106,12 +122,21 @@ class ThirdAxisEstimator(eqx.Module):
         fitted = jnp.where(fitted < 0, -1.0, 1.0) * jnp.maximum(jnp.abs(fitted), least)
         # Without a fit the model's own value is used, however small.
         believed = c if self.least_squares is None else fitted
+        products = (factors + errors[2:]).at[0].set(believed)
+        o1, o2, _ = self.form.orbit_rate
+        turning = jnp.stack([o2, -o1, zero])  # of the orbit frame's rate, by the turn
+        ahead, behind = (jnp.sum(products * _products(rest + s * turning)) for s in (1, -1))
+        drift, stiffness = jnp.sum(products * _products(rest)), (ahead - behind) / 2
+        least = jnp.maximum(self.least_drift, LEAST_TURN * jnp.abs(stiffness))
         return ThirdAxis(
             known.rate - by_others,
             self.form.lean + errors[:2],
             believed,
             known.rate_ripple,
             known.turn_ripple,
+            products,
+            jnp.where(jnp.abs(drift) < least, 0.0, drift),
+            stiffness,
         )
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.normal_form import NormalForm, NormalState
-from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
+from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow, wanted_turn
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.terminal import OrbitalRegulator
@@ -19,6 +19,13 @@ from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
+
+
+BALANCED = 0.01
+"""Share of a drift of s below which the wanted turn has taken it away."""
+
+HOLDING = 0.9
+"""Share of the holder's largest ds/dt that may be needed against a drift."""
 
 
 class FineMode(enum.IntEnum):
@@ -86,6 +93,8 @@ class FineMemory(NamedTuple):
 class FineStage(eqx.Module):
     """Oscillator and regulator with the hand-over between them.
 
+    Where the wanted attitude can only be held against a drift of s, `holder` takes the regulator's
+    place if it can make the opposite one by its oscillation.
     `fade_lean` takes the correction of the turn for leaning axes away as the tilt grows, by the
     factor max(0, 1 - |w|²).
     """
@@ -93,6 +102,7 @@ class FineStage(eqx.Module):
     oscillator: Oscillator
     end_game: OrbitalRegulator | Oscillator
     handover: Handover
+    holder: Oscillator | None = None
     fade_lean: bool = eqx.field(static=True, default=False)
 
     def init(self, omega: Float[Array, "3"]) -> FineMemory:
@@ -113,20 +123,38 @@ class FineStage(eqx.Module):
         excess = state.omega - self.oscillator.form.rest
         regulating = self.handover(memory.regulating, tilt, slow, excess)
         lean = third.lean[0] * tilt.phi + third.lean[1] * tilt.theta
-        turn = tilt.turn - lean - third.turn_ripple
+        turn = tilt.turn - lean - third.turn_ripple - wanted_turn(third)
         excess = excess.at[2].set(third.rate - third.rate_ripple)
         if isinstance(self.end_game, OrbitalRegulator):
-            late = self.end_game.torque(tilt, turn, excess)
-            late_wanted, late_reference = self.oscillator.init(state.omega), state.omega[:2]
+            torque = self.end_game.torque(tilt, turn, excess)
+            end = torque, state.omega[:2], self.oscillator.init(state.omega)
         else:
-            late_wanted = self.end_game.oscillation(slow, third)
-            late_tracking = self.end_game.tracking(clock, state, tilt, late_wanted)
-            late = self.end_game.torque(state.omega, late_tracking)
-            late_reference = late_tracking.rate
+            end = _oscillated(self.end_game, clock, state, tilt, slow, third)
+        if self.holder is not None:
+            held = _oscillated(self.holder, clock, state, tilt, slow, third)
+            drift, left = jnp.abs(third.drift), jnp.abs(slow.drift)
+            able = HOLDING * jnp.abs(third.coupling) * self.holder.largest_amplitude**2 / 2
+            holds = (left > BALANCED * drift) & (left < able)
+            end = jax.tree.map(lambda one, other: jnp.where(holds, one, other), held, end)
+        late, late_reference, late_wanted = end
         torque = jnp.where(regulating, late, self.oscillator.torque(state.omega, tracking))
         reference = jnp.where(regulating, late_reference, tracking.rate)
         kept = jax.tree.map(lambda end, x: jnp.where(regulating, end, x), late_wanted, wanted)
         return torque, reference, FineMemory(kept, regulating)
+
+
+def _oscillated(
+    oscillator: Oscillator,
+    clock: RealScalar,
+    state: NormalState,
+    tilt: Tilt,
+    slow: Slow,
+    third: ThirdAxis,
+) -> tuple[Float[Array, "2"], Float[Array, "2"], Oscillation]:
+    """Torque (N m), rates asked for (rad/s) and oscillation of an end game that oscillates."""
+    wanted = oscillator.oscillation(slow, third)
+    tracking = oscillator.tracking(clock, state, tilt, wanted)
+    return oscillator.torque(state.omega, tracking), tracking.rate, wanted
 
 
 class OscillatorySettlingMemory(NamedTuple):

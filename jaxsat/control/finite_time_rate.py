@@ -8,7 +8,6 @@ at a constant rate, so that a constant torque follows them, and ω3 is gone afte
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -31,6 +30,18 @@ MOST_GROWTH = 2.0
 """Of |s| in parts of |(p1, p2, s)| at the beginning, beyond which the model must be wrong."""
 
 
+DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1))
+"""Signs that the references may have. One rate alone moves s where x and y are not quite the axes
+of the reduced inertia, and where n leans."""
+
+GOOD_FALL, POOR_FALL = 0.7, 0.3
+"""In parts of the quickest fall of |s|: what directions to begin with must give, and what the one
+under way must."""
+
+BRAKED = 0.5
+"""A law that was failing begins again once the rates are below this share of |s|."""
+
+
 class Signs(NamedTuple):
     """Signs (σ1, σ2) of the references, the sign of s that they were chosen for, and a bound.
 
@@ -43,7 +54,7 @@ class Signs(NamedTuple):
 
 
 class FiniteTimeRate(eqx.Module):
-    """ω1d = σ1 a g, ω2d = σ2 b g with g = max(|ω3| - ε, 0)^⅓ and σ1 σ2 = -sgn(ω3) sgn(c).
+    """ω1d = σ1 a g, ω2d = σ2 b g with g = max(|ω3| - ε, 0)^⅓, as a rule σ1 σ2 = -sgn(ω3) sgn(c).
 
     Once tracked, d|ω3|/dt = -|c| a b g², so |ω3| reaches ε after 3 g(0) / (|c| a b). The references
     then change at a_i |c| a b / 3, and a³ = 3 η Tm J2 / (|c| J1²), b³ = 3 η Tm J1 / (|c| J2²) make
@@ -78,19 +89,35 @@ class FiniteTimeRate(eqx.Module):
         return 3 * self._root(omega3) / (jnp.abs(c) * a * b)
 
     def signs(self, third: ThirdAxis, omega: Float[Array, "3"], last: Signs) -> Signs:
-        """Of the two pairs, the nearer one by Σ J_i (ω_i - ω_id)²; kept until ω3 changes sign."""
-        j1, j2, _ = self.form.moments
-        a, b = self.factors(third.coupling)
+        """Of the directions that make |s| fall quickly, the nearest by Σ J_i (ω_i - ω_id)².
+
+        It is kept until s changes sign, or another makes it fall much more quickly: with s the
+        terms p1 s and p2 s of leaning axes grow, which help one of two opposite directions.
+        """
+        moments = self.form.moments[:2]
         side = jnp.where(third.rate < 0, -1.0, 1.0)
-        product = -side * jnp.where(third.coupling < 0, -1.0, 1.0)
-        nearer = j1 * a * omega[0] + product * j2 * b * omega[1] < 0
-        sigma1 = jnp.where(nearer, -1.0, 1.0)
-        begins = last.third == 0
-        size = jnp.sqrt(jnp.sum(omega**2))
-        most = jnp.where(begins, MOST_GROWTH * size, last.most)
-        chosen = Signs(jnp.stack([sigma1, product * sigma1]), side, most)
-        keep = (side == last.third) & (last.sigma[0] * last.sigma[1] == product)
-        return jax.tree.map(lambda old, new: jnp.where(keep, old, new), last, chosen)
+        slopes = self.factors(third.coupling) * jnp.cbrt(
+            jnp.maximum(jnp.abs(third.rate), self.dead_zone)
+        )
+
+        def judged(sigma):
+            reference = sigma * slopes
+            reference = reference * self._feasible(reference, omega[2])
+            fall = -side * third.change(jnp.concatenate([reference, omega[2:]]))
+            return fall, jnp.sum(moments * (omega[:2] - reference) ** 2)
+
+        sigmas = [jnp.array(sigma, omega.dtype) for sigma in DIRECTIONS]
+        falls, ways = (jnp.stack(of_all) for of_all in zip(*map(judged, sigmas), strict=True))
+        quickest = jnp.max(falls)
+        good = falls >= quickest - (1 - GOOD_FALL) * jnp.abs(quickest)
+        nearest = jnp.stack(sigmas)[jnp.argmin(jnp.where(good, ways, jnp.inf))]
+        failed = jnp.abs(third.rate) > last.most
+        braked = jnp.sum(omega[:2] ** 2) < BRAKED**2 * third.rate**2
+        begins = (last.third == 0) | (failed & braked)
+        most = jnp.where(begins, MOST_GROWTH * jnp.sqrt(jnp.sum(omega**2)), last.most)
+        fall, _ = judged(last.sigma)
+        keep = ~begins & (side == last.third) & (fall > POOR_FALL * quickest)
+        return Signs(jnp.where(keep, last.sigma, nearest), side, most)
 
     def tracking(self, third: ThirdAxis, omega: Float[Array, "3"], signs: Signs) -> Tracking:
         """The references and the derivatives that go with the present decay of ω3.
@@ -105,7 +132,7 @@ class FiniteTimeRate(eqx.Module):
         share = jnp.where(failing, 0.0, self._feasible(slopes * root, omega[2]))
         slopes = slopes * share
         fastest = jnp.abs(c * slopes[0] * slopes[1]) * root**2
-        decay = jnp.clip(signs.third * c * omega[0] * omega[1], -fastest, 0.0)
+        decay = jnp.clip(signs.third * third.change(omega), -fastest, 0.0)
         square = jnp.where(root > 0, root**2, 1.0)
         most = self.torque_limit / moments
         derivative = jnp.clip(slopes * decay / (3 * square), -most, most)

@@ -34,6 +34,24 @@ TINY = 1e-12
 """Keeps a quotient of two zeros finite."""
 
 
+MOST_SKEW = 0.5
+"""Of what one oscillation may be changed by the part of ds/dt in p1² - p2²."""
+
+HELD_TURN, FAR_TURN = 0.01, 0.1
+"""rad; settled means within 0.05, and the end game begins within 0.03."""
+
+
+def wanted_turn(third: ThirdAxis) -> RealScalar:
+    """The turn (rad) at which s does not drift, within ± `HELD_TURN`.
+
+    Where it is beyond `FAR_TURN` none of these takes much of the drift away, and no turn is wanted.
+    """
+    moving = third.stiffness != 0
+    balanced = -third.drift / jnp.where(moving, third.stiffness, 1.0)
+    share = jnp.minimum(FAR_TURN / jnp.maximum(jnp.abs(balanced), HELD_TURN), 1.0)
+    return jnp.where(moving, share**2 * jnp.clip(balanced, -HELD_TURN, HELD_TURN), 0.0)
+
+
 class AbstractDemand(eqx.Module):
     """Which oscillation to ask for, given the slow rate s (rad/s) and slow turn ẑ (rad)."""
 
@@ -107,10 +125,15 @@ class Oscillation(NamedTuple):
 
 
 class Slow(NamedTuple):
-    """Slow rate s (rad/s) and slow turn ẑ (rad)."""
+    """Slow rate s (rad/s) and slow turn ẑ (rad) beyond the wanted one, and the drift of s (rad/s²).
+
+    Where the attitude of the orbit frame cannot be held, the turn is that from `wanted_turn`, and
+    the drift is what is left there.
+    """
 
     rate: RealScalar
     turn: RealScalar
+    drift: RealScalar | float = 0.0
 
 
 class Tracking(NamedTuple):
@@ -176,11 +199,17 @@ class Oscillator(eqx.Module):
         turn = turn - third.turn_ripple
         turn = turn + ((1 + c) * e2 * swing1 - (1 - c) * e1 * swing2) / nu**2
         turn = turn - c / (8 * nu**2) * (alpha * cos2 - beta * sin2)
-        return Slow(rate, turn)
+        wanted = wanted_turn(third)
+        return Slow(rate, turn - wanted, third.drift + third.stiffness * wanted)
 
     def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
-        """What the demand asks for beyond the dead zone, scaled down so that h <= r ρm²."""
+        """What the demand asks for beyond the dead zone, scaled down so that h <= r ρm².
+
+        With what takes the drift away, and the part of ds/dt in p1² - p2², whose mean is
+        h (1/r - r) / 2.
+        """
         alpha, beta = self.demand(slow.rate, slow.turn, third.coupling, self.frequency)
+        alpha = alpha - 2 / third.coupling * slow.drift
         least = self._no_amplitude
         size = _size(alpha, beta, least)
         still = jnp.zeros_like(slow.turn)
@@ -189,7 +218,9 @@ class Oscillator(eqx.Module):
         granted = jnp.clip(size - left, least**2, most)
         scale = granted / size
         amplitude = jnp.sqrt(granted / self.ratio) + least
-        return Oscillation(scale * alpha, scale * beta, amplitude)
+        skew = third.products[1] / third.coupling * (1 / self.ratio - self.ratio)
+        bias = jnp.clip(skew, -MOST_SKEW, MOST_SKEW) * granted
+        return Oscillation(scale * alpha - bias, scale * beta, amplitude)
 
     def tracking(
         self, clock: RealScalar, state: NormalState, tilt: Tilt, wanted: Oscillation

@@ -60,6 +60,13 @@ QUIET_SHARE = 0.35
 QUIET_ANGLE = 0.01
 """Turn (rad) within which that oscillation stops the slow rate that it begins with."""
 
+HOLDING_SHARE = 0.6
+"""Of the orbit rate: the largest amplitude that may hold the third axis against a drift, which is a
+number times the square of the orbit rate as well."""
+
+LEAST_DRIFT = 3e-6
+"""ds/dt times τ² below which it is left to the regulator; it moves the turn by 0.05 rad in 180 τ."""
+
 LEAVE_RATE = 1e-4
 """|ω3| at which the regulator hands back, rad per `fine_time`."""
 
@@ -74,8 +81,15 @@ RATE_NOISE, RIPPLE_DRIFT, PRODUCT_ERROR = 1e-6, 6.32455532e-08, 0.0316227766
 """Of the ripple filter: rad per `fine_time` for the noise, for the drift also per √`fine_time`, and
 times √`fine_time` for the error of products."""
 
+PATIENCE, SLOW_RATE = 15.0, 0.2
+"""Of the supervisor, times τ and over τ: how long no phase is stayed in in vain, and the |s| that
+slews put up with."""
+
 CHANGE_NOISE = 2e-6
 """Of one Δω3 of the least squares, rad per `fine_time`."""
+
+CHANGE_SAMPLES, MOST_TURNED = 10, 2.0
+"""Control periods of one Δω3, and the most that a ripple can change in parts of its amplitude."""
 
 
 def oscillatory_settling(
@@ -134,6 +148,8 @@ def three_slew_settling(
         torque_limit=torque_limit,
         stopped_rate=approach.stopped_rate,
         lost_rate=approach.lost_rate,
+        patience=PATIENCE * scaling.time,
+        slow_rate=SLOW_RATE / scaling.time,
         period=period,
     )
 
@@ -202,14 +218,15 @@ def _fine_stage(
     )
     slow_rate, amplitude = gains.enter_slow_rate, QUIET_AMPLITUDE / unit
     in_plane = float(np.linalg.norm(np.asarray(form.orbit_rate)[:2]))
+    holding = max(amplitude, HOLDING_SHARE * abs(float(form.model.orbit.rate)))
     if in_plane > QUIET_SHARE * amplitude:
-        end_game = _regulator(form, unit)
+        end_game, holder = _regulator(form, unit), _quiet(form, oscillator, holding, holding)
     else:
         most = float(form.coupling) * amplitude**2 / 2  # of |ds/dt|, rad/s²
-        end_game = _quiet(oscillator, amplitude, most)
+        end_game, holder = _quiet(form, oscillator, amplitude, holding), None
         slow_rate = min(slow_rate, math.sqrt(2 * QUIET_ANGLE * most))
     handover = Handover(slow_rate, gains.enter_rate, leave_rate=LEAVE_RATE / unit)
-    return FineStage(oscillator, end_game, handover, fade_lean)
+    return FineStage(oscillator, end_game, handover, holder, fade_lean)
 
 
 def _regulator(form: NormalForm, unit: float) -> OrbitalRegulator:
@@ -219,12 +236,15 @@ def _regulator(form: NormalForm, unit: float) -> OrbitalRegulator:
     return OrbitalRegulator.design(form, state_scale, torque_scale)
 
 
-def _quiet(oscillator: Oscillator, amplitude: float, most: float) -> Oscillator:
+def _quiet(
+    form: NormalForm, oscillator: Oscillator, amplitude: float, largest: float
+) -> Oscillator:
     """The oscillation small enough to stay, where no regulator can hold the third axis."""
+    most = float(form.coupling) * amplitude**2 / 2  # of |ds/dt|, rad/s²
     return dataclasses.replace(
         oscillator,
         demand=MorinSamson(math.sqrt(most / QUIET_ANGLE), 1.0),
-        largest_amplitude=amplitude,
+        largest_amplitude=largest,
         ratio=1.0,
         dead_zone=0.0,
     )
@@ -234,8 +254,11 @@ def _estimator(
     form: NormalForm, estimate: bool, ripple: AbstractRippleEstimator | None, scaling: Scaling
 ) -> ThirdAxisEstimator:
     noise = CHANGE_NOISE / scaling.fine_time
-    fit = RecursiveLeastSquares(noise=noise) if estimate else None
-    return ThirdAxisEstimator(form, ripple, fit)
+    if isinstance(ripple, RippleFilter):  # it changes s as well between two samples
+        turned = float(ripple.frequency) * CHANGE_SAMPLES * scaling.step * scaling.time
+        noise = math.hypot(noise, float(ripple.amplitude) * min(turned, MOST_TURNED))
+    fit = RecursiveLeastSquares(noise=noise, samples=CHANGE_SAMPLES) if estimate else None
+    return ThirdAxisEstimator(form, ripple, fit, LEAST_DRIFT / scaling.time**2)
 
 
 def _moments(form: NormalForm) -> list[float]:

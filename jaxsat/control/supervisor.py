@@ -35,13 +35,13 @@ class Phase(enum.IntEnum):
 
 
 class SettlingMemory(NamedTuple):
-    """The phase but `REGULATING`, the memories of its parts, and when the fine stage began (s)."""
+    """The phase but `REGULATING`, the memories of its parts, and when the phase began (s)."""
 
     phase: Int[Array, ""]
     signs: Signs
     slewing: Slewing
     fine: FineMemory
-    fine_since: RealScalar
+    since: RealScalar
     estimator: EstimatorMemory
     reference: Float[Array, "2"]
 
@@ -52,7 +52,10 @@ class ThreeSlewSettling(AbstractSampledController):
     The slews begin when |ω3| is below 1.5 times the rate law's dead zone and |ω1|, |ω2| are below
     `stopped_rate` (rad/s), the fine stage when the third slew is over. It all begins again when
     |z| exceeds `lost_turn` (rad) or s its value at rest by `lost_rate` (rad/s) in the fine stage.
-    `torque_limit` (N m) cuts the commands, `period` is in s.
+    No phase is stayed in in vain: the slews also begin after `patience` (s) where |ω3| is below
+    `slow_rate` (rad/s), the fine stage after as long beyond the planned end of the slews, and all
+    begins again where the slews meet twice `slow_rate`, and after as long in the fine stage where
+    |z| is still above `late_turn` (rad). `torque_limit` (N m) cuts the commands, `period` is in s.
     """
 
     modes: ClassVar[type[enum.IntEnum]] = Phase
@@ -65,10 +68,15 @@ class ThreeSlewSettling(AbstractSampledController):
     stopped_rate: RealScalar = eqx.field(converter=as_float)
     lost_turn: RealScalar = eqx.field(converter=as_float, default=1.0)
     lost_rate: RealScalar = eqx.field(converter=as_float, default=0.05)
+    patience: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
+    slow_rate: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
+    late_turn: RealScalar = eqx.field(converter=as_float, default=0.1)
     period: RealScalar = eqx.field(converter=as_float, default=0.1)
 
     def __check_init__(self):
         for name in ("torque_limit", "stopped_rate", "lost_turn", "lost_rate", "period"):
+            require_positive(name, getattr(self, name))
+        for name in ("patience", "slow_rate", "late_turn"):
             require_positive(name, getattr(self, name))
 
     @property
@@ -96,7 +104,7 @@ class ThreeSlewSettling(AbstractSampledController):
         seen = self.form.seen(state)
         third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
         slewing = self.planner.advance(t, seen, memory.slewing, self.period)
-        phase = self._phase(memory.phase, seen, third, slewing)
+        phase = self._phase(t, memory, seen, third, slewing)
         begun = phase != memory.phase
         begins_fine = begun & (phase == Phase.OSCILLATING)
         estimator = self.estimator.forget_ripple(estimator, begun & (phase != Phase.SLEWING))
@@ -104,11 +112,11 @@ class ThreeSlewSettling(AbstractSampledController):
         slewing = _choose(begun & (phase == Phase.SLEWING), plan, slewing)
         signs = _choose(begun & (phase == Phase.STOPPING), self.rate_law.init(state), memory.signs)
         fine = _choose(begins_fine, self.fine.init(seen.omega), memory.fine)
-        fine_since = jnp.where(begins_fine, t, memory.fine_since)
+        since = jnp.where(begun, t, memory.since)
 
         signs = self.rate_law.signs(third, seen.omega, signs)
         tracking = self.rate_law.tracking(third, seen.omega, signs)
-        fine_torque, fine_reference, fine = self.fine.step(t - fine_since, seen, third, fine)
+        fine_torque, fine_reference, fine = self.fine.step(t - since, seen, third, fine)
         torque = _by_phase(
             phase,
             self.rate_law.torque(seen.omega, tracking),
@@ -117,7 +125,7 @@ class ThreeSlewSettling(AbstractSampledController):
         )
         slew_reference = self.planner.references(slewing)
         reference = _by_phase(phase, tracking.rate, slew_reference, fine_reference)
-        following = SettlingMemory(phase, signs, slewing, fine, fine_since, estimator, reference)
+        following = SettlingMemory(phase, signs, slewing, fine, since, estimator, reference)
         return self.form.command(clipped(torque, self.torque_limit)), following
 
     def rate_error(self, state: PlantState, memory: SettlingMemory) -> Float[Array, "2"]:
@@ -131,15 +139,27 @@ class ThreeSlewSettling(AbstractSampledController):
         return jnp.where(regulating, Phase.REGULATING, memory.phase)
 
     def _phase(
-        self, phase: Int[Array, ""], state: NormalState, third: ThirdAxis, slewing: Slewing
+        self,
+        t: RealScalar,
+        memory: SettlingMemory,
+        state: NormalState,
+        third: ThirdAxis,
+        slewing: Slewing,
     ) -> Int[Array, ""]:
+        phase, impatient = memory.phase, t - memory.since > self.patience
         still = jnp.max(jnp.abs(state.omega[:2])) < self.stopped_rate
-        stopped = still & (jnp.abs(third.rate) < STOPPED * self.rate_law.dead_zone)
+        size = jnp.abs(third.rate)
+        stopped = still & (size < STOPPED * self.rate_law.dead_zone)
+        stopped = stopped | (impatient & (size < self.slow_rate))
         turn = jnp.abs(tilt_of(state.attitude).turn)
         slow = state.omega[2] - self.form.rest[2]
         lost = (turn > self.lost_turn) | (jnp.abs(slow) > self.lost_rate)
+        lost = lost | (impatient & ~memory.fine.regulating & (turn > self.late_turn))
+        slewed = (slewing.leg == Leg.SLEWED) | (t > slewing.end + self.patience)
         after_stopping = jnp.where(stopped, Phase.SLEWING, Phase.STOPPING)
-        after_slewing = jnp.where(slewing.leg == Leg.SLEWED, Phase.OSCILLATING, Phase.SLEWING)
+        after_slewing = jnp.where(slewed, Phase.OSCILLATING, Phase.SLEWING)
+        spinning = size > 2 * self.slow_rate
+        after_slewing = jnp.where(spinning, Phase.STOPPING, after_slewing)
         after_fine = jnp.where(lost, Phase.STOPPING, Phase.OSCILLATING)
         chosen = jnp.where(phase == Phase.SLEWING, after_slewing, after_fine)
         return jnp.where(phase == Phase.STOPPING, after_stopping, chosen)

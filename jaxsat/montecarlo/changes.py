@@ -11,7 +11,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.attitude import DCM, WZ, AbstractAttitude, Quaternion
-from jaxsat.control import AbstractBacksteppingLaw, InternalModel, RippleFilter, RippleObserver
+from jaxsat.control import (
+    AbstractBacksteppingLaw,
+    InternalModel,
+    NormalForm,
+    RippleFilter,
+    RippleObserver,
+)
 from jaxsat.dynamics import PlantState
 from jaxsat.environment import (
     AbstractOrbit,
@@ -23,6 +29,9 @@ from jaxsat.navigation import Navigation
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
 from jaxsat.vehicle import Actuators, FailureEvents, Spacecraft, ThrusterSet, WheelFailures
 from jaxsat.vehicle.sensors import turned_slightly
+
+LEAST_TORQUE = 1e-30
+"""N m: tells frequencies apart where no torque does."""
 
 
 class PerturbedLoop(NamedTuple):
@@ -180,15 +189,20 @@ def set_periodic(field: str, new: Callable[[Array, Values], Array]):
 def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
     """The loop whose law knows the frequencies of the plant's periodic torque.
 
-    That is its internal model about the first two axes and its ripple estimator about the third.
+    That is its internal model about the first two axes and its ripple estimator about the axis
+    without a torque, for the frequency that makes the most ripple about it.
     """
     (torque,) = parts_of(PeriodicTorque, loop.plant.disturbance)
+    forms = parts_of(NormalForm, controller_of(loop))
+    normal = jnp.abs(forms[0].axes[2]) if forms else jnp.array([0.0, 0.0, 1.0])
+    ripple = normal * (jnp.abs(torque.amplitude) + LEAST_TORQUE) / jnp.abs(torque.frequency)
+    frequency = torque.frequency[jnp.argmax(ripple)]
 
     def change(part):
         if isinstance(part, InternalModel):
             return InternalModel(torque.frequency[:2])
         if isinstance(part, RippleFilter | RippleObserver):
-            return eqx.tree_at(lambda estimator: estimator.frequency, part, torque.frequency[2])
+            return eqx.tree_at(lambda estimator: estimator.frequency, part, frequency)
         return part
 
     kinds = (InternalModel, RippleFilter, RippleObserver)

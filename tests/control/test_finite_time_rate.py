@@ -20,7 +20,10 @@ def law(model=None, limit=LIMIT):
 
 def known(omega3, c=C):
     zero = jnp.zeros(())
-    return ThirdAxis(jnp.array(omega3), jnp.zeros(2), jnp.array(c), zero, zero)
+    products = jnp.zeros(6).at[0].set(c)
+    return ThirdAxis(
+        jnp.array(omega3), jnp.zeros(2), jnp.array(c), zero, zero, products, zero, zero
+    )
 
 
 @pytest.mark.slow

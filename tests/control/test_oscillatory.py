@@ -36,7 +36,8 @@ def oscillator(demand="morin-samson", orbit_rate=ORBIT_RATE, **options):
 
 def known(omega3):
     zero = jnp.zeros_like(omega3)
-    return ThirdAxis(omega3, jnp.zeros(2), jnp.array(C), zero, zero)
+    products = jnp.zeros(6).at[0].set(C)
+    return ThirdAxis(omega3, jnp.zeros(2), jnp.array(C), zero, zero, products, zero, zero)
 
 
 def drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, slow_turn):
