@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -65,7 +66,7 @@ def _make(folder: Path, *words: str) -> str:
 
 
 def _request(law=None, **options) -> Request:
-    law = Filtered([3.0, 2.0]) if law is None else law
+    law = Filtered(gain=[3.0, 2.0]) if law is None else law
     return Request(loop_of(law), start(), 100.0, "A */ title", "", PROVENANCE, **options)
 
 
@@ -143,10 +144,11 @@ def test_the_library_runs_in_the_place_of_the_law(tmp_path):
     library = Library(tmp_path / "build" / "libcontroller.so", request.loop, request.start)
     assert isinstance(request.loop, SampledLoop)
     law, state = request.loop.controller, request.start
-    outside = with_library(request.loop, library).controller
+    assert isinstance(law, Filtered)
+    outside: Any = with_library(request.loop, library).controller
     states = jax.vmap(lambda x: PlantState(state.attitude, x * state.omega))(jnp.arange(1.0, 4.0))
     memory = jax.vmap(law.init)(states)
-    for t in (0.0, 0.5):
+    for t in jnp.array([0.0, 0.5]):
         inside = jax.vmap(law.step, (None, 0, 0))(t, states, memory)
         found = jax.jit(jax.vmap(outside.step, (None, 0, 0)))(t, states, memory)
         for one, other in zip(jax.tree.leaves(inside), jax.tree.leaves(found), strict=True):
@@ -159,7 +161,7 @@ def test_the_library_runs_in_the_place_of_the_law(tmp_path):
     )
     assert made.program.hash == library.program.hash
     with pytest.raises(LibraryError, match="export it again"):
-        Library(library.path, loop_of(_Other([1.0, 1.0])), request.start)
+        Library(library.path, loop_of(_Other(gain=[1.0, 1.0])), request.start)
 
 
 class _Other(Filtered):
@@ -174,12 +176,12 @@ def test_a_file_that_is_no_library_is_told(tmp_path):
     place = tmp_path / "libcontroller.so"
     place.write_text("none")
     with pytest.raises(LibraryError, match="`make` built"):
-        Library(place, loop_of(Filtered([1.0, 1.0])), start())
+        Library(place, loop_of(Filtered(gain=[1.0, 1.0])), start())
 
 
 def test_a_loop_without_a_bound_is_told_with_its_line():
     with pytest.raises(CannotLower, match=r"`while`.*no bound.*laws\.py:\d+ \(Searching\.step\)"):
-        export(_request(Searching([1.0, 1.0])))
+        export(_request(Searching(gain=[1.0, 1.0])))
 
 
 def test_a_law_in_continuous_time_is_refused():
