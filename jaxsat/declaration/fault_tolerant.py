@@ -21,7 +21,7 @@ FAULT_TOLERANT = LawDeclaration(
         number(
             "cusum_threshold",
             "Threshold of each CUSUM test, in sigmas; at 12 and a reference of 1 false alarms are "
-            "7e10 samples apart",
+            "1.4e11 scores apart",
             "1",
             above=0,
             at_most=1e3,
