@@ -65,7 +65,7 @@ HOLDING_SHARE = 0.6
 number times the square of the orbit rate as well."""
 
 LEAST_DRIFT = 3e-6
-"""ds/dt times τ² below which it is left to the regulator; it moves the turn by 0.05 rad in 180 τ."""
+"""ds/dt times τ² left to the regulator, which moves the turn by 0.05 rad within 180 τ."""
 
 LEAVE_RATE = 1e-4
 """|ω3| at which the regulator hands back, rad per `fine_time`."""
