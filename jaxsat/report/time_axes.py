@@ -82,12 +82,24 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
     alarm = [mode for mode, name in mode_names(dataset).items() if name == "alarm"]
     in_alarm = np.isin(dataset["mode"].values, alarm)
     found = [(float(time[row]), "alarm") for row in np.flatnonzero(np.diff(in_alarm * 1) > 0) + 1]
+    names = _thruster_names(dataset, kinds.shape[1])
     for row, thruster in np.argwhere(np.diff(kinds, axis=0) != 0):
         kind = kinds[row + 1, thruster]
         if np.isfinite(kind):
             verdict = f"isolated, {DIAGNOSED[int(kind)]}" if kind >= 0 else "works again"
-            found.append((float(time[row + 1]), f"thruster {thruster + 1}: {verdict}"))
+            found.append((float(time[row + 1]), f"thruster {names[thruster]}: {verdict}"))
     return sorted(found)[:MOST_VERDICTS]
+
+
+def _thruster_names(dataset: xr.Dataset, count: int) -> list[str]:
+    """Names, or numbers from 1, of `count` thrusters; a two-sided one has both its places."""
+    tables = tomllib.loads(dataset.attrs.get("scenario", "")).get("thruster", [])
+    each = [
+        one.get("name", str(number))
+        for number, one in enumerate(tables, 1)
+        for _ in range(2 if one.get("two_sided") else 1)
+    ]
+    return each if len(each) == count else [str(number + 1) for number in range(count)]
 
 
 def _mark(axes: Axes, at: float, name: str, row: int = 0) -> None:
