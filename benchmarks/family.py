@@ -1,4 +1,4 @@
-"""The laws that settle, flown on the family of random spacecraft (docs/family.md).
+"""The laws that settle, flown on the family of random spacecraft (docs/laws.md).
 
     python benchmarks/family.py --cases 64 --out family.csv
 

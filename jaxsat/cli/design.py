@@ -70,7 +70,7 @@ def design(
 
     Says what is left of the actuators and what attitude can be held, screens the laws that fit,
     tunes the best, and verifies it. The folder gets designed.toml, ready for every command, a page,
-    a record and figures. A run that was broken off goes on by the same command. Exits with 1 where
+    a record and figures. The same command resumes an interrupted run. Exits with 1 where
     the wanted fraction does not settle, or where there is nothing to design.
 
     Parameters
@@ -151,7 +151,7 @@ def design(
     except ValueError as error:
         raise UserMistake(str(error)) from None
     except (KeyboardInterrupt, Terminated) as stop:
-        kept = f"what is done is in {target}; the same command goes on from there"
+        kept = f"what is done is in {target}; the same command resumes"
         raise type(stop)(kept) from None
     return _concluded(found, target, quiet)
 

@@ -1,4 +1,4 @@
-"""A law that diagnoses its thrusters and goes on by what is left of them."""
+"""A law that diagnoses its thrusters and flies by what is left of them."""
 
 import enum
 from typing import ClassVar, NamedTuple

@@ -14,7 +14,7 @@ from jaxsat.results import ResumableFolder, study_columns
 from jaxsat.scenario import Scenario
 
 CHUNK = 256
-"""Cases computed together: what a design that is broken off loses at most, for each thread."""
+"""Cases computed together: what an interrupted design loses at most, for each thread."""
 
 STUDIES = "studies"
 """Folder of the stores inside the output folder."""

@@ -5,7 +5,7 @@ from jaxsat.declaration.law import LawDeclaration
 from jaxsat.declaration.quaternion_feedback import QUATERNION_FEEDBACK
 
 FAULT_TOLERANT = LawDeclaration(
-    summary="quaternion feedback that detects and isolates failed thrusters and goes on by what is "
+    summary="quaternion feedback that detects and isolates failed thrusters and flies by what is "
     "left",
     keys=(
         *QUATERNION_FEEDBACK.keys,

@@ -1,4 +1,4 @@
-"""A whole design: its steps, its folder, and that it goes on where it was broken off."""
+"""A whole design: its steps, its folder, and that an interrupted one is resumed."""
 
 import json
 
