@@ -124,7 +124,9 @@ class ThirdAxisEstimator(eqx.Module):
         believed = c if self.least_squares is None else fitted
         products = (factors + errors[2:]).at[0].set(believed)
         o1, o2, _ = self.form.orbit_rate
-        turning = jnp.stack([o2, -o1, zero])  # of the orbit frame's rate, by the turn
+        lean1, lean2 = self.form.lean
+        # The derivative of the orbit frame's (p1, p2, s) by the turn.
+        turning = jnp.stack([o2, -o1, lean2 * o1 - lean1 * o2])
         ahead, behind = (jnp.sum(products * _products(rest + s * turning)) for s in (1, -1))
         drift, stiffness = jnp.sum(products * _products(rest)), (ahead - behind) / 2
         least = jnp.maximum(self.least_drift, LEAST_TURN * jnp.abs(stiffness))
