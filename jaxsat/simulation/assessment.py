@@ -164,8 +164,12 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
         y1, error, dense, inner, result = self.solver.step(
             terms, t0, t1, y0, args, solver_state.solver, made_jump
         )
-        begin, end, stages = stop_gradient((jnp.asarray(t0), jnp.asarray(t1), dense))
-        record = self._recorded(begin, end, stages, solver_state.record)
+        begin, end, stages, start = stop_gradient((jnp.asarray(t0), jnp.asarray(t1), dense, y0))
+        record = solver_state.record
+        if made_jump is not False:  # the rate right before a jump is not that right after it
+            after = self.monitor(begin, start).rate
+            record = record._replace(rate=jnp.where(made_jump, after, record.rate))
+        record = self._recorded(begin, end, stages, record)
         return y1, error, dense, MonitoredState(inner, record), result
 
     def _recorded(self, t0, t1, dense, record: MonitorRecord) -> MonitorRecord:

@@ -68,7 +68,9 @@ def test_a_live_line_on_a_terminal_before_jax_is_imported():
     assert lines[-1] == "x: all right (done)\r\n"  # the live line has gone
 
 
-@pytest.mark.parametrize("columns", ["1", "2", "0", "many"])
+@pytest.mark.parametrize(
+    "columns", ["many", *(pytest.param(one, marks=pytest.mark.slow) for one in ("1", "2", "0"))]
+)
 def test_narrow_terminals(columns):
     text, _ = in_a_terminal(TERM="xterm", COLUMNS=columns)
     assert text.endswith(progress.ERASE + "x: all right (done)\r\n")

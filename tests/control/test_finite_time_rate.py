@@ -61,6 +61,7 @@ def test_references_ask_for_the_share_of_the_torque():
         np.testing.assert_allclose(change, derivative, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_signs_are_those_nearer_to_the_present_rates_and_stay():
     rate_law = law()
     a, b = np.asarray(rate_law.factors(jnp.array(C)))

@@ -91,6 +91,7 @@ def test_modes_change_with_hysteresis():
     assert mode(0.046, True) == FineMode.OSCILLATING
 
 
+@pytest.mark.slow
 def test_a_lost_attitude_begins_again():
     controller = three_slew_settling(body(), 5.0)
     step = eqx.filter_jit(controller.step)

@@ -118,9 +118,8 @@ def normalised_squares(moving, belief, biases, number):
     return np.einsum("ci,ci->c", error, np.linalg.solve(matrix, error[..., None])[..., 0])
 
 
-@pytest.mark.parametrize(
-    "cases", [100, pytest.param(1000, marks=pytest.mark.slow)], ids=["quick", "whole"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("cases", [1000])
 def test_errors_are_as_large_as_the_filter_claims(cases):
     """NEES of the six states in its χ² band, from the first draw to the steady state."""
     moving, _, belief, biases = flown(cases, tracker())

@@ -65,7 +65,7 @@ def expected(every, delay):
 
 
 @pytest.mark.parametrize("delay", [None, 0.0, 0.2, PERIOD])
-@pytest.mark.parametrize("every", [2, 6])
+@pytest.mark.parametrize("every", [2, pytest.param(6, marks=pytest.mark.slow)])
 def test_the_range_is_that_of_every_hold(every, delay):
     run = flown(every, delay)
     told = np.stack([run.torque_range.least, run.torque_range.largest, run.torque_range.mean], 1)

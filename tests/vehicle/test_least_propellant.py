@@ -11,6 +11,7 @@ from jaxsat.vehicle import LeastPropellant
 from oracle import pulses
 
 
+@pytest.mark.slow
 def test_duties_are_those_of_the_simplex_method():
     rng = np.random.default_rng(20260101)
     compared = 0
