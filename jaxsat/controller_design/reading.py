@@ -12,7 +12,7 @@ from jaxsat.scenario.limits import MAX_FILE_SIZE
 ALL = "all"
 """In place of a law: every law of jaxsat that fits."""
 
-PLACEHOLDER = "three-slew"
+UNNAMED_LAW = "three-slew"
 """Law of a scenario whose file names none; every key of it that is left out has a default."""
 
 UNTIMED = 1.0
@@ -26,7 +26,7 @@ _DEFAULTS: Mapping[str, tuple[tuple[str, ...], str]] = {
         "[1.0, 0.0, 0.0, 0.0]",
     ),
     "initial.omega_rad_s": (("initial.omega_rad_s", "initial.omega_deg_s"), "[0.0, 0.0, 0.0]"),
-    "control.law": (("control.law",), f'"{PLACEHOLDER}"'),
+    "control.law": (("control.law",), f'"{UNNAMED_LAW}"'),
     "simulation.duration_s": (("simulation.duration_s",), f"{UNTIMED}"),
     "simulation.save_every_s": (("simulation.save_every_s",), "0.5"),
 }
