@@ -60,6 +60,7 @@ def design(
     steps: Annotated[int, Parameter(converter=whole(0, MAX_STEPS))] = 16,
     seed: OptionalSeed = None,
     attitude: Literal["wanted", "nearest"] = "wanted",
+    goal: Literal["quickest", "settled"] = "quickest",
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
     yes: Flag = False,
@@ -97,6 +98,9 @@ def design(
     attitude
         wanted, that of the orbit frame; nearest, where that cannot be held the nearest one that
         can be, to which the body axes of designed.toml are turned.
+    goal
+        quickest, the quickest law of those that settle most, its gains tuned; settled, the first
+        law that surely settles the wanted fraction, and tuning only where none does.
     engine
         As for `jaxsat montecarlo`.
     workers
@@ -135,6 +139,7 @@ def design(
                 steps=steps,
                 seed=seed,
                 attitude=attitude,
+                goal=goal,
                 engine=engine,
                 executor=executor,
                 out=target,

@@ -52,6 +52,19 @@ class Verification:
         """Numbers of the cases that do not settle."""
         return np.flatnonzero(~np.isfinite(self.columns["settling_time"])).tolist()
 
+    @property
+    def limit(self) -> Remedy | None:
+        """The change with which most failing cases settle: what limits the controller.
+
+        None where no change lets half of them settle, or chance alone nearly as many.
+        """
+        if not self.remedies:
+            return None
+        chance, *others = self.remedies
+        best = max(others, key=lambda one: one.settled, default=chance)
+        more = best.settled - chance.settled
+        return best if 2 * best.settled >= best.flown and 4 * more >= best.flown else None
+
 
 @dataclass(frozen=True)
 class ControllerDesign:

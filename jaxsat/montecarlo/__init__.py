@@ -27,7 +27,16 @@ from jaxsat.montecarlo.sensitivities import (
     numbers_of,
     sensitivity,
 )
-from jaxsat.montecarlo.statistics import LEVEL, Interval, StopRule, ends_text, percentile, wilson
+from jaxsat.montecarlo.statistics import (
+    LEVEL,
+    AbstractStopRule,
+    Interval,
+    StopRule,
+    WhenDecided,
+    ends_text,
+    percentile,
+    wilson,
+)
 from jaxsat.montecarlo.summary import Summary, summarise
 from jaxsat.montecarlo.work import Work, most_cases, study_work
 
@@ -37,6 +46,7 @@ __all__ = [
     "AbstractDesign",
     "AbstractDistribution",
     "AbstractExecutor",
+    "AbstractStopRule",
     "ClusterError",
     "Devices",
     "Discrete",
@@ -59,6 +69,7 @@ __all__ = [
     "Threads",
     "TruncatedNormal",
     "Uniform",
+    "WhenDecided",
     "Work",
     "ends_text",
     "first_order_index",

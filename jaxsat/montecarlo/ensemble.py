@@ -20,7 +20,7 @@ from jaxsat.montecarlo.designs import AbstractDesign, LatinHypercube
 from jaxsat.montecarlo.dispersions import Dispersed, StudyCase
 from jaxsat.montecarlo.executors import AbstractExecutor, Serial
 from jaxsat.montecarlo.quantities import QUANTITIES
-from jaxsat.montecarlo.statistics import StopRule
+from jaxsat.montecarlo.statistics import AbstractStopRule
 from jaxsat.pointing import pointing_error
 from jaxsat.results import Column, OutputError, StudyStore, machine
 from jaxsat.results.chunks import Coordinate, chunk_numbers
@@ -185,7 +185,7 @@ def run_study(
     path: str | Path,
     *,
     executor: AbstractExecutor | None = None,
-    until: StopRule | None = None,
+    until: AbstractStopRule | None = None,
     report: Callable[[StudyProgress], None] | None = None,
     tell: Callable[[str], None] = warnings.warn,
     elsewhere: bool = False,
@@ -265,7 +265,7 @@ class _ChunkWork:
 class _StudyLedger:
     """Which chunks are done, and how many of the cases from the first on count."""
 
-    def __init__(self, store: StudyStore, count: int, until: StopRule | None):
+    def __init__(self, store: StudyStore, count: int, until: AbstractStopRule | None):
         self._store, self._until = store, until
         self._limit = count
         self._chunks = -(-count // store.chunk)
