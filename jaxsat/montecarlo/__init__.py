@@ -21,6 +21,14 @@ from jaxsat.montecarlo.ensemble import Study, StudyProgress, run_study
 from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Devices, Serial, Threads
 from jaxsat.montecarlo.processes import Processes
 from jaxsat.montecarlo.quantities import QUANTITIES
+from jaxsat.montecarlo.recovery import FailureRecovery, Recovery
+from jaxsat.montecarlo.recovery_summary import (
+    KindDiagnosis,
+    KindRecovery,
+    RecoverySummary,
+    UnrecoveredCase,
+    reason_words,
+)
 from jaxsat.montecarlo.sensitivities import (
     Sensitivity,
     first_order_index,
@@ -29,6 +37,7 @@ from jaxsat.montecarlo.sensitivities import (
 )
 from jaxsat.montecarlo.statistics import LEVEL, Interval, StopRule, ends_text, percentile, wilson
 from jaxsat.montecarlo.summary import Summary, summarise
+from jaxsat.montecarlo.torques_left import TorquesLeft
 from jaxsat.montecarlo.work import Work, most_cases, study_work
 
 __all__ = [
@@ -42,12 +51,17 @@ __all__ = [
     "Discrete",
     "Dispersed",
     "Dispersions",
+    "FailureRecovery",
     "Independent",
     "Interval",
+    "KindDiagnosis",
+    "KindRecovery",
     "LatinHypercube",
     "Normal",
     "Processes",
     "RandomAttitude",
+    "Recovery",
+    "RecoverySummary",
     "Sensitivity",
     "Serial",
     "Sobol",
@@ -57,8 +71,10 @@ __all__ = [
     "StudyProgress",
     "Summary",
     "Threads",
+    "TorquesLeft",
     "TruncatedNormal",
     "Uniform",
+    "UnrecoveredCase",
     "Work",
     "ends_text",
     "first_order_index",
@@ -66,6 +82,7 @@ __all__ = [
     "number_at",
     "numbers_of",
     "percentile",
+    "reason_words",
     "run_study",
     "sensitivity",
     "study_work",
