@@ -45,6 +45,7 @@ from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, Distr
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
+from jaxsat.scenario.thruster_tables import names_of, signs
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
@@ -114,7 +115,19 @@ def build_study(
         description=description,
         remark=remark,
         history=history,
+        names=_names(scenario),
     )
+
+
+def _names(scenario: Scenario) -> tuple[str, ...]:
+    """Of all thrusters that work at the start, a two-sided one twice, and of all wheels."""
+    tables = scenario.thruster
+    named = zip(tables, names_of(tables), strict=True)
+    jets = [name for one, name in named if not one.failed for _ in signs(one)]
+    if not tables:
+        jets = [str(n + 1) for n in range(len(scenario.spacecraft.thruster_torque_axes or ()))]
+    wheels = [f"wheel {name}" for name in names_of(scenario.wheel)]
+    return (*(f"thruster {name}" for name in jets), *wheels)
 
 
 def _with_library(run: Run, path: Path) -> Run:

@@ -211,10 +211,15 @@ class FaultTolerant(AbstractSampledController):
         return jnp.where(diagnosis.stage == Stage.ALARM, TolerantMode.ALARM, mode)
 
     def telemetry(self, memory: TolerantMemory) -> dict[str, Array]:
-        """The verdict on each thruster, and how near an alarm it is."""
+        """The verdict on each thruster, how near an alarm it is, and whether there is one."""
         diagnosis = memory.diagnosis
         statistic = jnp.max(diagnosis.statistic, axis=0) / self.diagnosis.threshold
-        return {"diagnosed_kind": diagnosis.kind, "detection_statistic": statistic}
+        alarm = jnp.where(diagnosis.stage == Stage.ALARM, 1.0, 0.0)
+        return {
+            "diagnosed_kind": diagnosis.kind,
+            "detection_statistic": statistic,
+            "alarm": alarm,
+        }
 
     def mode(self, memory: TolerantMemory) -> Int[Array, ""]:
         """The `TolerantMode` at work."""

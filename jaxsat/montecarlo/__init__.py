@@ -21,6 +21,14 @@ from jaxsat.montecarlo.ensemble import Study, StudyProgress, run_study
 from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Devices, Serial, Threads
 from jaxsat.montecarlo.processes import Processes
 from jaxsat.montecarlo.quantities import QUANTITIES
+from jaxsat.montecarlo.recovery import FailureRecovery, Recovery
+from jaxsat.montecarlo.recovery_summary import (
+    KindDiagnosis,
+    KindRecovery,
+    RecoverySummary,
+    UnrecoveredCase,
+    reason_words,
+)
 from jaxsat.montecarlo.sensitivities import (
     Sensitivity,
     first_order_index,
@@ -38,6 +46,7 @@ from jaxsat.montecarlo.statistics import (
     wilson,
 )
 from jaxsat.montecarlo.summary import Summary, summarise
+from jaxsat.montecarlo.torques_left import TorquesLeft
 from jaxsat.montecarlo.work import Work, most_cases, study_work
 
 __all__ = [
@@ -52,12 +61,17 @@ __all__ = [
     "Discrete",
     "Dispersed",
     "Dispersions",
+    "FailureRecovery",
     "Independent",
     "Interval",
+    "KindDiagnosis",
+    "KindRecovery",
     "LatinHypercube",
     "Normal",
     "Processes",
     "RandomAttitude",
+    "Recovery",
+    "RecoverySummary",
     "Sensitivity",
     "Serial",
     "Sobol",
@@ -67,8 +81,10 @@ __all__ = [
     "StudyProgress",
     "Summary",
     "Threads",
+    "TorquesLeft",
     "TruncatedNormal",
     "Uniform",
+    "UnrecoveredCase",
     "WhenDecided",
     "Work",
     "ends_text",
@@ -77,6 +93,7 @@ __all__ = [
     "number_at",
     "numbers_of",
     "percentile",
+    "reason_words",
     "run_study",
     "sensitivity",
     "study_work",

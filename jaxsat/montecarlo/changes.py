@@ -27,7 +27,8 @@ from jaxsat.environment import (
 )
 from jaxsat.navigation import Navigation
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.vehicle import Actuators, FailureEvents, Spacecraft, ThrusterSet, WheelFailures
+from jaxsat.simulation.parts import failures_of, parts_of
+from jaxsat.vehicle import Actuators, Spacecraft, ThrusterSet
 from jaxsat.vehicle.sensors import turned_slightly
 
 LEAST_TORQUE = 1e-30
@@ -150,12 +151,6 @@ def _with_thrusters_changed(
 
     actuators = _map(changed, kinds, with_thrusters(perturbed.loop).actuators)
     return _in_loop(perturbed, lambda loop: loop.actuators, actuators)
-
-
-def failures_of(loop: AbstractLoop) -> list[FailureEvents | WheelFailures]:
-    """The failures in flight of a loop: of its thrusters, then of its wheels."""
-    actuators = getattr(loop, "actuators", None)
-    return [*parts_of(FailureEvents, actuators), *parts_of(WheelFailures, loop.plant.wheels)]
 
 
 def set_failure(field: str):
@@ -359,9 +354,3 @@ def _in_loop(perturbed: PerturbedLoop, where, new) -> PerturbedLoop:
 
 def _map(change, kind: type | tuple[type, ...], tree):
     return jax.tree.map(change, tree, is_leaf=lambda part: isinstance(part, kind))
-
-
-def parts_of(kind: type, tree) -> list:
-    """All parts of one kind in a module."""
-    parts = jax.tree.leaves(tree, is_leaf=lambda part: isinstance(part, kind))
-    return [part for part in parts if isinstance(part, kind)]

@@ -16,14 +16,13 @@ from jaxsat.checks import as_float, concrete
 from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
 from jaxsat.montecarlo.changes import (
     controller_of,
-    failures_of,
     navigation_of,
-    parts_of,
     thruster_count,
     thrusters_of,
 )
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.vehicle import (
     Actuators,
     FailureEvents,

@@ -12,14 +12,13 @@ from jaxsat.montecarlo.changes import (
     PerturbedLoop,
     Values,
     controller_of,
-    failures_of,
     navigation_of,
-    parts_of,
     thruster_count,
     thrusters_of,
 )
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
+from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.vehicle import FailureEvents, Sensors, Spacecraft, WheelFailures
 
 

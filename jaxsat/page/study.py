@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from jaxsat.montecarlo import Sensitivity, Summary, ends_text, numbers_of, summarise
 from jaxsat.page.content import Charts, Facts, Listing, Section, Table, Verdict, number
+from jaxsat.page.recovery import recovery_line, recovery_tables
 from jaxsat.page.run import scenario_facts
 from jaxsat.page.study_charts import (
     convergence_chart,
@@ -49,6 +50,7 @@ def study_section(path: Path) -> Section:
         Facts("Scenario", scenario_facts(scenario)),
         Charts("Settling", [chart for chart in charts if chart is not None]),
         *_quantities(columns, done, times, summary),
+        *recovery_tables(summary.recovery),
         _percentiles(summary),
         *_rankings(summary),
         _worst(study, summary, identity, text is not None),
@@ -70,6 +72,8 @@ def study_verdict(summary: Summary) -> Verdict:
             f"{percent:g} %: {number(t.value)} s" for percent, t in summary.settling_time.items()
         ]
         more.append(f"Settling time of those that settle: {', '.join(parts)}.")
+    if summary.recovery is not None:
+        more.append(recovery_line(summary.recovery))
     return Verdict(None, text, more)
 
 

@@ -64,6 +64,7 @@ VARIABLES = {
     "detection_statistic": _Variable(
         ("thruster",), "1", "CUSUM statistic of each thruster over the threshold of an alarm"
     ),
+    "alarm": _Variable((), "1", "1 while the cause of an alarm is being isolated"),
     "wheel_momentum": _Variable(("wheel",), "N m s", "wheel momentum relative to the body"),
     "wheel_torque": _Variable(("wheel",), "N m", "wheel torque on the body along its axis"),
     "attitude_estimate_error": _Variable(

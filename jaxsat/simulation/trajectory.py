@@ -46,7 +46,8 @@ class Signals(eqx.Module):
     less estimate of attitude (rotation vector), rate and gyro bias, and three of the standard
     deviations that the estimator claims. A law that diagnoses thrusters tells of each the
     `jaxsat.diagnosis.DiagnosedKind`, -1 for one that works, and its CUSUM statistic over the
-    threshold. With a leading axis it is a history.
+    threshold; `alarm` is 1 while the cause of an alarm is being isolated. With a leading axis it
+    is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -73,6 +74,7 @@ class Signals(eqx.Module):
     bias_estimate_3sigma: Float[Array, "*times 3"] | None = None
     diagnosed_kind: Float[Array, "*times m"] | None = None
     detection_statistic: Float[Array, "*times m"] | None = None
+    alarm: Float[Array, "*times"] | None = None
 
 
 class TorqueRange(eqx.Module):
