@@ -4,10 +4,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from jaxsat.assembly.actuators import thruster_context, torque_limit
 from jaxsat.assembly.errors import BuildError
 from jaxsat.assembly.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.assembly.plugin_trial import broken
+from jaxsat.assembly.pulsed_thrusters import thruster_context, torque_limit
 from jaxsat.checks import as_float
 from jaxsat.control import (
     AbstractController,

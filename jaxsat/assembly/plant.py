@@ -6,6 +6,7 @@ from typing import Any, cast
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.assembly.magnetorquers import build_magnetorquers
 from jaxsat.assembly.plugin_trial import made_part, require_torque
 from jaxsat.assembly.wheels import build_wheels
 from jaxsat.attitude import Quaternion
@@ -16,6 +17,7 @@ from jaxsat.environment import (
     AbstractDisturbance,
     AbstractOrbit,
     CircularOrbit,
+    DipoleField,
     DisturbanceContext,
     ExactOrbit,
     PanelDrag,
@@ -41,7 +43,10 @@ def build_plant(scenario: Scenario) -> RigidBody:
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     held = table.third_rate == "held"
     disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
-    return RigidBody(spacecraft, orbit, disturbance, held, build_wheels(scenario))
+    torquers = build_magnetorquers(scenario)
+    field = None if torquers is None else DipoleField(place_of(scenario))
+    wheels = build_wheels(scenario)
+    return RigidBody(spacecraft, orbit, disturbance, held, wheels, torquers, field)
 
 
 def orbit_rate(scenario: Scenario) -> float:
@@ -55,7 +60,7 @@ def orbit_of(relation: str, rate: float) -> AbstractOrbit:
     return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
 
 
-def _place(scenario: Scenario) -> CircularOrbit:
+def place_of(scenario: Scenario) -> CircularOrbit:
     """Where the orbit of the scenario is."""
     table = scenario.orbit
     angles = (
@@ -79,7 +84,7 @@ def periodic_torque(
 def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
     """All torques that are asked for; that of (2) is always there."""
     table = scenario.disturbance
-    context = DisturbanceContext(inertia, orbit_rate(scenario), _place(scenario))
+    context = DisturbanceContext(inertia, orbit_rate(scenario), place_of(scenario))
     terms: list[AbstractDisturbance] = []
     for place, declaration in DISTURBANCES.items():
         if scenario.panel and declaration in (AERODYNAMIC, SOLAR):

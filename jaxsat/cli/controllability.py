@@ -74,7 +74,15 @@ def controllability(
     from jaxsat.report.controllability_page import controllability_lines
 
     torque = chosen.spacecraft.torque_limit_N_m or 1.0
-    lines = controllability_lines(judgement, analysis, torque=torque)
+    from jaxsat.controllability import judge_once_stopped
+
+    stopped = judge_once_stopped(judgement, tolerance)
+    lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
+    if chosen.magnetorquer:
+        lines.append(
+            "Magnetorquers are not judged: their torque is across the Earth's field alone, which "
+            "turns along the orbit. The verdict is that of thrusters and wheels without them."
+        )
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: single and double failures alone")
     if chosen.disturbance.torques:
@@ -105,7 +113,7 @@ def _analyse(
     left = actuators.only(working)
     judgement, analysis = judge(inertia, left, tolerance=tolerance), None
     disturbance = scenario.disturbance.amplitude_N_m
-    if judgement.decision is not None:
+    if judgement.decision is not None and not judgement.coasting:
         analysis = analyse(
             inertia,
             left.columns,
@@ -262,12 +270,15 @@ def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -
         print_stdout(line.replace("**", ""))
     table = Table(pad_edge=False)
     numbers = ("rank", "margin", "turn at 1 N m (s)")
-    for heading in ("failed", "rank", "verdict", "margin", "turn at 1 N m (s)", "lost"):
+    both = any(case.once_stopped for case in cases)
+    headings = ["failed", "rank", "verdict", "margin", "turn at 1 N m (s)", "lost"]
+    for heading in [*headings, *(["once stopped"] if both else [])]:
         table.add_column(heading, justify="right" if heading in numbers else "left")
     for record in failure_records(cases):
         verdict = Text(str(record["verdict"]), style=COLOURS[str(record["verdict"])])
         margin, turn = (f"{float(record[name]):.3g}" for name in ("margin", "turn_time_s"))
         rank = "{rank}" if record["dimension"] == 6 else "{rank} of {dimension}"
         row = (Text(str(record["failed"])), rank.format(**record), verdict, margin, turn)
-        table.add_row(*row, str(record["lost"]))
+        later = (str(record["once_stopped"]),) if both else ()
+        table.add_row(*row, str(record["lost"]), *later)
     show_table(table)

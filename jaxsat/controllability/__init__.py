@@ -30,7 +30,7 @@ from jaxsat.controllability.failures import (
     failure_records,
     failure_table,
 )
-from jaxsat.controllability.judgement import Judgement, judge
+from jaxsat.controllability.judgement import Judgement, judge, judge_once_stopped
 from jaxsat.controllability.lie import (
     ControlField,
     DriftField,
@@ -111,6 +111,7 @@ __all__ = [
     "gramian",
     "gramian_time_scales",
     "judge",
+    "judge_once_stopped",
     "judge_ranges",
     "lie_bracket",
     "linear_controllability",

@@ -8,8 +8,8 @@ import numpy as np
 
 from jaxsat.allocation import torque_directions
 from jaxsat.assembly.actuator_set import all_actuators
-from jaxsat.assembly.actuators import torque_limit
 from jaxsat.assembly.plant import orbit_rate
+from jaxsat.assembly.pulsed_thrusters import torque_limit
 from jaxsat.controllability import Judgement, judge, verdict_sentence
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.wording import LAW_WORDS, lost_words
@@ -89,6 +89,11 @@ class Scale(NamedTuple):
 
 def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
     """The verdict on the actuators that work at the start."""
+    if scenario.magnetorquer:
+        raise UnsuitableVehicle(
+            "magnetorquer must be left out: a controller is designed for thrusters and wheels, and "
+            "what magnetorquers can do is not judged"
+        )
     actuators, working = all_actuators(scenario)
     left = actuators.only(working)
     judgement = judge(scenario.spacecraft.inertia_kg_m2, left)

@@ -9,6 +9,7 @@ from jaxsat.environment.disturbances import (
     PeriodicTorque,
     SumOfDisturbances,
 )
+from jaxsat.environment.magnetic_field import DipoleField
 from jaxsat.environment.orbit import (
     AbstractOrbit,
     CircularOrbit,
@@ -30,6 +31,7 @@ __all__ = [
     "AerodynamicTorque",
     "CircularOrbit",
     "ConstantTorque",
+    "DipoleField",
     "DisturbanceContext",
     "ExactOrbit",
     "GravityGradient",

@@ -28,7 +28,7 @@ from jaxsat.environment import (
 from jaxsat.navigation import Navigation
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
-from jaxsat.vehicle import Actuators, Spacecraft, ThrusterSet
+from jaxsat.vehicle import Actuators, Magnetorquers, Spacecraft, ThrusterSet
 from jaxsat.vehicle.sensors import turned_slightly
 
 LEAST_TORQUE = 1e-30
@@ -151,6 +151,27 @@ def _with_thrusters_changed(
 
     actuators = _map(changed, kinds, with_thrusters(perturbed.loop).actuators)
     return _in_loop(perturbed, lambda loop: loop.actuators, actuators)
+
+
+def torquers_of(loop: AbstractLoop) -> Magnetorquers:
+    """The magnetorquers, which `obstacle` has made sure of."""
+    return cast(Magnetorquers, loop.plant.magnetorquers)
+
+
+def set_dipole_limit(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
+    """Other dipole limits, which the law is not told."""
+    return _in_loop(
+        perturbed,
+        lambda loop: loop.plant.magnetorquers.dipole_limit,
+        torquers_of(perturbed.loop).dipole_limit * (1 + change),
+    )
+
+
+def set_torquer_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
+    """Magnetorquers turned, which the law is not told."""
+    one = torquers_of(perturbed.loop)
+    turned = one.misaligned(angles.reshape(one.count, 2))
+    return _in_loop(perturbed, lambda loop: loop.plant.magnetorquers, turned)
 
 
 def set_failure(field: str):

@@ -157,7 +157,7 @@ def _actuators(scenario: Mapping[str, Any]) -> str:
         parts.append(
             f"{len(axes)} ideal thrusters{more}" + (f", failed: {failed}" if failed else "")
         )
-    for kind in ("thruster", "wheel"):
+    for kind in ("thruster", "wheel", "magnetorquer"):
         tables = scenario.get(kind, ())
         if tables:
             failed = sum(bool(table.get("failed")) for table in tables)

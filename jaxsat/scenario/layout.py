@@ -33,7 +33,7 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
         if find_law(scenario.control.law).declaration.torques == 1:
             return torque_axis(torques)[:, None]
         return torque_directions(torques)
-    return working_axes(table.thruster_torque_axes, table.failed_thrusters)
+    return working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
 
 
 def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> np.ndarray | None:

@@ -6,9 +6,11 @@ import jax
 from jaxtyping import PyTree
 
 from jaxsat.simulation.loops import AbstractLoop
-from jaxsat.vehicle import FailureEvents, WheelFailures
+from jaxsat.vehicle import FailureEvents, MagnetorquerFailures, WheelFailures
 
 Part = TypeVar("Part")
+
+AnyFailures = FailureEvents | WheelFailures | MagnetorquerFailures
 
 
 def parts_of(kind: type[Part], tree: PyTree) -> list[Part]:
@@ -17,7 +19,10 @@ def parts_of(kind: type[Part], tree: PyTree) -> list[Part]:
     return [part for part in parts if isinstance(part, kind)]
 
 
-def failures_of(loop: AbstractLoop) -> list[FailureEvents | WheelFailures]:
-    """The failures in flight of a loop: of its thrusters, then of its wheels."""
-    actuators = getattr(loop, "actuators", None)
-    return [*parts_of(FailureEvents, actuators), *parts_of(WheelFailures, loop.plant.wheels)]
+def failures_of(loop: AbstractLoop) -> list[AnyFailures]:
+    """The failures in flight of a loop: of its thrusters, of its wheels, of its magnetorquers."""
+    return [
+        *parts_of(FailureEvents, getattr(loop, "actuators", None)),
+        *parts_of(WheelFailures, loop.plant.wheels),
+        *parts_of(MagnetorquerFailures, loop.plant.magnetorquers),
+    ]
