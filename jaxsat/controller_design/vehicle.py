@@ -8,7 +8,6 @@ import numpy as np
 
 from jaxsat.allocation import torque_directions
 from jaxsat.assembly.actuator_set import all_actuators
-from jaxsat.assembly.actuators import torque_limit
 from jaxsat.assembly.plant import orbit_rate
 from jaxsat.controllability import Judgement, judge, verdict_sentence
 from jaxsat.controllability.cone import ROUNDING
@@ -19,7 +18,7 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.holding import nearest_held
-from jaxsat.scenario.layout import believed_axes
+from jaxsat.scenario.layout import believed_axes, torque_limit
 
 DRAWN_FAILURES = ("failure_time", "failed_thruster", "failure_kind", "failure_amount")
 """Dispersed quantities of failures in flight."""

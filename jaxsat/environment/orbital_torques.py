@@ -14,8 +14,9 @@ from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, require_finite, require_positive
 from jaxsat.declaration import PartDeclaration
 from jaxsat.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
+from jaxsat.earth import EARTH_RADIUS
 from jaxsat.environment.disturbances import AbstractDisturbance, DisturbanceContext, RealScalar
-from jaxsat.environment.orbit import EARTH_RADIUS, EARTH_ROTATION, CircularOrbit
+from jaxsat.environment.orbit import EARTH_ROTATION, CircularOrbit
 from jaxsat.trigonometry import cos, sin
 
 DIPOLE = (-1450.9e-9, 4652.5e-9, -29404.8e-9)
