@@ -1,7 +1,7 @@
 """From a scenario to the plant."""
 
 import pkgutil
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -27,7 +27,6 @@ from jaxsat.environment import (
     SmallAngleOrbit,
     SumOfDisturbances,
     Sunlight,
-    circular_orbit_rate,
 )
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
@@ -51,8 +50,7 @@ def build_plant(scenario: Scenario) -> RigidBody:
 
 def orbit_rate(scenario: Scenario) -> float:
     """ω0, rad/s, given or by the altitude."""
-    rate, altitude = scenario.orbit.rate_rad_s, scenario.orbit.altitude_km
-    return circular_orbit_rate(1000 * cast(float, altitude)) if rate is None else rate
+    return scenario.orbit.rate()
 
 
 def orbit_of(relation: str, rate: float) -> AbstractOrbit:

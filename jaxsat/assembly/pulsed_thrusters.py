@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.allocation import largest_torque, least_propellant, plane_map
 from jaxsat.assembly.failures import thruster_failures
 from jaxsat.checks import as_float
 from jaxsat.control.context import ThrusterContext
@@ -12,12 +11,12 @@ from jaxsat.declaration.sensors import DELAY, GYRO_KEYS, SENSOR_KEYS
 from jaxsat.diagnosis import ThrusterModel
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.layout import least_duties, thruster_costs
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.thruster_tables import (
     ModulationTable,
     ThrusterTable,
     signs,
-    working_torques,
 )
 from jaxsat.vehicle import (
     AbstractModulation,
@@ -30,7 +29,6 @@ from jaxsat.vehicle import (
     PulseWidthPulseFrequency,
     ThrusterSet,
 )
-from jaxsat.vehicle.thruster_set import STANDARD_GRAVITY
 
 
 def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
@@ -44,7 +42,7 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     drawn = getattr(scenario.dispersion, "failure_kind", None) is not None
     late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
     as_commanded = find_law(scenario.control.law).declaration.commands_duties
-    duties = np.eye(thrusters.count)[None] if as_commanded else _duties(scenario, torques or 3)
+    duties = np.eye(thrusters.count)[None] if as_commanded else least_duties(scenario, torques or 3)
     return PulsedThrusters(
         thrusters,
         LeastPropellant.of(duties),
@@ -52,17 +50,6 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
         thruster_failures(scenario.failure, scenario.thruster),
         late or thrusters.valve_delay is not None,
     )
-
-
-def torque_limit(scenario: Scenario) -> float | None:
-    """The largest torque (N m) that the law asks for about each axis; None for no limit."""
-    given, torques = (
-        scenario.spacecraft.torque_limit_N_m,
-        find_law(scenario.control.law).declaration.torques,
-    )
-    if given is not None or not scenario.thruster or not torques:
-        return given
-    return largest_torque(_duties(scenario, torques))
 
 
 def thruster_context(scenario: Scenario) -> ThrusterContext | None:
@@ -85,7 +72,7 @@ def thruster_context(scenario: Scenario) -> ThrusterContext | None:
         late(thrusters.fall_time),
         _modulation(scenario.modulation or ModulationTable(), scenario),
     )
-    return ThrusterContext(model, _costs(scenario), _rate_noise(scenario))
+    return ThrusterContext(model, thruster_costs(scenario), _rate_noise(scenario))
 
 
 def _rate_noise(scenario: Scenario) -> float:
@@ -111,33 +98,12 @@ def _thruster_set(working: list[ThrusterTable]) -> ThrusterSet:
     return ThrusterSet(
         torque=np.array([sign * one.torque() for one, sign in sided]).T,
         force=np.array([sign * one.force() for one, sign in sided]).T,
-        flow=np.array([_flow(one) for one, _ in sided]),
+        flow=np.array([one.propellant_flow() for one, _ in sided]),
         min_on_time=each("min_on_time_s"),
         valve_delay=unless_zero("valve_delay_s")[0],
         rise_time=rise,
         fall_time=fall,
     )
-
-
-def _flow(thruster: ThrusterTable) -> float:
-    """Propellant at full thrust, kg/s; none where it is not told."""
-    if thruster.specific_impulse_s is None or thruster.force_N is None:
-        return 0.0
-    return thruster.force_N / (thruster.specific_impulse_s * STANDARD_GRAVITY)
-
-
-def _duties(scenario: Scenario, torques: int) -> np.ndarray:
-    torque = working_torques(scenario.thruster)
-    any_plane = find_law(scenario.control.law).declaration.any_plane and not scenario.wheel
-    return least_propellant(torque, _costs(scenario), plane_map(torque, torques, any_plane))
-
-
-def _costs(scenario: Scenario) -> np.ndarray:
-    """Of full thrust of each thruster: its propellant flow or, if any has none, its torque."""
-    flows = [_flow(one) for one in scenario.thruster if not one.failed for _ in signs(one)]
-    if all(flows):
-        return np.array(flows)
-    return np.sqrt(np.sum(working_torques(scenario.thruster) ** 2, axis=0))
 
 
 def _modulation(table: ModulationTable, scenario: Scenario) -> AbstractModulation:

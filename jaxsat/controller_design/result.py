@@ -13,6 +13,7 @@ from jaxsat.controller_design.tuning import Tuned
 from jaxsat.controller_design.vehicle import VehicleVerdict
 from jaxsat.montecarlo import Interval, Summary
 from jaxsat.scenario import Scenario
+from jaxsat.scenario.domain import domain_cautions
 
 DesignOutcome = Literal["reached", "not reached", "nothing to design"]
 
@@ -89,6 +90,15 @@ class ControllerDesign:
     verification: Verification | None = None
 
     @property
+    def cautions(self) -> tuple[str, ...]:
+        """Where the vehicle lies beyond what the laws are verified on."""
+        return tuple(
+            f"{'.'.join(map(str, issue.location))} {issue.message}"
+            for one in self.candidates
+            for issue in domain_cautions(one.scenario)
+        )
+
+    @property
     def scenario(self) -> Scenario | None:
         """The designed scenario, its gains written out."""
         return None if self.chosen is None else self.chosen.scenario
@@ -133,6 +143,7 @@ class ControllerDesign:
             "assumed": list(self.assumed),
             "candidates": [one.name for one in self.candidates],
             "left_out": list(self.left_out),
+            "cautions": list(self.cautions),
             "screening": self.screening and self.screening.as_data(),
             "tuning": self._tuning_data(),
             "validation": self.validation and self.validation.as_data(),

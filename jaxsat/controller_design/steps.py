@@ -31,10 +31,6 @@ from jaxsat.results import OutputError
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.tuning_tables import TuningTable
 
-SLOWER, LESS_SURE = 1.5, 0.02
-"""A candidate is worth tuning in place of the best one, which has no gains to tune, if it takes at
-most this many times as long and settles at most so many fewer cases."""
-
 
 @dataclass(frozen=True)
 class DesignRun:
@@ -54,6 +50,8 @@ class DesignRun:
         found = ControllerDesign(
             self.original, self.settings, verdict, assumed, fitting.candidates, fitting.left_out
         )
+        for caution in found.cautions:
+            self.studies.remark(f"warning: {caution}")
         if not fitting.candidates:
             return found
         screening, enough = self._screening(fitting.candidates)
@@ -61,7 +59,7 @@ class DesignRun:
         best = enough or names[screening.verdict.law or fitting.candidates[0].name]
         tuned, not_tuned, contenders = None, None, (best,)
         if enough is None:
-            tuned, not_tuned = self._tuned(fitting.candidates, screening, best)
+            tuned, not_tuned = self._tuned(screening, best)
             contenders = _contenders(fitting.candidates, screening, tuned)
         else:
             not_tuned = f"{best.name} surely settles the wanted fraction"
@@ -133,25 +131,22 @@ class DesignRun:
             what, name = f"step {number} of 5, {step} of {one.name}", f"{step}-{one.name}"
             yield one, self.studies.columns(what, name, one.scenario, count, seed, rule)
 
-    def _tuned(
-        self, candidates: tuple[Candidate, ...], screening: Step, best: Candidate
-    ) -> tuple[Tuned | None, str | None]:
-        """The best candidate with tuned gains, or that nearly as good where it has none to tune."""
+    def _tuned(self, screening: Step, best: Candidate) -> tuple[Tuned | None, str | None]:
+        """The best candidate with tuned gains, or why it has none."""
         if not self.settings.steps:
             return None, "no steps were asked for"
-        rows = {row.setting.law: row for row in screening.rows}
-        start = _worth_tuning(candidates, screening, best)
-        if start is None:
+        row = next(row for row in screening.rows if row.setting.law == best.name)
+        if not best.tunable:
             return None, f"{best.name} has no gains that are keys of [control]"
-        if rows[start.name].settled.value == 0:
-            return None, f"{start.name} settled no case, so no cost tells better gains from worse"
-        table = self._tuning_table(start)
-        what = f"step 3 of 5, tuning of {start.name}"
+        if row.settled.value == 0:
+            return None, f"{best.name} settled no case, so no cost tells better gains from worse"
+        table = self._tuning_table(best)
+        what = f"step 3 of 5, tuning of {best.name}"
         self.studies.report(what, None)
         try:
             found = tune_candidate(
-                start,
-                rows[start.name],
+                best,
+                row,
                 table,
                 self.settings.seeds.tuning,
                 self.studies.folder,
@@ -161,7 +156,7 @@ class DesignRun:
         except OutputError:
             raise
         except ValueError as error:
-            return None, f"{start.name} cannot be tuned: {error}"
+            return None, f"{best.name} cannot be tuned: {error}"
         return found, None
 
     def _ready(self, chosen: Candidate) -> Scenario:
@@ -242,21 +237,3 @@ def _contenders(
     start = tuned.candidate.name.removesuffix(TUNED)
     kept += [one for one in candidates if one.name == start and one not in kept]
     return (*kept, tuned.candidate)
-
-
-def _worth_tuning(
-    candidates: tuple[Candidate, ...], screening: Step, best: Candidate
-) -> Candidate | None:
-    """The best candidate, or the quickest that is nearly as good and has gains to tune."""
-    if best.tunable:
-        return best
-    rows = {row.setting.law: row for row in screening.rows}
-    top = rows[best.name]
-    near = [
-        one
-        for one in candidates
-        if one.tunable
-        and rows[one.name].t50.value <= SLOWER * top.t50.value
-        and rows[one.name].settled.value >= top.settled.value - LESS_SURE
-    ]
-    return min(near, key=lambda one: rows[one.name].t50.value, default=None)

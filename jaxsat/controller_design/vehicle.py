@@ -19,7 +19,7 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.holding import nearest_held
-from jaxsat.scenario.layout import believed_axes
+from jaxsat.scenario.layout import believed_axes, torque_limit
 
 DRAWN_FAILURES = ("failure_time", "failed_thruster", "failure_kind", "failure_amount")
 """Dispersed quantities of failures in flight."""

@@ -1,5 +1,6 @@
 """What surrounds the spacecraft: its orbit and the torques that disturb it."""
 
+from jaxsat.earth import circular_orbit_rate
 from jaxsat.environment.disturbances import (
     AbstractDisturbance,
     ConstantTorque,
@@ -15,7 +16,6 @@ from jaxsat.environment.orbit import (
     CircularOrbit,
     ExactOrbit,
     SmallAngleOrbit,
-    circular_orbit_rate,
 )
 from jaxsat.environment.orbital_torques import (
     AerodynamicTorque,

@@ -14,9 +14,10 @@ from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, require_finite, require_positive
 from jaxsat.declaration import PartDeclaration
 from jaxsat.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
+from jaxsat.earth import EARTH_RADIUS
 from jaxsat.environment.disturbances import AbstractDisturbance, DisturbanceContext, RealScalar
 from jaxsat.environment.magnetic_field import DipoleField
-from jaxsat.environment.orbit import EARTH_RADIUS, CircularOrbit
+from jaxsat.environment.orbit import CircularOrbit
 
 SOLAR_PRESSURE = 4.56e-6
 """At the Earth's mean distance from the Sun on a surface that absorbs all light, N/m²."""

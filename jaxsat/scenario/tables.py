@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len
 
+from jaxsat.earth import circular_orbit_rate
 from jaxsat.ranges import (
     ANGLE,
     FREQUENCY,
@@ -100,6 +101,12 @@ class OrbitTable(Table):
         'How the orbit frame\'s rate enters (11): "exact", or "small-angle" with C_bo ≈ I',
         "exact",
     )
+
+    def rate(self) -> float:
+        """ω0, rad/s, given or by the altitude."""
+        if self.rate_rad_s is not None or self.altitude_km is None:
+            return self.rate_rad_s or 0.0
+        return circular_orbit_rate(1000 * self.altitude_km)
 
 
 class InitialTable(Table):

@@ -29,6 +29,9 @@ POSITION = Range(-1e3, 1e3)
 SPECIFIC_IMPULSE = Range(1.0, 1e5)
 """s; cold gas has 60, an ion engine some thousands."""
 
+STANDARD_GRAVITY = 9.80665
+"""m/s², which turns a specific impulse in s into an exhaust velocity (CGPM, 1901)."""
+
 
 def _direction(value: tuple) -> tuple:
     if not 1e-12 <= sum(entry * entry for entry in value) <= 1e12:
@@ -84,6 +87,12 @@ class ThrusterTable(Table):
             return np.zeros(3)
         direction = np.array(self.direction)
         return direction / np.linalg.norm(direction) * self.force_N
+
+    def propellant_flow(self) -> float:
+        """Propellant at full thrust, kg/s; none where it is not told."""
+        if self.specific_impulse_s is None or self.force_N is None:
+            return 0.0
+        return self.force_N / (self.specific_impulse_s * STANDARD_GRAVITY)
 
 
 class ModulationTable(Table):

@@ -7,9 +7,6 @@ from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, as_optional_float, concrete, require_finite, require_positive
 
-STANDARD_GRAVITY = 9.80665
-"""m/s², which turns a specific impulse in s into an exhaust velocity (CGPM, 1901)."""
-
 
 class ThrusterSet(eqx.Module):
     """m thrusters, each of which pushes one way: its thrust is between zero and full.
