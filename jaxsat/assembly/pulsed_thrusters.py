@@ -72,7 +72,9 @@ def thruster_context(scenario: Scenario) -> ThrusterContext | None:
         late(thrusters.fall_time),
         _modulation(scenario.modulation or ModulationTable(), scenario),
     )
-    return ThrusterContext(model, thruster_costs(scenario), _rate_noise(scenario))
+    whole = isinstance(model.modulation, DeltaSigma | PulseWidth)
+    pulse = np.asarray(thrusters.min_on_time) if whole else zero
+    return ThrusterContext(model, thruster_costs(scenario), _rate_noise(scenario), pulse)
 
 
 def _rate_noise(scenario: Scenario) -> float:
