@@ -31,6 +31,7 @@ from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import OrbitTable
 from jaxsat.vehicle import Spacecraft
 
 
@@ -46,7 +47,11 @@ def build_plant(scenario: Scenario) -> RigidBody:
 
 def orbit_rate(scenario: Scenario) -> float:
     """ω0, rad/s, given or by the altitude."""
-    rate, altitude = scenario.orbit.rate_rad_s, scenario.orbit.altitude_km
+    return _rate(scenario.orbit)
+
+
+def _rate(table: OrbitTable) -> float:
+    rate, altitude = table.rate_rad_s, table.altitude_km
     return circular_orbit_rate(1000 * cast(float, altitude)) if rate is None else rate
 
 
@@ -55,16 +60,15 @@ def orbit_of(relation: str, rate: float) -> AbstractOrbit:
     return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
 
 
-def _place(scenario: Scenario) -> CircularOrbit:
-    """Where the orbit of the scenario is."""
-    table = scenario.orbit
+def place_of(table: OrbitTable) -> CircularOrbit:
+    """Where an orbit is."""
     angles = (
         table.inclination_rad,
         table.ascending_node_rad,
         table.argument_of_latitude_rad,
         table.sidereal_angle_rad,
     )
-    return CircularOrbit(orbit_rate(scenario), *angles)
+    return CircularOrbit(_rate(table), *angles)
 
 
 def periodic_torque(
@@ -79,7 +83,7 @@ def periodic_torque(
 def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
     """All torques that are asked for; that of (2) is always there."""
     table = scenario.disturbance
-    context = DisturbanceContext(inertia, orbit_rate(scenario), _place(scenario))
+    context = DisturbanceContext(inertia, orbit_rate(scenario), place_of(scenario.orbit))
     terms: list[AbstractDisturbance] = []
     for place, declaration in DISTURBANCES.items():
         if scenario.panel and declaration in (AERODYNAMIC, SOLAR):
