@@ -32,6 +32,7 @@ from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import OrbitTable
 from jaxsat.vehicle import Spacecraft
 
 
@@ -43,7 +44,7 @@ def build_plant(scenario: Scenario) -> RigidBody:
     held = table.third_rate == "held"
     disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
     torquers = build_magnetorquers(scenario)
-    field = None if torquers is None else DipoleField(place_of(scenario))
+    field = None if torquers is None else DipoleField(place_of(scenario.orbit))
     wheels = build_wheels(scenario)
     return RigidBody(spacecraft, orbit, disturbance, held, wheels, torquers, field)
 
@@ -58,16 +59,15 @@ def orbit_of(relation: str, rate: float) -> AbstractOrbit:
     return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
 
 
-def place_of(scenario: Scenario) -> CircularOrbit:
-    """Where the orbit of the scenario is."""
-    table = scenario.orbit
+def place_of(table: OrbitTable) -> CircularOrbit:
+    """Where an orbit is."""
     angles = (
         table.inclination_rad,
         table.ascending_node_rad,
         table.argument_of_latitude_rad,
         table.sidereal_angle_rad,
     )
-    return CircularOrbit(orbit_rate(scenario), *angles)
+    return CircularOrbit(table.rate(), *angles)
 
 
 def periodic_torque(
@@ -82,7 +82,7 @@ def periodic_torque(
 def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
     """All torques that are asked for; that of (2) is always there."""
     table = scenario.disturbance
-    context = DisturbanceContext(inertia, orbit_rate(scenario), place_of(scenario))
+    context = DisturbanceContext(inertia, orbit_rate(scenario), place_of(scenario.orbit))
     terms: list[AbstractDisturbance] = []
     for place, declaration in DISTURBANCES.items():
         if scenario.panel and declaration in (AERODYNAMIC, SOLAR):

@@ -8,10 +8,11 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPath, Overrides, number
+from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report, number
 from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import SUCCESS, output_problem, print_stdout, show_table
+from jaxsat.cli.report import finish_report, planned_report
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout, show_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,6 +39,7 @@ def controllability(
     *,
     overrides: Overrides = (),
     out: OptionalPath = None,
+    report: Report = False,
     overwrite: Flag = False,
     quiet: Flag = False,
     drift: Flag = False,
@@ -54,8 +56,11 @@ def controllability(
         spacecraft.failed_thrusters=[2,3]; may be given several times.
     out
         Folder to write tables, maps and the page to; nothing is written if left out.
+    report
+        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
+        the file that is named.
     overwrite
-        Replace the folder if jaxsat wrote it before.
+        Replace the folder, or the file of --report, if jaxsat wrote it before.
     quiet
         Print nothing unless something is wrong.
     drift
@@ -64,6 +69,9 @@ def controllability(
         Margins below this are called borderline; take the relative error of your inertia.
     """
     chosen = load_or_explain(scenario, overrides, "motion")
+    if report is not False and out is None:
+        raise UserMistake("--report: must be given with --out, the folder of what it tells")
+    planned = None if out is None else planned_report(report, out, overwrite=overwrite)
     if out is not None:
         from jaxsat.results import OutputFolder
 
@@ -97,6 +105,7 @@ def controllability(
         _print(lines, cases, found[0])
         if out is not None:
             print_stdout(f"written to {out}")
+    finish_report(planned, quiet=quiet)
     return SUCCESS
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from jaxsat.allocation import torque_directions
 from jaxsat.assembly.actuator_set import all_actuators
 from jaxsat.assembly.plant import orbit_rate
-from jaxsat.assembly.pulsed_thrusters import torque_limit
 from jaxsat.controllability import Judgement, judge, verdict_sentence
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.wording import LAW_WORDS, lost_words

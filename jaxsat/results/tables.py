@@ -34,7 +34,7 @@ def case_table(study: xr.Dataset) -> pd.DataFrame:
         if name == "code":
             columns["outcome"] = _outcomes(variable.values, kept["settling_time"].values)
         elif name != STATUS:
-            columns |= _columns(name, variable)
+            columns |= _case_columns(name, variable)
     return pd.DataFrame(columns, index=pd.Index(kept[CASE].values, name=CASE))
 
 
@@ -69,11 +69,16 @@ def _is_history(variable: xr.DataArray) -> bool:
     return any(variable[axis].dtype.kind == "f" for axis in variable.dims)
 
 
-def _columns(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
-    """The columns of a variable over the cases, by their names with units."""
+def _case_columns(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
+    """The columns of a variable over the cases, its flags as texts."""
     flags = flags_of(variable)
     if flags:
         variable = variable.copy(data=np.array(flags, object)[variable.values.astype(int)])
+    return columns_of(name, variable)
+
+
+def columns_of(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
+    """The columns of a variable over cases or times, by their names with units."""
     unit = variable.attrs.get("units", "1").replace("degree", "deg")
     unit = re.sub(r"[ /]", "_", re.sub(r"-\d+\b", "", unit))
     suffix = "" if unit == "1" else f"_{unit}"

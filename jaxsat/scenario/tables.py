@@ -84,7 +84,8 @@ class OrbitTable(Table):
         "Altitude above the Earth's equator, for the two-body rate", "km", None
     )
     inclination_rad: Annotated[Number, within(TURN)] = quantity(
-        "Inclination; this and the angles below matter to magnetic, drag and solar torques alone",
+        "Inclination; this and the angles below matter to magnetic, drag and solar torques, and to "
+        "inertial axes in `jaxsat convert`",
         "rad",
         0.0,
     )
