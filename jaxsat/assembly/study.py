@@ -120,14 +120,19 @@ def build_study(
 
 
 def _names(scenario: Scenario) -> tuple[str, ...]:
-    """Of all thrusters that work at the start, a two-sided one twice, and of all wheels."""
+    """Of thrusters that work at the start, two-sided ones twice, of wheels and magnetorquers."""
     tables = scenario.thruster
     named = zip(tables, names_of(tables), strict=True)
     jets = [name for one, name in named if not one.failed for _ in signs(one)]
     if not tables:
-        jets = [str(n + 1) for n in range(len(scenario.spacecraft.thruster_torque_axes or ()))]
-    wheels = [f"wheel {name}" for name in names_of(scenario.wheel)]
-    return (*(f"thruster {name}" for name in jets), *wheels)
+        numbers = range(1, 1 + len(scenario.spacecraft.thruster_torque_axes or ()))
+        jets = [str(n) for n in numbers if n not in scenario.spacecraft.failed_thrusters]
+    kinds = {
+        "thruster": jets,
+        "wheel": names_of(scenario.wheel),
+        "magnetorquer": names_of(scenario.magnetorquer),
+    }
+    return tuple(f"{kind} {name}" for kind, names in kinds.items() for name in names)
 
 
 def _with_library(run: Run, path: Path) -> Run:

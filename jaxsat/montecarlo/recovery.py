@@ -27,8 +27,8 @@ from jaxsat.montecarlo.torques_left import (
 )
 from jaxsat.results import Column
 from jaxsat.simulation import AbstractLoop, Outcome
-from jaxsat.simulation.parts import failures_of
-from jaxsat.vehicle import FailureEvents, FailureKind, WheelFailures
+from jaxsat.simulation.parts import AnyFailures, failures_of
+from jaxsat.vehicle import FailureKind
 
 STAY = 0.1
 """The part of the horizon for which a case must have been within the tolerances to count as
@@ -92,15 +92,14 @@ class FailureRecovery:
         """That of a loop and its start; None where nothing fails in flight.
 
         `attitude` tells whether cases settle in attitude, or in rate alone. Without a name for
-        each thruster and wheel they have numbers.
+        each thruster, wheel and magnetorquer they have numbers.
         """
         if not failures_of(loop):
             return None
-        thrusters, wheels = thruster_torques_of(loop)[0].shape[1], loop.plant.wheels
-        count = 0 if wheels is None else wheels.count
-        if len(names) != thrusters + count:
-            numbers = [f"thruster {number + 1}" for number in range(thrusters)]
-            names = (*numbers, *(f"wheel {number + 1}" for number in range(count)))
+        wheels = loop.plant.wheels
+        counts = _counts(loop)
+        if len(names) != sum(counts.values()):
+            names = tuple(f"{kind} {one + 1}" for kind in counts for one in range(counts[kind]))
         momentum = np.asarray(loop.plant.spacecraft.inertia) @ np.asarray(start.omega)
         if wheels is not None:
             stored = loop.plant.with_wheel_momentum(start).wheel_momentum
@@ -109,7 +108,7 @@ class FailureRecovery:
         return FailureRecovery(loop, duration, attitude, names, momentum, told)
 
     @property
-    def _events(self) -> list[FailureEvents | WheelFailures]:
+    def _events(self) -> list[AnyFailures]:
         return failures_of(self.loop)
 
     def columns(self) -> dict[str, Column]:
@@ -156,11 +155,14 @@ class FailureRecovery:
             return np.tile(nominal, (cases, 1))
 
         at, kind = numbers("failure_time", "at"), numbers("failure_kind", "kind")
-        thruster, wheel = numbers("failed_thruster", "thruster"), numbers("failed_wheel", "wheel")
-        thrusters = thruster_torques_of(self.loop)[0].shape[1]
-        part = np.rint(np.concatenate([thruster, wheel + thrusters], axis=1)).astype(int)
+        parts, shifts, before = [], [], 0
+        for name, count in _counts(self.loop).items():
+            parts.append(numbers(f"failed_{name}", name) + before)
+            first = 1 + (len(FailureKind) if name == "wheel" else 0)
+            shifts.append(np.full(parts[-1].shape[1], first))
+            before += count
+        part, shift = np.rint(np.concatenate(parts, axis=1)).astype(int), np.concatenate(shifts)
         part = np.clip(part, 0, len(self.names) - 1)  # what is beyond is an impossible case
-        shift = np.where(np.arange(part.shape[1]) < thruster.shape[1], 1, 1 + len(FailureKind))
         kind = np.clip(np.rint(kind).astype(int) + shift, NEVER, len(FAILURES) - 1)
         kind = np.where(at <= self.duration, kind, NEVER)
         amount = numbers("failure_amount", "amount")
@@ -218,6 +220,16 @@ def _errors(found: Mapping[str, np.ndarray]) -> dict[Recovery, np.ndarray]:
         Recovery.WRONG_KIND_ISOLATED: wrong_kind(found),
     }
     return {reason: np.asarray(one.any(axis=1)) for reason, one in wrong.items()}
+
+
+def _counts(loop: AbstractLoop) -> dict[str, int]:
+    """How many parts of each kind may fail, in the order of `failures_of`."""
+    plant = loop.plant
+    return {
+        "thruster": thruster_torques_of(loop)[0].shape[1],
+        "wheel": 0 if plant.wheels is None else plant.wheels.count,
+        "magnetorquer": 0 if plant.magnetorquers is None else plant.magnetorquers.count,
+    }
 
 
 def _told(loop: AbstractLoop, start: PlantState) -> Mapping[str, jax.ShapeDtypeStruct]:

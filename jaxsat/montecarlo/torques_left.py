@@ -126,10 +126,12 @@ def _judged(
     axes = np.zeros((3, 0)) if wheels is None else np.asarray(wheels.axes)[:, kept]
     actuators = actuator_set(torques, wheel_axes=axes, momentum=momentum)
     judgement = judge_ranges(inertia, actuators, low, high)
+    if judgement is not None and judgement.laws == "three torques":
+        return TorquesLeft.THREE_AXES
+    if loop.plant.magnetorquers is not None:  # what they add changes along the orbit
+        return TorquesLeft.NOT_DECIDED
     if judgement is None:
         return TorquesLeft.UNOPPOSED_TORQUE
-    if judgement.laws == "three torques":
-        return TorquesLeft.THREE_AXES
     return _LEFT.get(judgement.verdict, TorquesLeft.NOT_DECIDED)
 
 
