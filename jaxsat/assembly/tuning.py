@@ -1,7 +1,6 @@
 """From a scenario with a `[tuning]` table to a tuning plan, and back to a scenario."""
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple, cast
 
@@ -9,19 +8,18 @@ import equinox as eqx
 import numpy as np
 
 from jaxsat.assembly.errors import BuildError, at_key
-from jaxsat.assembly.run import build, build_loop, substeps_of
+from jaxsat.assembly.run import build, build_loop
 from jaxsat.assembly.study import EngineName, build_study, tolerances_of
+from jaxsat.assembly.tuning_forms import in_one_form, refined, throttled, with_control
 from jaxsat.checks import as_float
 from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
 from jaxsat.engine.native import CannotLower, NativeEngine, process_obstacle
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.changes import controller_of
-from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at
-from jaxsat.scenario.schema import Scenario, flattened
-from jaxsat.scenario.thruster_tables import ModulationTable
+from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
 from jaxsat.scenario.wording import shown
 from jaxsat.tuning import (
@@ -40,14 +38,6 @@ from jaxsat.tuning import (
     TuningSettings,
     WorstCase,
 )
-
-FINER = 10.0
-"""Tolerances of the refined run are this many times smaller; fixed steps are halved."""
-
-
-STEPS_A_SECOND = 6
-"""Adaptive steps that a run may take, on average, where the scenario says nothing: gains that make
-the loop stiff would hold up all others."""
 
 
 def build_plan(
@@ -124,21 +114,11 @@ class _Prepared(NamedTuple):
 
 
 def _prepared(scenario: Scenario, table: TuningTable) -> _Prepared:
-    scenario = _in_one_form(scenario, table)
+    scenario = in_one_form(scenario, table)
     space, start = _search(scenario, table.parameters)
     widths = dict(table.smoothing)
-    smooth = _throttled(_with_control(scenario, widths))
-    return _Prepared(scenario, smooth, _refined(smooth), widths, space, start)
-
-
-def _throttled(scenario: Scenario) -> Scenario:
-    """With thrust in place of pulses, whose dead zones and sums have no derivative.
-
-    Gradients are taken of that; costs are of the pulses all the same.
-    """
-    if not scenario.thruster:
-        return scenario
-    return scenario.model_copy(update={"modulation": ModulationTable(kind="ideal")})
+    smooth = throttled(with_control(scenario, widths))
+    return _Prepared(scenario, smooth, refined(smooth), widths, space, start)
 
 
 def try_tuning(scenario: Scenario) -> None:
@@ -160,7 +140,7 @@ def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> S
         if place in gains:
             value = gains[place]
             numbers[key] = float(value) if value.ndim == 0 else tuple(map(float, value))
-    return _with_control(scenario, numbers)
+    return with_control(scenario, numbers)
 
 
 def _compiled(
@@ -201,42 +181,6 @@ def _native(evaluator: CostEvaluator) -> CostEvaluator:
         stepper=scan.stepper, workers=evaluator.workers, batch_size=scan.batch_size
     )
     return dataclasses.replace(evaluator, engine=engine, workers=1)  # threads of its own
-
-
-def _in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
-    """Coordinates and steps written out, so that the smooth law runs as the exact one does."""
-    simulation, solver = scenario.simulation, scenario.simulation.solver
-    if find_law(scenario.control.law).declaration.sampled:
-        return scenario
-    error = uses_error_coordinates(flattened(scenario))
-    if solver.step_s is None and solver.steps != "fixed":
-        given = {
-            "rtol": solver.rtol or table.tolerance,
-            "atol": solver.atol or table.tolerance,
-            "max_steps": solver.max_steps or math.ceil(STEPS_A_SECOND * simulation.duration_s),
-        }
-        solver = solver.model_copy(update={"steps": "adaptive", **given})
-    changes = {"coordinates": "error" if error else "torque", "solver": solver}
-    return scenario.model_copy(update={"simulation": simulation.model_copy(update=changes)})
-
-
-def _refined(scenario: Scenario) -> Scenario:
-    """The scenario in finer steps."""
-    solver = scenario.simulation.solver
-    if find_law(scenario.control.law).declaration.sampled:
-        changes: dict[str, Any] = {"substeps": 2 * substeps_of(scenario)}
-    elif solver.step_s is not None:
-        changes = {"step_s": solver.step_s / 2}
-    else:
-        changes = {name: cast(float, getattr(solver, name)) / FINER for name in ("rtol", "atol")}
-    solver = solver.model_copy(update=changes)
-    simulation = scenario.simulation.model_copy(update={"solver": solver})
-    return scenario.model_copy(update={"simulation": simulation})
-
-
-def _with_control(scenario: Scenario, numbers: Mapping[str, Any]) -> Scenario:
-    control = scenario.control.model_copy(update=dict(numbers))
-    return scenario.model_copy(update={"control": control})
 
 
 def _search(scenario: Scenario, table: Mapping[str, BoundsTable]) -> tuple[SearchSpace, np.ndarray]:

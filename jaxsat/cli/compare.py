@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from jaxsat.cli.bound import searched
+from jaxsat.cli.comparison_bounds import least_bounds
 from jaxsat.cli.comparison_text import comparison_lines, least_text
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.options import (
@@ -25,15 +25,13 @@ from jaxsat.cli.options import (
 from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.study_executors import chosen_executor
+from jaxsat.cli.study_executors import chosen_executor, study_problems
 from jaxsat.cli.study_files import refuse_csv, tell_repair
 from jaxsat.cli.study_text import progress_text
 from jaxsat.cli.terminal import (
     SUCCESS,
-    FailedRun,
     Terminated,
     UserMistake,
-    output_problem,
     print_stderr,
     print_stdout,
 )
@@ -53,7 +51,6 @@ if TYPE_CHECKING:
 
 Level = Literal["nominal", "mc", "hard", "all"]
 
-BOUNDS = "bounds"
 RESULT = "comparison.json"
 CASE = 400
 """Bytes of a case in memory and on the disk, about."""
@@ -136,7 +133,7 @@ def compare(
     planned = planned_report(report, out, overwrite=overwrite)
     use_double_precision()
     from jaxsat.comparison import LAWS, LEVELS, ComparisonRun, comparison_settings
-    from jaxsat.results import OutputError, ResumableFolder, save_file
+    from jaxsat.results import ResumableFolder, save_file
 
     others = dict.fromkeys(one for one in law if one not in (*LAWS, "all"))
     settings = comparison_settings([*_chosen(law, LAWS), *others], _chosen(level, LEVELS), limits)
@@ -148,15 +145,14 @@ def compare(
         count, seed, out, engine, executor, elsewhere, _told, _remarks(quiet), tell_repair
     )
     try:
-        with ResumableFolder(out, "comparison", {}) as folder:
-            rows, verdicts = _run(run, settings)
-            least = [_least(limit, bounds, seed, folder) for limit in limits if bounds]
-            _write(folder, rows, verdicts, least, seed)
-        if csv is not None:
-            content = interruptibly(lambda: run.table(settings).to_csv(index=False))
-            save_file(csv, content, overwrite=overwrite, option="--csv")
-    except OutputError as error:
-        raise output_problem(error, "--elsewhere") from None
+        with study_problems():
+            with ResumableFolder(out, "comparison", {}) as folder:
+                rows, verdicts = _run(run, settings)
+                least = [least_bounds(limit, bounds, seed, folder) for limit in limits if bounds]
+                _write(folder, rows, verdicts, least, seed)
+            if csv is not None:
+                content = interruptibly(lambda: run.table(settings).to_csv(index=False))
+                save_file(csv, content, overwrite=overwrite, option="--csv")
     except (KeyboardInterrupt, Terminated) as stop:
         kept = f"what is done is in {out}; the same command resumes"
         raise type(stop)(kept) from None
@@ -170,14 +166,11 @@ def compare(
 
 def _run(run: "ComparisonRun", settings: Sequence["ComparisonSetting"]) -> "Comparison":
     from jaxsat.comparison import UnsuitableSetting
-    from jaxsat.montecarlo import ClusterError
 
     try:
         return interruptibly(lambda: run.run(settings))
     except UnsuitableSetting as error:
         raise UserMistake(str(error)) from None
-    except ClusterError as error:
-        raise FailedRun(str(error)) from None
 
 
 def _told(what: str, progress: "StudyProgress | None") -> None:
@@ -247,45 +240,6 @@ def _tell_of_untuned(limits: Sequence[float]) -> None:
             inside = min(TUNED_LIMITS) < limit < max(TUNED_LIMITS)
             how = "interpolated" if inside else "those of the nearest"
             print_stderr(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}", "warning: ")
-
-
-def _least(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> dict[str, Any]:
-    """Least time and effort from the paper's start; kept in the output folder once found."""
-    import numpy as np
-
-    from jaxsat.assembly.run import build
-    from jaxsat.bounds import BoundObjective, manoeuvre_of
-    from jaxsat.comparison import ComparisonSetting, comparison_scenario, horizon
-
-    name = f"{BOUNDS}/{limit:g}.json"
-    run = build(comparison_scenario(ComparisonSetting("nominal", limit, "rate")))
-    manoeuvre = manoeuvre_of(run.loop, run.start)
-    numbers = {name: np.asarray(value).tolist() for name, value in vars(manoeuvre).items()}
-    wanted = {"torque_limit": limit, "starts": starts, "seed": seed, "manoeuvre": numbers}
-    kept = _kept_bounds(folder.read(name), wanted)
-    if kept is not None:
-        return kept
-    found: dict[str, Any] = dict(wanted)
-    for objective in BoundObjective:
-        what = f"least {objective.value}, {limit:g} N m"
-        best = searched(manoeuvre, objective, starts, horizon(limit) / 5, seed, what)
-        found[objective.value] = None if best is None else best.solution.value
-    folder.write(name, json.dumps(found))
-    return found
-
-
-def _kept_bounds(content: bytes | None, wanted: dict[str, Any]) -> dict[str, Any] | None:
-    """What was found before, if it is what is wanted now."""
-    from jaxsat.bounds import BoundObjective
-    from jaxsat.results.files import parse_json
-
-    found = parse_json(content)
-    objectives = [one.value for one in BoundObjective]
-    if not isinstance(found, dict) or set(found) != {*wanted, *objectives}:
-        return None
-    values = [found[name] for name in objectives]
-    good = all(x is None or (isinstance(x, float) and 0 < x < math.inf) for x in values)
-    return found if good and wanted.items() <= found.items() else None
 
 
 def _write(

@@ -19,15 +19,13 @@ from jaxsat.cli.options import (
 )
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.study_executors import chosen_executor
+from jaxsat.cli.study_executors import chosen_executor, study_problems
 from jaxsat.cli.study_text import progress_text as study_progress_text
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
-    FailedRun,
     Terminated,
     UserMistake,
-    output_problem,
     print_stderr,
     print_stdout,
     print_text,
@@ -129,8 +127,6 @@ def design(
     executor = chosen_executor(workers, None, None, None)
 
     import jaxsat
-    from jaxsat.montecarlo import ClusterError
-    from jaxsat.results import OutputError
 
     told: set[str] = set()
 
@@ -140,29 +136,26 @@ def design(
         told.add(text)
 
     try:
-        found = interruptibly(
-            lambda: jaxsat.design(
-                vehicle.scenario,
-                law=law or vehicle.law,
-                settled=settled,
-                cases=cases,
-                steps=steps,
-                seed=seed,
-                attitude=attitude,
-                goal=goal,
-                engine=engine,
-                executor=executor,
-                out=target,
-                elsewhere=elsewhere,
-                timed=vehicle.timed,
-                report=_told,
-                remark=remark,
+        with study_problems():
+            found = interruptibly(
+                lambda: jaxsat.design(
+                    vehicle.scenario,
+                    law=law or vehicle.law,
+                    settled=settled,
+                    cases=cases,
+                    steps=steps,
+                    seed=seed,
+                    attitude=attitude,
+                    goal=goal,
+                    engine=engine,
+                    executor=executor,
+                    out=target,
+                    elsewhere=elsewhere,
+                    timed=vehicle.timed,
+                    report=_told,
+                    remark=remark,
+                )
             )
-        )
-    except OutputError as error:
-        raise output_problem(error, "--elsewhere") from None
-    except ClusterError as error:
-        raise FailedRun(str(error)) from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
     except (KeyboardInterrupt, Terminated) as stop:

@@ -25,7 +25,7 @@ from jaxsat.cli.options import (
 from jaxsat.cli.places import refuse_nested, try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.study_executors import chosen_executor
+from jaxsat.cli.study_executors import chosen_executor, study_problems
 from jaxsat.cli.study_files import (
     figures_folder,
     refuse_csv,
@@ -37,10 +37,8 @@ from jaxsat.cli.study_files import (
 from jaxsat.cli.study_text import progress_text, summary_lines
 from jaxsat.cli.terminal import (
     SUCCESS,
-    FailedRun,
     Terminated,
     UserMistake,
-    output_problem,
     print_stderr,
     print_stdout,
 )
@@ -257,10 +255,9 @@ def _run(
     rule: "StopRule | None",
     elsewhere: bool,
 ) -> int:
-    from jaxsat.montecarlo import ClusterError, run_study
-    from jaxsat.results import OutputError
+    from jaxsat.montecarlo import run_study
 
-    try:
+    with study_problems():
         return interruptibly(
             lambda: run_study(
                 study,
@@ -272,7 +269,3 @@ def _run(
                 elsewhere=elsewhere,
             )
         )
-    except OutputError as error:
-        raise output_problem(error, "--elsewhere") from None
-    except ClusterError as error:
-        raise FailedRun(str(error)) from None

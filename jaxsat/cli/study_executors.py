@@ -1,8 +1,10 @@
-"""Who computes a study: threads, processes, or the workers of a scheduler."""
+"""Who computes a study, and what may stand against it, as the commands tell it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.terminal import UserMistake, print_stderr
+from jaxsat.cli.terminal import FailedRun, UserMistake, output_problem, print_stderr
 from jaxsat.processors import processors
 
 if TYPE_CHECKING:
@@ -42,6 +44,20 @@ def chosen_executor(
         return Processes(count, min(workers or share, share))
     workers = min(workers or processors(), processors())
     return Threads(workers) if workers > 1 else Serial()
+
+
+@contextmanager
+def study_problems() -> Iterator[None]:
+    """Inside, stores that cannot be used and workers that do not live are the command's problem."""
+    from jaxsat.montecarlo import ClusterError
+    from jaxsat.results import OutputError
+
+    try:
+        yield
+    except OutputError as error:
+        raise output_problem(error, "--elsewhere") from None
+    except ClusterError as error:
+        raise FailedRun(str(error)) from None
 
 
 def _cluster(place: str) -> "AbstractExecutor":

@@ -28,6 +28,8 @@ CHANCE = 1.001
 
 COUPLING = "coupling c"
 
+TENTH = "a tenth of the"
+
 
 class Separation(NamedTuple):
     """A number by which failing cases differ from the others, and its 10, 50 and 90 percentiles."""
@@ -44,6 +46,11 @@ class Remedy(NamedTuple):
     change: str
     settled: int
     flown: int
+
+    @property
+    def cost(self) -> float:
+        """How many more cases it must settle than a change that is easier to make."""
+        return 1.25 if self.change.startswith(TENTH) else 1.0
 
 
 def separations(
@@ -98,6 +105,10 @@ def remedies(
         table = getattr(scenario.dispersion, _key(key), None)
         if table is not None and table.distribution == "uniform":
             yield f"half the error of the {name}", lambda key=key: _narrowed(scenario, _key(key))
+            yield (
+                f"{TENTH} error of the {name}",
+                lambda key=key: _narrowed(scenario, _key(key), 0.1),
+            )
     if verdict.turn is not None and not verdict.holds:
         yield "the nearest attitude that can be held", lambda: turned(scenario, verdict.turn or ())
     for other in others:
@@ -156,12 +167,12 @@ def _with(scenario: Scenario, table: str, **factors: float) -> Scenario:
     return Scenario.model_validate(data)
 
 
-def _narrowed(scenario: Scenario, key: str) -> Scenario:
-    """Half the width of a uniform distribution about its middle; the draws keep their places."""
+def _narrowed(scenario: Scenario, key: str, share: float = 0.5) -> Scenario:
+    """A share of the width of a uniform distribution about its middle; draws keep their places."""
 
     def ends(low: Any, high: Any) -> tuple[Any, Any]:
         first, last = np.asarray(low, float), np.asarray(high, float)
-        middle, half = (first + last) / 2, (last - first) / 4
+        middle, half = (first + last) / 2, share * (last - first) / 2
         return (middle - half).tolist(), (middle + half).tolist()
 
     data = scenario.model_dump(exclude_none=True)

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from jaxsat.comparison import ComparisonRow
+from jaxsat.controller_design.explanation import Remedy
 from jaxsat.controller_design.result import ControllerDesign, Step, Verification
 from jaxsat.controller_design.tuning import TUNED
 from jaxsat.montecarlo import Interval, ends_text
@@ -42,6 +43,8 @@ def headline(found: ControllerDesign) -> str:
 def design_page(found: ControllerDesign) -> str:
     """Markdown: the verdict, what is left, the way, the verification, and what would help."""
     blocks = [f"# Design: {markdown(found.original.title)}", f"**{headline(found)}**"]
+    if found.misses_attitude:
+        blocks.append(f"**{found.misses_attitude}**")
     blocks += ["## What is left", _items(found.verdict.lines())]
     if found.assumed:
         blocks += ["## What was assumed", "The scenario does not say, so:", _items(found.assumed)]
@@ -160,14 +163,29 @@ def _verification(found: ControllerDesign, made: Verification) -> Iterator[str]:
     else:
         yield "Nothing that was drawn tells them from the others more than chance would."
     yield "### What would help"
+    if made.limit is not None:
+        yield f"**What limits it: with {made.limit.change} {_helped(made.limit)} settle.**"
+        yield from _cause(found, made.limit.change)
     yield "The failing cases flown again, each with one thing changed:"
     yield _table(
         ["change", "settle then"],
-        [
-            [one.change, f"{one.settled} of {one.flown} ({one.settled / one.flown:.0%})"]
-            for one in made.remedies
-        ],
+        [[one.change, f"{_helped(one)} ({one.settled / one.flown:.0%})"] for one in made.remedies],
     )
+
+
+def _helped(remedy: Remedy) -> str:
+    return f"{remedy.settled} of {remedy.flown}"
+
+
+def _cause(found: ControllerDesign, change: str) -> Iterator[str]:
+    """Why it is so, where more is known than the number."""
+    if "error of the axes" in change and found.original.thruster:
+        yield (
+            "Every thruster leans by an angle of its own, so the torques of one that pushes and "
+            "of its opposite leave the plane by different amounts: about the axis without a torque "
+            "there is one that goes with the size of the command, which no law here knows. "
+            "Measure the axes, or give the thrusters that are used less error."
+        )
 
 
 def _items(lines: Sequence[str]) -> str:

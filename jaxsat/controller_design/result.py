@@ -57,12 +57,13 @@ class Verification:
     def limit(self) -> Remedy | None:
         """The change with which most failing cases settle: what limits the controller.
 
-        None where no change lets half of them settle, or chance alone nearly as many.
+        None where no change lets half of them settle, or chance alone nearly as many. A tenth of an
+        error is named where half of it does much less.
         """
         if not self.remedies:
             return None
         chance, *others = self.remedies
-        best = max(others, key=lambda one: one.settled, default=chance)
+        best = max(others, key=lambda one: one.settled / one.cost, default=chance)
         more = best.settled - chance.settled
         return best if 2 * best.settled >= best.flown and 4 * more >= best.flown else None
 
@@ -88,6 +89,19 @@ class ControllerDesign:
     not_tuned: str | None = None
     validation: Step | None = None
     verification: Verification | None = None
+
+    @property
+    def misses_attitude(self) -> str | None:
+        """That the design is for an attitude that cannot be held, and what to do about it."""
+        if self.settings.attitude == "nearest" or self.verdict.holds:
+            return None
+        if self.verdict.turn is None:
+            return "No attitude near the wanted one can be held, so cases drift out of it."
+        turn = float(np.linalg.norm(self.verdict.turn))
+        return (
+            "The wanted attitude cannot be held, so cases drift out of it whatever the law; with "
+            f"--attitude nearest the target is the nearest one that can be, {turn:.3g} rad away."
+        )
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -138,6 +152,7 @@ class ControllerDesign:
                 "lost": self.verdict.lost,
                 "holds_wanted_attitude": self.verdict.holds,
                 "nearest_attitude_rad": self.verdict.turn,
+                "misses_attitude": self.misses_attitude,
                 "lines": self.verdict.lines(),
             },
             "assumed": list(self.assumed),

@@ -77,13 +77,10 @@ class DesignSettings:
         return min(VALIDATION_CASES, self.cases)
 
     def identity(self) -> dict[str, Any]:
-        """What a folder is resumed by: all but the verification's size and the fraction wanted.
-
-        The latter counts where the goal is that it settles, as the screening ends by it.
-        """
+        """What a folder is resumed by: all but the verification's size."""
         return {
             "goal": self.goal,
-            "wanted": self.settled if self.goal == "settled" else None,
+            "settled": self.settled,
             "law": self.law,
             "steps": self.steps,
             "seed": self.seed,

@@ -50,7 +50,7 @@ class DesignRun:
         found = ControllerDesign(
             self.original, self.settings, verdict, assumed, fitting.candidates, fitting.left_out
         )
-        for caution in found.cautions:
+        for caution in filter(None, (found.misses_attitude, *found.cautions)):
             self.studies.remark(f"warning: {caution}")
         if not fitting.candidates:
             return found
@@ -110,12 +110,26 @@ class DesignRun:
             flown.append((one, columns))
             settled = row_of("screening", 1.0, one.name, columns).settled
             if settled.low >= self.settings.settled:
-                return _compared("screening", flown), one
-        return _compared("screening", flown), None
+                return self._compared("screening", flown), one
+        return self._compared("screening", flown), None
 
     def _step(self, step: str, number: int, candidates: tuple[Candidate, ...]) -> Step:
         """The candidates on the same cases."""
-        return _compared(step, list(self._flown(step, number, candidates)))
+        return self._compared(step, list(self._flown(step, number, candidates)))
+
+    def _compared(self, step: str, flown: list[tuple[Candidate, Columns]]) -> Step:
+        """The candidates on the cases that all of them flew, under one torque limit.
+
+        The quickest is taken of those that settle the wanted fraction, the surest where none does.
+        """
+        torque = scale_of(flown[0][0].scenario).torque
+        count = min(len(columns["settling_time"]) for _, columns in flown)
+        rows = tuple(
+            row_of(step, torque, one.name, {key: values[:count] for key, values in columns.items()})
+            for one, columns in flown
+        )
+        wanted = min(self.settings.settled, max(row.settled.value for row in rows))
+        return Step(rows, choose_law([row for row in rows if row.settled.value >= wanted]))
 
     def _flown(
         self,
@@ -212,17 +226,6 @@ class DesignRun:
                 continue
             found.append(Remedy(change, int(again.sum()), len(failing)))
         return tuple(found)
-
-
-def _compared(step: str, flown: list[tuple[Candidate, Columns]]) -> Step:
-    """The candidates on the cases that all of them flew, under one torque limit."""
-    torque = scale_of(flown[0][0].scenario).torque
-    count = min(len(columns["settling_time"]) for _, columns in flown)
-    rows = tuple(
-        row_of(step, torque, one.name, {name: values[:count] for name, values in columns.items()})
-        for one, columns in flown
-    )
-    return Step(rows, choose_law(rows))
 
 
 def _contenders(

@@ -183,6 +183,7 @@ def test_without_a_regulator_it_settles(law, override):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
 def test_the_first_thruster_may_fail():
     """c = 0.107; dispersions of 10 % leave some bodies that nothing can steer, c = 0."""
     assert settled("three-slew", 100, "spacecraft.failed_thrusters=[1]").mean() >= 0.95

@@ -31,6 +31,7 @@ def columns(count, seed=0):
     }
 
 
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
 def test_the_number_that_decides_is_named_first():
     scenario = jaxsat.load("acceptance-hard", ["spacecraft.failed_thrusters=[1]"])
     drawn = columns(1500)

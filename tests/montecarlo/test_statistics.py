@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from jaxsat.montecarlo import (
     Interval,
     StopRule,
+    WhenDecided,
     ends_text,
     first_order_index,
     numbers_of,
@@ -175,3 +176,13 @@ def test_the_stop_rule_is_the_width_of_the_interval():
         assert rule.met(settled, count) is ((found.high - found.low) / 2 <= 0.02)
     with pytest.raises(ValueError, match="half_width"):
         StopRule(0.0)
+
+
+def test_a_fraction_is_decided_once_its_interval_leaves_it_out():
+    """n of n settled: Wilson's lower end is n / (n + 1.96²), so 99 % take 381 cases."""
+    rule = WhenDecided(0.99)
+    assert not rule.met(380, 380)
+    assert rule.met(381, 381)
+    assert rule.met(90, 100)
+    assert not rule.met(9, 10)
+    assert not WhenDecided(1.0).met(10**6, 10**6)

@@ -1,0 +1,67 @@
+"""A scenario as tuning runs it: in one form, in finer steps, with thrust in place of pulses."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, cast
+
+from jaxsat.assembly.run import substeps_of
+from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.schema import Scenario, flattened
+from jaxsat.scenario.thruster_tables import ModulationTable
+from jaxsat.scenario.tuning_tables import TuningTable
+
+FINER = 10.0
+"""Tolerances of the refined run are this many times smaller; fixed steps are halved."""
+
+
+STEPS_A_SECOND = 6
+"""Adaptive steps that a run may take, on average, where the scenario says nothing: gains that make
+the loop stiff would hold up all others."""
+
+
+def in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
+    """Coordinates and steps written out, so that the smooth law runs as the exact one does."""
+    simulation, solver = scenario.simulation, scenario.simulation.solver
+    if find_law(scenario.control.law).declaration.sampled:
+        return scenario
+    error = uses_error_coordinates(flattened(scenario))
+    if solver.step_s is None and solver.steps != "fixed":
+        given = {
+            "rtol": solver.rtol or table.tolerance,
+            "atol": solver.atol or table.tolerance,
+            "max_steps": solver.max_steps or math.ceil(STEPS_A_SECOND * simulation.duration_s),
+        }
+        solver = solver.model_copy(update={"steps": "adaptive", **given})
+    changes = {"coordinates": "error" if error else "torque", "solver": solver}
+    return scenario.model_copy(update={"simulation": simulation.model_copy(update=changes)})
+
+
+def refined(scenario: Scenario) -> Scenario:
+    """The scenario in finer steps."""
+    solver = scenario.simulation.solver
+    if find_law(scenario.control.law).declaration.sampled:
+        changes: dict[str, Any] = {"substeps": 2 * substeps_of(scenario)}
+    elif solver.step_s is not None:
+        changes = {"step_s": solver.step_s / 2}
+    else:
+        changes = {name: cast(float, getattr(solver, name)) / FINER for name in ("rtol", "atol")}
+    solver = solver.model_copy(update=changes)
+    simulation = scenario.simulation.model_copy(update={"solver": solver})
+    return scenario.model_copy(update={"simulation": simulation})
+
+
+def throttled(scenario: Scenario) -> Scenario:
+    """With thrust in place of pulses, whose dead zones and sums have no derivative.
+
+    Gradients are taken of that; costs are of the pulses all the same.
+    """
+    if not scenario.thruster:
+        return scenario
+    return scenario.model_copy(update={"modulation": ModulationTable(kind="ideal")})
+
+
+def with_control(scenario: Scenario, numbers: Mapping[str, Any]) -> Scenario:
+    """The scenario with these numbers in `[control]`."""
+    control = scenario.control.model_copy(update=dict(numbers))
+    return scenario.model_copy(update={"control": control})

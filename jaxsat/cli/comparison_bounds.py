@@ -1,0 +1,52 @@
+"""Least time and effort beside a comparison, kept in its folder."""
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+from jaxsat.cli.bound import searched
+
+if TYPE_CHECKING:
+    from jaxsat.results import ResumableFolder
+
+BOUNDS = "bounds"
+"""Folder of what was found."""
+
+
+def least_bounds(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> dict[str, Any]:
+    """Least time and effort from the paper's start; kept in the output folder once found."""
+    import numpy as np
+
+    from jaxsat.assembly.run import build
+    from jaxsat.bounds import BoundObjective, manoeuvre_of
+    from jaxsat.comparison import ComparisonSetting, comparison_scenario, horizon
+
+    name = f"{BOUNDS}/{limit:g}.json"
+    run = build(comparison_scenario(ComparisonSetting("nominal", limit, "rate")))
+    manoeuvre = manoeuvre_of(run.loop, run.start)
+    numbers = {name: np.asarray(value).tolist() for name, value in vars(manoeuvre).items()}
+    wanted = {"torque_limit": limit, "starts": starts, "seed": seed, "manoeuvre": numbers}
+    kept = _kept_bounds(folder.read(name), wanted)
+    if kept is not None:
+        return kept
+    found: dict[str, Any] = dict(wanted)
+    for objective in BoundObjective:
+        what = f"least {objective.value}, {limit:g} N m"
+        best = searched(manoeuvre, objective, starts, horizon(limit) / 5, seed, what)
+        found[objective.value] = None if best is None else best.solution.value
+    folder.write(name, json.dumps(found))
+    return found
+
+
+def _kept_bounds(content: bytes | None, wanted: dict[str, Any]) -> dict[str, Any] | None:
+    """What was found before, if it is what is wanted now."""
+    from jaxsat.bounds import BoundObjective
+    from jaxsat.results.files import parse_json
+
+    found = parse_json(content)
+    objectives = [one.value for one in BoundObjective]
+    if not isinstance(found, dict) or set(found) != {*wanted, *objectives}:
+        return None
+    values = [found[name] for name in objectives]
+    good = all(x is None or (isinstance(x, float) and 0 < x < math.inf) for x in values)
+    return found if good and wanted.items() <= found.items() else None
