@@ -75,5 +75,5 @@ def _explained(found: RecoverySummary) -> Table:
         for entry in found.unrecovered[:SHOWN]
     ]
     more = len(found.unrecovered) - len(rows)
-    note = f"And {more:,} more in the store and in --csv." if more else ""
+    note = f"And {more:,} more in the store." if more else ""
     return Table("Cases that did not recover", ["case", "reason", "explanation"], rows, note)

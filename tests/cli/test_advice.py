@@ -34,7 +34,7 @@ ROOMS = ("jaxsat.cli", "jaxsat.results")
 """Where messages may name options."""
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
-QUOTED = re.compile(r"(?:`|^    )jaxsat (\w+)([^`\n]*)", re.MULTILINE)
+QUOTED = re.compile(r"(?:`|^(?:    )?)jaxsat (\w+)([^`\n]*)", re.MULTILINE)
 """A whole command, as pages that are written tell it."""
 
 TOLD_OTHERS = "export"

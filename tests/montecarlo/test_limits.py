@@ -50,6 +50,9 @@ BEYOND = {
     "failure_time": (-1.0, 2e8),
     "failed_thruster": (-0.6, 7.6),
     "failed_wheel": (-0.6, 1.6),
+    "failed_magnetorquer": (-0.6, 1.6),
+    "dipole_limit": (-1.1, 2e6),
+    "magnetorquer_misalignment": (-1.1, 1.1),
     "wheel_momentum": (-21.0, 21.0),
     "failure_kind": (-0.6, 6.6),
     "failure_amount": (-0.1, 1.1),
@@ -80,13 +83,23 @@ WHEELS = (
 )
 
 
+OF_RODS = ("failed_magnetorquer", "dipole_limit", "magnetorquer_misalignment")
+RODS = (
+    "magnetorquer=[{axis=[1.0,0.0,0.0],dipole_limit_A_m2=1.0},"
+    "{axis=[0.0,1.0,0.0],dipole_limit_A_m2=1.0}]",
+    "failure=[{of='magnetorquer 1',at_s=5.0,kind='dead'}]",
+)
+
+
 def base(name):
-    if name.startswith("fail") and "wheel" not in name:
+    if (name.startswith("fail") and "wheel" not in name) or name in OF_RODS:
         return "cubesat-12u"
     return "benchmark-three-axis" if name == "rate_error" else "switching"
 
 
 def changes(name):
+    if name in OF_RODS:
+        return RODS
     if base(name) != "switching":
         return ()
     if name.startswith(("gyro", "tracker")):

@@ -90,7 +90,7 @@ BROKEN = [
         (20, "control.law", "did you mean three-axis?")]),
     ('law = "three-axis"\n', "", [(19, "control.law", "must be one of")]),
     ('law = "three-axis"', 'law = "coast"', [
-        (21, "control.k3", '(a key of the law "three-axis", "switching", "oscillatory")'),
+        (21, "control.k3", '(a key of the law "three-axis", "switching", "oscillatory", "three-'),
         (22, "control.mu", "got"), (23, "control.a", "got"), (24, "control.k4", "got"),
         (25, "control.model", "got")]),
     ("k3 = 0.05", "k3 = 0", [(21, "control.k3", "must be greater than 0 1/s, got 0")]),
