@@ -11,40 +11,49 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.checks import as_float
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
 
 RealScalar = Float[Array, ""]
 
-MIN_COUPLING, MIN_SHARE = 0.2, 0.5
-"""A |c + δc| below both the first and this share of the model's |c| is not believed: the laws
-divide by it."""
+MIN_COUPLING, MIN_SHARE = 0.2, 0.2
+"""A coupling below both the first and this share of the model's c is not believed: the laws divide
+by it."""
 
 
-LEAST_TURN = 0.02
-"""rad: an attitude as far from the wanted one is left to the end game, which finds it by itself."""
+MOST_TURN = 0.02
+"""rad: how far the laws go from an attitude that cannot be held. Settled means within 0.05."""
+
+STILL = 1e-30
+"""(1/s²)²; keeps the quotient of two zeros finite."""
 
 
 class ThirdAxis(NamedTuple):
     """What a law is told of the third axis.
 
     `rate` is s less its value at rest in the orbit frame (rad/s), `lean` are the (ε1, ε2) by which
-    the turn about n is that of s, p1 and p2, `coupling` is c, and the ripples of rate (rad/s) and
-    turn (rad) are those to ignore. `products` are the six factors of ds/dt, c the first of them,
-    `drift` is ds/dt (rad/s²) at rest in the orbit frame in the wanted attitude, zero where that can
-    be held, and `stiffness` its derivative by the turn (1/s²).
+    the turn about n is that of s, p1 and p2, and the ripples of rate (rad/s) and turn (rad) are
+    those to ignore. `products` are the six factors of ds/dt. The first two, a of p1 p2 and b of
+    p1² - p2², are those of one product `coupling` = √(a² + 4b²) of the rates about the axes of the
+    reduced inertia; `axes` is (cos, sin) of the angle about n from x and y to these.
+    Where the wanted attitude cannot be held, the laws go to the nearest that can be, at most
+    `MOST_TURN` away: `turn` is the rotation vector to it along (x, y, n) (rad), `orbit_rate` and
+    `rest` are the orbit frame's rate along (x, y, n) and (p1, p2, s) at rest there (rad/s), and
+    `drift` is what ds/dt (rad/s²) is left.
     """
 
     rate: RealScalar
     lean: Float[Array, "2"]
     coupling: RealScalar
+    axes: Float[Array, "2"]
     rate_ripple: RealScalar
     turn_ripple: RealScalar
     products: Float[Array, "6"]
+    turn: Float[Array, "3"]
+    orbit_rate: Float[Array, "3"]
+    rest: Float[Array, "3"]
     drift: RealScalar
-    stiffness: RealScalar
 
     def change(self, omega: Float[Array, "3"]) -> RealScalar:
         """ds/dt (rad/s²) at the rates (p1, p2, s), rad/s."""
@@ -64,14 +73,12 @@ class ThirdAxisEstimator(eqx.Module):
     """Observer and fit together; without either the third axis is what the model says it is.
 
     The observer predicts the measured ω3 with the fitted errors in it, so that a new estimate
-    does not look like a disturbance. A drift of s at rest below `least_drift` (rad/s²), or
-    one that a turn of `LEAST_TURN` takes away, is none.
+    does not look like a disturbance.
     """
 
     form: NormalForm
     observer: AbstractRippleEstimator | None = None
     least_squares: RecursiveLeastSquares | None = eqx.field(default_factory=RecursiveLeastSquares)
-    least_drift: RealScalar = eqx.field(converter=as_float, default=0.0)
 
     def init(self, omega: Float[Array, "3"]) -> EstimatorMemory:
         """Nothing known yet but (p1, p2, s), rad/s."""
@@ -115,31 +122,38 @@ class ThirdAxisEstimator(eqx.Module):
         known = ThirdRate(omega[2], zero, zero)
         if self.observer is not None:
             known = self.observer.believed(ripple, omega[2])
-        rest = self.form.rest
-        by_others = jnp.sum(errors[:2] * (omega - rest)[:2]) + rest[2]
-        least = jnp.minimum(MIN_COUPLING, MIN_SHARE * jnp.abs(c))
-        fitted = c + errors[2]
-        fitted = jnp.where(fitted < 0, -1.0, 1.0) * jnp.maximum(jnp.abs(fitted), least)
-        # Without a fit the model's own value is used, however small.
-        believed = c if self.least_squares is None else fitted
-        products = (factors + errors[2:]).at[0].set(believed)
-        o1, o2, _ = self.form.orbit_rate
-        lean1, lean2 = self.form.lean
-        # The derivative of the orbit frame's (p1, p2, s) by the turn.
-        turning = jnp.stack([o2, -o1, lean2 * o1 - lean1 * o2])
-        ahead, behind = (jnp.sum(products * _products(rest + s * turning)) for s in (1, -1))
-        drift, stiffness = jnp.sum(products * _products(rest)), (ahead - behind) / 2
-        least = jnp.maximum(self.least_drift, LEAST_TURN * jnp.abs(stiffness))
+        products = factors + errors[2:]
+        angle = jnp.arctan2(-2 * products[1], products[0]) / 2
+        coupling = jnp.sqrt(products[0] ** 2 + 4 * products[1] ** 2)
+        if self.least_squares is not None:  # else the model's own value, however small
+            coupling = jnp.maximum(coupling, jnp.minimum(MIN_COUPLING, MIN_SHARE * jnp.abs(c)))
+        turn = self._balance(products)
+        orbit_rate = self.form.orbit_rate
+        orbit_rate = orbit_rate - jnp.cross(turn, orbit_rate)
+        rest = self.form.slow(orbit_rate)
         return ThirdAxis(
-            known.rate - by_others,
+            known.rate - rest[2] - jnp.sum(errors[:2] * (omega - rest)[:2]),
             self.form.lean + errors[:2],
-            believed,
+            coupling,
+            jnp.stack([jnp.cos(angle), jnp.sin(angle)]),
             known.rate_ripple,
             known.turn_ripple,
             products,
-            jnp.where(jnp.abs(drift) < least, 0.0, drift),
-            stiffness,
+            turn,
+            orbit_rate,
+            rest,
+            jnp.sum(products * _products(rest)),
         )
+
+    def _balance(self, products: Float[Array, "6"]) -> Float[Array, "3"]:
+        """The least turn (rad) from the orbit frame to where s stays, but at most `MOST_TURN`."""
+        rest, lean = self.form.rest, self.form.lean
+        drift, slope = jax.value_and_grad(lambda rates: jnp.sum(products * _products(rates)))(rest)
+        along = slope.at[:2].add(-lean * slope[2])  # by the orbit frame's rate along (x, y, n)
+        by_turn = jnp.cross(along, self.form.orbit_rate)
+        turn = -drift * by_turn / (jnp.sum(by_turn**2) + STILL)
+        size = jnp.sqrt(jnp.sum(turn**2) + STILL)
+        return turn * jnp.minimum(MOST_TURN / size, 1.0)
 
 
 def _mean_products(before: Float[Array, "3"], after: Float[Array, "3"]) -> Float[Array, "6"]:

@@ -1,4 +1,4 @@
-"""The fine stage: oscillate until all is small, then the orbital regulator, with hysteresis."""
+"""The fine stage: a large oscillation until all is small, then a small one that stays."""
 
 import enum
 from typing import ClassVar, NamedTuple
@@ -11,21 +11,18 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.normal_form import NormalForm, NormalState
-from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow, wanted_turn
+from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.control.terminal import OrbitalRegulator
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
 
-BALANCED = 0.01
-"""Share of a drift of s below which the wanted turn has taken it away."""
-
-HOLDING = 0.9
-"""Share of the holder's largest ds/dt that may be needed against a drift."""
+SURE_SHARE, LEAST_SHARE = 0.7, 0.2
+"""Of the end game's largest ds/dt: what can be relied on, as the orbit takes some of it, and the
+least that counts as left to stop the slow rate where a drift takes the rest."""
 
 
 class FineMode(enum.IntEnum):
@@ -36,73 +33,72 @@ class FineMode(enum.IntEnum):
 
 
 class Handover(eqx.Module):
-    """When the regulator takes over and when it hands back.
+    """When the end game takes over and when it hands back.
 
-    It takes over when |w| and |ẑ| are below `enter_angle`, the slow rate |s| is below
-    `enter_slow_rate` and |p1|, |p2| less their values at rest are below `enter_rate`; it hands back
-    when |w| exceeds `leave_tilt`, |z| exceeds `leave_turn` or s exceeds its value at rest by
-    `leave_rate` (rad, rad/s).
+    It takes over when |w|, the slow turn and the turn at which the end game will have stopped the
+    slow rate are below `enter_angle`, the same turns from the wanted attitude are below
+    `enter_turn`, and |p1|, |p2| less their values at rest below `enter_rate`; it hands back when
+    |w| exceeds `leave_tilt` or one of the turns from the wanted attitude `leave_turn` (rad, rad/s).
     """
 
-    enter_slow_rate: RealScalar = eqx.field(converter=as_float)
     enter_rate: RealScalar = eqx.field(converter=as_float)
     enter_angle: RealScalar = eqx.field(converter=as_float, default=0.03)
+    enter_turn: RealScalar = eqx.field(converter=as_float, default=0.04)
     leave_tilt: RealScalar = eqx.field(converter=as_float, default=0.04)
     leave_turn: RealScalar = eqx.field(converter=as_float, default=0.045)
-    leave_rate: RealScalar = eqx.field(converter=as_float, default=1e-3)
 
     def __check_init__(self):
-        for name in ("enter_slow_rate", "enter_rate", "enter_angle"):
-            require_positive(name, getattr(self, name))
-        for name in ("leave_tilt", "leave_turn", "leave_rate"):
+        for name in ("enter_rate", "enter_angle", "enter_turn", "leave_tilt", "leave_turn"):
             require_positive(name, getattr(self, name))
 
     def __call__(
         self,
-        regulating: Bool[Array, ""],
+        late: Bool[Array, ""],
         tilt: Tilt,
         slow: Slow,
         excess: Float[Array, "3"],
+        deceleration: RealScalar,
+        held: RealScalar,
     ) -> Bool[Array, ""]:
-        """Whether the regulator is to work now, given whether it did.
+        """Whether the end game is to work now, given whether it did.
 
-        `excess` is (p1, p2, s) less its value at rest, rad/s.
+        `excess` is (p1, p2, s) less its value at rest (rad/s), `deceleration` that of the slow rate
+        of which the end game is capable (rad/s²), `held` the turn about n from the wanted attitude
+        to the one that is held (rad), from which the slow turn counts.
         """
+        stopping = slow.rate * jnp.abs(slow.rate) / (2 * deceleration)
+        from_held, from_wanted = (
+            jnp.maximum(jnp.abs(turn), jnp.abs(turn + stopping))
+            for turn in (slow.turn, slow.turn + held)
+        )
         enter = (
             (tilt.size < self.enter_angle)
-            & (jnp.abs(slow.turn) < self.enter_angle)
-            & (jnp.abs(slow.rate) < self.enter_slow_rate)
+            & (from_held < self.enter_angle)
+            & (from_wanted < self.enter_turn)
             & (jnp.abs(excess[0]) < self.enter_rate)
             & (jnp.abs(excess[1]) < self.enter_rate)
         )
-        leave = (
-            (tilt.size > self.leave_tilt)
-            | (jnp.abs(tilt.turn) > self.leave_turn)
-            | (jnp.abs(excess[2]) > self.leave_rate)
-        )
-        return jnp.where(regulating, ~leave, enter)
+        leave = (tilt.size > self.leave_tilt) | (from_wanted > self.leave_turn)
+        return jnp.where(late, ~leave, enter)
 
 
 class FineMemory(NamedTuple):
-    """The oscillation asked for last, and whether the regulator works."""
+    """The oscillation asked for last, and whether the end game works."""
 
     oscillation: Oscillation
-    regulating: Bool[Array, ""]
+    late: Bool[Array, ""]
 
 
 class FineStage(eqx.Module):
-    """Oscillator and regulator with the hand-over between them.
+    """Oscillator and end game, an oscillator with smaller rates, with the hand-over between them.
 
-    Where the wanted attitude can only be held against a drift of s, `holder` takes the regulator's
-    place if it can make the opposite one by its oscillation.
     `fade_lean` takes the correction of the turn for leaning axes away as the tilt grows, by the
     factor max(0, 1 - |w|²).
     """
 
     oscillator: Oscillator
-    end_game: OrbitalRegulator | Oscillator
+    end_game: Oscillator
     handover: Handover
-    holder: Oscillator | None = None
     fade_lean: bool = eqx.field(static=True, default=False)
 
     def init(self, omega: Float[Array, "3"]) -> FineMemory:
@@ -118,29 +114,18 @@ class FineStage(eqx.Module):
         if self.fade_lean:
             third = third._replace(lean=third.lean * jnp.maximum(0.0, 1 - tilt.size**2))
         slow = self.oscillator.slow(clock, tilt, third, memory.oscillation)
-        wanted = self.oscillator.oscillation(slow, third)
-        tracking = self.oscillator.tracking(clock, state, tilt, wanted)
-        excess = state.omega - self.oscillator.form.rest
-        regulating = self.handover(memory.regulating, tilt, slow, excess)
-        lean = third.lean[0] * tilt.phi + third.lean[1] * tilt.theta
-        turn = tilt.turn - lean - third.turn_ripple - wanted_turn(third)
-        excess = excess.at[2].set(third.rate - third.rate_ripple)
-        if isinstance(self.end_game, OrbitalRegulator):
-            torque = self.end_game.torque(tilt, turn, excess)
-            end = torque, state.omega[:2], self.oscillator.init(state.omega)
-        else:
-            end = _oscillated(self.end_game, clock, state, tilt, slow, third)
-        if self.holder is not None:
-            held = _oscillated(self.holder, clock, state, tilt, slow, third)
-            drift, left = jnp.abs(third.drift), jnp.abs(slow.drift)
-            able = HOLDING * jnp.abs(third.coupling) * self.holder.largest_amplitude**2 / 2
-            holds = (left > BALANCED * drift) & (left < able)
-            end = jax.tree.map(lambda one, other: jnp.where(holds, one, other), held, end)
-        late, late_reference, late_wanted = end
-        torque = jnp.where(regulating, late, self.oscillator.torque(state.omega, tracking))
-        reference = jnp.where(regulating, late_reference, tracking.rate)
-        kept = jax.tree.map(lambda end, x: jnp.where(regulating, end, x), late_wanted, wanted)
-        return torque, reference, FineMemory(kept, regulating)
+        most = third.coupling * self.end_game.largest_amplitude**2 / 2
+        deceleration = jnp.maximum(SURE_SHARE * most - jnp.abs(third.drift), LEAST_SHARE * most)
+        excess = state.omega - third.rest
+        late = self.handover(memory.late, tilt, slow, excess, deceleration, third.turn[2])
+        early_way, late_way = (
+            _oscillated(oscillator, clock, state, tilt, slow, third)
+            for oscillator in (self.oscillator, self.end_game)
+        )
+        torque, reference, wanted = jax.tree.map(
+            lambda one, other: jnp.where(late, one, other), late_way, early_way
+        )
+        return torque, reference, FineMemory(wanted, late)
 
 
 def _oscillated(
@@ -151,7 +136,7 @@ def _oscillated(
     slow: Slow,
     third: ThirdAxis,
 ) -> tuple[Float[Array, "2"], Float[Array, "2"], Oscillation]:
-    """Torque (N m), rates asked for (rad/s) and oscillation of an end game that oscillates."""
+    """Torque (N m), rates asked for (rad/s) and oscillation of one oscillator."""
     wanted = oscillator.oscillation(slow, third)
     tracking = oscillator.tracking(clock, state, tilt, wanted)
     return oscillator.torque(state.omega, tracking), tracking.rate, wanted
@@ -166,7 +151,7 @@ class OscillatorySettlingMemory(NamedTuple):
 
 
 class OscillatorySettling(AbstractSampledController):
-    """Oscillates from any start until all is small, then regulates: all three axes settle.
+    """Oscillates from any start until all is small, then less: all three axes settle.
 
     `torque_limit` (N m) cuts the commands, `period` is in s.
     """
@@ -200,15 +185,16 @@ class OscillatorySettling(AbstractSampledController):
         """Estimate, then the fine stage."""
         seen = self.form.seen(state)
         third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
+        seen = seen.relative_to(third.turn)
         torque, reference, fine = self.fine.step(t, seen, third, memory.fine)
         command = self.form.command(clipped(torque, self.torque_limit))
         return command, OscillatorySettlingMemory(fine, estimator, reference)
 
     def rate_error(self, state: PlantState, memory: OscillatorySettlingMemory) -> Float[Array, "2"]:
-        """ω - ω_d while oscillating, zero while regulating, rad/s."""
+        """ω - ω_d while oscillating, zero in the end game, rad/s."""
         omega = self.form.seen(state).omega
-        return jnp.where(memory.fine.regulating, 0.0, omega[:2] - memory.reference)
+        return jnp.where(memory.fine.late, 0.0, omega[:2] - memory.reference)
 
     def mode(self, memory: OscillatorySettlingMemory) -> Int[Array, ""]:
         """The `FineMode` at work."""
-        return jnp.where(memory.fine.regulating, FineMode.REGULATING, FineMode.OSCILLATING)
+        return jnp.where(memory.fine.late, FineMode.REGULATING, FineMode.OSCILLATING)

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.normal_form import NormalForm
-from jaxsat.control.oscillatory import Tracking
+from jaxsat.control.oscillatory import Tracking, turned
 from jaxsat.control.rate_tracking import clipped, tracking_torque
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.dynamics import PlantState
@@ -101,7 +101,7 @@ class FiniteTimeRate(eqx.Module):
         )
 
         def judged(sigma):
-            reference = sigma * slopes
+            reference = turned(third.axes, *(sigma * slopes))
             reference = reference * self._feasible(reference, omega[2])
             fall = -side * third.change(jnp.concatenate([reference, omega[2:]]))
             return fall, jnp.sum(moments * (omega[:2] - reference) ** 2)
@@ -129,9 +129,10 @@ class FiniteTimeRate(eqx.Module):
         slopes = signs.sigma * self.factors(c)
         root = self._root(third.rate)
         failing = jnp.abs(third.rate) > signs.most
-        share = jnp.where(failing, 0.0, self._feasible(slopes * root, omega[2]))
-        slopes = slopes * share
-        fastest = jnp.abs(c * slopes[0] * slopes[1]) * root**2
+        references = turned(third.axes, *slopes)
+        share = jnp.where(failing, 0.0, self._feasible(references * root, omega[2]))
+        fastest = jnp.abs(c * slopes[0] * slopes[1]) * (share * root) ** 2
+        slopes = share * references
         decay = jnp.clip(signs.third * third.change(omega), -fastest, 0.0)
         square = jnp.where(root > 0, root**2, 1.0)
         most = self.torque_limit / moments

@@ -35,6 +35,17 @@ class NormalState(NamedTuple):
     omega: Float[Array, "3"]
     frame_rate: Float[Array, "3"]
 
+    def relative_to(self, turn: Float[Array, "3"]) -> "NormalState":
+        """The same with the attitude relative to a frame turned from the orbit frame.
+
+        `turn` is a small rotation vector along (x, y, n), rad.
+        """
+        half, q = turn / 2, self.attitude.q
+        scalar = q[0] + jnp.sum(half * q[1:])
+        vector = q[1:] - q[0] * half - jnp.cross(half, q[1:])
+        size = jnp.sqrt(1 + jnp.sum(half**2))
+        return self._replace(attitude=Quaternion(jnp.concatenate([scalar[None], vector]) / size))
+
 
 class NormalForm(eqx.Module):
     """What a controller believes of the plant, and the frame (x, y, n) of its two torques.
@@ -104,18 +115,19 @@ class NormalForm(eqx.Module):
     @property
     def rest(self) -> Float[Array, "3"]:
         """(p1, p2, s) at rest in the orbit frame in the wanted attitude, rad/s."""
-        first, second, third = self.orbit_rate
-        lean = self.lean
-        return jnp.stack([first, second, third - lean[0] * first - lean[1] * second])
+        return self.slow(self.orbit_rate)
+
+    def slow(self, rate: Float[Array, "3"]) -> Float[Array, "3"]:
+        """(p1, p2, s) of an angular velocity along (x, y, n), rad/s."""
+        return rate.at[2].add(-jnp.sum(self.lean * rate[:2]))
 
     def seen(self, state: PlantState) -> NormalState:
         """A state of the plant in this frame."""
         q = state.attitude.as_quaternion().q
         attitude = Quaternion(jnp.concatenate([q[:1], self.axes @ q[1:]]))
-        omega, lean = self.axes @ state.omega, self.lean
-        slow = omega[2] - lean[0] * omega[0] - lean[1] * omega[1]
+        omega = self.slow(self.axes @ state.omega)
         frame_rate = self.axes @ self.model.orbit.frame_rate(state.attitude)
-        return NormalState(attitude, omega.at[2].set(slow), frame_rate)
+        return NormalState(attitude, omega, frame_rate)
 
     def gyroscopic_torque(self, omega: Float[Array, "3"]) -> Float[Array, "2"]:
         """What the motion adds to the torques about x and y: S dp/dt is their sum, N m."""

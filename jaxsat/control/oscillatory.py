@@ -34,24 +34,6 @@ TINY = 1e-12
 """Keeps a quotient of two zeros finite."""
 
 
-MOST_SKEW = 0.5
-"""Of what one oscillation may be changed by the part of ds/dt in p1² - p2²."""
-
-HELD_TURN, FAR_TURN = 0.01, 0.1
-"""rad; settled means within 0.05, and the end game begins within 0.03."""
-
-
-def wanted_turn(third: ThirdAxis) -> RealScalar:
-    """The turn (rad) at which s does not drift, within ± `HELD_TURN`.
-
-    Where it is beyond `FAR_TURN` none of these takes much of the drift away, and no turn is wanted.
-    """
-    moving = third.stiffness != 0
-    balanced = -third.drift / jnp.where(moving, third.stiffness, 1.0)
-    share = jnp.minimum(FAR_TURN / jnp.maximum(jnp.abs(balanced), HELD_TURN), 1.0)
-    return jnp.where(moving, share**2 * jnp.clip(balanced, -HELD_TURN, HELD_TURN), 0.0)
-
-
 class AbstractDemand(eqx.Module):
     """Which oscillation to ask for, given the slow rate s (rad/s) and slow turn ẑ (rad)."""
 
@@ -117,23 +99,22 @@ class TwoChannel(AbstractDemand):
 
 
 class Oscillation(NamedTuple):
-    """The oscillation asked for last: α, β in (rad/s)², amplitude ρ in rad/s."""
+    """The oscillation asked for last: α, β in (rad/s)², amplitude ρ in rad/s.
+
+    `axes` is (cos, sin) of the angle about n to the axes that it is about, see `ThirdAxis`.
+    """
 
     alpha: RealScalar
     beta: RealScalar
     amplitude: RealScalar
+    axes: Float[Array, "2"]
 
 
 class Slow(NamedTuple):
-    """Slow rate s (rad/s) and slow turn ẑ (rad) beyond the wanted one, and the drift of s (rad/s²).
-
-    Where the attitude of the orbit frame cannot be held, the turn is that from `wanted_turn`, and
-    the drift is what is left there.
-    """
+    """Slow rate s (rad/s) and slow turn ẑ (rad)."""
 
     rate: RealScalar
     turn: RealScalar
-    drift: RealScalar | float = 0.0
 
 
 class Tracking(NamedTuple):
@@ -170,7 +151,7 @@ class Oscillator(eqx.Module):
     def init(self, omega: Float[Array, "3"]) -> Oscillation:
         """At rest."""
         zero = jnp.zeros_like(omega[0])
-        return Oscillation(zero, zero, zero + self._no_amplitude)
+        return Oscillation(zero, zero, zero + self._no_amplitude, jnp.stack([zero + 1, zero]))
 
     @property
     def _no_amplitude(self) -> RealScalar:
@@ -183,33 +164,32 @@ class Oscillator(eqx.Module):
         into s, and the tilt turns e away from the third axis.
         """
         nu, c = self.frequency, third.coupling
-        alpha, beta, rho = last
+        alpha, beta, rho, axes = last
         sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
         cos2, sin2 = 1 - 2 * sine**2, 2 * sine * cosine
         turn_cos, turn_sin = jnp.cos(tilt.turn), jnp.sin(tilt.turn)
-        o1, o2, _ = self.form.orbit_rate
-        e1, e2 = o1 * turn_cos + o2 * turn_sin, o2 * turn_cos - o1 * turn_sin
+        o1, o2, _ = third.orbit_rate
+        e1, e2 = along(axes, o1 * turn_cos + o2 * turn_sin, o2 * turn_cos - o1 * turn_sin)
+        phi, theta = along(axes, tilt.phi, tilt.theta)
         swing1, swing2 = rho * sine, (alpha * sine + beta * cosine) / rho
 
         rate = third.rate - third.rate_ripple
-        rate = rate - c * (tilt.phi * e2 + tilt.theta * e1)
+        rate = rate - c * (phi * e2 + theta * e1)
         rate = rate + c / (4 * nu) * (alpha * sin2 + beta * cos2)
 
         turn = tilt.turn - third.lean[0] * tilt.phi - third.lean[1] * tilt.theta
         turn = turn - third.turn_ripple
         turn = turn + ((1 + c) * e2 * swing1 - (1 - c) * e1 * swing2) / nu**2
         turn = turn - c / (8 * nu**2) * (alpha * cos2 - beta * sin2)
-        wanted = wanted_turn(third)
-        return Slow(rate, turn - wanted, third.drift + third.stiffness * wanted)
+        return Slow(rate, turn)
 
     def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
         """What the demand asks for beyond the dead zone, scaled down so that h <= r ρm².
 
-        With what takes the drift away, and the part of ds/dt in p1² - p2², whose mean is
-        h (1/r - r) / 2.
+        With what takes the drift away.
         """
         alpha, beta = self.demand(slow.rate, slow.turn, third.coupling, self.frequency)
-        alpha = alpha - 2 / third.coupling * slow.drift
+        alpha = alpha - 2 / third.coupling * third.drift
         least = self._no_amplitude
         size = _size(alpha, beta, least)
         still = jnp.zeros_like(slow.turn)
@@ -218,20 +198,18 @@ class Oscillator(eqx.Module):
         granted = jnp.clip(size - left, least**2, most)
         scale = granted / size
         amplitude = jnp.sqrt(granted / self.ratio) + least
-        skew = third.products[1] / third.coupling * (1 / self.ratio - self.ratio)
-        bias = jnp.clip(skew, -MOST_SKEW, MOST_SKEW) * granted
-        return Oscillation(scale * alpha - bias, scale * beta, amplitude)
+        return Oscillation(scale * alpha, scale * beta, amplitude, third.axes)
 
     def tracking(
         self, clock: RealScalar, state: NormalState, tilt: Tilt, wanted: Oscillation
     ) -> Tracking:
         """ω_d = e - k (tilt - its oscillation) + the oscillating rates, and dω_d/dt."""
-        nu, k, (alpha, beta, rho) = self.frequency, self.tilt_gain, wanted
+        nu, k, (alpha, beta, rho, axes) = self.frequency, self.tilt_gain, wanted
         sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
         frame = state.frame_rate[:2]
-        swing = jnp.stack([rho * sine, (alpha * sine + beta * cosine) / rho])
-        swing_rate = nu * jnp.stack([rho * cosine, (alpha * cosine - beta * sine) / rho])
-        swing_tilt = jnp.stack([-rho * cosine, (beta * sine - alpha * cosine) / rho]) / nu
+        swing = turned(axes, rho * sine, (alpha * sine + beta * cosine) / rho)
+        swing_rate = nu * turned(axes, rho * cosine, (alpha * cosine - beta * sine) / rho)
+        swing_tilt = turned(axes, -rho * cosine, (beta * sine - alpha * cosine) / rho) / nu
         pull = k * (jnp.stack([tilt.phi, tilt.theta]) - swing_tilt)
         derivative = swing_rate - k * (state.omega[:2] - frame - swing)
         return Tracking(frame - pull + swing, derivative)
@@ -239,6 +217,18 @@ class Oscillator(eqx.Module):
     def torque(self, omega: Float[Array, "3"], tracking: Tracking) -> Float[Array, "2"]:
         """The torque about x and y that tracks, not yet limited, N m."""
         return tracking_torque(self.form, omega, tracking.rate, tracking.derivative, self.rate_gain)
+
+
+def along(axes: Float[Array, "2"], x: RealScalar, y: RealScalar) -> tuple[RealScalar, RealScalar]:
+    """Components of the vector (x, y) along axes turned about n, their (cos, sin) given."""
+    cosine, sine = axes
+    return cosine * x + sine * y, cosine * y - sine * x
+
+
+def turned(axes: Float[Array, "2"], x: RealScalar, y: RealScalar) -> Float[Array, "2"]:
+    """The opposite of `along`."""
+    cosine, sine = axes
+    return jnp.stack([cosine * x - sine * y, cosine * y + sine * x])
 
 
 def _size(alpha: RealScalar, beta: RealScalar, least: RealScalar) -> RealScalar:
@@ -280,6 +270,7 @@ class OscillatoryLaw(AbstractSampledController):
         """Estimate, slow errors, oscillation, torque."""
         seen = self.oscillator.form.seen(state)
         third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
+        seen = seen.relative_to(third.turn)
         tilt = tilt_of(seen.attitude)
         slow = self.oscillator.slow(t, tilt, third, memory.oscillation)
         wanted = self.oscillator.oscillation(slow, third)

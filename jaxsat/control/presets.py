@@ -4,8 +4,7 @@ Their gains have no dimension (`jaxsat.control.tuned_gains`). The unit of time i
 `jaxsat.control.scaling`, J0 being the geometric mean of S1 and S2, so a larger body under torques
 larger in proportion flies alike. The gains are functions of the control period over τ, tuned at
 three values of it; between these they are interpolated, below and above they are those of the
-nearest. Other ratios of the moments need gains of their own; the regulator's gain is computed from
-the model in any case, and what is known of the periodic d3 goes into the ripple estimator.
+nearest. What is known of the periodic d3 goes into the ripple estimator.
 """
 
 import bisect
@@ -28,7 +27,6 @@ from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter
 from jaxsat.control.scaling import Scaling, in_seconds
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.control.terminal import OrbitalRegulator
 from jaxsat.control.tuned_gains import (
     APPROACH,
     MORIN_SAMSON,
@@ -45,30 +43,14 @@ TUNED_COUPLING = 0.59168
 """c of the body that the gains are tuned for."""
 
 DEAD_ZONE = 1e-6
-"""Slow rate that the oscillation leaves to the regulator, rad per `fine_time`."""
+"""Slow rate that the oscillation leaves to the end game, rad per `fine_time`."""
 
-STATE_SCALE, TORQUE_SCALE = (0.1, 0.1, 0.05, 2e-4, 2e-4, 1e-4), 8.698842883e-06
-"""Of the regulator, so that rates stay small while it removes what is left: angles in rad, rates in
-rad per `fine_time`, the torque over J0 in rad per `fine_time` squared."""
-
-QUIET_AMPLITUDE = 4.5e-5
-"""Of the oscillation that takes the regulator's place, rad per `fine_time`."""
-
-QUIET_SHARE = 0.35
-"""An orbit rate across n below this times that amplitude is too slow for the regulator."""
+QUIET_AMPLITUDE, HOLDING_SHARE = 4.5e-5, 0.45
+"""Largest amplitude of the end game: rad per `fine_time`, or this share of the orbit rate if that
+is more, as a drift at rest is a number times its square."""
 
 QUIET_ANGLE = 0.01
-"""Turn (rad) within which that oscillation stops the slow rate that it begins with."""
-
-HOLDING_SHARE = 0.6
-"""Of the orbit rate: the largest amplitude that may hold the third axis against a drift, which is a
-number times the square of the orbit rate as well."""
-
-LEAST_DRIFT = 3e-6
-"""ds/dt times τ² left to the regulator, which moves the turn by 0.05 rad within 180 τ."""
-
-LEAVE_RATE = 1e-4
-"""|ω3| at which the regulator hands back, rad per `fine_time`."""
+"""Turn (rad) at which the end game asks for its largest amplitude."""
 
 RIPPLE, RIPPLE_FREQUENCY = 3e-6, 0.01
 """Least ripple of ω3 that the filter expects, and its frequency where none is known; rad per
@@ -102,7 +84,7 @@ def oscillatory_settling(
     ripple: AbstractRippleEstimator | None = None,
     directions: Float[np.ndarray, "3 2"] = BODY_XY,
 ) -> OscillatorySettling:
-    """The Morin-Samson law with regulator.
+    """The Morin-Samson law and the end game.
 
     `model` is what the controller believes of the plant. `observe` tells whether it estimates the
     ripple of d3 (by `ripple`, `ripple_filter(model, ...)` unless given), `estimate` whether it
@@ -134,7 +116,7 @@ def three_slew_settling(
     ripple: AbstractRippleEstimator | None = None,
     directions: Float[np.ndarray, "3 2"] = BODY_XY,
 ) -> ThreeSlewSettling:
-    """Rate law, three slews, two-channel law and regulator; arguments as above."""
+    """Rate law, three slews, two-channel law and end game; arguments as above."""
     form = NormalForm.of(model, directions)
     scaling = _scaling(form, torque_limit, period)
     gains, approach = _gains(TWO_CHANNEL, scaling), _gains(APPROACH, scaling)
@@ -216,35 +198,20 @@ def _fine_stage(
         ratio=gains.ratio,
         dead_zone=DEAD_ZONE / unit,
     )
-    slow_rate, amplitude = gains.enter_slow_rate, QUIET_AMPLITUDE / unit
-    in_plane = float(np.linalg.norm(np.asarray(form.orbit_rate)[:2]))
-    holding = max(amplitude, HOLDING_SHARE * abs(float(form.model.orbit.rate)))
-    if in_plane > QUIET_SHARE * amplitude:
-        end_game, holder = _regulator(form, unit), _quiet(form, oscillator, holding, holding)
-    else:
-        most = float(form.coupling) * amplitude**2 / 2  # of |ds/dt|, rad/s²
-        end_game, holder = _quiet(form, oscillator, amplitude, holding), None
-        slow_rate = min(slow_rate, math.sqrt(2 * QUIET_ANGLE * most))
-    handover = Handover(slow_rate, gains.enter_rate, leave_rate=LEAVE_RATE / unit)
-    return FineStage(oscillator, end_game, handover, holder, fade_lean)
+    handover = Handover(gains.enter_rate)
+    return FineStage(oscillator, _end_game(oscillator, scaling), handover, fade_lean)
 
 
-def _regulator(form: NormalForm, unit: float) -> OrbitalRegulator:
-    first, second, _ = _moments(form)
-    state_scale = np.array(STATE_SCALE) / np.array([1, 1, 1, unit, unit, unit])
-    torque_scale = TORQUE_SCALE * math.sqrt(first * second) / unit**2
-    return OrbitalRegulator.design(form, state_scale, torque_scale)
-
-
-def _quiet(
-    form: NormalForm, oscillator: Oscillator, amplitude: float, largest: float
-) -> Oscillator:
-    """The oscillation small enough to stay, where no regulator can hold the third axis."""
+def _end_game(oscillator: Oscillator, scaling: Scaling) -> Oscillator:
+    """The oscillation that is small enough to stay."""
+    form = oscillator.form
+    amplitude = QUIET_AMPLITUDE / scaling.fine_time
+    amplitude = max(amplitude, HOLDING_SHARE * abs(float(form.model.orbit.rate)))
     most = float(form.coupling) * amplitude**2 / 2  # of |ds/dt|, rad/s²
     return dataclasses.replace(
         oscillator,
         demand=MorinSamson(math.sqrt(most / QUIET_ANGLE), 1.0),
-        largest_amplitude=largest,
+        largest_amplitude=amplitude,
         ratio=1.0,
         dead_zone=0.0,
     )
@@ -258,7 +225,7 @@ def _estimator(
         turned = float(ripple.frequency) * CHANGE_SAMPLES * scaling.step * scaling.time
         noise = math.hypot(noise, float(ripple.amplitude) * min(turned, MOST_TURNED))
     fit = RecursiveLeastSquares(noise=noise, samples=CHANGE_SAMPLES) if estimate else None
-    return ThirdAxisEstimator(form, ripple, fit, LEAST_DRIFT / scaling.time**2)
+    return ThirdAxisEstimator(form, ripple, fit)
 
 
 def _moments(form: NormalForm) -> list[float]:

@@ -103,6 +103,7 @@ class ThreeSlewSettling(AbstractSampledController):
         """Estimate, choose the phase, run the three parts and take the one whose turn it is."""
         seen = self.form.seen(state)
         third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
+        seen = seen.relative_to(third.turn)
         slewing = self.planner.advance(t, seen, memory.slewing, self.period)
         phase = self._phase(t, memory, seen, third, slewing)
         begun = phase != memory.phase
@@ -129,13 +130,13 @@ class ThreeSlewSettling(AbstractSampledController):
         return self.form.command(clipped(torque, self.torque_limit)), following
 
     def rate_error(self, state: PlantState, memory: SettlingMemory) -> Float[Array, "2"]:
-        """ω - ω_d of the phase, zero while the regulator works, rad/s."""
+        """ω - ω_d of the phase, zero in the end game, rad/s."""
         regulating = self.mode(memory) == Phase.REGULATING
         return jnp.where(regulating, 0.0, self.form.seen(state).omega[:2] - memory.reference)
 
     def mode(self, memory: SettlingMemory) -> Int[Array, ""]:
         """The `Phase` at work."""
-        regulating = (memory.phase == Phase.OSCILLATING) & memory.fine.regulating
+        regulating = (memory.phase == Phase.OSCILLATING) & memory.fine.late
         return jnp.where(regulating, Phase.REGULATING, memory.phase)
 
     def _phase(
@@ -152,9 +153,9 @@ class ThreeSlewSettling(AbstractSampledController):
         stopped = still & (size < STOPPED * self.rate_law.dead_zone)
         stopped = stopped | (impatient & (size < self.slow_rate))
         turn = jnp.abs(tilt_of(state.attitude).turn)
-        slow = state.omega[2] - self.form.rest[2]
+        slow = state.omega[2] - third.rest[2]
         lost = (turn > self.lost_turn) | (jnp.abs(slow) > self.lost_rate)
-        lost = lost | (impatient & ~memory.fine.regulating & (turn > self.late_turn))
+        lost = lost | (impatient & ~memory.fine.late & (turn > self.late_turn))
         slewed = (slewing.leg == Leg.SLEWED) | (t > slewing.end + self.patience)
         after_stopping = jnp.where(stopped, Phase.SLEWING, Phase.STOPPING)
         after_slewing = jnp.where(slewed, Phase.OSCILLATING, Phase.SLEWING)

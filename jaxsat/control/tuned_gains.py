@@ -5,11 +5,11 @@ They were tuned for the paper's spacecraft, section 5, at thrusters of 1, 5 and 
 
 How they were found:
 
-- Oscillatory law, 5 N m: `jaxsat tune oscillatory-dispersed`, rounded. It tunes all but `rest`,
-  `enter_slow_rate` and `enter_rate`.
+- Oscillatory law, 5 N m: `jaxsat tune oscillatory-dispersed`, rounded. It tunes all but `rest` and
+  `enter_rate`.
 - Oscillatory law, 1 N m: the same, rates and frequencies times √(1/5), rounded.
-- All others, `rest`, `enter_slow_rate` and `enter_rate` included: by searches older than
-  `jaxsat tune`, and some of them changed later. The commands are not known any more.
+- All others, `rest` and `enter_rate` included: by searches older than `jaxsat tune`, and some of
+  them changed later. The commands are not known any more.
 
 Descent from those of the oscillatory law at 1 and 20 N m found nothing better
 (`docs/tuning-results.md`).
@@ -62,7 +62,6 @@ class FineGains(NamedTuple):
     rate_gain: float
     largest_amplitude: float
     ratio: float
-    enter_slow_rate: float
     enter_rate: float
 
 
@@ -108,7 +107,6 @@ MORIN_SAMSON: Mapping[float, FineGains] = {
         rate_gain=4.828399897,
         largest_amplitude=1.299953818,
         ratio=1.52,
-        enter_slow_rate=0.0004159852219,
         enter_rate=0.03714153767,
     ),
     STEPS[1]: FineGains(
@@ -122,7 +120,6 @@ MORIN_SAMSON: Mapping[float, FineGains] = {
         rate_gain=4.841873476,
         largest_amplitude=1.303900747,
         ratio=1.52,
-        enter_slow_rate=0.0002973225908,
         enter_rate=0.0166102006,
     ),
     STEPS[2]: FineGains(
@@ -136,7 +133,6 @@ MORIN_SAMSON: Mapping[float, FineGains] = {
         rate_gain=0.5564417202,
         largest_amplitude=1.677630261,
         ratio=1.72,
-        enter_slow_rate=0.0001291443097,
         enter_rate=0.008305100301,
     ),
 }
@@ -154,7 +150,6 @@ TWO_CHANNEL: Mapping[float, FineGains] = {
         rate_gain=2.989893782,
         largest_amplitude=2.265633798,
         ratio=1.5,
-        enter_slow_rate=0.0007428307533,
         enter_rate=0.04642692208,
     ),
     STEPS[1]: FineGains(
@@ -168,7 +163,6 @@ TWO_CHANNEL: Mapping[float, FineGains] = {
         rate_gain=3.770515537,
         largest_amplitude=1.212544644,
         ratio=1.24,
-        enter_slow_rate=0.000249153009,
         enter_rate=0.0166102006,
     ),
     STEPS[2]: FineGains(
@@ -182,7 +176,6 @@ TWO_CHANNEL: Mapping[float, FineGains] = {
         rate_gain=25.03987741,
         largest_amplitude=3.263904418,
         ratio=1.07,
-        enter_slow_rate=0.0001245765045,
         enter_rate=0.008305100301,
     ),
 }

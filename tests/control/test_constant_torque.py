@@ -7,7 +7,7 @@ from scipy.optimize import root
 
 from control.cases import ORBIT_RATE, body, form
 from jaxsat.attitude import Quaternion
-from jaxsat.control import linear_model, three_slew_settling
+from jaxsat.control import OrbitalRegulator, linear_model
 from jaxsat.control.tilt import tilt_of
 from jaxsat.dynamics import PlantState
 
@@ -16,7 +16,7 @@ COUPLING = (INERTIA[0] - INERTIA[1]) / INERTIA[2]
 
 
 def regulator():
-    return three_slew_settling(body(), 5.0).fine.end_game
+    return OrbitalRegulator.design(form(), (0.1, 0.1, 0.05, 2e-3, 2e-3, 1e-3), 0.3)
 
 
 def held_turn(d3):

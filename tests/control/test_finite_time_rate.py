@@ -21,8 +21,20 @@ def law(model=None, limit=LIMIT):
 def known(omega3, c=C):
     zero = jnp.zeros(())
     products = jnp.zeros(6).at[0].set(c)
+    still = jnp.zeros(3)
+    axes = jnp.array([1.0, 0.0])
     return ThirdAxis(
-        jnp.array(omega3), jnp.zeros(2), jnp.array(c), zero, zero, products, zero, zero
+        jnp.array(omega3),
+        jnp.zeros(2),
+        jnp.array(c),
+        axes,
+        zero,
+        zero,
+        products,
+        still,
+        still,
+        still,
+        zero,
     )
 
 

@@ -24,6 +24,8 @@ from jaxsat.dynamics import PlantState
 from jaxsat.simulation import SampledLoop, simulate
 
 NU = 0.3
+FORM = form()
+STRAIGHT = jnp.array([1.0, 0.0])
 DEMANDS = {"morin-samson": MorinSamson(0.01, 0.85), "two-channel": TwoChannel(0.02, 0.012)}
 
 
@@ -34,10 +36,22 @@ def oscillator(demand="morin-samson", orbit_rate=ORBIT_RATE, **options):
     return Oscillator(model, DEMANDS[demand], **{**gains, **limits, **options})
 
 
-def known(omega3):
+def known(omega3, model=FORM):
     zero = jnp.zeros_like(omega3)
     products = jnp.zeros(6).at[0].set(C)
-    return ThirdAxis(omega3, jnp.zeros(2), jnp.array(C), zero, zero, products, zero, zero)
+    return ThirdAxis(
+        omega3,
+        jnp.zeros(2),
+        jnp.array(C),
+        STRAIGHT,
+        zero,
+        zero,
+        products,
+        jnp.zeros(3),
+        model.orbit_rate,
+        model.rest,
+        zero,
+    )
 
 
 def drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, slow_turn):
@@ -88,12 +102,12 @@ def test_averaged_equations(alpha, beta, orbit_rate, begin):
     rho, slow_rate = 0.006, 1e-4
     times, states = drifting_oscillation(alpha, beta, rho, orbit_rate, slow_rate, begin)
     law = oscillator(orbit_rate=orbit_rate)
-    last = Oscillation(jnp.array(alpha), jnp.array(beta), jnp.array(rho))
+    last = Oscillation(jnp.array(alpha), jnp.array(beta), jnp.array(rho), STRAIGHT)
 
     @jax.jit
     @jax.vmap
     def slow(t, y):
-        return law.slow(t, tilt_of(WZ(y[:2], y[2])), known(y[3]), last)
+        return law.slow(t, tilt_of(WZ(y[:2], y[2])), known(y[3], law.form), last)
 
     found = slow(jnp.array(times), jnp.array(states))
     rate, turn = solve_ivp(

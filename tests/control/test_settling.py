@@ -75,14 +75,14 @@ def test_there_are_gains_for_the_limits_that_messages_name(table):
 
 
 def test_modes_change_with_hysteresis():
-    """The regulator comes in below the inner thresholds and goes only beyond the outer ones."""
+    """The end game comes in below the inner thresholds and goes only beyond the outer ones."""
     controller = oscillatory_settling(body(), 5.0)
     step = eqx.filter_jit(controller.step)
 
     def mode(z, begin):
         state = PlantState(WZ([0.0, 0.0], z), [0.0, -ORBIT_RATE, 0.0])
         memory = controller.init(state)
-        memory = memory._replace(fine=memory.fine._replace(regulating=jnp.array(begin)))
+        memory = memory._replace(fine=memory.fine._replace(late=jnp.array(begin)))
         return int(controller.mode(step(jnp.zeros(()), state, memory)[1]))
 
     assert mode(0.029, False) == FineMode.REGULATING
@@ -154,7 +154,7 @@ def _numbers(law):
         name: float(getattr(oscillator, name))
         for name in ("frequency", "tilt_gain", "rate_gain", "largest_amplitude", "ratio")
     }
-    found |= {"k3": float(oscillator.demand.k3), "enter": float(handover.enter_slow_rate)}
+    found |= {"k3": float(oscillator.demand.k3), "enter": float(handover.enter_rate)}
     if hasattr(law, "planner"):
         found |= {"share": float(law.planner.share), "dead_zone": float(law.rate_law.dead_zone)}
     return found

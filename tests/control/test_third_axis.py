@@ -9,9 +9,12 @@ from scipy.spatial.transform import Rotation
 from control.cases import ORBIT_RATE, body
 from jaxsat.attitude import WZ, Quaternion
 from jaxsat.control import FiniteTimeRate, NormalForm, ThirdAxisEstimator, three_slew_settling
-from jaxsat.control.estimators import LEAST_TURN
-from jaxsat.control.oscillatory import FAR_TURN, HELD_TURN, wanted_turn
+from jaxsat.control.estimators import MOST_TURN
+from jaxsat.control.fine import Handover
+from jaxsat.control.normal_form import NormalState
+from jaxsat.control.oscillatory import Slow, turned
 from jaxsat.control.supervisor import Phase
+from jaxsat.control.tilt import tilt_of
 from jaxsat.dynamics import PlantState
 from jaxsat.inertia import normal_axes
 
@@ -19,10 +22,19 @@ LEANING = np.array([[300.0, 30.0, -20.0], [30.0, 220.0, 15.0], [-20.0, 15.0, 260
 AXES = np.array([[1.0, 0.0], [0.1, 0.9], [-0.2, 0.43]])
 
 
-def leaning_form():
+def leaning_form(inertia=LEANING, about_n=0.0):
+    """Its x and y turned about n from those of the reduced inertia by an angle (rad)."""
     directions, _ = np.linalg.qr(AXES)
     axes, _ = normal_axes(LEANING, directions)
-    return NormalForm(body(LEANING), axes, np.eye(2))
+    axes = Rotation.from_rotvec([0, 0, -about_n]).as_matrix() @ axes
+    return NormalForm(body(inertia), axes, np.eye(2))
+
+
+def drift_at(form, turn):
+    """ds/dt at rest in an orbit frame turned by a rotation vector, by Euler's equation."""
+    inertia = np.asarray(form.inertia)
+    rate = Rotation.from_rotvec(-np.asarray(turn)).apply(np.array(form.orbit_rate))
+    return np.cross(inertia @ rate, rate)[2] / inertia[2, 2]
 
 
 def told(form, omega):
@@ -47,34 +59,67 @@ def test_change_of_the_slow_rate_is_that_of_the_rigid_body():
         assert change == pytest.approx(slow_change(form, omega), abs=1e-12)
 
 
-def test_drift_at_rest_and_its_stiffness_are_those_of_the_turned_body():
-    """Euler's equation at the orbit frame's rate, and its change by a small turn about n."""
-    form = leaning_form()
+def test_two_products_are_one_about_the_axes_of_the_reduced_inertia():
+    """In a frame turned about n the believed axes are those of the frame that is not."""
+    form, there = leaning_form(about_n=0.3), leaning_form()
+    third = told(form, [0.0, 0.0, 0.0])
+    assert third.coupling == pytest.approx(float(there.coupling))
+    np.testing.assert_allclose(third.axes, [np.cos(0.3), -np.sin(0.3)], atol=1e-12)
+    for p1, p2 in np.random.default_rng(3).normal(size=(5, 2)):
+        rates = np.array([*turned(third.axes, jnp.array(p1), jnp.array(p2)), 0.0])
+        assert slow_change(form, rates) == pytest.approx(float(third.coupling) * p1 * p2)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.02])
+def test_the_nearest_attitude_that_can_be_held_is_wanted(share):
+    """The turn goes along the steepest change of the drift by SciPy's rotations, as far as allowed.
+
+    Of an inertia nearer to one whose n is a principal axis, so that the drift is small, all of it.
+    """
+    round_one = leaning_form().axes
+    along = np.asarray(round_one @ LEANING @ round_one.T)
+    diagonal = np.asarray(round_one.T @ np.diag(np.diag(along)) @ round_one)
+    form = leaning_form(diagonal + share * (LEANING - diagonal))
     third = told(form, np.asarray(form.rest).tolist())
-    inertia, orbit = np.asarray(form.inertia), np.array(form.orbit_rate)
+    steps = 1e-6 * np.eye(3)
+    slope = np.array([(drift_at(form, e) - drift_at(form, -e)) / 2e-6 for e in steps])
+    needed = -drift_at(form, np.zeros(3)) * slope / (slope @ slope)
+    size = np.linalg.norm(needed)
+    expected = needed * min(1.0, MOST_TURN / size)
+    np.testing.assert_allclose(third.turn, expected, rtol=1e-6)
+    drift = drift_at(form, expected)
+    assert third.drift == pytest.approx(drift, abs=2e-3 * abs(drift_at(form, np.zeros(3))))
+    rest = np.asarray(form.slow(jnp.asarray(third.orbit_rate)))
+    np.testing.assert_allclose(third.rest, rest)
 
-    def drift(turn):
-        rate = Rotation.from_rotvec([0, 0, -turn]).apply(orbit)
-        return np.cross(inertia @ rate, rate)[2] / inertia[2, 2]
 
-    slope = (drift(1e-6) - drift(-1e-6)) / 2e-6
-    assert abs(drift(0.0)) > LEAST_TURN * abs(slope)
-    assert third.drift == pytest.approx(drift(0.0), rel=1e-9)
-    assert third.stiffness == pytest.approx(slope, rel=1e-6)
+def test_an_attitude_relative_to_a_turned_frame():
+    """Against SciPy's rotations."""
+    attitude, turn = Rotation.from_rotvec([0.4, -0.3, 0.9]), np.array([0.02, -0.01, 0.015])
+    q = jnp.asarray(attitude.as_quat(scalar_first=True))
+    state = NormalState(Quaternion(q), jnp.zeros(3), jnp.zeros(3)).relative_to(jnp.asarray(turn))
+    expected = Rotation.from_rotvec(turn).inv() * attitude
+    found = Rotation.from_quat(np.asarray(state.attitude.q), scalar_first=True)
+    assert (found.inv() * expected).magnitude() < 1e-5  # of the third order in the turn
 
 
-def test_a_turn_that_balances_is_wanted_where_it_is_near():
-    third = told(leaning_form(), [0.0, 0.0, 0.0])
+def test_the_end_game_begins_where_it_can_stop_in_time():
+    """A slow rate is stopped within s² / 2a: by the equation of a constant deceleration."""
+    handover, upright = Handover(1e-2), tilt_of(WZ([0.0, 0.0], 0.0))
 
-    def wanted(balanced):
-        stiffness = jnp.array(-1e-6)
-        return float(wanted_turn(third._replace(drift=-balanced * stiffness, stiffness=stiffness)))
+    def works(late, rate, turn, held=0.0):
+        slow, a = Slow(jnp.array(rate), jnp.array(turn)), jnp.array(1e-7)
+        excess, held = jnp.array([0.0, 0.0, rate]), jnp.array(held)
+        return bool(handover(jnp.array(late), upright, slow, excess, a, held))
 
-    assert wanted(0.5 * HELD_TURN) == pytest.approx(0.5 * HELD_TURN)
-    assert wanted(-3 * HELD_TURN) == pytest.approx(-HELD_TURN)
-    assert 0 < wanted(10 * FAR_TURN) < 0.02 * HELD_TURN
-    still = third._replace(drift=jnp.array(1e-9), stiffness=jnp.zeros(()))
-    assert wanted_turn(still) == 0
+    within = np.sqrt(2 * 1e-7 * 0.0099)
+    assert works(False, within, 0.02)
+    assert not works(False, 1.02 * within, 0.02)
+    assert works(False, 1.02 * within, -0.02)
+    assert not works(False, 0.0, 0.029, held=0.012)
+    assert works(True, 1.02 * within, 0.02)
+    assert not works(True, within, 0.036)
+    assert not works(True, 0.0, 0.03, held=0.016)
 
 
 def test_the_rate_law_takes_a_direction_in_which_the_slow_rate_falls_quickly():
