@@ -10,8 +10,8 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, as_optional_float
-from jaxsat.environment import AbstractDisturbance, AbstractOrbit, NoDisturbance
-from jaxsat.vehicle import Spacecraft, Wheels
+from jaxsat.environment import AbstractDisturbance, AbstractOrbit, DipoleField, NoDisturbance
+from jaxsat.vehicle import Magnetorquers, Spacecraft, Wheels
 
 
 class PlantState(eqx.Module):
@@ -40,8 +40,9 @@ class RigidBody(eqx.Module):
     believes of the plant, so that plant and model can differ.
 
     With `wheels` the inertia is that with the wheels locked. A state without wheel momenta is that
-    of the body whose wheels stand still. Raises `ValueError` for wheels of a body whose third rate
-    is held.
+    of the body whose wheels stand still. `magnetorquers` act in the Earth's magnetic `field`.
+    Raises `ValueError` for wheels of a body whose third rate is held, and for magnetorquers without
+    a field.
     """
 
     spacecraft: Spacecraft
@@ -49,8 +50,12 @@ class RigidBody(eqx.Module):
     disturbance: AbstractDisturbance = NoDisturbance()
     third_rate_held: bool = eqx.field(static=True, default=False)
     wheels: Wheels | None = None
+    magnetorquers: Magnetorquers | None = None
+    field: DipoleField | None = None
 
     def __check_init__(self):
+        if self.magnetorquers is not None and self.field is None:
+            raise ValueError("Argument `field` must be given with `magnetorquers`.")
         if self.third_rate_held and self.wheels is not None:
             raise ValueError("The third rate of a body with wheels must not be held.")
 
@@ -155,6 +160,14 @@ class RigidBody(eqx.Module):
         if self.wheels is None or not signs.size:
             return self
         return dataclasses.replace(self, wheels=self.wheels.smooth_piece(signs))
+
+    def magnetic_torque(
+        self, t: float | Float[Array, ""], state: PlantState, dipole: Float[Array, "3"]
+    ) -> Float[Array, "3"]:
+        """m × B in body axes at time `t` (s), N m, of a dipole m in body axes (A m²)."""
+        if self.field is None:
+            return jnp.zeros_like(dipole)
+        return jnp.cross(dipole, self.field.in_body(jnp.asarray(t), state.attitude))
 
     def control_torque(
         self, torque: Float[Array, "3"], wheel_torque: Float[Array, " wheels"] | None

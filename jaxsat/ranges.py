@@ -45,6 +45,7 @@ ORBIT_RATE = Range(0.0, 1.0)
 """ω0, rad/s; a thousand times that of any orbit around the Earth."""
 
 DIPOLE = Range(-1e6, 1e6)
+DIPOLE_LIMIT = Range(1e-9, 1e6)
 """Residual magnetic dipoles, A m²."""
 
 LENGTH = Range(-1e3, 1e3)

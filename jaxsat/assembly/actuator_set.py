@@ -17,7 +17,7 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
 
     Tables [[thruster]] and [[wheel]], or thrusters of `spacecraft.thruster_torque_axes`, whose
     torques have both signs. Net forces are known where every thruster has a position. The momentum
-    is that of body and all wheels at the start; a failed wheel counts as stopped.
+    is that of body and all wheels at the start; a failed wheel coasts with its own.
     """
     wheels = scenario.wheel
     axes = np.array([one.axis for one in wheels], float).reshape(-1, 3).T
@@ -34,6 +34,7 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
         names=jets,
         wheel_axes=axes,
         wheel_names=spun,
+        stored=stored,
         momentum=inertia @ np.array(scenario.initial.omega_rad_s) + axes @ stored,
     )
     failed = [*failed, *(one.failed for one in wheels)]

@@ -4,10 +4,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from jaxsat.assembly.actuators import thruster_context, torque_limit
 from jaxsat.assembly.errors import BuildError
 from jaxsat.assembly.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.assembly.plugin_trial import broken
+from jaxsat.assembly.pulsed_thrusters import thruster_context
 from jaxsat.checks import as_float
 from jaxsat.control import (
     AbstractController,
@@ -24,7 +24,7 @@ from jaxsat.scenario.control_tables import ModelTable
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law, is_plugin
-from jaxsat.scenario.layout import believed_axes
+from jaxsat.scenario.layout import believed_axes, torque_limit
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wheel_tables import left_by_wheels
 from jaxsat.vehicle import Spacecraft

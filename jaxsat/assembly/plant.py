@@ -1,11 +1,12 @@
 """From a scenario to the plant."""
 
 import pkgutil
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.assembly.magnetorquers import build_magnetorquers
 from jaxsat.assembly.plugin_trial import made_part, require_torque
 from jaxsat.assembly.wheels import build_wheels
 from jaxsat.attitude import Quaternion
@@ -16,6 +17,7 @@ from jaxsat.environment import (
     AbstractDisturbance,
     AbstractOrbit,
     CircularOrbit,
+    DipoleField,
     DisturbanceContext,
     ExactOrbit,
     PanelDrag,
@@ -25,12 +27,12 @@ from jaxsat.environment import (
     SmallAngleOrbit,
     SumOfDisturbances,
     Sunlight,
-    circular_orbit_rate,
 )
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import OrbitTable
 from jaxsat.vehicle import Spacecraft
 
 
@@ -41,13 +43,15 @@ def build_plant(scenario: Scenario) -> RigidBody:
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     held = table.third_rate == "held"
     disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
-    return RigidBody(spacecraft, orbit, disturbance, held, build_wheels(scenario))
+    torquers = build_magnetorquers(scenario)
+    field = None if torquers is None else DipoleField(place_of(scenario.orbit))
+    wheels = build_wheels(scenario)
+    return RigidBody(spacecraft, orbit, disturbance, held, wheels, torquers, field)
 
 
 def orbit_rate(scenario: Scenario) -> float:
     """ω0, rad/s, given or by the altitude."""
-    rate, altitude = scenario.orbit.rate_rad_s, scenario.orbit.altitude_km
-    return circular_orbit_rate(1000 * cast(float, altitude)) if rate is None else rate
+    return scenario.orbit.rate()
 
 
 def orbit_of(relation: str, rate: float) -> AbstractOrbit:
@@ -55,16 +59,15 @@ def orbit_of(relation: str, rate: float) -> AbstractOrbit:
     return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
 
 
-def _place(scenario: Scenario) -> CircularOrbit:
-    """Where the orbit of the scenario is."""
-    table = scenario.orbit
+def place_of(table: OrbitTable) -> CircularOrbit:
+    """Where an orbit is."""
     angles = (
         table.inclination_rad,
         table.ascending_node_rad,
         table.argument_of_latitude_rad,
         table.sidereal_angle_rad,
     )
-    return CircularOrbit(orbit_rate(scenario), *angles)
+    return CircularOrbit(table.rate(), *angles)
 
 
 def periodic_torque(
@@ -79,7 +82,7 @@ def periodic_torque(
 def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
     """All torques that are asked for; that of (2) is always there."""
     table = scenario.disturbance
-    context = DisturbanceContext(inertia, orbit_rate(scenario), _place(scenario))
+    context = DisturbanceContext(inertia, orbit_rate(scenario), place_of(scenario.orbit))
     terms: list[AbstractDisturbance] = []
     for place, declaration in DISTURBANCES.items():
         if scenario.panel and declaration in (AERODYNAMIC, SOLAR):

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from jaxsat.assembly.actuators import build_actuators, ideal_thrusters
 from jaxsat.assembly.controller import build_controller
 from jaxsat.assembly.errors import BuildError, at_key, made_of_numbers
+from jaxsat.assembly.magnetorquers import build_steering
 from jaxsat.assembly.navigation import build_navigation
 from jaxsat.assembly.plant import build_plant
 from jaxsat.assembly.plugin_trial import require_runs
@@ -134,7 +135,10 @@ def _closed(
         sensors, delay = build_sampling(scenario)
         navigation = build_navigation(scenario)
         actuators = build_actuators(scenario)
-        return SampledLoop(plant, controller, actuators, substeps, sensors, delay, navigation)
+        magnetic = None if plant.field is None else build_steering(scenario, plant.field)
+        return SampledLoop(
+            plant, controller, actuators, substeps, sensors, delay, navigation, magnetic
+        )
     if uses_error_coordinates(flattened(scenario)):
         return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
     return ContinuousLoop(plant, controller, cast(AbstractActuators, build_actuators(scenario)))

@@ -45,6 +45,7 @@ from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, Distr
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
+from jaxsat.scenario.thruster_tables import names_of, signs
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
@@ -114,7 +115,24 @@ def build_study(
         description=description,
         remark=remark,
         history=history,
+        names=_names(scenario),
     )
+
+
+def _names(scenario: Scenario) -> tuple[str, ...]:
+    """Of thrusters that work at the start, two-sided ones twice, of wheels and magnetorquers."""
+    tables = scenario.thruster
+    named = zip(tables, names_of(tables), strict=True)
+    jets = [name for one, name in named if not one.failed for _ in signs(one)]
+    if not tables:
+        numbers = range(1, 1 + len(scenario.spacecraft.thruster_torque_axes or ()))
+        jets = [str(n) for n in numbers if n not in scenario.spacecraft.failed_thrusters]
+    kinds = {
+        "thruster": jets,
+        "wheel": names_of(scenario.wheel),
+        "magnetorquer": names_of(scenario.magnetorquer),
+    }
+    return tuple(f"{kind} {name}" for kind, names in kinds.items() for name in names)
 
 
 def _with_library(run: Run, path: Path) -> Run:

@@ -12,6 +12,7 @@ from jaxsat.cli.bugs import report_error, thread_errors_reported
 from jaxsat.cli.compare import compare
 from jaxsat.cli.computing import import_interruptibly
 from jaxsat.cli.controllability import controllability
+from jaxsat.cli.convert import convert
 from jaxsat.cli.design import design
 from jaxsat.cli.export import export
 from jaxsat.cli.montecarlo import montecarlo
@@ -49,6 +50,7 @@ app.command(controllability)
 app.command(export)
 app.command(reproduce)
 app.command(report)
+app.command(convert)
 app.command(scenarios)
 
 

@@ -81,11 +81,12 @@ def bound(
             "thruster: must be left out for a bound, which knows thrusters that make a torque of "
             f"either sign, got {len(chosen.thruster)}"
         )
-    if chosen.wheel:
-        raise UserMistake(
-            "wheel: must be left out for a bound, which knows thrusters that make a torque of "
-            f"either sign, got {len(chosen.wheel)}"
-        )
+    for kind in ("wheel", "magnetorquer"):
+        if getattr(chosen, kind):
+            raise UserMistake(
+                f"{kind}: must be left out for a bound, which knows thrusters that make a torque "
+                f"of either sign, got {len(getattr(chosen, kind))}"
+            )
     if chosen.spacecraft.torque_limit_N_m is None:
         raise UserMistake(
             "spacecraft.torque_limit_N_m: must be given in N m, as thrusters without a limit need "

@@ -16,6 +16,7 @@ from jaxsat.cli.options import (
     Flag,
     OptionalPath,
     OutputPath,
+    Report,
     Seed,
     StartsOrNone,
     Workers,
@@ -23,6 +24,7 @@ from jaxsat.cli.options import (
 )
 from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.progress import show_progress
+from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_files import refuse_csv, tell_repair
 from jaxsat.cli.study_text import progress_text
@@ -72,6 +74,7 @@ def compare(
     workers: Workers = None,
     bounds: StartsOrNone = 0,
     csv: OptionalPath = None,
+    report: Report = False,
     overwrite: Flag = False,
     yes: Flag = False,
     elsewhere: Flag = False,
@@ -109,8 +112,11 @@ def compare(
     csv
         File for a table of all cases, one row each: law, outcome, times, effort, final state and
         what was drawn, in columns that name their units.
+    report
+        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
+        the file that is named.
     overwrite
-        Replace the file of --csv; what is in the folder is resumed.
+        Replace the files of --csv and --report; what is in the folder is resumed.
     yes
         Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
@@ -123,8 +129,11 @@ def compare(
     if csv is not None:
         refuse_nested(("--csv", csv), ("--out", out))
         refuse_csv(csv, overwrite=overwrite)
-    elif overwrite:
-        raise UserMistake("--overwrite: must be given with --csv, as a comparison is resumed")
+    elif overwrite and report is False:
+        raise UserMistake(
+            "--overwrite: must be given with --csv or --report, as a comparison is resumed"
+        )
+    planned = planned_report(report, out, overwrite=overwrite)
     use_double_precision()
     from jaxsat.comparison import LAWS, LEVELS, ComparisonRun, comparison_settings
     from jaxsat.results import OutputError, ResumableFolder, save_file
@@ -155,6 +164,7 @@ def compare(
         for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):
             print_stdout(line)
         print_stdout(f"written to {out}{f' and {csv}' if csv else ''}")
+    finish_report(planned, quiet=quiet)
     return SUCCESS
 
 

@@ -8,10 +8,11 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPath, Overrides, number
+from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report, number
 from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import SUCCESS, output_problem, print_stdout, show_table
+from jaxsat.cli.report import finish_report, planned_report
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout, show_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,6 +39,7 @@ def controllability(
     *,
     overrides: Overrides = (),
     out: OptionalPath = None,
+    report: Report = False,
     overwrite: Flag = False,
     quiet: Flag = False,
     drift: Flag = False,
@@ -54,8 +56,11 @@ def controllability(
         spacecraft.failed_thrusters=[2,3]; may be given several times.
     out
         Folder to write tables, maps and the page to; nothing is written if left out.
+    report
+        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
+        the file that is named.
     overwrite
-        Replace the folder if jaxsat wrote it before.
+        Replace the folder, or the file of --report, if jaxsat wrote it before.
     quiet
         Print nothing unless something is wrong.
     drift
@@ -64,6 +69,9 @@ def controllability(
         Margins below this are called borderline; take the relative error of your inertia.
     """
     chosen = load_or_explain(scenario, overrides, "motion")
+    if report is not False and out is None:
+        raise UserMistake("--report: must be given with --out, the folder of what it tells")
+    planned = None if out is None else planned_report(report, out, overwrite=overwrite)
     if out is not None:
         from jaxsat.results import OutputFolder
 
@@ -74,7 +82,15 @@ def controllability(
     from jaxsat.report.controllability_page import controllability_lines
 
     torque = chosen.spacecraft.torque_limit_N_m or 1.0
-    lines = controllability_lines(judgement, analysis, torque=torque)
+    from jaxsat.controllability import judge_once_stopped
+
+    stopped = judge_once_stopped(judgement, tolerance)
+    lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
+    if chosen.magnetorquer:
+        lines.append(
+            "Magnetorquers are not judged: their torque is across the Earth's field alone, which "
+            "turns along the orbit. The verdict is that of thrusters and wheels without them."
+        )
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: single and double failures alone")
     if chosen.disturbance.torques:
@@ -89,6 +105,7 @@ def controllability(
         _print(lines, cases, found[0])
         if out is not None:
             print_stdout(f"written to {out}")
+    finish_report(planned, quiet=quiet)
     return SUCCESS
 
 
@@ -105,7 +122,7 @@ def _analyse(
     left = actuators.only(working)
     judgement, analysis = judge(inertia, left, tolerance=tolerance), None
     disturbance = scenario.disturbance.amplitude_N_m
-    if judgement.decision is not None:
+    if judgement.decision is not None and not judgement.coasting:
         analysis = analyse(
             inertia,
             left.columns,
@@ -262,12 +279,15 @@ def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -
         print_stdout(line.replace("**", ""))
     table = Table(pad_edge=False)
     numbers = ("rank", "margin", "turn at 1 N m (s)")
-    for heading in ("failed", "rank", "verdict", "margin", "turn at 1 N m (s)", "lost"):
+    both = any(case.once_stopped for case in cases)
+    headings = ["failed", "rank", "verdict", "margin", "turn at 1 N m (s)", "lost"]
+    for heading in [*headings, *(["once stopped"] if both else [])]:
         table.add_column(heading, justify="right" if heading in numbers else "left")
     for record in failure_records(cases):
         verdict = Text(str(record["verdict"]), style=COLOURS[str(record["verdict"])])
         margin, turn = (f"{float(record[name]):.3g}" for name in ("margin", "turn_time_s"))
         rank = "{rank}" if record["dimension"] == 6 else "{rank} of {dimension}"
         row = (Text(str(record["failed"])), rank.format(**record), verdict, margin, turn)
-        table.add_row(*row, str(record["lost"]))
+        later = (str(record["once_stopped"]),) if both else ()
+        table.add_row(*row, str(record["lost"]), *later)
     show_table(table)

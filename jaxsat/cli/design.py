@@ -11,12 +11,14 @@ from jaxsat.cli.options import (
     OptionalPath,
     OptionalSeed,
     Overrides,
+    Report,
     Text,
     Workers,
     number,
     whole,
 )
 from jaxsat.cli.progress import show_progress
+from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_text import progress_text as study_progress_text
 from jaxsat.cli.terminal import (
@@ -60,8 +62,11 @@ def design(
     steps: Annotated[int, Parameter(converter=whole(0, MAX_STEPS))] = 16,
     seed: OptionalSeed = None,
     attitude: Literal["wanted", "nearest"] = "wanted",
+    goal: Literal["quickest", "settled"] = "quickest",
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
+    report: Report = False,
+    overwrite: Flag = False,
     yes: Flag = False,
     elsewhere: Flag = False,
     quiet: Flag = False,
@@ -97,10 +102,18 @@ def design(
     attitude
         wanted, that of the orbit frame; nearest, where that cannot be held the nearest one that
         can be, to which the body axes of designed.toml are turned.
+    goal
+        quickest, the quickest law of those that settle most, its gains tuned; settled, the first
+        law that surely settles the wanted fraction, and tuning only where none does.
     engine
         As for `jaxsat montecarlo`.
     workers
         Chunks computed at once; as many as processors if left out.
+    report
+        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
+        the file that is named.
+    overwrite
+        Replace the file of --report; what is in the folder is resumed.
     yes
         Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
@@ -111,6 +124,7 @@ def design(
     """
     vehicle = _vehicle(scenario, overrides)
     target = Path(f"jaxsat-{Path(scenario).stem}-designed") if out is None else out
+    planned = planned_report(report, target, overwrite=overwrite)
     require_approval([_work(vehicle, cases, steps)], target, yes=yes, quiet=quiet)
     executor = chosen_executor(workers, None, None, None)
 
@@ -135,6 +149,7 @@ def design(
                 steps=steps,
                 seed=seed,
                 attitude=attitude,
+                goal=goal,
                 engine=engine,
                 executor=executor,
                 out=target,
@@ -153,7 +168,9 @@ def design(
     except (KeyboardInterrupt, Terminated) as stop:
         kept = f"what is done is in {target}; the same command resumes"
         raise type(stop)(kept) from None
-    return _concluded(found, target, quiet)
+    status = _concluded(found, target, quiet)
+    finish_report(planned, quiet=quiet)
+    return status
 
 
 def _vehicle(scenario: str, overrides: tuple[str, ...]) -> "Vehicle":

@@ -18,11 +18,13 @@ from jaxsat.cli.options import (
     OptionalPath,
     OptionalSeed,
     Overrides,
+    Report,
     Text,
     Workers,
 )
 from jaxsat.cli.places import refuse_nested, try_folder
 from jaxsat.cli.progress import show_progress
+from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.study_files import (
     figures_folder,
@@ -68,6 +70,7 @@ def montecarlo(
     devices: Workers = None,
     figures: OptionalPath = None,
     csv: OptionalPath = None,
+    report: Report = False,
     history: Instants = None,
     yes: Flag = False,
     elsewhere: Flag = False,
@@ -117,8 +120,11 @@ def montecarlo(
     case
         Compute this case alone again and write its whole trajectory.
     overwrite
-        Replace the file of --csv, or with --case the folder if jaxsat wrote it before; a store is
-        resumed.
+        Replace the files of --csv and --report, or with --case the folder if jaxsat wrote it
+        before; a store is resumed.
+    report
+        Write a report of the results too, as by `jaxsat report`: beside the store, .html in place
+        of .zarr, or the file that is named; with --case report.html in its folder.
     figures
         Folder for figures: settling times, where it settles, convergence, fans of attitude and
         rates.
@@ -143,17 +149,20 @@ def montecarlo(
         raise UserMistake("--case: must be given without --figures, which show a whole study")
     if case is not None and csv is not None:
         raise UserMistake("--case: must be given without --csv, which has all cases of a study")
-    if case is None and csv is None and overwrite:
-        raise UserMistake("--overwrite: must be given with --case or --csv; a store is resumed")
+    if case is None and csv is None and report is False and overwrite:
+        raise UserMistake(
+            "--overwrite: must be given with --case, --csv or --report; a store is resumed"
+        )
     if controller is not None and (processes or scheduler or devices):
         raise UserMistake("--controller: must go without --processes, --scheduler and --devices")
-    target = out or Path(f"jaxsat-{stem}.zarr")
+    target = out or Path(f"jaxsat-{stem}{'.zarr' if case is None else f'-{case}'}")
     more = {"--figures": figures, "--csv": csv}
     places = [(option, place) for option, place in more.items() if place is not None]
     for one, other in itertools.combinations([*places, ("--out", target)], 2):
         refuse_nested(one, other)
     if csv is not None:
         refuse_csv(csv, overwrite=overwrite)
+    planned = planned_report(report, target, overwrite=overwrite, store=case is None)
     chosen = load_or_explain(scenario, overrides, "study")
     if figures is not None:
         try_folder(lambda: figures_folder(figures))
@@ -187,8 +196,9 @@ def montecarlo(
     if rule is not None and study.has_fixed_size:
         raise UserMistake("--until-ci: must go with another design than latin-hypercube")
     if case is not None:
-        folder = out or Path(f"jaxsat-{stem}-{case}")
-        return write_one_case(chosen, study, case, folder, overwrite=overwrite, quiet=quiet)
+        write_one_case(chosen, study, case, target, overwrite=overwrite, quiet=quiet)
+        finish_report(planned, quiet=quiet)
+        return SUCCESS
     executor = chosen_executor(workers, processes, scheduler, devices)
     require_approval([study_work(study, rule)], target, yes=yes, quiet=quiet)
     try:
@@ -210,6 +220,7 @@ def montecarlo(
             print_stdout(line)
         written = [target, *(place for _, place in places)]
         print_stdout(f"written          {', '.join(map(str, written))}")
+    finish_report(planned, quiet=quiet)
     return SUCCESS
 
 

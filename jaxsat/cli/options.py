@@ -111,4 +111,6 @@ OutputPath = Annotated[Path, Parameter(converter=_converter(place))]
 OptionalPath = Annotated[Path | None, Parameter(converter=_converter(place))]
 Text = Annotated[str | None, Parameter(converter=_converter(something))]
 Flag = Annotated[bool, Parameter(negative="")]
+Report = Annotated[bool | Path, Parameter(negative="")]
+"""`--report` alone, or with a file."""
 Overrides = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]

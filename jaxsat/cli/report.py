@@ -1,12 +1,18 @@
-"""`jaxsat report`: one HTML file of results."""
+"""`jaxsat report`: one HTML file of results, and `--report` of the commands that write results."""
 
+import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.options import Flag, OutputPath, place
+from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout
+
+REPORT = "report.html"
+"""What `--report` writes into a folder of results."""
 
 
 def report(
@@ -17,13 +23,14 @@ def report(
 ) -> int:
     """Write one HTML file of results: verdict, 3-D replay, linked plots, tables, provenance.
 
-    The file needs no network. Several paths go into one file.
+    The file needs no network. Several paths go into one file. Commands that write results do the
+    same for theirs with --report.
 
     Parameters
     ----------
     paths
-        Folders and stores that jaxsat wrote: of a run, a study, a tuning, a comparison or a
-        reproduction.
+        Folders and stores that jaxsat wrote: of a run, a study, a tuning, a comparison, a design,
+        a reproduction or an analysis of controllability.
     out
         File to write.
     overwrite
@@ -34,6 +41,7 @@ def report(
     if not paths:
         raise UserMistake("report: must be given at least one path, got none")
     use_double_precision()
+    _require_packages()
     write_report([place("PATH", path) for path in paths], out, overwrite=overwrite)
     if not quiet:
         print_stdout(f"written to {out}")
@@ -46,17 +54,82 @@ def write_report(paths: Sequence[Path], out: Path, *, overwrite: bool) -> None:
 
     try:
         refuse_existing(out, overwrite=overwrite)
-        show_progress("making the report")
-        page = interruptibly(lambda: _page(paths))
-        save_file(out, page, overwrite=overwrite)
+        save_file(out, _page(paths), overwrite=overwrite)
     except OutputError as error:
         raise output_problem(error) from None
 
 
-def _page(paths: Sequence[Path]) -> str:
-    from jaxsat.page import MissingPackages, report_page
+@dataclass(frozen=True)
+class PlannedReport:
+    """What `--report` asked for: a page of `results`, in their folder or in a file elsewhere."""
+
+    results: Path
+    file: Path
+    inside: bool
+    overwrite: bool
+
+    def write(self) -> None:
+        """Make and write the page, once the results are written."""
+        from jaxsat.results import OutputError, ResumableFolder, save_file
+
+        use_double_precision()
+        try:
+            page = _page([self.results])
+            if self.inside:
+                with ResumableFolder.of_any_kind(self.results) as folder:
+                    folder.write(REPORT, page)
+            else:
+                save_file(self.file, page, overwrite=self.overwrite, option="--report")
+        except OutputError as error:
+            raise output_problem(error) from None
+
+
+def planned_report(
+    asked: bool | Path, results: Path, *, overwrite: bool, store: bool = False
+) -> PlannedReport | None:
+    """What `--report` asks for, None for nothing; raises `UserMistake` for what cannot be.
+
+    `store` says that the results are a store of a study, beside which the page is put.
+    """
+    if asked is False:
+        return None
+    from jaxsat.results import OutputError, refuse_existing
+
+    _require_packages()
+    if asked is True:
+        file = results.with_suffix(".html") if store else results / REPORT
+    else:
+        file = place("--report", str(asked))
+    if not store and os.path.realpath(file) == os.path.realpath(results / REPORT):
+        return PlannedReport(results, file, inside=True, overwrite=overwrite)
+    refuse_nested(("--report", file), ("--out", results))
+    try:
+        refuse_existing(file, overwrite=overwrite, option="--report")
+    except OutputError as error:
+        raise output_problem(error) from None
+    return PlannedReport(results, file, inside=False, overwrite=overwrite)
+
+
+def finish_report(planned: PlannedReport | None, *, quiet: bool) -> None:
+    """Write the page that was asked for, and say where it is."""
+    if planned is None:
+        return
+    planned.write()
+    if not quiet:
+        print_stdout(f"report written to {planned.file}")
+
+
+def _require_packages() -> None:
+    from jaxsat.page import MissingPackages, require_packages
 
     try:
-        return report_page(paths)
+        require_packages()
     except MissingPackages as error:
         raise UserMistake(str(error)) from None
+
+
+def _page(paths: Sequence[Path]) -> str:
+    from jaxsat.page import report_page
+
+    show_progress("making the report")
+    return interruptibly(lambda: report_page(paths))

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OutputPath
+from jaxsat.cli.options import Flag, OutputPath, Report
 from jaxsat.cli.progress import show_progress
+from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
@@ -29,6 +30,7 @@ COLOURS = {"HOLDS": "green", "ONLY_IF": "yellow", "FAILS": "red"}
 def reproduce(
     *,
     out: OutputPath = Path("jaxsat-reproduction"),
+    report: Report = False,
     overwrite: Flag = False,
     quiet: Flag = False,
 ) -> int:
@@ -38,11 +40,16 @@ def reproduce(
     ----------
     out
         Folder to write to.
+    report
+        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
+        the file that is named.
     overwrite
-        Replace the folder if jaxsat wrote it before.
+        Replace the folder, or the file of --report, if jaxsat wrote it before.
     quiet
         Print nothing unless something is wrong.
     """
+    planned = planned_report(report, out, overwrite=overwrite)
+
     from jaxsat.results import OutputError, OutputFolder
 
     try:
@@ -57,6 +64,7 @@ def reproduce(
     if not quiet:
         _print_verdicts(claims)
         print_stdout(f"written to {out}: verdicts.md, figures (PNG, SVG), trajectories (netCDF)")
+    finish_report(planned, quiet=quiet)
     failed = [name for name, data in datasets.items() if data.attrs["outcome_code"] != 0]
     if failed:
         print_stderr(f"these runs ended early, so their claims say little: {', '.join(failed)}")

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.computing import in_background, interruptibly
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPath, Overrides
+from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report
 from jaxsat.cli.progress import show_progress
+from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.summary import failure_advice, print_summary
 from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, print_stderr
 from jaxsat.cli.words import command_line
@@ -26,6 +27,7 @@ def simulate(
     *,
     overrides: Overrides = (),
     out: OptionalPath = None,
+    report: Report = False,
     overwrite: Flag = False,
     quiet: Flag = False,
 ) -> int:
@@ -40,13 +42,17 @@ def simulate(
         given several times.
     out
         Folder to write to; jaxsat-NAME in the current folder if left out.
+    report
+        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
+        the file that is named.
     overwrite
-        Replace the folder if jaxsat wrote it before.
+        Replace the folder, or the file of --report, if jaxsat wrote it before.
     quiet
         Print nothing unless something is wrong.
     """
     chosen = load_or_explain(scenario, overrides)
     target = Path(f"jaxsat-{Path(scenario).stem}") if out is None else out
+    planned = planned_report(report, target, overwrite=overwrite)
 
     from jaxsat.results import OutputError, OutputFolder
 
@@ -62,6 +68,7 @@ def simulate(
         raise output_problem(error) from None
     if not quiet:
         print_summary(dataset, scenario, chosen.control.law, seconds, target, files)
+    finish_report(planned, quiet=quiet)
     if dataset.attrs["outcome_code"] == 0:
         return SUCCESS
     print_stderr(f"{failure_advice(dataset)}; what there is was written to {target}")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import interruptibly
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stderr, print_stdout
+from jaxsat.cli.terminal import UserMistake, output_problem, print_stderr, print_stdout
 
 if TYPE_CHECKING:
     import numpy as np
@@ -127,7 +127,7 @@ def write_one_case(
     *,
     overwrite: bool,
     quiet: bool,
-) -> int:
+) -> None:
     """One case again, as a folder like that of `jaxsat simulate`."""
     from jaxsat.report.figures import trajectory_figures
     from jaxsat.report.saving import save_figures
@@ -148,7 +148,6 @@ def write_one_case(
         for line in drawn:
             print_stdout(line)
         print_stdout(f"written to {target}")
-    return SUCCESS
 
 
 def replayed(
@@ -161,15 +160,18 @@ def replayed(
     from jaxsat.declaration.quantities import DISPERSIBLE
     from jaxsat.results import trajectory_dataset
     from jaxsat.scenario import dump
-    from jaxsat.scenario.laws import find_law
+    from jaxsat.scenario.laws import find_law, known_law
     from jaxsat.simulation import Assessment, Trajectory
 
     replay = study.replay(number)
     steps = jnp.array(len(replay.times) - 1)
     signals = jax.tree.map(jnp.asarray, replay.signals)
     code = jnp.asarray(replay.outputs.code)
-    settled = Assessment(jnp.asarray(replay.outputs.settling_time))
-    trajectory = Trajectory(jnp.asarray(replay.times), signals, None, code, steps, settled)
+    settled, unknown = jnp.asarray(replay.outputs.settling_time), jnp.asarray(jnp.nan)
+    law = known_law(scenario.control.law)
+    attitude = law is None or law.declaration.regulates_attitude
+    assessment = Assessment(settled, unknown) if attitude else Assessment(unknown, settled)
+    trajectory = Trajectory(jnp.asarray(replay.times), signals, None, code, steps, assessment)
     dataset = trajectory_dataset(
         trajectory,
         title=scenario.title,

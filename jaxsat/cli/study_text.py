@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from jaxsat.montecarlo import Sensitivity, StudyProgress, Summary
+    from jaxsat.montecarlo import RecoverySummary, Sensitivity, StudyProgress, Summary
 
 SHOWN = 8
 """Entries of a sensitivity ranking that are printed."""
@@ -37,11 +37,61 @@ def summary_lines(summary: "Summary") -> list[str]:
         ]
         if parts:
             lines.append(f"{title:<16} {', '.join(parts)} {unit}")
+    lines += recovery_lines(summary.recovery)
     lines.append(f"worst cases      {', '.join(map(str, summary.worst))} (see --case)")
     rankings = {"the cost": summary.cost_sensitivity, "settling": summary.settling_sensitivity}
     for result, ranking in rankings.items():
         lines += _ranking_lines(result, ranking)
     return lines
+
+
+def recovery_lines(found: "RecoverySummary | None") -> Iterator[str]:
+    """What came of failures in flight: by kind, the alarms without one, and the cases explained."""
+    if found is None:
+        return
+    from jaxsat.montecarlo import reason_words
+
+    yield "recovered, by kind of failure (95 % intervals)"
+    width = max(len(row.kind) for row in found.by_kind)
+    for row in found.by_kind:
+        one, known = row.recovered, row.of_recoverable
+        line = (
+            f"  {row.kind:<{width}}  {row.settled} of {row.cases}, {one.low:.2%} to {one.high:.2%}"
+        )
+        if row.recoverable < row.cases and known is not None:
+            line += (
+                f"; {row.settled} of {row.recoverable} recoverable, "
+                f"{known.low:.2%} to {known.high:.2%}"
+            )
+        yield line + "".join(
+            f"; {number} {reason_words(reason)}" for reason, number in row.reasons.items()
+        )
+    yield from _diagnosis_lines(found, width)
+    for entry in found.unrecovered[:SHOWN]:
+        yield f"  case {entry.case}: {entry.text}"
+    if len(found.unrecovered) > SHOWN:
+        yield f"  and {len(found.unrecovered) - SHOWN} cases more, in the store, --csv and report"
+
+
+def _diagnosis_lines(found: "RecoverySummary", width: int) -> Iterator[str]:
+    """How failures were detected and isolated, and alarms without a failure."""
+    told = [(row, row.diagnosis) for row in found.by_kind if row.diagnosis is not None]
+    if told:
+        yield "diagnosis, by kind of failure (50 % and 90 % of delays to alarm and verdict)"
+    for row, one in told:
+        late = [
+            ", ".join(f"{value.value:.3g}" for value in delays.values()) or "-"
+            for delays in (one.detection_delay, one.isolation_delay)
+        ]
+        yield (
+            f"  {row.kind:<{width}}  {one.detected} of {row.cases} detected ({late[0]} s), "
+            f"{one.isolated} isolated rightly (+ {late[1]} s), {one.as_kind} with the right kind"
+        )
+    if found.false_alarms is not None:
+        yield (
+            f"false alarms     {found.false_alarms} in {found.healthy_time / 3600:.1f} h "
+            "before any failure"
+        )
 
 
 def _ranking_lines(result: str, ranking: "Sequence[Sensitivity]") -> Iterator[str]:

@@ -79,10 +79,12 @@ def settling_text(dataset: "xr.Dataset", law: str) -> str:
 def effort_text(dataset: "xr.Dataset") -> str:
     """What actuators spent and, told apart, the ideal torque that holds the third rate."""
     axes = ", ".join(f"{float(part):.4g}" for part in dataset["effort"])
-    text = f"({axes}) N m s by the thrusters"
-    if "wheel_momentum" in dataset:
-        most = abs(dataset["wheel_momentum"]).max("time")
-        text = f"({axes}) N m s by all actuators; wheels up to {_numbers(most)} N m s"
+    several = {"wheel_momentum", "dipole"} & set(dataset)
+    text = f"({axes}) N m s by {'all actuators' if several else 'the thrusters'}"
+    for name, what in (("wheel_momentum", "wheels"), ("dipole", "magnetorquers")):
+        if name in dataset:
+            unit = {"A m2": "A m²"}.get(dataset[name].units, "N m s")
+            text += f"; {what} up to {_numbers(abs(dataset[name]).max('time'))} {unit}"
     if "constraint_effort" not in dataset:
         return text
     peak = float(abs(dataset["constraint_torque"]).max())

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import BatchSize, Flag, OptionalPath, Overrides, Workers
+from jaxsat.cli.options import BatchSize, Flag, OptionalPath, Overrides, Report, Workers
 from jaxsat.cli.progress import show_progress
+from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import (
     SUCCESS,
     Terminated,
@@ -42,6 +43,8 @@ def tune(
     workers: Workers = None,
     batch_size: BatchSize = 32,
     baselines: Flag = False,
+    report: Report = False,
+    overwrite: Flag = False,
     yes: Flag = False,
     elsewhere: Flag = False,
     quiet: Flag = False,
@@ -71,6 +74,11 @@ def tune(
     baselines
         Afterwards spend as many trajectories, or what [tuning] says, on Nelder-Mead, random
         search, CMA-ES and BFGS.
+    report
+        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
+        the file that is named.
+    overwrite
+        Replace the file of --report; what is in the folder is resumed.
     yes
         Begin even what takes more steps, memory or disk than jaxsat does unasked.
     elsewhere
@@ -82,6 +90,7 @@ def tune(
     chosen = load_or_explain(scenario, overrides, "study")
     use_double_precision()
     target = Path(f"jaxsat-{Path(scenario).stem}-tuned") if out is None else out
+    planned = planned_report(report, target, overwrite=overwrite)
 
     from jaxsat.assembly.tuning import build_plan
     from jaxsat.results import OutputError
@@ -113,6 +122,7 @@ def tune(
         raise output_problem(error, "--elsewhere") from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
+    finish_report(planned, quiet=quiet)
     return SUCCESS
 
 

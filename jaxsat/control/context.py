@@ -14,12 +14,14 @@ class ThrusterContext(NamedTuple):
     """What a law that commands the duties of thrusters is told of them.
 
     `cost` is what full thrust of each costs, `rate_noise` (rad/s) the standard deviation of the
-    rates that the law is told, zero where they are exact.
+    rates that the law is told, zero where they are exact. `pulse` (s) is the least on-time, of
+    which each gives whole multiples, zero where any on-time will do.
     """
 
     model: ThrusterModel
     cost: Float[np.ndarray, " m"]
     rate_noise: float
+    pulse: Float[np.ndarray, " m"]
 
 
 class LawContext(NamedTuple):

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
 from jaxsat.control.reconfiguration import Left, Reconfiguration
 from jaxsat.control.sampled import AbstractSampledController
@@ -20,8 +21,9 @@ from jaxsat.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
-PROBE_INTERVAL = 30.0
-"""s; a failed thruster is given a test pulse so often, whose effect would show that it works."""
+PROBE_INTERVAL = 2.0
+"""Over the natural frequency: a failed thruster is given a test pulse so often, whose effect would
+show that it works."""
 
 TEST_PERIODS = 3
 """Control periods from the test pulse of one thruster to that of the next, during an alarm."""
@@ -50,7 +52,8 @@ class TolerantMemory(NamedTuple):
     """Memories of all parts, the number of the failed set, the `Left` and the `TolerantMode`.
 
     `on_time` (s) is what was commanded of each thruster since the last sample, `spill` (s) what of
-    that reaches into the next period, `probe` (s) the time since the last test pulse.
+    that reaches into the next period, `probe` (s) the time since the last test pulse. `owed`
+    (N m s) is what whole pulses have left out so far.
     """
 
     diagnosis: DiagnosisMemory
@@ -60,6 +63,7 @@ class TolerantMemory(NamedTuple):
     on_time: Float[Array, " m"]
     spill: Float[Array, " m"]
     probe: RealScalar
+    owed: Float[Array, "3"]
     number: Int[Array, ""]
     left: Int[Array, ""]
     mode: Int[Array, ""]
@@ -91,7 +95,7 @@ class FaultTolerant(AbstractSampledController):
     either sign are left in a plane, `settling` has the law of three slews in the normal form of
     that plane; else rates are damped by whatever thruster takes energy out. `settling` holds laws
     of up to two structures, those with a regulator and those without. During an alarm the suspect
-    and all thrusters in turn give test pulses. Those that have failed do every `PROBE_INTERVAL`,
+    and its rivals in turn give test pulses. Thrusters that have failed do every `PROBE_INTERVAL`,
     so that one that works again is found.
     """
 
@@ -101,6 +105,7 @@ class FaultTolerant(AbstractSampledController):
     healthy: QuaternionFeedback
     diagnosis: Diagnosis
     reconfiguration: Reconfiguration
+    rounding: PulseRounding
     settling: tuple[SettlingLaws, ...]
     group: Int[Array, " sets"]
     period: RealScalar = eqx.field(converter=as_float)
@@ -121,6 +126,7 @@ class FaultTolerant(AbstractSampledController):
             zero,
             zero,
             zero[0],
+            jnp.zeros(3, state.omega.dtype),
             first,
             jnp.array(Left.THREE_AXES),
             jnp.array(TolerantMode.THREE_AXES),
@@ -141,12 +147,18 @@ class FaultTolerant(AbstractSampledController):
             begins = (left == Left.PLANE) & ((number != memory.number) | (memory.left != left))
             in_plane, settling = self._settled(t, state, number, begins, settling)
             torque = jnp.where(left == Left.PLANE, in_plane, torque)
-        duty = self.reconfiguration.allocate(condition.failed, torque - constant)
+        three = left == Left.THREE_AXES
+        owed = jnp.where(three, memory.owed, 0.0)
+        duty = self.reconfiguration.allocate(condition.failed, torque + owed / period, -constant)
+        whole = self.rounding(condition.failed, duty, period)
+        owed = period * (thrusters.torque @ (duty - whole))
+        duty = jnp.where(three, whole, duty)
         damping = jnp.where(condition.failed, 0.0, self._damping(state))
         duty = jnp.where(left == Left.LESS, damping, duty)
         probe = memory.probe + period
-        due = (probe >= PROBE_INTERVAL) & (diagnosis.stage == Stage.QUIET)
-        tested = (condition.failed & due) | self._in_turn(diagnosis)
+        interval = PROBE_INTERVAL / self.healthy.natural_frequency
+        due = (probe >= interval) & (diagnosis.stage == Stage.QUIET)
+        tested = (self.diagnosis.may_return(diagnosis) & due) | self._in_turn(diagnosis)
         duty = jnp.where(tested, jnp.maximum(duty, self.diagnosis.test_duty(period)), duty)
         on_time, spill, modulation = thrusters.on_times(duty, memory.modulation, period)
         return duty, TolerantMemory(
@@ -157,6 +169,7 @@ class FaultTolerant(AbstractSampledController):
             memory.spill + on_time,
             spill,
             jnp.where(due, 0.0, probe),
+            owed,
             number,
             left,
             self._mode(diagnosis, left, number, settling),
@@ -182,13 +195,13 @@ class FaultTolerant(AbstractSampledController):
         return jax.lax.cond(self.group[number] == 0, first, second, memory)
 
     def _in_turn(self, diagnosis: DiagnosisMemory) -> Bool[Array, " m"]:
-        """During an alarm the suspect and each thruster in turn are tested, one after the other."""
+        """During an alarm the suspect and each of its rivals in turn are tested, one by one."""
         count = diagnosis.condition.failed.shape[0]
         sample = jnp.round(diagnosis.age / self.period).astype(int)
         test = sample // TEST_PERIODS
         turn = jnp.where(test % 2 == 0, diagnosis.suspect, test // 2 % count)
         now = (diagnosis.stage == Stage.ALARM) & (sample % TEST_PERIODS == 0) & (test > 0)
-        return now & (jnp.arange(count) == turn)
+        return now & (jnp.arange(count) == turn) & diagnosis.rival
 
     def _damping(self, state: PlantState) -> Float[Array, " m"]:
         """Each thruster against the rate about its own torque: none puts energy in."""
@@ -211,10 +224,15 @@ class FaultTolerant(AbstractSampledController):
         return jnp.where(diagnosis.stage == Stage.ALARM, TolerantMode.ALARM, mode)
 
     def telemetry(self, memory: TolerantMemory) -> dict[str, Array]:
-        """The verdict on each thruster, and how near an alarm it is."""
+        """The verdict on each thruster, how near an alarm it is, and whether there is one."""
         diagnosis = memory.diagnosis
         statistic = jnp.max(diagnosis.statistic, axis=0) / self.diagnosis.threshold
-        return {"diagnosed_kind": diagnosis.kind, "detection_statistic": statistic}
+        alarm = jnp.where(diagnosis.stage == Stage.ALARM, 1.0, 0.0)
+        return {
+            "diagnosed_kind": diagnosis.kind,
+            "detection_statistic": statistic,
+            "alarm": alarm,
+        }
 
     def mode(self, memory: TolerantMemory) -> Int[Array, ""]:
         """The `TolerantMode` at work."""

@@ -12,6 +12,7 @@ from jaxsat.allocation import torque_directions
 from jaxsat.checks import as_array
 from jaxsat.control.context import LawContext, ThrusterContext, UnsuitableModel
 from jaxsat.control.fault_tolerant import FaultTolerant, SettlingLaws
+from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.reconfiguration import (
     FailedSet,
@@ -25,8 +26,8 @@ from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.diagnosis import Diagnosis, ResidualFilter
 from jaxsat.inertia import normal_axes
 
-LEAST_NOISE = 1e-6
-"""rad/s; of rates that are told without noise."""
+LEAST_NOISE = 1e-3
+"""Of the rate that the strongest thruster changes in a period: of rates told without noise."""
 
 DIGITS = 9
 """Of planes and limits that count as the same."""
@@ -42,7 +43,9 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
     sets = failed_sets(torque)
     sets, settling, group = _settling(values, context, torque, sets)
     given = values["rate_noise_rad_s"]
-    noise = max(thrusters.rate_noise, LEAST_NOISE) if given is None else given
+    effect = np.asarray(context.model.spacecraft.inverse_inertia) @ torque
+    least = LEAST_NOISE * values["period_s"] * float(np.sqrt(np.sum(effect**2, axis=0).max()))
+    noise = max(thrusters.rate_noise, least) if given is None else given
     residual = ResidualFilter(context.model, thrusters.model, noise, values["torque_uncertainty"])
     return FaultTolerant(
         healthy=QuaternionFeedback.from_table(values, context),
@@ -53,6 +56,7 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
             values["isolation_margin"],
         ),
         reconfiguration=Reconfiguration.of(torque, thrusters.cost, sets),
+        rounding=PulseRounding(effect, thrusters.pulse),
         settling=settling,
         group=as_array(group),
         period=values["period_s"],

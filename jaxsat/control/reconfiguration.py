@@ -30,6 +30,15 @@ FLAT = 1e-9
 VIOLATION = 1e3
 """What a torque that is missed costs, over the dearest thruster's that makes as much."""
 
+ROUNDS = 2
+"""In which others make what thrusters at full thrust cannot."""
+
+MOST_DUTY = 0.95
+"""A thruster that is busy for longer with what comes first has no part in the rest."""
+
+SMALL = 1e-6
+"""Of the largest torque: as good as none is missed."""
+
 SUPPLIED = 0.1
 """Of the strength of the thrusters that oppose it: the least that a flow must supply, and leave."""
 
@@ -146,12 +155,43 @@ class Reconfiguration(eqx.Module):
         supplied = (supply > SUPPLIED * strength) & (supply < (1 - SUPPLIED) * strength)
         return number, jnp.where((left == Left.PLANE) & supplied, int(Left.THREE_AXES), left)
 
-    def allocate(self, failed: Bool[Array, " m"], torque: Float[Array, "3"]) -> Float[Array, " m"]:
-        """Duties of the thrusters left that make a torque (N m) with least propellant.
+    def allocate(
+        self,
+        failed: Bool[Array, " m"],
+        torque: Float[Array, "3"],
+        steady: Float[Array, "3"],
+    ) -> Float[Array, " m"]:
+        """Duties of the thrusters left that make `torque` + `steady` (N m).
+
+        Where that is more than they can, `steady` comes first, and `torque` is reduced in size to
+        what is left of them.
+        """
+        wanted = self._cheapest(failed, torque + steady)
+        whole = self._within_reach(failed, wanted)
+        missed = self.torque @ (wanted - whole)
+        enough = jnp.sum(missed**2) < (SMALL * jnp.max(jnp.abs(self.torque))) ** 2
+        first = self._within_reach(failed, self._cheapest(failed, steady))
+        more = self._cheapest(failed | (first > MOST_DUTY), torque)
+        room = jnp.where(more > 0, (1 - first) / jnp.where(more > 0, more, 1.0), 1.0)
+        reduced = first + jnp.minimum(jnp.min(room), 1.0) * more
+        return jnp.where(enough, whole, reduced)
+
+    def _within_reach(self, failed, duty) -> Float[Array, " m"]:
+        """Duties of at most 1: what is beyond that, others make as far as they can."""
+        torque = self.torque @ duty
+        duty = jnp.minimum(duty, 1.0)
+        for _ in range(ROUNDS):
+            full = failed | (duty >= 1)
+            more = self._cheapest(full, torque - self.torque @ duty)
+            duty = jnp.minimum(duty + more, 1.0)
+        return duty
+
+    def _cheapest(self, failed: Bool[Array, " m"], torque: Float[Array, "3"]) -> Float[Array, " m"]:
+        """Duties, however large, that make a torque (N m) with least propellant.
 
         They are those of the basis that costs least: a solution of the linear programme is one of
         a basis. What a basis asks of failed thrusters, or of others the other way, is missed. Of a
-        torque that cannot be made the least is missed; one that is too large is reduced in size.
+        torque that cannot be made the least is missed.
         """
         duties = jnp.sum(self.inverse * torque[None, None, :], axis=-1)
         cost, gone = self.cost[self.members], failed[self.members]
@@ -159,5 +199,4 @@ class Reconfiguration(eqx.Module):
         best = jnp.argmin(jnp.sum(cost * jnp.maximum(duties, 0.0) + VIOLATION * wrong, axis=1))
         used = jnp.arange(failed.shape[0])[:, None] == self.members[best][None]
         duty = jnp.sum(jnp.where(used, duties[best][None], 0.0), axis=1)
-        duty = jnp.where(failed, 0.0, jnp.maximum(duty, 0.0))
-        return duty / jnp.maximum(jnp.max(duty), 1.0)
+        return jnp.where(failed, 0.0, jnp.maximum(duty, 0.0))

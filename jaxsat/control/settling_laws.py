@@ -15,21 +15,18 @@ from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.presets import oscillatory_settling, ripple_filter, three_slew_settling
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.declaration.settling import OSCILLATORY
+from jaxsat.declaration.law import LawDeclaration
+from jaxsat.declaration.settling import OSCILLATORY, THREE_SLEW
 
 
 def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> OscillatorySettling:
     """The oscillatory law of a table; raises `UnsuitableModel` where it cannot steer three axes."""
-    law = _built(oscillatory_settling, values, context)
-    for key, place in OSCILLATORY.tunable.items():
-        if values[key] is not None:
-            law = eqx.tree_at(attrgetter(place), law, as_float(values[key]))
-    return law
+    return _with_gains(_built(oscillatory_settling, values, context), OSCILLATORY, values)
 
 
 def build_three_slew(values: Mapping[str, Any], context: LawContext) -> ThreeSlewSettling:
     """The law of three slews of a table; raises as `build_oscillatory` does."""
-    return _built(three_slew_settling, values, context)
+    return _with_gains(_built(three_slew_settling, values, context), THREE_SLEW, values)
 
 
 def _ripple_about(normal: Float[np.ndarray, "3"], context: LawContext) -> tuple[float, float]:
@@ -42,6 +39,14 @@ def _ripple_about(normal: Float[np.ndarray, "3"], context: LawContext) -> tuple[
 
 
 Made = TypeVar("Made", OscillatorySettling, ThreeSlewSettling)
+
+
+def _with_gains(law: Made, declaration: LawDeclaration, values: Mapping[str, Any]) -> Made:
+    """The law with the gains that its table gives."""
+    for key, place in declaration.tunable.items():
+        if values.get(key) is not None:
+            law = eqx.tree_at(attrgetter(place), law, as_float(values[key]))
+    return law
 
 
 def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawContext) -> Made:

@@ -24,8 +24,8 @@ of the seven gains in `[control]`, so that it starts from those below; times τ 
     jaxsat scenarios show oscillatory-dispersed > mine.toml
     jaxsat tune mine.toml
 
-Gains of the three slews are no keys of `[control]`, so no command tunes them: change them here and
-compare.
+Of the three slews the keys of `[control]` are the gains that decide how long they take; the others
+(tolerances, hand-over, gains of inner loops) are changed here alone.
 """
 
 from collections.abc import Mapping

@@ -30,7 +30,7 @@ from jaxsat.controllability.failures import (
     failure_records,
     failure_table,
 )
-from jaxsat.controllability.judgement import Judgement, judge
+from jaxsat.controllability.judgement import Judgement, judge, judge_once_stopped
 from jaxsat.controllability.lie import (
     ControlField,
     DriftField,
@@ -68,6 +68,7 @@ from jaxsat.controllability.recurrence import (
     drift_trajectory,
     recurrence,
 )
+from jaxsat.controllability.torque_ranges import judge_ranges, torque_reserve
 from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set
 from jaxsat.controllability.wording import verdict_sentence
 
@@ -110,6 +111,8 @@ __all__ = [
     "gramian",
     "gramian_time_scales",
     "judge",
+    "judge_once_stopped",
+    "judge_ranges",
     "lie_bracket",
     "linear_controllability",
     "lvlh_linearisation",
@@ -132,6 +135,7 @@ __all__ = [
     "thruster_torques",
     "to_tangent",
     "torque_cone",
+    "torque_reserve",
     "turn_time",
     "two_thruster_condition",
     "uncontrollable_single_directions",

@@ -23,6 +23,9 @@ class ActuatorSet:
     - `wheel_axes`: columns of any length; a wheel takes up momentum of either sign.
     - `momentum`: total angular momentum Jω + Σ a h at the start, N m s, body axes; without
       external torque it is conserved in inertial axes.
+    - `stored`: momentum of each wheel along its axis, N m s.
+    - `coasting`: momentum Σ a h of the wheels that have failed, N m s, body axes. A dead motor
+      leaves it as it is until friction has stopped the wheel.
     """
 
     torques: Float[np.ndarray, "3 m"]
@@ -32,6 +35,8 @@ class ActuatorSet:
     wheel_axes: Float[np.ndarray, "3 k"]
     wheels: tuple[str, ...]
     momentum: Float[np.ndarray, "3"]
+    stored: Float[np.ndarray, " k"]
+    coasting: Float[np.ndarray, "3"]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -44,8 +49,15 @@ class ActuatorSet:
         return np.concatenate([self.torques, self.wheel_axes], axis=1)
 
     def only(self, kept: Sequence[int]) -> "ActuatorSet":
-        """The actuators of these places in `names`; the momentum stays what it is."""
+        """The actuators of these places in `names`; the other wheels coast.
+
+        The total momentum stays what it is.
+        """
         count = len(self.thrusters)
+        lost = [i - count for i in range(count, len(self.names)) if i not in kept]
+        axes = self.wheel_axes[:, lost]
+        lengths = np.linalg.norm(axes, axis=0)
+        momenta = axes / np.where(lengths > 0, lengths, 1.0) @ self.stored[lost]
         jets = [i for i in kept if i < count]
         spun = [i - count for i in kept if i >= count]
         return dataclasses.replace(
@@ -56,7 +68,19 @@ class ActuatorSet:
             thrusters=tuple(self.thrusters[i] for i in jets),
             wheel_axes=self.wheel_axes[:, spun],
             wheels=tuple(self.wheels[i] for i in spun),
+            stored=self.stored[spun],
+            coasting=self.coasting + momenta,
         )
+
+    @property
+    def once_stopped(self) -> "ActuatorSet":
+        """The same once friction has stopped the wheels that coast."""
+        return dataclasses.replace(self, coasting=np.zeros(3))
+
+    @property
+    def with_wheels_still(self) -> "ActuatorSet":
+        """The same without momentum in any wheel that is lost."""
+        return dataclasses.replace(self.once_stopped, stored=np.zeros_like(self.stored))
 
 
 def actuator_set(
@@ -68,12 +92,14 @@ def actuator_set(
     wheel_axes: Numbers = ((), (), ()),
     wheel_names: Sequence[str] | None = None,
     momentum: Numbers = (0.0, 0.0, 0.0),
+    stored: Numbers | None = None,
 ) -> ActuatorSet:
     """Check arrays and make an `ActuatorSet` of them.
 
-    `torques` and `forces` (3, m), `wheel_axes` (3, k), `momentum` (3,); `two_sided` for all
-    thrusters or for each. Names default to g1, g2, … and w1, w2, …. Raises ValueError or
-    TypeError for a wrong shape, entries that are not finite, and names that do not match or repeat.
+    `torques` and `forces` (3, m), `wheel_axes` (3, k), `momentum` (3,), `stored` (k,), by default
+    zeros; `two_sided` for all thrusters or for each. Names default to g1, g2, … and w1, w2, ….
+    Raises ValueError or TypeError for a wrong shape, entries that are not finite, and names that do
+    not match or repeat.
     """
     columns = _columns("torques", torques)
     count = columns.shape[1]
@@ -89,7 +115,11 @@ def actuator_set(
     wheels = _names("wheel_names", wheel_names, "w", axes.shape[1])
     if len({*thrusters, *wheels}) < len(thrusters) + len(wheels):
         raise ValueError(f"Actuators must have different names, but got {[*thrusters, *wheels]}")
-    return ActuatorSet(columns, signs, pushes, thrusters, axes, wheels, total)
+    momenta = finite("stored", np.zeros(len(wheels)) if stored is None else stored)[0]
+    if momenta.shape != (len(wheels),):
+        raise ValueError(f"Argument `stored` must hold {len(wheels)} momenta, got {momenta.shape}")
+    still = np.zeros(3)
+    return ActuatorSet(columns, signs, pushes, thrusters, axes, wheels, total, momenta, still)
 
 
 def thruster_torques(

@@ -27,6 +27,7 @@ COLUMNS = (
     "torques",
     "laws",
     "lost",
+    "once_stopped",
 )
 
 MOST_SUBSETS = 1 << 14
@@ -37,13 +38,16 @@ MOST_SUBSETS = 1 << 14
 class FailureCase:
     """One subset of failed actuators.
 
-    `judgement` is what the rest can do; `lost` says in words what this failure takes away.
+    `judgement` is what the rest can do; `lost` says in words what this failure takes away. Failed
+    wheels coast; `once_stopped` is the verdict when friction has stopped them, None if it is the
+    same.
     """
 
     failed: tuple[str, ...]
     working: tuple[str, ...]
     judgement: Judgement
     lost: str
+    once_stopped: str | None = None
 
     @property
     def rank(self) -> int:
@@ -108,7 +112,7 @@ def failure_table(
     if not isinstance(actuators, ActuatorSet):
         actuators = actuator_set(actuators, two_sided=True, names=names)
     layout = actuator_layout(inertia, actuators)
-    labels = actuators.names
+    labels, still = actuators.names, actuators.with_wheels_still
     count = len(labels)
     most = count if most_failed is None else min(most_failed, count)
     if sum(math.comb(count, size) for size in range(most + 1)) > MOST_SUBSETS:
@@ -118,12 +122,16 @@ def failure_table(
         for failed in itertools.combinations(range(count), size):
             working = tuple(i for i in range(count) if i not in failed)
             judgement = judge_only(layout, actuators, working, tolerance)
+            stopped = None
+            if judgement.coasting:
+                stopped = judge_only(layout, still, working, tolerance).verdict
             cases.append(
                 FailureCase(
                     failed=tuple(labels[i] for i in failed),
                     working=tuple(labels[i] for i in working),
                     judgement=judgement,
                     lost=lost_words(judgement),
+                    once_stopped=None if stopped == judgement.verdict else stopped,
                 )
             )
     return tuple(cases)
@@ -144,6 +152,7 @@ def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | 
             "torques": case.judgement.cone.kind,
             "laws": case.judgement.laws,
             "lost": case.lost,
+            "once_stopped": case.once_stopped or case.verdict,
         }
         for case in cases
     ]
@@ -165,7 +174,7 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
         "directions": np.array([case.directions for case in cases]),
         **{
             column: np.array([record[column] for record in failure_records(cases)])
-            for column in ("dimension", "verdict", "torques", "laws", "lost")
+            for column in ("dimension", "verdict", "torques", "laws", "lost", "once_stopped")
         },
     }
 

@@ -1,5 +1,6 @@
 """What is left with real actuators: is it enough, and can a law of jaxsat fly it?"""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,7 +13,12 @@ from jaxsat.controllability.cone import ROUNDING, TorqueCone, torque_cone
 from jaxsat.controllability.decision import RANK_OF_DIMENSION, RankDecision, decide_rank
 from jaxsat.controllability.drift_barrier import momentum_barrier
 from jaxsat.controllability.layout import TOLERANCE, Layout, Numbers, make_layout
-from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set, one_wheel_brackets
+from jaxsat.controllability.wheels import (
+    MOMENTUM_ROUNDING,
+    MomentumLevelSet,
+    momentum_level_set,
+    one_wheel_brackets,
+)
 
 Verdict = Literal[
     "controllable", "by drift", "some attitudes", "not decided", "borderline", "uncontrollable"
@@ -28,10 +34,13 @@ class Judgement:
 
     - "controllable": every attitude and rate of the level set, by the laws named in `laws`;
     - "by drift": rank 6 and a drift that returns are enough in principle, no law of jaxsat uses it;
-    - "some attitudes": two wheels with momentum left, which hold only attitudes n·CH = 0;
-    - "not decided": one wheel beside thrusters, rank 6, but less than two torques of both signs;
+    - "some attitudes": two wheels with momentum left, which hold only attitudes n·CH = n·β;
+    - "not decided": one wheel beside thrusters, rank 6, but less than two torques of both signs; or
+      thrusters that make less than three, beside a wheel that coasts;
     - "borderline": the data or their rounding decide;
     - "uncontrollable".
+
+    Wheels that have failed coast, with the momentum `actuators.coasting` (β).
 
     `rank` of `dimension`: directions that brackets reach at rest, of all that the conserved
     momentum leaves. `laws`: the kind of law that can be flown. `cone` is that of thrusters and
@@ -65,6 +74,12 @@ class Judgement:
         return self.verdict == "borderline"
 
     @property
+    def coasting(self) -> float:
+        """Momentum of the wheels that coast, N m s, zero if rounding."""
+        size = float(np.linalg.norm(self.actuators.coasting))
+        return size if size > MOMENTUM_ROUNDING else 0.0
+
+    @property
     def one_signed(self) -> bool:
         """Whether some torque can be made in one sign only."""
         return self.cone.span > self.cone.two_sided
@@ -86,21 +101,65 @@ def judge(
     return judge_only(actuator_layout(inertia, actuators), actuators, everyone, tolerance)
 
 
+def judge_once_stopped(
+    judgement: Judgement, tolerance: float | int = TOLERANCE
+) -> Judgement | None:
+    """The judgement once friction has stopped the wheels that coast; None where none does."""
+    if not judgement.coasting:
+        return None
+    return judge(judgement.inertia, judgement.actuators.once_stopped, tolerance=tolerance)
+
+
 def judge_only(
     layout: Layout, actuators: ActuatorSet, kept: tuple[int, ...], tolerance: float | int
 ) -> Judgement:
-    """Judge a subset, by ascending places in `actuators.names`, with the brackets of all."""
-    left = actuators.only(kept)
+    """Judge a subset, by ascending places in `actuators.names`, with the brackets of all.
+
+    The wheels that are not among them coast.
+    """
+    judgement = _judged(layout, actuators, actuators.only(kept), kept, tolerance)
+    thrusters = bool(np.any(judgement.actuators.torques))
+    if not judgement.coasting or not thrusters or judgement.laws == "three torques":
+        return judgement
+    return _beside_coasting_wheels(judgement)
+
+
+def _beside_coasting_wheels(stopped: Judgement) -> Judgement:
+    """Of thrusters that make less than three torques, the verdict with stopped wheels known.
+
+    A coasting wheel adds a gyroscopic torque that is linear in ω. Double brackets at rest do not
+    see it, so the rank is no less than without. It does no work and has no divergence, so the drift
+    returns as before: torques of both signs of rank 6 control. No law knows it.
+    """
+    verdict: Verdict = "not decided"
+    decided = stopped.decision is not None and not stopped.one_signed and stopped.rank == 6
+    if stopped.verdict == "borderline":
+        verdict = "borderline"
+    elif decided and stopped.verdict == "controllable":
+        verdict = "by drift"
+    return dataclasses.replace(stopped, verdict=verdict, laws="none", turn_time=np.nan)
+
+
+def _judged(
+    layout: Layout,
+    actuators: ActuatorSet,
+    left: ActuatorSet,
+    kept: tuple[int, ...],
+    tolerance: float | int,
+) -> Judgement:
+    """Judge the actuators `left` of all, the gyroscopic torque on thrusters not counted."""
     thrusters = len(left.thrusters)
     jets = torque_cone(left.torques, left.two_sided, tolerance)
     wheels = momentum_level_set(layout.inertia, left, tolerance)
     if wheels.axes == 0:
-        jets_alone = kept[:thrusters]
-        return _by_torques(layout, actuators.only(jets_alone), jets_alone, tolerance)
+        return _by_torques(layout, left.only(range(thrusters)), kept[:thrusters], tolerance)
     signs = np.concatenate([left.two_sided, np.ones(len(kept) - thrusters, bool)])
     cone = torque_cone(left.columns, signs, tolerance)
     if wheels.axes == 1 and jets.span:
-        alone = judge_only(layout, actuators, kept[:thrusters], tolerance)
+        jets_alone = kept[:thrusters]
+        alone = _judged(
+            layout, actuators, left.once_stopped.only(range(thrusters)), jets_alone, tolerance
+        )
         return _with_one_wheel(left, cone, wheels, alone, tolerance)
     if jets.span == 0:
         verdict, laws = _wheels_alone(wheels)
@@ -127,7 +186,7 @@ def judge_only(
 def _wheels_alone(wheels: MomentumLevelSet) -> tuple[Verdict, Laws]:
     if wheels.axes == 3:
         return "controllable", "three torques"
-    if wheels.axes == 2:
+    if wheels.axes == 2 and wheels.rests:
         return ("some attitudes", "none") if wheels.momentum else ("controllable", "two torques")
     return "uncontrollable", "none"
 

@@ -12,6 +12,10 @@ states are counted, and judged, on the level set of that momentum:
   those with n·CH = 0 are at rest;
 - one, along a: Jω + a h = CH leaves 4. With H = 0 the body turns about J⁻¹a alone.
 
+A wheel whose motor is dead coasts: its momentum stays, and β, the sum of these along their axes, is
+a momentum fixed in the body. In place of CH stands CH − β, so rest needs n·CH = n·β with two wheels
+and CH − β along a with one, which no attitude has where β is too large beside H.
+
 A wheel beside thrusters changes the rate but not the momentum Jω + A h, so its brackets are not
 those of a thruster along its axis: `one_wheel_brackets`.
 """
@@ -37,6 +41,7 @@ class MomentumLevelSet:
     - `directions`: orthonormal basis of the wheel torques (body axes); `missing` that of the rest.
     - `margin`: smallest of the singular values of the unit wheel axes that were counted.
     - `momentum`: size of the total momentum, N m s, zero if rounding.
+    - `coasting`: momentum of coasting wheels across the wheels' axes, N m s, zero if rounding.
     - `rank`, `dimension`: directions in the level set that wheels and drift reach, and all it has.
     - `turned_about`: the unit vector J⁻¹a of one wheel without momentum, else None.
     """
@@ -46,6 +51,7 @@ class MomentumLevelSet:
     margin: float
     borderline: bool
     momentum: float
+    coasting: float
     rank: int
     dimension: int
     turned_about: Float[np.ndarray, "3"] | None
@@ -54,6 +60,11 @@ class MomentumLevelSet:
     def axes(self) -> int:
         """Number of independent wheel axes."""
         return self.directions.shape[1]
+
+    @property
+    def rests(self) -> bool:
+        """Whether there are attitudes at which the body may be at rest."""
+        return self.coasting <= self.momentum * (1 + _LEVEL)
 
 
 def momentum_level_set(
@@ -66,29 +77,39 @@ def momentum_level_set(
     count = int(np.sum(values > tolerance))
     momentum = float(np.linalg.norm(actuators.momentum))
     momentum = momentum if momentum > MOMENTUM_ROUNDING else 0.0
+    across = float(np.linalg.norm(directions[:, count:].T @ actuators.coasting))
+    across = across if across > MOMENTUM_ROUNDING else 0.0
     rank, turned_about = (0, 2, 5, 6)[count], None
     if count == 1:
         turn = np.linalg.solve(inertia / np.max(np.abs(inertia)), directions[:, 0])
         turned_about = turn / np.linalg.norm(turn)
-        if momentum:
-            rank, turned_about = _one_wheel_rank(inertia, directions[:, 0]), None
+        if momentum or across:
+            turned_about = None
+            rank = _one_wheel_rank(inertia, directions[:, 0], bool(momentum), actuators.coasting)
     return MomentumLevelSet(
         directions=directions[:, :count],
         missing=directions[:, count:],
         margin=float(values[count - 1]) if count else 0.0,
         borderline=bool(np.any((values > _LEVEL) & (values <= tolerance))),
         momentum=momentum,
+        coasting=across,
         rank=rank,
         dimension=3 + count,
         turned_about=turned_about,
     )
 
 
-def _one_wheel_rank(inertia: Float[np.ndarray, "3 3"], axis: Float[np.ndarray, "3"]) -> int:
+def _one_wheel_rank(
+    inertia: Float[np.ndarray, "3 3"],
+    axis: Float[np.ndarray, "3"],
+    momentum_left: bool,
+    coasting: Float[np.ndarray, "3"],
+) -> int:
     """Rank, of 4, at attitudes in no special position of one wheel with momentum P in body axes.
 
     With b = J⁻¹a, [g, f] is the rotation −b, [b, f] = c = b × ω − J⁻¹(b × P) and
-    [b, c] = b × c + c at b × (b × P) in place of P, in body rates; c does not depend on h.
+    [b, c] = b × c + c' at b × (b × P) in place of P, in body rates; c does not depend on h, and
+    c' is c without the part of the momentum β of `coasting` wheels, which is fixed in the body.
     """
     inverse = np.linalg.inv(inertia / np.max(np.abs(inertia)))
     b = inverse @ axis
@@ -96,8 +117,10 @@ def _one_wheel_rank(inertia: Float[np.ndarray, "3 3"], axis: Float[np.ndarray, "
     def bracket(momentum):
         return np.cross(b, inverse @ momentum) - inverse @ np.cross(b, momentum)
 
-    momentum = np.array([0.6180, -0.5291, 0.8437])
-    c = bracket(momentum)
+    momentum = np.array([0.6180, -0.5291, 0.8437]) * momentum_left
+    size = float(np.linalg.norm(coasting))
+    fixed = coasting / (size if size > MOMENTUM_ROUNDING else 1.0)
+    c = bracket(momentum) - np.cross(b, inverse @ fixed)
     d = np.cross(b, c) - bracket(np.cross(b, momentum))
     size = float(np.linalg.norm(b))
     columns = np.stack([b / size, c / size, d / size**2], axis=1)

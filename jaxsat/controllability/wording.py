@@ -72,6 +72,12 @@ def _rank_lost(decision: RankDecision, directions: int) -> str:
     return "direct torque about two axes; small-time control"
 
 
+def _coasts_beside_thrusters(judgement: Judgement) -> bool:
+    """Whether wheels that coast decide what thrusters can do."""
+    undecided = judgement.verdict in ("by drift", "not decided") and judgement.laws == "none"
+    return bool(judgement.coasting) and undecided and bool(np.any(judgement.actuators.torques))
+
+
 def _lost_ways(cone: TorqueCone) -> str:
     """Which torques cannot be made because torques have one sign."""
     assert cone.opposed is not None
@@ -85,6 +91,8 @@ def _plane(normal: Float[np.ndarray, "3"]) -> str:
 def lost_words(judgement: Judgement) -> str:
     """What a failure takes away."""
     found, cone = judgement.level_set, judgement.cone
+    if _coasts_beside_thrusters(judgement):
+        return f"every law, while {judgement.coasting:.3g} N m s coast"
     if judgement.decision is None:
         assert found is not None
         return _wheels_lost(judgement)
@@ -111,10 +119,16 @@ def _wheels_lost(judgement: Judgement) -> str:
         else:
             lost = _lost_ways(judgement.cone) if judgement.one_signed else "two torques"
         return lost if judgement.rank == 6 else f"{lost}; rank {judgement.rank} of 6"
+    if not found.rests:
+        return f"rest at any attitude, while {judgement.coasting:.3g} N m s coast"
     if found.axes == 2:
         normal = _axis(found.missing[:, 0])
         rest = "rest but where the momentum is across it"
+        if found.coasting:
+            rest = "rest but where the momentum along it is that of the coasting wheels"
         return f"torque about {normal}; " + (rest if found.momentum else "Jω along it stays zero")
+    if found.turned_about is None and found.coasting:
+        return "rest but where the momentum is that of the wheels"
     if found.turned_about is None:
         return "rest but where the momentum is along the wheel"
     return f"all but rotation about {direction_words(found.turned_about)}"
@@ -122,6 +136,14 @@ def _wheels_lost(judgement: Judgement) -> str:
 
 def verdict_sentence(judgement: Judgement) -> str:
     """The verdict and why, in a sentence or two."""
+    if _coasts_beside_thrusters(judgement):
+        start = {"by drift": "Controllable by drift", "not decided": "Not decided"}
+        least = "" if judgement.rank == 6 else " at least"
+        return (
+            f"{start[judgement.verdict]}: rank {judgement.rank} of 6{least}; "
+            f"{cone_words(judgement.cone)}. Wheels that coast with {judgement.coasting:.3g} N m s "
+            "couple the axes, which no law of two torques knows."
+        )
     if judgement.decision is None:
         return _wheel_sentence(judgement)
     by_rank = rank_verdict(judgement.decision, len(judgement.actuators.names))
@@ -204,6 +226,12 @@ def _wheel_sentence(judgement: Judgement) -> str:
             f"up or give back momentum. {cone_words(judgement.cone).capitalize()}."
         )
     where = "on the level set of the conserved momentum"
+    if not found.rests:
+        return (
+            f"Not controllable: rest is held at no attitude, as wheels coast with "
+            f"{found.coasting:.3g} N m s across the others, beside {found.momentum:.3g} N m s of "
+            "total momentum."
+        )
     if found.axes == 2:
         normal = _axis(found.missing[:, 0])
         if not found.momentum:
@@ -213,15 +241,23 @@ def _wheel_sentence(judgement: Judgement) -> str:
             )
         return (
             f"Some attitudes: {rank} {where}. Two wheels with {found.momentum:.3g} N m s of total "
-            "momentum: every attitude can be passed, but rest is held only where the momentum is "
-            f"across n = {normal}."
+            "momentum: every attitude can be passed, but rest is held only where the momentum "
+            + (
+                f"along n = {normal} is the {found.coasting:.3g} N m s of the wheels that coast."
+                if found.coasting
+                else f"is across n = {normal}."
+            )
         )
     if found.turned_about is not None:
         turned = direction_words(found.turned_about)
         return f"Not controllable: {rank} {where}; one wheel turns the body about {turned} alone."
     return (
         f"Not controllable: {rank} {where}; with {found.momentum:.3g} N m s of total momentum "
-        "rest is held only where it is along the one wheel."
+        + (
+            "rest is held only where it is that of the wheels, one of which can change."
+            if found.coasting
+            else "rest is held only where it is along the one wheel."
+        )
     )
 
 
@@ -236,6 +272,13 @@ def momentum_words(judgement: Judgement) -> str | None:
     if found.axes == 1:
         return f"{start}; judged while that of the one wheel is small"
     return f"{start}; thrusters can take it out, in any inertial direction once the body is turned"
+
+
+def once_stopped_words(judgement: Judgement, stopped: Judgement | None) -> str | None:
+    """What changes once friction has stopped the wheels that coast; None for nothing."""
+    if stopped is None or (stopped.verdict, stopped.rank) == (judgement.verdict, judgement.rank):
+        return None
+    return f"Once friction has stopped the wheels that coast: {verdict_sentence(stopped)}"
 
 
 def net_force_words(found: NetForce | None) -> str | None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import jaxsat
 from jaxsat.controller_design.explanation import drawn_numbers
-from jaxsat.controller_design.page import DESIGNED, design_comment, design_page
+from jaxsat.controller_design.page import DESIGNED, design_comment, design_page, headline
 from jaxsat.controller_design.result import ControllerDesign, Step
 from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.results import ResumableFolder, provenance
@@ -29,7 +29,7 @@ def write_files(found: ControllerDesign, folder: ResumableFolder) -> None:
     if found.scenario is not None:
         comment = design_comment(found, jaxsat.__version__)
         folder.write(DESIGNED, comment + dump(found.scenario))
-    record = found.as_data() | provenance()
+    record = found.as_data() | {"headline": headline(found)} | provenance()
     folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
 
 

@@ -47,6 +47,8 @@ def design_page(found: ControllerDesign) -> str:
         blocks += ["## What was assumed", "The scenario does not say, so:", _items(found.assumed)]
     if found.left_out:
         blocks += ["## Laws that do not fit", _items(found.left_out)]
+    if found.cautions:
+        blocks += ["## Beyond what the laws are verified on", _items(found.cautions)]
     if found.screening is not None:
         blocks += ["## The way", *_way(found)]
     if found.verification is not None:

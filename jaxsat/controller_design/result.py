@@ -13,6 +13,7 @@ from jaxsat.controller_design.tuning import Tuned
 from jaxsat.controller_design.vehicle import VehicleVerdict
 from jaxsat.montecarlo import Interval, Summary
 from jaxsat.scenario import Scenario
+from jaxsat.scenario.domain import domain_cautions
 
 DesignOutcome = Literal["reached", "not reached", "nothing to design"]
 
@@ -52,6 +53,19 @@ class Verification:
         """Numbers of the cases that do not settle."""
         return np.flatnonzero(~np.isfinite(self.columns["settling_time"])).tolist()
 
+    @property
+    def limit(self) -> Remedy | None:
+        """The change with which most failing cases settle: what limits the controller.
+
+        None where no change lets half of them settle, or chance alone nearly as many.
+        """
+        if not self.remedies:
+            return None
+        chance, *others = self.remedies
+        best = max(others, key=lambda one: one.settled, default=chance)
+        more = best.settled - chance.settled
+        return best if 2 * best.settled >= best.flown and 4 * more >= best.flown else None
+
 
 @dataclass(frozen=True)
 class ControllerDesign:
@@ -74,6 +88,15 @@ class ControllerDesign:
     not_tuned: str | None = None
     validation: Step | None = None
     verification: Verification | None = None
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Where the vehicle lies beyond what the laws are verified on."""
+        return tuple(
+            f"{'.'.join(map(str, issue.location))} {issue.message}"
+            for one in self.candidates
+            for issue in domain_cautions(one.scenario)
+        )
 
     @property
     def scenario(self) -> Scenario | None:
@@ -120,6 +143,7 @@ class ControllerDesign:
             "assumed": list(self.assumed),
             "candidates": [one.name for one in self.candidates],
             "left_out": list(self.left_out),
+            "cautions": list(self.cautions),
             "screening": self.screening and self.screening.as_data(),
             "tuning": self._tuning_data(),
             "validation": self.validation and self.validation.as_data(),

@@ -12,6 +12,7 @@ MAX_SEED = 2**63 - 4
 """So that three more follow which a scenario can have."""
 
 Attitude = Literal["wanted", "nearest"]
+Goal = Literal["quickest", "settled"]
 
 
 class Seeds(NamedTuple):
@@ -29,8 +30,9 @@ class DesignSettings:
 
     `law` is one law or "all", `settled` the fraction of cases that must settle, `cases` those of
     the verification, `steps` those of the tuner (0 leaves tuning out). With `attitude` "nearest"
-    the controller is designed for the nearest attitude that can be held. Raises `ValueError` for
-    numbers that cannot be.
+    the controller is designed for the nearest attitude that can be held. The `goal` "quickest" is
+    the quickest law of those that settle most; "settled" is done with the first one that surely
+    settles the wanted fraction. Raises `ValueError` for numbers that cannot be.
     """
 
     law: str
@@ -39,6 +41,7 @@ class DesignSettings:
     steps: int = 16
     seed: int = 0
     attitude: Attitude = "wanted"
+    goal: Goal = "quickest"
     engine: EngineName = "auto"
 
     def __post_init__(self):
@@ -55,6 +58,8 @@ class DesignSettings:
             raise ValueError(
                 f"Argument `attitude` must be wanted or nearest, but got {self.attitude}."
             )
+        if self.goal not in ("quickest", "settled"):
+            raise ValueError(f"Argument `goal` must be quickest or settled, but got {self.goal}.")
 
     @property
     def seeds(self) -> Seeds:
@@ -63,8 +68,8 @@ class DesignSettings:
 
     @property
     def screening_cases(self) -> int:
-        """Cases on which candidates are screened."""
-        return min(SCREENING_CASES, self.cases)
+        """Cases on which candidates are screened, at most."""
+        return min(SCREENING_CASES if self.goal == "quickest" else VALIDATION_CASES, self.cases)
 
     @property
     def validation_cases(self) -> int:
@@ -72,8 +77,13 @@ class DesignSettings:
         return min(VALIDATION_CASES, self.cases)
 
     def identity(self) -> dict[str, Any]:
-        """What a folder is resumed by: all but the verification's size and the fraction wanted."""
+        """What a folder is resumed by: all but the verification's size and the fraction wanted.
+
+        The latter counts where the goal is that it settles, as the screening ends by it.
+        """
         return {
+            "goal": self.goal,
+            "wanted": self.settled if self.goal == "settled" else None,
             "law": self.law,
             "steps": self.steps,
             "seed": self.seed,

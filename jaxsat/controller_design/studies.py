@@ -9,12 +9,21 @@ import numpy as np
 
 from jaxsat.assembly.study import EngineName, build_study
 from jaxsat.comparison import ComparisonRow, ComparisonSetting, comparison_row
-from jaxsat.montecarlo import AbstractExecutor, Serial, StudyProgress, run_study
+from jaxsat.montecarlo import (
+    AbstractExecutor,
+    AbstractStopRule,
+    Serial,
+    StudyProgress,
+    run_study,
+)
 from jaxsat.results import ResumableFolder, study_columns
 from jaxsat.scenario import Scenario
 
 CHUNK = 256
 """Cases computed together: what an interrupted design loses at most, for each thread."""
+
+RULED_CHUNK = 128
+"""The same where a study stops by a rule: 384 cases that settle show that 99 % do."""
 
 STUDIES = "studies"
 """Folder of the stores inside the output folder."""
@@ -35,9 +44,21 @@ class Studies:
     report: Report
     remark: Callable[[str], None]
 
-    def columns(self, what: str, name: str, scenario: Scenario, count: int, seed: int) -> Columns:
-        """The columns of `count` cases of a scenario; `what` is told and `name` its step."""
-        study = build_study(scenario, count, seed=seed, engine=self.engine, chunk=CHUNK)
+    def columns(
+        self,
+        what: str,
+        name: str,
+        scenario: Scenario,
+        count: int,
+        seed: int,
+        until: AbstractStopRule | None = None,
+    ) -> Columns:
+        """The columns of `count` cases of a scenario, or as many as `until` asks for.
+
+        `what` is told, and `name` is that of the step.
+        """
+        chunk = CHUNK if until is None else RULED_CHUNK
+        study = build_study(scenario, count, seed=seed, engine=self.engine, chunk=chunk)
         if study.remark is not None:
             self.remark(study.remark)
 
@@ -46,15 +67,16 @@ class Studies:
 
         self.report(what, None)
         store = self.folder.path / STUDIES / f"{_file_name(name)}.zarr"
-        run_study(
+        counted = run_study(
             study,
             store,
             executor=self.executor,
+            until=until,
             report=told,
             tell=self.remark,
             elsewhere=self.elsewhere,
         )
-        return {key: np.asarray(column[:count]) for key, column in study_columns(store).items()}
+        return {key: np.asarray(column[:counted]) for key, column in study_columns(store).items()}
 
     def settled_again(
         self, what: str, scenario: Scenario, count: int, seed: int, numbers: np.ndarray

@@ -10,9 +10,11 @@ from jaxsat.assembly.tuning import build_plan, tuned_scenario
 from jaxsat.comparison import ComparisonRow
 from jaxsat.controller_design.candidates import Candidate, written_out
 from jaxsat.controller_design.vehicle import Scale
+from jaxsat.declaration.keys import Numeric
 from jaxsat.processors import processors
 from jaxsat.results import ResumableFolder
 from jaxsat.scenario import Scenario
+from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
 from jaxsat.tuning import DescentProgress, DescentState, TuningPlan
 from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
@@ -73,12 +75,14 @@ def tuning_table(scenario: Scenario, scale: Scale, steps: int, validation: int) 
     if scenario.tuning is not None:
         return scenario.tuning.model_copy(update=budget)
     control = written_out(scenario).control
-    gains = {key: getattr(control, key) for key in Candidate("", scenario).tunable}
-    bounds = {
-        key: BoundsTable(low=value / RANGE, high=value * RANGE)  # pyright: ignore[reportCallIssue]
-        for key, value in gains.items()
-        if isinstance(value, float) and value > 0
-    }
+    bounds = {}
+    for key in find_law(control.law).declaration.keys:
+        value = getattr(control, key.name)
+        if key.tunable and isinstance(value, float) and value > 0:
+            most = key.kind.at_most if isinstance(key.kind, Numeric) else value
+            bounds[key.name] = BoundsTable(  # pyright: ignore[reportCallIssue]
+                low=value / RANGE, high=min(value * RANGE, most)
+            )
     cost = CostTable(  # pyright: ignore[reportCallIssue]
         w=0.1,
         z=0.1,

@@ -8,7 +8,6 @@ import numpy as np
 
 from jaxsat.allocation import torque_directions
 from jaxsat.assembly.actuator_set import all_actuators
-from jaxsat.assembly.actuators import torque_limit
 from jaxsat.assembly.plant import orbit_rate
 from jaxsat.controllability import Judgement, judge, verdict_sentence
 from jaxsat.controllability.cone import ROUNDING
@@ -19,7 +18,7 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.holding import nearest_held
-from jaxsat.scenario.layout import believed_axes
+from jaxsat.scenario.layout import believed_axes, torque_limit
 
 DRAWN_FAILURES = ("failure_time", "failed_thruster", "failure_kind", "failure_amount")
 """Dispersed quantities of failures in flight."""
@@ -89,6 +88,11 @@ class Scale(NamedTuple):
 
 def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
     """The verdict on the actuators that work at the start."""
+    if scenario.magnetorquer:
+        raise UnsuitableVehicle(
+            "magnetorquer must be left out: a controller is designed for thrusters and wheels, and "
+            "what magnetorquers can do is not judged"
+        )
     actuators, working = all_actuators(scenario)
     left = actuators.only(working)
     judgement = judge(scenario.spacecraft.inertia_kg_m2, left)

@@ -1,9 +1,9 @@
 """What a control law declares about itself, and what it is built from."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from jaxsat.declaration.domain import Sweep
 from jaxsat.declaration.keys import Key, Rule
 
 OF_ALL_LAWS = ("law", "model", "measured_disturbance")
@@ -36,8 +36,7 @@ class LawDeclaration:
     - `regulates_attitude`: a case counts as settled by attitude and rate, else by rate alone.
     - `jumps_without`: widths above 0 without which the commanded torque jumps, so that fixed steps
       do not suit it.
-    - `tuned_limits`: from S1, S2 and n·Jn of `jaxsat.inertia.normal_axes` (kg m²) and the control
-      period (s) to the torque limits (N m) that gains are tuned for.
+    - `domain`: where the law was verified, one dimensionless number at a time.
     """
 
     summary: str
@@ -55,7 +54,7 @@ class LawDeclaration:
     works_in_wz: bool = False
     regulates_attitude: bool = True
     jumps_without: tuple[str, ...] = ()
-    tuned_limits: Callable[[tuple[float, ...], float | None], tuple[float, ...]] | None = None
+    domain: tuple[Sweep, ...] = ()
 
     def __post_init__(self):
         names = [key.name for key in self.keys]

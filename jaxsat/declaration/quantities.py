@@ -51,6 +51,17 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
                 "torque_gain", "relative change of each thruster's torque", axis="thruster"
             ),
             DispersibleQuantity(
+                "dipole_limit",
+                "relative change of each magnetorquer's dipole limit",
+                axis="magnetorquer",
+            ),
+            DispersibleQuantity(
+                "magnetorquer_misalignment",
+                "turn of each magnetorquer towards two directions across it",
+                "rad",
+                axis="magnetorquer_turn",
+            ),
+            DispersibleQuantity(
                 "disturbance_amplitude",
                 "relative change of the periodic torque's amplitudes",
                 axis="body_axis",
@@ -123,7 +134,7 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
             DispersibleQuantity(
                 "failure_time",
                 "when each [[failure]] strikes, here and below those of thrusters before those of "
-                "wheels",
+                "wheels, and those before those of magnetorquers",
                 "s",
             ),
             DispersibleQuantity(
@@ -136,10 +147,15 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
                 "number from 0, rounded, of the wheel that each [[failure]] of a wheel strikes",
             ),
             DispersibleQuantity(
+                "failed_magnetorquer",
+                "number from 0, rounded, of the magnetorquer that each [[failure]] of one strikes",
+            ),
+            DispersibleQuantity(
                 "failure_kind",
                 "kind of each [[failure]], rounded: of a thruster 0 dead, 1 degraded, 2 stuck on, "
                 "3 stuck at, 4 leaking, 5 delayed, 6 intermittent; of a wheel 0 dead, 1 degraded, "
-                "2 stopped, 3 friction by a factor, 4 friction to a level, 5 runaway",
+                "2 stopped, 3 friction by a factor, 4 friction to a level, 5 runaway; of a "
+                "magnetorquer 0 to 3 as of a thruster",
             ),
             DispersibleQuantity(
                 "failure_amount",

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from jaxsat.declaration.keys import number, switch
+from jaxsat.declaration import verified
+from jaxsat.declaration.keys import LARGEST, number, switch
 from jaxsat.declaration.law import LawDeclaration
 from jaxsat.ranges import SECONDS
 
@@ -24,15 +25,6 @@ def equivalent_limit(moments: Sequence[float], torque_limit: float) -> float:
     """
     tuned = math.sqrt(TUNED_MOMENTS[0] * TUNED_MOMENTS[1])
     return float(torque_limit) * (tuned / math.sqrt(float(moments[0]) * float(moments[1])))
-
-
-def tuned_limits(moments: Sequence[float], period: float | None = None) -> tuple[float, ...]:
-    """The torque limits (N m) that the gains are tuned for, for a body with these S1, S2 (kg m²).
-
-    `period` is the control period (s), that which they are tuned for if left out.
-    """
-    scale = equivalent_limit(moments, 1.0) * ((period or TUNED_PERIOD) / TUNED_PERIOD) ** 2
-    return tuple(one / scale for one in TUNED_LIMITS)
 
 
 _COMMON_KEYS = (
@@ -67,40 +59,67 @@ _COMMON_KEYS = (
 )
 
 
-def _gain(name: str, meaning: str, unit: str, place: str):
-    place = f"fine.oscillator.{place}"
-    return number(name, meaning, unit, above=0, default=None, tunable=place)
+def _gain(name: str, meaning: str, unit: str, place: str, at_most: float | int = LARGEST):
+    return number(name, meaning, unit, above=0, at_most=at_most, default=None, tunable=place)
 
+
+_OSCILLATOR = "fine.oscillator"
+_DEMAND = f"{_OSCILLATOR}.demand"
+
+_OSCILLATION_KEYS = (
+    _gain("frequency_rad_s", "Frequency ν of the oscillation", "rad/s", f"{_OSCILLATOR}.frequency"),
+    _gain("tilt_gain", "Gain k on the tilt", "1/s", f"{_OSCILLATOR}.tilt_gain"),
+    _gain("rate_gain", "Gain kω on the rate errors", "1/s", f"{_OSCILLATOR}.rate_gain"),
+    _gain(
+        "largest_amplitude_rad_s",
+        "Largest amplitude ρm of the oscillation",
+        "rad/s",
+        f"{_OSCILLATOR}.largest_amplitude",
+    ),
+    _gain("ratio", "How the oscillation is shared out, r", "1", f"{_OSCILLATOR}.ratio"),
+)
 
 OSCILLATORY = LawDeclaration(
     summary="oscillate about the driven axes until all is small, then regulate.\n\n"
     "Gains that are left out are those tuned for torque limits of 1, 5 and 20 N m, interpolated in "
     "between",
     keys=(
-        _gain("frequency_rad_s", "Frequency ν of the oscillation", "rad/s", "frequency"),
-        _gain("tilt_gain", "Gain k on the tilt", "1/s", "tilt_gain"),
-        _gain("rate_gain", "Gain kω on the rate errors", "1/s", "rate_gain"),
-        _gain(
-            "largest_amplitude_rad_s",
-            "Largest amplitude ρm of the oscillation",
-            "rad/s",
-            "largest_amplitude",
-        ),
-        _gain("ratio", "How the oscillation is shared out, r", "1", "ratio"),
-        _gain("k3", "Gain of the slow motion about the third axis", "1/s", "demand.k3"),
-        _gain("damping", "Damping ratio ζ of that motion", "1", "demand.damping"),
+        *_OSCILLATION_KEYS,
+        _gain("k3", "Gain of the slow motion about the third axis", "1/s", f"{_DEMAND}.k3"),
+        _gain("damping", "Damping ratio ζ of that motion", "1", f"{_DEMAND}.damping"),
         *_COMMON_KEYS,
     ),
     any_plane=True,
     needs_torque_limit=True,
-    tuned_limits=tuned_limits,
+    domain=verified.OSCILLATORY,
 )
 
 THREE_SLEW = LawDeclaration(
     summary="stop, three slews about the driven axes, oscillate, regulate.\n\n"
-    "The gains are tuned for torque limits of 1, 5 and 20 N m and interpolated in between",
-    keys=_COMMON_KEYS,
+    "Gains that are left out are those tuned for torque limits of 1, 5 and 20 N m, interpolated in "
+    "between",
+    keys=(
+        _gain(
+            "stopping_share",
+            "Share η of the torque limit by which the rates to stop with are chosen",
+            "1",
+            "rate_law.share",
+            at_most=1,
+        ),
+        _gain(
+            "slewing_share",
+            "Share of the torque limit with which slews brake",
+            "1",
+            "planner.share",
+            at_most=1,
+        ),
+        _gain("slew_gain", "Gain λ with which a slew ends", "1/s", "planner.approach"),
+        *_OSCILLATION_KEYS,
+        _gain("k3", "Gain k3 on the slow rate", "1/s", f"{_DEMAND}.k3"),
+        _gain("kz", "Gain kz on the slow turn", "1/s", f"{_DEMAND}.kz"),
+        *_COMMON_KEYS,
+    ),
     any_plane=True,
     needs_torque_limit=True,
-    tuned_limits=tuned_limits,
+    domain=verified.THREE_SLEW,
 )

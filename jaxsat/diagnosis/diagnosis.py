@@ -6,7 +6,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.diagnosis.isolation import DiagnosedKind, Evidence, explanation
@@ -45,7 +45,8 @@ class DiagnosisMemory(NamedTuple):
 
     `statistic` (2, m) has the CUSUMs of loss and flow. `condition` and `kind` (a `DiagnosedKind`,
     or -1) are the verdicts, `returns` tells how often a thruster came back. `age` (s) is the time
-    since the last alarm, verdict or dismissal, `suspect` the likeliest thruster.
+    since the last alarm, verdict or dismissal, `suspect` the likeliest thruster, and `rival` tells
+    which explain the residuals nearly as well.
     """
 
     residual: ResidualMemory
@@ -54,6 +55,7 @@ class DiagnosisMemory(NamedTuple):
     age: RealScalar
     evidence: Evidence
     suspect: Int[Array, ""]
+    rival: Bool[Array, " m"]
     condition: Condition
     kind: Float[Array, " m"]
     returns: Float[Array, " m"]
@@ -67,16 +69,16 @@ class Diagnosis(eqx.Module):
     that `average_run_length` of `reference` and `threshold` (both in sigmas) is the mean number of
     samples to a false alarm of each test. From the alarm on the evidence is gathered anew. The best
     explanation is the verdict once its log-likelihood exceeds that of no failure, and that of any
-    other thruster, by `margin`. After `patience` (s) the more likely of two thrusters is taken, and
-    an alarm that nothing explains is dismissed. A failed thruster whose commanded thrust is there
-    again works again, at most `MOST_RETURNS` times.
+    other thruster, by `margin`. After `patience` samples the more likely of two thrusters is taken,
+    and an alarm that nothing explains is dismissed. A failed thruster whose commanded thrust is
+    there again works again, at most `MOST_RETURNS` times.
     """
 
     filter: ResidualFilter
     reference: RealScalar = eqx.field(converter=as_float, default=1.0)
     threshold: RealScalar = eqx.field(converter=as_float, default=12.0)
     margin: RealScalar = eqx.field(converter=as_float, default=8.0)
-    patience: RealScalar = eqx.field(converter=as_float, default=30.0)
+    patience: RealScalar = eqx.field(converter=as_float, default=300.0)
 
     def __check_init__(self):
         for name in ("reference", "threshold", "margin", "patience"):
@@ -93,6 +95,7 @@ class Diagnosis(eqx.Module):
             zero[0],
             Evidence.none(count),
             jnp.array(0),
+            zero >= 0,
             Condition.sound(count),
             zero + NONE,
             zero,
@@ -104,6 +107,10 @@ class Diagnosis(eqx.Module):
         effect = residual.model.spacecraft.inverse_inertia @ thrusters.torque
         seen = TEST_SIGMAS * residual.rate_noise / jnp.sqrt(jnp.sum(effect**2, axis=0))
         return jnp.minimum(jnp.maximum(seen, thrusters.min_on_time) / period, 1.0)
+
+    def may_return(self, memory: DiagnosisMemory) -> Bool[Array, " m"]:
+        """Which thrusters have failed and count as working again once their thrust is there."""
+        return memory.condition.failed & (memory.returns < MOST_RETURNS)
 
     def step(
         self,
@@ -119,10 +126,10 @@ class Diagnosis(eqx.Module):
         alarmed = memory.stage == Stage.ALARM
         evidence = memory.evidence.after(residual, self.filter.uncertainty)
         evidence = jax.tree.map(lambda x: jnp.where(alarmed, x, 0.0), evidence)
-        lasting = condition.failed & (memory.returns >= MOST_RETURNS)
+        lasting = condition.failed & ~self.may_return(memory)
         found = explanation(evidence, condition.failed, lasting)
         age = memory.age + period
-        late = age > self.patience
+        late = age > self.patience * period
         tested = (found.tested > LEAST_INFORMATION) | (age > MOST_PERIODS * period)
         sure = (found.margin > self.margin) & tested
         verdict = alarmed & (found.score > self.margin) & (sure | late)
@@ -148,6 +155,7 @@ class Diagnosis(eqx.Module):
             jnp.where(over | alarm, 0.0, age),
             evidence,
             found.thruster,
+            found.scores > found.score - self.margin,
             judged,
             jnp.where(comes_back, NONE, jnp.where(hit, found.kind, memory.kind)),
             memory.returns + comes_back,

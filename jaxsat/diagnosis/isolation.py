@@ -78,7 +78,8 @@ class Explanation(NamedTuple):
     """The thruster that explains the residuals best, the kind, its (a, b), and how well.
 
     `score` is the log-likelihood over that of no failure, `margin` how far it is above that of the
-    best other thruster. `tested` is the information about a.
+    best other thruster. `tested` is the information about a. `scores` has that of each thruster's
+    best explanation.
     """
 
     thruster: Int[Array, ""]
@@ -88,6 +89,7 @@ class Explanation(NamedTuple):
     score: RealScalar
     margin: RealScalar
     tested: RealScalar
+    scores: Float[Array, " m"]
 
 
 def explanation(
@@ -123,6 +125,7 @@ def explanation(
         best[thruster],
         best[thruster] - jnp.max(others),
         aa[thruster],
+        best,
     )
 
 

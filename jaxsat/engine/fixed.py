@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxsat.checks import require_counts
+from jaxsat.engine.failure_record import initial_record
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import (
     Outputs,
@@ -135,6 +136,9 @@ class SampledStepper(AbstractStepper):
             carry = (progress.integrals, progress.settled)
             state, carry, signals = loop.period(number, t, progress.state, integrate, carry)
             seen = with_peaks(progress, signals)
+            if progress.failures is not None:
+                known = progress.failures.observe(t, signals, program.tolerances)
+                seen = seen._replace(failures=known)
             return _unless_ended(program, progress, seen, state, carry, t)
 
         return jax.lax.fori_loop(0, count, period, progress)
@@ -155,7 +159,8 @@ def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper
 
 def _initial(case: Case) -> Progress:
     state = case.loop.start(case.start)
-    return initial_progress(state, plant_state(case.loop, state), case.possible)
+    begin = initial_progress(state, plant_state(case.loop, state), case.possible)
+    return begin._replace(failures=initial_record(case.loop, state))
 
 
 def _sampled_loop(case: Case) -> SampledLoop:
@@ -210,4 +215,4 @@ def _finished(program: Program, case: Case, progress: Progress, number) -> Outpu
     settled = settled_at(progress.settled, end, observed, program.tolerances)
     seen = with_peaks(progress, plant)._replace(settled=settled)
     used = consumption(case.loop, progress.state)
-    return outputs_of(seen, plant, end, case.drawn, program.cost, used)
+    return outputs_of(seen, plant, end, case.drawn, program.cost, used, program.interval)

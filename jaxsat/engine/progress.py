@@ -8,6 +8,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, as_optional_float, concrete, require_positive
 from jaxsat.dynamics import PlantState
+from jaxsat.engine.failure_record import FailureRecord
 from jaxsat.metrics import SettlingTracker, Tolerances
 from jaxsat.quotients import reciprocal
 from jaxsat.simulation import Outcome, Signals
@@ -130,7 +131,7 @@ class Progress(NamedTuple):
     when the tolerances have been met, judged at every step; `ended_at` is the time (s) up to which
     the state is good. `step` (s) is the next to be tried and `steps` the number of those tried,
     where steps are adaptive. `peak_momentum` is the largest |h| of each wheel (N m s) at the
-    instants observed, None without wheels.
+    instants observed, None without wheels. `failures` is kept of sampled loops that have some.
     """
 
     state: PyTree
@@ -142,6 +143,7 @@ class Progress(NamedTuple):
     step: Float[Array, ""]
     steps: Int[Array, ""]
     peak_momentum: Float[Array, " wheels"] | None = None
+    failures: FailureRecord | None = None
 
 
 class Outputs(NamedTuple):
@@ -151,7 +153,8 @@ class Outputs(NamedTuple):
     where the running cost has a limit), peak |ω| at the instants observed (rad/s), end of the good
     part (s); attitude and ω (rad/s) at the end of the horizon; and what was drawn, by name. Of
     thrusters that push also the propellant (kg) and how often each valve opened, and of wheels the
-    peak |h| of each at the instants observed (N m s); None without them. With a leading axis these
+    peak |h| of each at the instants observed (N m s); None without them. `failures` is what
+    `FailureRecord` tells, of sampled loops with failures in flight. With a leading axis these
     are the outputs of many cases.
     """
 
@@ -169,6 +172,7 @@ class Outputs(NamedTuple):
     propellant: Float[Array, "*n"] | None = None
     valve_openings: Float[Array, "*n thrusters"] | None = None
     peak_wheel_momentum: Float[Array, "*n wheels"] | None = None
+    failures: dict[str, Array] | None = None
 
 
 def initial_progress(
@@ -215,8 +219,9 @@ def outputs_of(
     drawn: dict[str, Array],
     cost: RunningCost,
     consumption: Consumption | None = None,
+    interval: float | Array = 1.0,
 ) -> Outputs:
-    """Outputs of a trajectory whose last instant has been observed.
+    """Outputs of a trajectory whose last instant has been observed, one every `interval` (s).
 
     `consumption` is that of the whole run, None for actuators that have none.
     """
@@ -229,6 +234,7 @@ def outputs_of(
     whole = cost.whole(progress.integrals.cost, success, duration - progress.ended_at)
     wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
     momentum, used = progress.peak_momentum, consumption
+    failures = progress.failures
     return Outputs(
         code=progress.code,
         settling_time=jnp.where(success, progress.settled.settling_time(duration), jnp.inf),
@@ -244,4 +250,5 @@ def outputs_of(
         propellant=None if used is None else kept(used.propellant),
         valve_openings=None if used is None else kept(used.openings),
         peak_wheel_momentum=None if momentum is None else kept(momentum),
+        failures=None if failures is None else failures.outputs(jnp.asarray(interval)),
     )

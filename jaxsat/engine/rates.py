@@ -57,10 +57,11 @@ def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Arra
 
     def rate(t, both):
         state, _ = both
-        torque = loop.torque(state, hold, t - begin)
+        torque = loop.torque(t, state, hold, t - begin)
         wz = state.attitude.as_wz()
         cost = program.cost(wz.w, wz.z, loop.plant.relative_rate(state), torque)
-        size = jnp.abs(torque) if hold.wheels is not None else hold.mean_size()
+        steady = hold.wheels is None and hold.dipole is None
+        size = hold.mean_size() if steady else jnp.abs(torque)
         return loop.plant_rate(t, state, hold, t - begin), Integrals(cost, jnp.sum(size))
 
     return rate

@@ -12,6 +12,7 @@ from jaxtyping import PyTree
 from jaxsat.checks import require_counts
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.batches import AbstractBatchEngine
+from jaxsat.engine.failure_record import FailureRecord, initial_record, record_of_history
 from jaxsat.engine.interface import CostGradient, Mode
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import Integrals, Outputs, initial_progress, outputs_of, settled_at
@@ -217,6 +218,19 @@ def _outputs(program, case, state, integrals, signals, settled: SettlingTracker,
         ended_at=jnp.where(case.possible, reached * program.interval, 0.0),
         code=jnp.where(case.possible, code, progress.code),
         peak_momentum=None if momentum is None else jnp.max(jnp.abs(momentum), axis=0),
+        failures=_failures(program, case, signals),
     )
     used = consumption(case.loop, state)
-    return outputs_of(progress, plant, program.duration, case.drawn, program.cost, used)
+    return outputs_of(
+        progress, plant, program.duration, case.drawn, program.cost, used, program.interval
+    )
+
+
+def _failures(program: Program, case: Case, signals: Signals) -> FailureRecord | None:
+    """What the history of a sampled loop with failures tells of them."""
+    if not isinstance(case.loop, SampledLoop):
+        return None
+    samples = jax.tree.map(lambda x: x[:-1], signals)
+    times = jnp.arange(program.intervals) * program.interval
+    begin = initial_record(case.loop, case.loop.start(case.start))
+    return record_of_history(begin, times, samples, program.tolerances)

@@ -1,5 +1,6 @@
 """What surrounds the spacecraft: its orbit and the torques that disturb it."""
 
+from jaxsat.earth import circular_orbit_rate
 from jaxsat.environment.disturbances import (
     AbstractDisturbance,
     ConstantTorque,
@@ -9,12 +10,12 @@ from jaxsat.environment.disturbances import (
     PeriodicTorque,
     SumOfDisturbances,
 )
+from jaxsat.environment.magnetic_field import DipoleField
 from jaxsat.environment.orbit import (
     AbstractOrbit,
     CircularOrbit,
     ExactOrbit,
     SmallAngleOrbit,
-    circular_orbit_rate,
 )
 from jaxsat.environment.orbital_torques import (
     AerodynamicTorque,
@@ -30,6 +31,7 @@ __all__ = [
     "AerodynamicTorque",
     "CircularOrbit",
     "ConstantTorque",
+    "DipoleField",
     "DisturbanceContext",
     "ExactOrbit",
     "GravityGradient",

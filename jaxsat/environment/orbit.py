@@ -5,7 +5,6 @@ orbit normal. It turns at (0, -ω0, 0) in its own axes.
 """
 
 import abc
-import math
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,20 +12,10 @@ from jaxtyping import Array, Float
 
 from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, require_finite
+from jaxsat.earth import EARTH_GRAVITY
 from jaxsat.trigonometry import cos, sin
 
-EARTH_GRAVITY = 3.986004418e14  # m³/s², WGS 84
-EARTH_RADIUS = 6378137.0  # m, equatorial, WGS 84
 EARTH_ROTATION = 7.292115e-5  # rad/s, WGS 84
-
-
-def circular_orbit_rate(altitude: float) -> float:
-    """Two-body angular rate ω0 of a circular orbit around the Earth, rad/s; `altitude` in m."""
-    if not altitude > -EARTH_RADIUS:
-        raise ValueError(
-            f"Argument `altitude` must be above the Earth's centre, but got {altitude}."
-        )
-    return math.sqrt(EARTH_GRAVITY / (EARTH_RADIUS + altitude) ** 3)
 
 
 class AbstractOrbit(eqx.Module):

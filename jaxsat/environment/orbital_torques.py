@@ -14,30 +14,22 @@ from jaxsat.attitude import AbstractAttitude
 from jaxsat.checks import as_float, require_finite, require_positive
 from jaxsat.declaration import PartDeclaration
 from jaxsat.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
+from jaxsat.earth import EARTH_RADIUS
 from jaxsat.environment.disturbances import AbstractDisturbance, DisturbanceContext, RealScalar
-from jaxsat.environment.orbit import EARTH_RADIUS, EARTH_ROTATION, CircularOrbit
-from jaxsat.trigonometry import cos, sin
-
-DIPOLE = (-1450.9e-9, 4652.5e-9, -29404.8e-9)
-"""g11, h11 and g10 of IGRF-13 for 2020, T: the dipole in axes that turn with the Earth."""
-
-REFERENCE_RADIUS = 6371.2e3
-"""That of the IGRF, m."""
+from jaxsat.environment.magnetic_field import DipoleField
+from jaxsat.environment.orbit import CircularOrbit
 
 SOLAR_PRESSURE = 4.56e-6
 """At the Earth's mean distance from the Sun on a surface that absorbs all light, N/m²."""
 
 
 class MagneticTorque(AbstractDisturbance):
-    """A dipole fixed in the body (A m²), in the field of a tilted dipole that turns with the Earth.
-
-    The field is that of the first degree of the IGRF along the circular `orbit`.
-    """
+    """A dipole fixed in the body (A m²), in the Earth's magnetic `field`."""
 
     declaration: ClassVar[PartDeclaration] = MAGNETIC
 
     dipole: Float[Array, "3"] = eqx.field(converter=as_float)
-    orbit: CircularOrbit
+    field: DipoleField
 
     def __check_init__(self):
         require_finite("dipole", self.dipole)
@@ -48,23 +40,14 @@ class MagneticTorque(AbstractDisturbance):
     ) -> "MagneticTorque | None":
         """The torque of a table of a scenario; None for no dipole."""
         dipole = values["residual_dipole_A_m2"]
-        return cls(dipole, context.place) if any(dipole) else None
+        return cls(dipole, DipoleField(context.place)) if any(dipole) else None
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
     ) -> Float[Array, "3"]:
         """m × B in body axes."""
         del inertia
-        return jnp.cross(self.dipole, attitude.as_dcm().matrix @ self.field(t))
-
-    def field(self, t: RealScalar) -> Float[Array, "3"]:
-        """B at time `t` (s) in orbit axes, T: (R/r)³ (3 (m·r̂) r̂ - m) of the Earth's dipole m."""
-        axes, angle = self.orbit.axes(t), self.orbit.sidereal_angle + EARTH_ROTATION * t
-        east, north = cos(angle), sin(angle)
-        x, y, z = DIPOLE
-        m = axes @ jnp.stack([x * east - y * north, x * north + y * east, z + 0 * angle])
-        up = jnp.array([0.0, 0.0, -1.0], m.dtype)
-        return (REFERENCE_RADIUS / self.orbit.radius) ** 3 * (-3 * m[2] * up - m)
+        return jnp.cross(self.dipole, self.field.in_body(t, attitude))
 
 
 class AerodynamicTorque(AbstractDisturbance):

@@ -91,6 +91,11 @@ class FlightController(eqx.Module):
                 "control.law: must be a law that runs once a period to become flight code, got one "
                 "in continuous time"
             )
+        if loop.magnetic is not None:
+            raise CannotExport(
+                "magnetorquer: must be left out of what becomes flight code, which has no field of "
+                f"the Earth, got {loop.magnetic.axes.shape[1]}"
+            )
         navigation = loop.navigation
         if navigation is None:
             return FlightController(loop.controller, loop.actuators)

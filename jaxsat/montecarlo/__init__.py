@@ -21,14 +21,32 @@ from jaxsat.montecarlo.ensemble import Study, StudyProgress, run_study
 from jaxsat.montecarlo.executors import AbstractExecutor, ClusterError, Devices, Serial, Threads
 from jaxsat.montecarlo.processes import Processes
 from jaxsat.montecarlo.quantities import QUANTITIES
+from jaxsat.montecarlo.recovery import FailureRecovery, Recovery
+from jaxsat.montecarlo.recovery_summary import (
+    KindDiagnosis,
+    KindRecovery,
+    RecoverySummary,
+    UnrecoveredCase,
+    reason_words,
+)
 from jaxsat.montecarlo.sensitivities import (
     Sensitivity,
     first_order_index,
     numbers_of,
     sensitivity,
 )
-from jaxsat.montecarlo.statistics import LEVEL, Interval, StopRule, ends_text, percentile, wilson
+from jaxsat.montecarlo.statistics import (
+    LEVEL,
+    AbstractStopRule,
+    Interval,
+    StopRule,
+    WhenDecided,
+    ends_text,
+    percentile,
+    wilson,
+)
 from jaxsat.montecarlo.summary import Summary, summarise
+from jaxsat.montecarlo.torques_left import TorquesLeft
 from jaxsat.montecarlo.work import Work, most_cases, study_work
 
 __all__ = [
@@ -37,17 +55,23 @@ __all__ = [
     "AbstractDesign",
     "AbstractDistribution",
     "AbstractExecutor",
+    "AbstractStopRule",
     "ClusterError",
     "Devices",
     "Discrete",
     "Dispersed",
     "Dispersions",
+    "FailureRecovery",
     "Independent",
     "Interval",
+    "KindDiagnosis",
+    "KindRecovery",
     "LatinHypercube",
     "Normal",
     "Processes",
     "RandomAttitude",
+    "Recovery",
+    "RecoverySummary",
     "Sensitivity",
     "Serial",
     "Sobol",
@@ -57,8 +81,11 @@ __all__ = [
     "StudyProgress",
     "Summary",
     "Threads",
+    "TorquesLeft",
     "TruncatedNormal",
     "Uniform",
+    "UnrecoveredCase",
+    "WhenDecided",
     "Work",
     "ends_text",
     "first_order_index",
@@ -66,6 +93,7 @@ __all__ = [
     "number_at",
     "numbers_of",
     "percentile",
+    "reason_words",
     "run_study",
     "sensitivity",
     "study_work",

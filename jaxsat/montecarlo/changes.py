@@ -27,7 +27,8 @@ from jaxsat.environment import (
 )
 from jaxsat.navigation import Navigation
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.vehicle import Actuators, FailureEvents, Spacecraft, ThrusterSet, WheelFailures
+from jaxsat.simulation.parts import failures_of, parts_of
+from jaxsat.vehicle import Actuators, Magnetorquers, Spacecraft, ThrusterSet
 from jaxsat.vehicle.sensors import turned_slightly
 
 LEAST_TORQUE = 1e-30
@@ -152,10 +153,25 @@ def _with_thrusters_changed(
     return _in_loop(perturbed, lambda loop: loop.actuators, actuators)
 
 
-def failures_of(loop: AbstractLoop) -> list[FailureEvents | WheelFailures]:
-    """The failures in flight of a loop: of its thrusters, then of its wheels."""
-    actuators = getattr(loop, "actuators", None)
-    return [*parts_of(FailureEvents, actuators), *parts_of(WheelFailures, loop.plant.wheels)]
+def torquers_of(loop: AbstractLoop) -> Magnetorquers:
+    """The magnetorquers, which `obstacle` has made sure of."""
+    return cast(Magnetorquers, loop.plant.magnetorquers)
+
+
+def set_dipole_limit(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
+    """Other dipole limits, which the law is not told."""
+    return _in_loop(
+        perturbed,
+        lambda loop: loop.plant.magnetorquers.dipole_limit,
+        torquers_of(perturbed.loop).dipole_limit * (1 + change),
+    )
+
+
+def set_torquer_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
+    """Magnetorquers turned, which the law is not told."""
+    one = torquers_of(perturbed.loop)
+    turned = one.misaligned(angles.reshape(one.count, 2))
+    return _in_loop(perturbed, lambda loop: loop.plant.magnetorquers, turned)
 
 
 def set_failure(field: str):
@@ -359,9 +375,3 @@ def _in_loop(perturbed: PerturbedLoop, where, new) -> PerturbedLoop:
 
 def _map(change, kind: type | tuple[type, ...], tree):
     return jax.tree.map(change, tree, is_leaf=lambda part: isinstance(part, kind))
-
-
-def parts_of(kind: type, tree) -> list:
-    """All parts of one kind in a module."""
-    parts = jax.tree.leaves(tree, is_leaf=lambda part: isinstance(part, kind))
-    return [part for part in parts if isinstance(part, kind)]

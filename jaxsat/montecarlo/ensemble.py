@@ -20,7 +20,8 @@ from jaxsat.montecarlo.designs import AbstractDesign, LatinHypercube
 from jaxsat.montecarlo.dispersions import Dispersed, StudyCase
 from jaxsat.montecarlo.executors import AbstractExecutor, Serial
 from jaxsat.montecarlo.quantities import QUANTITIES
-from jaxsat.montecarlo.statistics import StopRule
+from jaxsat.montecarlo.recovery import FailureRecovery
+from jaxsat.montecarlo.statistics import AbstractStopRule
 from jaxsat.pointing import pointing_error
 from jaxsat.results import Column, OutputError, StudyStore, machine
 from jaxsat.results.chunks import Coordinate, chunk_numbers
@@ -35,7 +36,8 @@ class Study:
     `description` is plain data that, with seed, design, engine and program, tells studies apart in
     a store: the scenario and its dispersions. `remark` is to be told with the results, such as why
     an engine was not taken. `history` is the number of instants, evenly over the horizon, at which
-    signals of every case are kept; None keeps none. Raises `ValueError` where the design has
+    signals of every case are kept; None keeps none. `names` are those of all thrusters, a two-sided
+    one twice, and wheels; they have numbers without. Raises `ValueError` where the design has
     another size than the study, or `history` does not suit the program.
     """
 
@@ -48,6 +50,7 @@ class Study:
     description: Mapping[str, Any] = field(default_factory=dict)
     remark: str | None = None
     history: int | None = None
+    names: tuple[str, ...] = ()
 
     def __post_init__(self):
         if not isinstance(self.program.case_factory, Dispersed):
@@ -66,6 +69,16 @@ class Study:
         """How a case is made."""
         return self.program.case_factory  # pyright: ignore[reportReturnType]
 
+    @cached_property
+    def failures(self) -> FailureRecovery | None:
+        """What tells of failures in flight; None where there are none."""
+        program, copies = self.program, self.case_factory
+        attitude = bool(np.isfinite(np.asarray(program.tolerances.w)))
+        duration = float(np.asarray(program.duration))
+        return FailureRecovery.of(
+            copies.loop, copies.start, duration, attitude=attitude, names=self.names
+        )
+
     @property
     def has_fixed_size(self) -> bool:
         """Whether the cases depend on how many there are, so that none may be left out."""
@@ -83,13 +96,21 @@ class Study:
     def values(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
         """What these cases have in a store, by column. Histories change no bit of the rest."""
         if self.history is None:
-            return _by_column(self.evaluate(numbers))
+            return self._by_column(self.evaluate(numbers))
         instants = self.program.evenly(self.history)
         outputs, signals = self.engine.observed(
             self.program, self.cases(numbers), self.gains, instants
         )
         kept = {HISTORY + name: np.asarray(getattr(signals, name)) for name in HISTORIES}
-        return _by_column(outputs) | kept
+        return self._by_column(outputs) | kept
+
+    def _by_column(self, outputs: Outputs) -> dict[str, np.ndarray]:
+        """What the outputs have of every column, and what they say of failures."""
+        found = _by_column(outputs)
+        if self.failures is None:
+            return found
+        drawn = {name: np.asarray(values) for name, values in outputs.drawn.items()}
+        return found | self.failures.values(found, drawn)
 
     def replay(self, number: int) -> Replay:
         """One case again, with its history and the bits that it has in any study."""
@@ -99,7 +120,10 @@ class Study:
     def columns(self) -> dict[str, Column]:
         """What a case has in a store."""
         drawn = {DRAWN + name: self._drawn(name) for name in self._dispersed}
-        columns = columns_of(self.case_factory.loop) | drawn
+        columns = columns_of(self.case_factory.loop)
+        if self.failures is not None:
+            columns |= self.failures.columns()
+        columns |= drawn
         if self.history is not None:
             for name, column in HISTORIES.items():
                 shape, dims = (self.history, *column.shape), (HISTORY_TIME, *column.dims)
@@ -185,7 +209,7 @@ def run_study(
     path: str | Path,
     *,
     executor: AbstractExecutor | None = None,
-    until: StopRule | None = None,
+    until: AbstractStopRule | None = None,
     report: Callable[[StudyProgress], None] | None = None,
     tell: Callable[[str], None] = warnings.warn,
     elsewhere: bool = False,
@@ -265,7 +289,7 @@ class _ChunkWork:
 class _StudyLedger:
     """Which chunks are done, and how many of the cases from the first on count."""
 
-    def __init__(self, store: StudyStore, count: int, until: StopRule | None):
+    def __init__(self, store: StudyStore, count: int, until: AbstractStopRule | None):
         self._store, self._until = store, until
         self._limit = count
         self._chunks = -(-count // store.chunk)
@@ -303,10 +327,11 @@ class _StudyLedger:
 def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
     named = {name: values for name, values in outputs._asdict().items() if values is not None}
     drawn = named.pop("drawn")
+    told = named.pop("failures", {})
     error = pointing_error(np.asarray(outputs.quaternion))
     named["pointing_error"] = np.linalg.norm(error, axis=-1)
     columns = {
         DRAWN + name: values[..., 0] if values.shape[-1] == 1 else values
         for name, values in drawn.items()
     }
-    return {**named, **columns}
+    return {**named, **told, **columns}

@@ -16,18 +16,18 @@ from jaxsat.checks import as_float, concrete
 from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
 from jaxsat.montecarlo.changes import (
     controller_of,
-    failures_of,
     navigation_of,
-    parts_of,
     thruster_count,
     thrusters_of,
+    torquers_of,
 )
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.simulation.parts import AnyFailures, failures_of, parts_of
 from jaxsat.vehicle import (
     Actuators,
-    FailureEvents,
     FailureKind,
+    MagnetorquerFailures,
     Spacecraft,
     WheelFailureKind,
     WheelFailures,
@@ -130,18 +130,25 @@ def of_failed_wheel(loop: AbstractLoop) -> Limits:
     return Limits(as_float(-0.5), as_float(cast(Wheels, loop.plant.wheels).count - 0.5))
 
 
+def of_failed_magnetorquer(loop: AbstractLoop) -> Limits:
+    """Numbers that are rounded to those of the magnetorquers."""
+    return Limits(as_float(-0.5), as_float(torquers_of(loop).count - 0.5))
+
+
 def of_failure_kind(loop: AbstractLoop) -> Limits:
     """Numbers that are rounded to kinds.
 
-    None turns a thruster, which takes a vector. An ideal one is dead, weak or, where it has a
-    limit, stuck; a wheel runs away only where all have a torque limit.
+    None turns a thruster, which takes a vector. An ideal one or a magnetorquer is dead, weak or,
+    where it has a limit, stuck; a wheel runs away only where all have a torque limit.
     """
     thrusters, wheels = thrusters_of(loop), loop.plant.wheels
 
-    def last(failures: FailureEvents | WheelFailures) -> np.ndarray:
+    def last(failures: AnyFailures) -> np.ndarray:
         if isinstance(failures, WheelFailures):
             limited = _is_finite(cast(Wheels, wheels).torque_limit)
             kind = WheelFailureKind.RUNAWAY if limited else WheelFailureKind.FRICTION_TO
+        elif isinstance(failures, MagnetorquerFailures):
+            kind = FailureKind.STUCK_AT
         elif isinstance(thrusters[0], Actuators):
             kind = FailureKind.STUCK_AT if _is_finite(thrusters[0].limit) else FailureKind.DEGRADED
         else:
@@ -159,10 +166,10 @@ def _is_finite(limit: Array | None) -> bool:
 def of_failure_amount(loop: AbstractLoop) -> Limits:
     """Fractions up to 1, and as much friction as a wheel may have."""
 
-    def most(failures: FailureEvents | WheelFailures) -> np.ndarray:
+    def most(failures: AnyFailures) -> np.ndarray:
         kinds = concrete(failures.kind)
         friction = (WheelFailureKind.FRICTION_BY, WheelFailureKind.FRICTION_TO)
-        if isinstance(failures, FailureEvents) or kinds is None:
+        if not isinstance(failures, WheelFailures) or kinds is None:
             return np.ones(failures.count)
         return np.where(np.isin(np.rint(kinds), friction), ranges.FRICTION.high, 1.0)
 

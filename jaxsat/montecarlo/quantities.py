@@ -12,15 +12,21 @@ from jaxsat.montecarlo.changes import (
     PerturbedLoop,
     Values,
     controller_of,
-    failures_of,
     navigation_of,
-    parts_of,
     thruster_count,
     thrusters_of,
+    torquers_of,
 )
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.vehicle import FailureEvents, Sensors, Spacecraft, WheelFailures
+from jaxsat.simulation.parts import failures_of, parts_of
+from jaxsat.vehicle import (
+    FailureEvents,
+    MagnetorquerFailures,
+    Sensors,
+    Spacecraft,
+    WheelFailures,
+)
 
 
 class Quantity(NamedTuple):
@@ -116,7 +122,11 @@ def _thrusters(each: int) -> Callable[[AbstractLoop], int]:
 
 
 def _needs_failures(*kinds: type) -> Callable[[AbstractLoop], str | None]:
-    what = {FailureEvents: "thruster", WheelFailures: "wheel"}
+    what = {
+        FailureEvents: "thruster",
+        WheelFailures: "wheel",
+        MagnetorquerFailures: "magnetorquer",
+    }
 
     def obstacle(loop: AbstractLoop) -> str | None:
         if any(isinstance(one, kinds) for one in failures_of(loop)):
@@ -131,7 +141,7 @@ def _failures(*kinds: type) -> Callable[[AbstractLoop], int]:
     return lambda loop: sum(one.count for one in failures_of(loop) if isinstance(one, kinds))
 
 
-_ANY_FAILURE = (FailureEvents, WheelFailures)
+_ANY_FAILURE = (FailureEvents, WheelFailures, MagnetorquerFailures)
 
 
 def _needs_wheels(loop: AbstractLoop) -> str | None:
@@ -140,6 +150,15 @@ def _needs_wheels(loop: AbstractLoop) -> str | None:
 
 def _wheels(loop: AbstractLoop) -> int:
     return 0 if loop.plant.wheels is None else loop.plant.wheels.count
+
+
+def _needs_magnetorquers(loop: AbstractLoop) -> str | None:
+    there = loop.plant.magnetorquers is not None
+    return None if there else "the spacecraft has no magnetorquers"
+
+
+def _magnetorquers(each: int) -> Callable[[AbstractLoop], int]:
+    return lambda loop: each * torquers_of(loop).count
 
 
 _FROM_NOW = Range(0.0, ranges.SECONDS.high)
@@ -181,6 +200,18 @@ QUANTITIES: dict[str, Quantity] = {
         changes.set_torque_gain,
         _needs_thrusters,
         limits.between(ranges.CHANGE_OF_TORQUE),
+    ),
+    "dipole_limit": Quantity(
+        _magnetorquers(1),
+        changes.set_dipole_limit,
+        _needs_magnetorquers,
+        limits.changing(ranges.DIPOLE_LIMIT, lambda loop: torquers_of(loop).dipole_limit),
+    ),
+    "magnetorquer_misalignment": Quantity(
+        _magnetorquers(2),
+        changes.set_torquer_misalignment,
+        _needs_magnetorquers,
+        limits.between(ranges.MISALIGNMENT),
     ),
     "disturbance_amplitude": Quantity(
         _fixed(3),
@@ -269,6 +300,12 @@ QUANTITIES: dict[str, Quantity] = {
         changes.set_failure("wheel"),
         _needs_failures(WheelFailures),
         limits.of_failed_wheel,
+    ),
+    "failed_magnetorquer": Quantity(
+        _failures(MagnetorquerFailures),
+        changes.set_failure("magnetorquer"),
+        _needs_failures(MagnetorquerFailures),
+        limits.of_failed_magnetorquer,
     ),
     "failure_kind": Quantity(
         _failures(*_ANY_FAILURE),

@@ -1,5 +1,6 @@
 """What a sample of cases says: fractions and percentiles with their intervals."""
 
+import abc
 import bisect
 import functools
 from dataclasses import dataclass
@@ -35,8 +36,16 @@ def wilson(successes: int, count: int, level: float = LEVEL) -> Interval:
     return Interval(fraction, max(0.0, float(centre - half)), min(1.0, float(centre + half)))
 
 
+class AbstractStopRule(abc.ABC):
+    """When so many cases are enough."""
+
+    @abc.abstractmethod
+    def met(self, settled: int, count: int) -> bool:
+        """Whether `count` cases are enough, `settled` of which settle."""
+
+
 @dataclass(frozen=True)
-class StopRule:
+class StopRule(AbstractStopRule):
     """Stop once the Wilson interval of the settled fraction is at most ±`half_width` wide."""
 
     half_width: float
@@ -55,6 +64,22 @@ class StopRule:
             return False
         found = wilson(settled, count, self.level)
         return (found.high - found.low) / 2 <= self.half_width
+
+
+@dataclass(frozen=True)
+class WhenDecided(AbstractStopRule):
+    """Stop once the Wilson interval of the settled fraction leaves out `fraction`."""
+
+    fraction: float
+    least: int = 100
+    level: float = LEVEL
+
+    def met(self, settled: int, count: int) -> bool:
+        """Whether the fraction is surely above, or surely below."""
+        if count < self.least:
+            return False
+        found = wilson(settled, count, self.level)
+        return found.low >= self.fraction or found.high < self.fraction
 
 
 def percentile(values: np.ndarray, percent: float, level: float = LEVEL) -> Interval:

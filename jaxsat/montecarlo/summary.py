@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.montecarlo.columns import DRAWN
+from jaxsat.montecarlo.recovery_summary import RecoverySummary, summarise_recovery
 from jaxsat.montecarlo.sensitivities import Sensitivities, Sensitivity
 from jaxsat.montecarlo.statistics import Interval, percentile, wilson
 from jaxsat.results.chunks import DONE
@@ -32,7 +33,7 @@ class Summary(NamedTuple):
     `outcomes` counts the cases by how they ended, `worst` lists case numbers, those that failed
     first. The rankings say which dispersion matters for the cost and for settling at all. Intervals
     are of 95 %, those of independent draws, and open (infinite) where there are too few cases;
-    those of a ranking hold together.
+    those of a ranking hold together. `recovery` is None where nothing fails in flight.
     """
 
     cases: int
@@ -46,6 +47,7 @@ class Summary(NamedTuple):
     propellant: dict[float, Interval]
     valve_openings: dict[float, Interval]
     peak_wheel_momentum: dict[float, Interval]
+    recovery: RecoverySummary | None = None
 
     @property
     def ranking(self) -> list[Sensitivity]:
@@ -86,6 +88,7 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         worst=numbers[_worst_first(columns)[:worst]].tolist(),
         cost_sensitivity=of_cost,
         settling_sensitivity=of_settling,
+        recovery=summarise_recovery(dataset, numbers),
         **{
             name: _percentiles(over_parts(column(name)[success])) if name in dataset else {}
             for name, over_parts in OF_ACTUATORS.items()

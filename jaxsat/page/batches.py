@@ -1,7 +1,6 @@
 """The sections of a tuning, a comparison and a reproduction, from the files of their folders."""
 
-import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +10,26 @@ import xarray as xr
 from jaxsat.comparison import ComparisonSetting, Start, store_of
 from jaxsat.page.charts import MOST_LINES
 from jaxsat.page.content import Chart, Charts, Facts, Listing, Section, Table, Verdict, number
+from jaxsat.page.reading import form_explained, read_lines, read_record, record_provenance
 from jaxsat.page.run import provenance_facts, scenario_facts, scenario_tables
 from jaxsat.page.study_charts import curves_chart
 from jaxsat.reproduction import RUNS, ClaimVerdict, judge
-from jaxsat.results import OutputError, open_trajectory, study_columns
-from jaxsat.results.files import parse_json, read_or_explain
+from jaxsat.results import open_trajectory, study_columns
+
+LAW_COLUMNS: Mapping[str, Callable[[Mapping[str, Any]], Any]] = {
+    "law": lambda row: row["law"],
+    "cases": lambda row: row["cases"],
+    "settled": lambda row: row["settled"]["value"],
+    "settled, low": lambda row: row["settled"]["low"],
+    "settled, high": lambda row: row["settled"]["high"],
+    "half by (s)": lambda row: row["t50"]["value"],
+    "90 % by (s)": lambda row: row["t90"]["value"],
+    "effort (N m s)": lambda row: row["effort_N_m_s"],
+    "peak rate (rad/s)": lambda row: row["peak_rate_rad_s"],
+}
+"""What a row of a comparison says of its law, by heading."""
+
+LAWS_NOTE = "Settled is a fraction with its 95 % Wilson interval; times are those of all cases."
 
 EVALUATIONS = {
     "before": "held out, before",
@@ -27,12 +41,12 @@ EVALUATIONS = {
 
 def tuning_section(folder: Path) -> Section:
     """What a tuning found: whether the gains are better, and whether to trust it."""
-    verdict, receipt = (_read_json(folder / f"{name}.json") for name in ("verdict", "receipt"))
+    verdict, receipt = (read_record(folder / f"{name}.json") for name in ("verdict", "receipt"))
     history = open_trajectory(folder / "history.nc")
-    with _explained(folder):
+    with form_explained(folder):
         tables = [_gains(verdict), _evaluations(verdict)]
         told = _tuning_verdict(verdict, receipt)
-    tuned = (read_or_explain(folder / "tuned.toml") or b"").decode(errors="replace")
+    tuned = read_lines(folder / "tuned.toml")
     title = str(history.attrs.get("title", "")) or folder.name
     blocks = [
         *tables,
@@ -41,7 +55,7 @@ def tuning_section(folder: Path) -> Section:
         provenance_facts(history.attrs),
         Listing("Tuned scenario", tuned, "tuned.toml"),
     ]
-    return Section(f"Tuning: {title}", f"Tuning {folder.name}", told, blocks)
+    return Section(f"Tuning: {title}", f"Tuning in {folder.name}", told, blocks)
 
 
 def _tuning_verdict(verdict: Mapping[str, Any], receipt: Mapping[str, Any]) -> Verdict:
@@ -99,27 +113,19 @@ def _tuning_charts(history: xr.Dataset) -> Iterator[Chart]:
 
 def comparison_section(folder: Path) -> Section:
     """Which law to take, and how all of them did on the same cases."""
-    record = _read_json(folder / "comparison.json")
-    with _explained(folder):
+    record = read_record(folder / "comparison.json")
+    with form_explained(folder):
         verdicts = [_law_words(one) for one in record["verdicts"]]
         table = _laws(record["rows"])
         bounds = _bounds(record.get("bounds_from_papers_start", ()))
-    facts = {
-        "command": str(record.get("command", "")),
-        "seed": str(record.get("seed", "")),
-        "made": str(record.get("created", "")),
-        "versions": ", ".join(f"{k} {v}" for k, v in record.get("versions", {}).items()),
-        "platform": str(record.get("platform", "")),
-    }
-    shown = {label: text for label, text in facts.items() if text}
     blocks = [
         table,
         Charts("Settling", _settled_by_law(folder, record["rows"])),
         *bounds,
-        Facts("Provenance", shown),
+        record_provenance(record),
     ]
     verdict = Verdict(None, verdicts[0] if verdicts else "Nothing was compared.", verdicts[1:])
-    return Section("Comparison of laws", f"Comparison {folder.name}", verdict, blocks)
+    return Section("Comparison of laws", f"Comparison in {folder.name}", verdict, blocks)
 
 
 def _law_words(verdict: Mapping[str, Any]) -> str:
@@ -133,20 +139,11 @@ def _laws(rows: list[Mapping[str, Any]]) -> Table:
     columns = {
         "level": lambda row: row["level"],
         "limit (N m)": lambda row: row["torque_limit"],
-        "law": lambda row: row["law"],
-        "cases": lambda row: row["cases"],
-        "settled": lambda row: row["settled"]["value"],
-        "least": lambda row: row["settled"]["low"],
-        "most": lambda row: row["settled"]["high"],
-        "half by (s)": lambda row: row["t50"]["value"],
-        "90 % by (s)": lambda row: row["t90"]["value"],
-        "effort (N m s)": lambda row: row["effort_N_m_s"],
-        "peak rate (rad/s)": lambda row: row["peak_rate_rad_s"],
+        **LAW_COLUMNS,
         "paper's start by (s)": lambda row: row["paper_start_settled_s"],
     }
     cells = [[read(row) for read in columns.values()] for row in rows]
-    note = "Settled is a fraction with its 95 % Wilson interval; times are those of all cases."
-    return Table("Laws", list(columns), cells, note)
+    return Table("Laws", list(columns), cells, LAWS_NOTE)
 
 
 def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
@@ -183,8 +180,8 @@ def reproduction_section(folder: Path) -> Section:
     datasets = {name: open_trajectory(folder / f"{name}.nc") for name in RUNS}
     claims = judge(datasets)
     counts = {verdict: sum(one.verdict is verdict for one in claims) for verdict in ClaimVerdict}
-    parts = [f"{n} {verdict.value}" for verdict, n in counts.items() if n]
-    text = f"Of {len(claims)} claims of the paper's section 5: {', '.join(parts)}."
+    parts = [f"{verdict.value}: {n}" for verdict, n in counts.items() if n]
+    text = f"{len(claims)} claims of the paper's section 5. {'; '.join(parts).capitalize()}."
     rows = [[one.source, one.statement, one.found, one.verdict_text] for one in claims]
     charts, names_of = [], list(datasets)
     for first in range(0, len(names_of), MOST_LINES):
@@ -208,20 +205,4 @@ def reproduction_section(folder: Path) -> Section:
         provenance_facts(next(iter(datasets.values())).attrs),
     ]
     verdict = Verdict(None, text)
-    return Section("The paper's section 5", f"Reproduction {folder.name}", verdict, blocks)
-
-
-def _read_json(path: Path) -> Any:
-    found = parse_json(read_or_explain(path))
-    if not isinstance(found, Mapping):
-        raise OutputError(f"{path} is damaged, or was not written by jaxsat.")
-    return found
-
-
-@contextlib.contextmanager
-def _explained(folder: Path) -> Iterator[None]:
-    """Turns what missing numbers lead to into an `OutputError` that names the folder."""
-    try:
-        yield
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise OutputError(f"{folder} holds numbers of another form; make it again.") from error
+    return Section("The paper's section 5", f"Reproduction in {folder.name}", verdict, blocks)

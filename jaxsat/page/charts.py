@@ -10,7 +10,9 @@ from bokeh.models import (
     CrosshairTool,
     DataRange1d,
     HoverTool,
+    LinearAxis,
     LinearColorMapper,
+    PrintfTickFormatter,
     Range1d,
     RangeTool,
     Span,
@@ -87,6 +89,8 @@ def new_figure(*, x_label: str = "", y_label: str = "", x_range: Any = None, **o
     )
     made.toolbar.active_drag = drag
     for axis in made.axis:
+        if isinstance(axis, LinearAxis):
+            axis.update(formatter=PrintfTickFormatter(format="%.9g"))
         axis.tags = [INK, INK_TEXT]
         axis.axis_label_text_font_style = "normal"
         axis.axis_label_text_font_size = "12px"
@@ -135,8 +139,8 @@ class TimePlots:
         kept = kept_samples(np.stack(list(columns.values()), axis=1))
         data: dict[str, Any] = {key: value[kept].astype("f4") for key, value in columns.items()}
         source = ColumnDataSource({"t": self.times[kept], **data})
-        shown_unit = _unit(unit)
-        made = self._figure(shown_unit, log)
+        told_unit = shown_unit(unit)
+        made = self._figure(told_unit, log)
         for number in bands:
             band = {"fill_color": STYLES[number % MOST_LINES]["color"], "fill_alpha": 0.25}
             area = made.varea("t", f"low{number}", f"high{number}", source=source, **band)
@@ -151,8 +155,8 @@ class TimePlots:
             if stroke["line_color"] == "#000000":
                 line.glyph.tags = [INK]
             first = first or line
-        self._finish(made, first, labels, shown_unit, bands)
-        described = f"{title}. {_described(values, labels, shown_unit)}"
+        self._finish(made, first, labels, told_unit, bands)
+        described = f"{title}. {_described(values, labels, told_unit)}"
         return Chart(made, title, described, legend(labels))
 
     def strips(self, values: np.ndarray, labels: Sequence[str], *, title: str, unit: str) -> Chart:
@@ -163,16 +167,17 @@ class TimePlots:
         start, end = self.reset
         top = float(np.nanmax(values)) if np.isfinite(values).any() else 1.0
         low = float(np.nanmin(values)) if np.isfinite(values).any() else 0.0
+        low = 0.0 if abs(low) < 1e-9 * abs(top) else low
         made = self._figure("", False, y_range=list(map(plain, labels)))
         mapper = LinearColorMapper(palette=cividis(64), low=low, high=max(top, low + 1e-12))
         mapper.nan_color = "rgba(0, 0, 0, 0)"
         drawn = made.image([shades], start, 0, end - start, len(labels), color_mapper=mapper)
         made.height = max(HEIGHT, 18 * len(labels) + 40)
-        rows = [("t", "$x{%.6g} s"), (plain(title), f"@image{{%.5g}} {_unit(unit)}".rstrip())]
+        rows = [("t", "$x{%.6g} s"), (plain(title), f"@image{{%.5g}} {shown_unit(unit)}".rstrip())]
         printed: Any = {"$x": "printf", "@image": "printf"}
         made.tools = [*made.tools, HoverTool(tooltips=rows, formatters=printed, renderers=[drawn])]
-        described = f"{title}. {_described(values, labels, _unit(unit))}"
-        more = f"{title}, from {low:.3g} (dark) to {top:.3g} (bright) {_unit(unit)}".rstrip()
+        described = f"{title}. {_described(values, labels, shown_unit(unit))}"
+        more = f"{title}, from {low:.3g} (dark) to {top:.3g} (bright) {shown_unit(unit)}".rstrip()
         return Chart(made, more, described)
 
     def overview(self, values: np.ndarray, label: str, unit: str) -> Chart:
@@ -188,7 +193,7 @@ class TimePlots:
         tool.overlay.fill_alpha = 0.2
         made.tools = [tool]
         made.add_layout(self.cursor)
-        title = "Time window: drag in here, or set it with the numbers above"
+        title = f"{label} over the whole run; drag in here to choose the window"
         described = f"{label} over the whole time, in which a window of time can be chosen."
         return Chart(made, title, described)
 
@@ -197,7 +202,7 @@ class TimePlots:
         y_range = options.pop("y_range", None) or DataRange1d(range_padding=0.08)
         return new_figure(
             x_label="time (s)",
-            y_label=unit,
+            y_label="degrees" if unit == "°" else unit,
             x_range=self.range,
             y_range=y_range,
             window_axis="x",
@@ -231,7 +236,7 @@ class TimePlots:
         made.tools = [*made.tools, hover, CrosshairTool(overlay=self._hair, dimensions="height")]
 
 
-def _unit(unit: str) -> str:
+def shown_unit(unit: str) -> str:
     """A unit of the CF conventions as a person writes it."""
     shown = {"degree": "°", "1": ""}.get(unit, unit)
     return shown.replace(" s-1", "/s").replace("s-1", "1/s").replace("m2", "m²")

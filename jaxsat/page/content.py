@@ -17,6 +17,15 @@ class Facts:
 
 
 @dataclass(frozen=True)
+class Lines:
+    """Sentences, as a list."""
+
+    block: ClassVar[str] = "lines"
+    title: str
+    lines: Sequence[str]
+
+
+@dataclass(frozen=True)
 class Table:
     """Rows that a reader can sort by any column; numbers are right-aligned and sort as numbers.
 
@@ -78,7 +87,7 @@ class Listing:
     file: str
 
 
-Block = Facts | Table | Charts | Replay | Listing
+Block = Facts | Lines | Table | Charts | Replay | Listing
 
 
 @dataclass(frozen=True)

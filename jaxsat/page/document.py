@@ -13,6 +13,9 @@ from jaxsat.page.content import Chart, Charts, Section
 PACKAGES = ("bokeh", "jinja2")
 """What the extra `report` installs."""
 
+SCRIPTS = ("vectors.js", "painter.js", "craft.js", "replay.js", "page.js")
+"""Put together into one module, in the order in which they build on each other."""
+
 
 class MissingPackages(JaxsatError, ImportError):
     """The packages that a page is made with are not installed."""
@@ -22,25 +25,27 @@ def report_page(paths: Sequence[str | Path], *, title: str | None = None) -> str
     """One HTML file of the results at these paths, which needs no network.
 
     A path is the folder of a run or its `trajectory.nc`, the store of a study, or the folder of a
-    tuning, a comparison or a reproduction. The order stays. Raises `OutputError` for what is no
-    result or is damaged, and `MissingPackages` where Bokeh or Jinja2 are not installed.
+    tuning, a comparison, a design, a reproduction or an analysis of controllability. The order
+    stays. Raises `OutputError` for what is no result or is damaged, and `MissingPackages` where
+    Bokeh or Jinja2 are not installed.
     """
-    _require_packages()
+    require_packages()
     from jaxsat.page.sources import sections_of
 
     sections = sections_of([Path(path) for path in paths])
-    return render(sections, title or _title(sections))
+    return render(sections, title or _title(sections, len(paths)))
 
 
-def _require_packages() -> None:
+def require_packages() -> None:
+    """Raise `MissingPackages` where a page could not be made."""
     missing = [name for name in PACKAGES if importlib.util.find_spec(name) is None]
     if missing:
         names = " and ".join(missing)
         raise MissingPackages(f"a report needs {names}: pip install 'jaxsat[report]'")
 
 
-def _title(sections: Sequence[Section]) -> str:
-    return sections[0].title if len(sections) == 1 else f"{len(sections)} results of jaxsat"
+def _title(sections: Sequence[Section], results: int) -> str:
+    return sections[0].title if results == 1 else f"{results} results of jaxsat"
 
 
 def render(sections: Sequence[Section], title: str) -> str:
@@ -78,7 +83,7 @@ def render(sections: Sequence[Section], title: str) -> str:
         plots=script,
         places=places,
         pointer=id,
-        scripts=[_asset(name) for name in ("replay.js", "page.js")],
+        scripts=[_asset(name) for name in SCRIPTS],
         told={"windows": [_window(section) for section in sections], "inks": _inks(charts)},
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.metrics import Tolerances
-from jaxsat.page.charts import MOST_LINES, TimePlots
+from jaxsat.page.charts import MOST_LINES, TimePlots, shown_unit
 from jaxsat.page.content import (
     Chart,
     Charts,
@@ -64,7 +64,7 @@ MUTE = frozenset({"constraint_torque", "disturbance", "rate_error", "z", "lyapun
 def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Section:
     """What the dataset of a run has to say; `name` is where it came from."""
     scenario = scenario_tables(dataset)
-    dataset = _until_end(dataset)
+    dataset = _named_parts(_until_end(dataset), scenario)
     failures = failures_of(scenario)
     plots = TimePlots(dataset["time"].values, failures) if len(dataset["time"]) > 1 else None
     blocks: list[Any] = [Facts("Scenario", scenario_facts(scenario))]
@@ -77,7 +77,7 @@ def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Section:
         Listing("Scenario file", str(dataset.attrs.get("scenario", "")), "scenario.toml"),
     ]
     verdict = run_verdict(dataset, scenario, failures)
-    return Section(_title(dataset, name), f"Run {name}", verdict, blocks, plots)
+    return Section(_title(dataset, name), f"Run in {name}", verdict, blocks, plots)
 
 
 def _title(dataset: xr.Dataset, name: str) -> str:
@@ -101,6 +101,15 @@ def _until_end(dataset: xr.Dataset) -> xr.Dataset:
     return dataset.isel(time=slice(0, last + 1))
 
 
+def _named_parts(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> xr.Dataset:
+    """With the names that the scenario gives to thrusters and wheels in place of numbers."""
+    for kind in ("thruster", "wheel"):
+        names = [str(table.get("name", n)) for n, table in enumerate(scenario.get(kind, ()), 1)]
+        if dataset.sizes.get(kind) == len(names) == len(set(names)):
+            dataset = dataset.assign_coords({kind: names})
+    return dataset
+
+
 def run_verdict(
     dataset: xr.Dataset, scenario: Mapping[str, Any], failures: Mapping[str, float]
 ) -> Verdict:
@@ -108,28 +117,28 @@ def run_verdict(
     law = str(scenario.get("control", {}).get("law", "unknown"))
     found = known_law(law)
     limits = Tolerances()
-    rate = f"{float(limits.relative_rate):g} rad/s"
+    rate = f"|ω_r| < {float(limits.relative_rate):g} rad/s"
+    rates = float(np.linalg.norm(dataset["omega"].values[-1]))
+    ends = [f"|ω| = {number(rates, 3)} rad/s"]
     if found is None or found.declaration.regulates_attitude:
         settled = time_to_settle(dataset)
-        within = f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad and |ω_r| < {rate}"
+        within = f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad and {rate}"
+        ends.insert(0, f"pointing error {number(float(dataset['pointing_error_total'][-1]), 3)}°")
     else:
         settled = time_at_rest(dataset)
-        within = f"|ω| < {rate}"
-    end = float(dataset["time"][-1])
+        within = rate.replace("_r", "")
+    end = f"{number(float(dataset['time'][-1]), 6)} s"
     more = [f"{what.capitalize()} at {number(at, 6)} s." for what, at in failures.items()]
     if int(dataset.attrs.get("outcome_code", 0)) != 0:
         reason = dataset.attrs.get("outcome_explanation", "it failed")
-        return Verdict(False, f"The run ended early, at {number(end, 6)} s: {reason}.", more)
-    error = float(dataset["pointing_error_total"][-1])
-    rates = float(np.linalg.norm(dataset["omega"].values[-1]))
-    more.append(f"At the end, {number(end, 6)} s: pointing error {number(error, 3)}°, "
-                f"|ω| = {number(rates, 3)} rad/s.")  # fmt: skip
-    how = f"under the law {law}: {within} from then to the end"
+        return Verdict(False, f"The run ended early, at {end}: {reason}.", more)
+    more += [
+        f"At the end, {end}: {', '.join(ends)}.",
+        f"Settled means {within} from then to the end; control law: {law}.",
+    ]
     if math.isfinite(settled):
-        return Verdict(True, f"Settled from {settled:.2f} s {how}.", more)
-    return Verdict(
-        False, f"Not settled under the law {law}: {within} does not hold to the end.", more
-    )
+        return Verdict(True, f"Settled at {settled:.2f} s, and stays settled to {end}.", more)
+    return Verdict(False, f"Not settled within {end}.", more)
 
 
 def scenario_facts(scenario: Mapping[str, Any]) -> dict[str, str]:
@@ -157,7 +166,7 @@ def _actuators(scenario: Mapping[str, Any]) -> str:
         parts.append(
             f"{len(axes)} ideal thrusters{more}" + (f", failed: {failed}" if failed else "")
         )
-    for kind in ("thruster", "wheel"):
+    for kind in ("thruster", "wheel", "magnetorquer"):
         tables = scenario.get(kind, ())
         if tables:
             failed = sum(bool(table.get("failed")) for table in tables)
@@ -258,7 +267,8 @@ def extremes(dataset: xr.Dataset) -> Table:
             if len(good):
                 unit = str(variable.attrs.get("units", "1"))
                 numbers = (float(good.min()), float(good.max()), float(good[-1]))
-                rows.append([f"{name} {part}".strip(), unit, *numbers])
+                label = part if part.startswith(str(name)) else f"{name} {part}".strip()
+                rows.append([label, shown_unit(unit), *numbers])
     note = "At the saved times, not decimated."
     return Table("Numbers", ["signal", "unit", "least", "largest", "at the end"], rows, note)
 

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from jaxsat.page.batches import comparison_section, reproduction_section, tuning_section
 from jaxsat.page.content import Replay, Section, Verdict
+from jaxsat.page.controllability import controllability_section
+from jaxsat.page.design import design_section
 from jaxsat.page.run import run_section
 from jaxsat.page.study import study_section
 from jaxsat.results import OutputError, open_trajectory
@@ -18,6 +20,8 @@ MADE_BY: Mapping[str, Callable[[Path], Section]] = {
     "zarr.json": study_section,
     "verdict.json": tuning_section,
     "comparison.json": comparison_section,
+    "design.json": design_section,
+    "failures.nc": controllability_section,
     "verdicts.md": reproduction_section,
 }
 """What makes the section of a folder, by a file that only its kind of result has."""
@@ -52,8 +56,8 @@ def _section(path: Path) -> Section:
         if (path / name).is_file():
             return section_of(path)
     raise OutputError(
-        f"{path} is no result of jaxsat; give the folder of a run, a tuning, a comparison or a "
-        "reproduction, or the store of a study."
+        f"{path} is no result of jaxsat; give the folder of a run, a tuning, a comparison, a "
+        "design, a reproduction or an analysis of controllability, or the store of a study."
     )
 
 

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from jaxsat.montecarlo import Sensitivity, Summary, ends_text, numbers_of, summarise
 from jaxsat.page.content import Charts, Facts, Listing, Section, Table, Verdict, number
+from jaxsat.page.recovery import recovery_line, recovery_tables
 from jaxsat.page.run import scenario_facts
 from jaxsat.page.study_charts import (
     convergence_chart,
@@ -28,6 +29,9 @@ WORST = 25
 
 QUANTITIES = 6
 """Dispersed quantities over which success is drawn, those that matter most."""
+
+FEWEST_QUANTITIES = 2
+"""Drawn even where none of them can be told from chance."""
 
 FILE = "study.toml"
 
@@ -49,6 +53,7 @@ def study_section(path: Path) -> Section:
         Facts("Scenario", scenario_facts(scenario)),
         Charts("Settling", [chart for chart in charts if chart is not None]),
         *_quantities(columns, done, times, summary),
+        *recovery_tables(summary.recovery),
         _percentiles(summary),
         *_rankings(summary),
         _worst(study, summary, identity, text is not None),
@@ -56,7 +61,9 @@ def study_section(path: Path) -> Section:
     ]
     if text is not None:
         blocks.append(Listing("Scenario file", text, FILE))
-    return Section(path.stem, f"Study {path.name}", study_verdict(summary), blocks)
+    law = identity["scenario"].get("control", {}).get("law", "unknown")
+    title = f"{summary.cases:,} cases under the law {law}"
+    return Section(title, f"Study in {path.name}", study_verdict(summary), blocks)
 
 
 def study_verdict(summary: Summary) -> Verdict:
@@ -70,6 +77,8 @@ def study_verdict(summary: Summary) -> Verdict:
             f"{percent:g} %: {number(t.value)} s" for percent, t in summary.settling_time.items()
         ]
         more.append(f"Settling time of those that settle: {', '.join(parts)}.")
+    if summary.recovery is not None:
+        more.append(recovery_line(summary.recovery))
     return Verdict(None, text, more)
 
 
@@ -109,7 +118,7 @@ def _quantities(
 
 
 def _ranked(summary: Summary) -> list[str]:
-    """The dispersed numbers, what settling depends on first, then the cost; no axis of a turn."""
+    """The dispersed numbers on which settling depends, or the cost, by how much they matter."""
 
     def weight(entry: Sensitivity) -> float:
         return -np.nan_to_num(entry.first_order.value, nan=-1.0)
@@ -117,7 +126,8 @@ def _ranked(summary: Summary) -> list[str]:
     entries = sorted(summary.settling_sensitivity, key=lambda one: (not one.matters, weight(one)))
     if not any(one.matters for one in entries):
         entries = sorted(summary.cost_sensitivity, key=lambda one: (not one.matters, weight(one)))
-    return [one.name for one in entries]
+    names = [one.name for one in entries]
+    return names[: max(FEWEST_QUANTITIES, sum(one.matters for one in entries))]
 
 
 def _percentiles(summary: Summary) -> Table:

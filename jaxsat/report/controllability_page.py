@@ -17,6 +17,7 @@ from jaxsat.controllability.wording import (
     cone_words,
     momentum_words,
     net_force_words,
+    once_stopped_words,
 )
 from jaxsat.text import markdown
 
@@ -24,15 +25,21 @@ ERRORS = ("roll 1°", "pitch 1°", "yaw 1°", "ω1 1 mrad/s", "ω2 1 mrad/s", "�
 
 
 def controllability_lines(
-    judgement: Judgement, analysis: Analysis | None = None, *, torque: float = 1.0
+    judgement: Judgement,
+    analysis: Analysis | None = None,
+    *,
+    torque: float = 1.0,
+    stopped: Judgement | None = None,
 ) -> list[str]:
     """The findings as Markdown list items; `torque` (N m) is the command for the time scales.
 
     `analysis` is that of the actuators' columns as torques of both signs, None where the momentum
-    of wheels decides in place of their rank.
+    of wheels decides in place of their rank; `stopped` the judgement once wheels that coast have
+    stopped, None where none coasts.
     """
     jets = torque_cone(judgement.actuators.torques, judgement.actuators.two_sided)
     found = [
+        once_stopped_words(judgement, stopped),
         momentum_words(judgement),
         net_force_words(net_force(judgement.actuators, jets)),
     ]

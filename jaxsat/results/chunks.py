@@ -24,7 +24,8 @@ _CHECKSUM_BYTES = 4
 class Column(NamedTuple):
     """How one result of a case is stored: shape and type of one case's value, and its label.
 
-    `dims` are the names of the axes of `shape`; columns share an axis by its name.
+    `dims` are the names of the axes of `shape`; columns share an axis by its name. A column of
+    codes has in `flags` what each code from 0 on stands for.
     """
 
     shape: tuple[int, ...]
@@ -32,6 +33,16 @@ class Column(NamedTuple):
     units: str
     long_name: str
     dims: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Units and name; of codes what they stand for, as the CF conventions have it."""
+        told: dict[str, Any] = {"units": self.units, "long_name": self.long_name}
+        if self.flags:
+            told["flag_values"] = list(range(len(self.flags)))
+            told["flag_meanings"] = " ".join(flag.replace(" ", "_") for flag in self.flags)
+        return told
 
     @property
     def fill(self) -> float:
@@ -110,7 +121,7 @@ def array_metadata(column: Column, rows: int, size: int) -> dict[str, Any]:
         "NaN" if np.isnan(column.fill) else 0,
         [size, *column.shape],
         [CASE, *column.dims],
-        {"units": column.units, "long_name": column.long_name},
+        column.attributes,
     )
 
 
@@ -137,7 +148,7 @@ def _array_metadata(
     fill: Any,
     chunk_shape: list[int],
     dimensions: list[str],
-    attributes: Mapping[str, str],
+    attributes: Mapping[str, Any],
 ) -> dict[str, Any]:
     serializer: dict[str, Any] = {"name": "vlen-utf8" if data_type == "string" else "bytes"}
     if data_type != "string" and np.dtype(data_type).itemsize > 1:

@@ -28,6 +28,7 @@ def failure_dataset(
         "torques": "shape of the set of torques",
         "laws": "laws of jaxsat that can be flown, by the torques they need",
         "lost": "what the failure takes away",
+        "once_stopped": "the verdict once friction has stopped the wheels that coast",
     }
     units = {"margin": "1", "turn_time": "s"}
     variables = {}

@@ -40,7 +40,7 @@ VARIABLES = {
     "relative_rate": _Variable(
         ("body_axis",), "rad s-1", "angular velocity relative to the orbit frame in body axes"
     ),
-    "torque": _Variable(("body_axis",), "N m", "torque of thrusters and wheels in body axes"),
+    "torque": _Variable(("body_axis",), "N m", "torque of all actuators in body axes"),
     "disturbance": _Variable(("body_axis",), "N m", "disturbance torque in body axes"),
     "rate_error": _Variable(
         ("driven_axis",), "rad s-1", "angular velocity less the reference of the control law"
@@ -64,8 +64,10 @@ VARIABLES = {
     "detection_statistic": _Variable(
         ("thruster",), "1", "CUSUM statistic of each thruster over the threshold of an alarm"
     ),
+    "alarm": _Variable((), "1", "1 while the cause of an alarm is being isolated"),
     "wheel_momentum": _Variable(("wheel",), "N m s", "wheel momentum relative to the body"),
     "wheel_torque": _Variable(("wheel",), "N m", "wheel torque on the body along its axis"),
+    "dipole": _Variable(("magnetorquer",), "A m2", "dipole of each magnetorquer along its axis"),
     "attitude_estimate_error": _Variable(
         ("body_axis",), "rad", "rotation vector from estimated to true attitude in body axes"
     ),
@@ -86,7 +88,7 @@ VARIABLES = {
     ),
 }
 """Signals, each over `time`; those from `constraint_torque` on only where there is such a torque,
-thruster (a two-sided one counts as two), wheel or estimate."""
+thruster (a two-sided one counts as two), wheel, magnetorquer or estimate."""
 
 RANGES = {
     "least": ("torque_min", "least"),
@@ -140,7 +142,7 @@ def trajectory_dataset(
     )
     axes = dict.fromkeys(axis for variable in variables.values() for axis in variable.dims)
     labels: dict[Any, Any] = {axis: list(AXES[str(axis)]) for axis in axes if axis in AXES}
-    for axis in ("thruster", "wheel"):
+    for axis in ("thruster", "wheel", "magnetorquer"):
         if axis in axes:
             sizes = (one.sizes[axis] for one in variables.values() if axis in one.dims)
             labels[axis] = list(range(1, next(sizes) + 1))

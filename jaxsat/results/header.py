@@ -153,9 +153,9 @@ def _is_sound(header: Header) -> bool:
 
 
 def _column(entry: list[Any]) -> Column:
-    shape, dtype, units, long_name, dims = entry
+    shape, dtype, units, long_name, dims, *flags = entry
     np.dtype(dtype)  # which raises a TypeError for what is none
-    return Column(tuple(shape), dtype, units, long_name, tuple(dims))
+    return Column(tuple(shape), dtype, units, long_name, tuple(dims), *map(tuple, flags))
 
 
 def _hash(data: Any) -> str:

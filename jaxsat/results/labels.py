@@ -1,5 +1,7 @@
 """What is called how in results: axes, the components along them, outcomes of cases."""
 
+from typing import Any
+
 AXES: dict[str, tuple[str, ...]] = {
     "body_axis": ("x", "y", "z"),
     "driven_axis": ("x", "y"),
@@ -13,6 +15,17 @@ AXES: dict[str, tuple[str, ...]] = {
 
 SETTLED, UNSETTLED = "settled", "unsettled"
 """How a case that reached its end is called; any other is called by its failure."""
+
+
+def flags_of(column: Any) -> tuple[str, ...]:
+    """What the codes of a column stand for, from 0 on; empty for one that has none.
+
+    The column is one of `open_study` or of `study_columns`.
+    """
+    if hasattr(column, "column"):
+        return column.column.flags
+    meanings = column.attrs.get("flag_meanings", "")
+    return tuple(meaning.replace("_", " ") for meaning in meanings.split())
 
 
 def components(axis: str, count: int) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from jaxsat.results.chunks import CASE, CASE_COLUMN, STATUS, Column
+from jaxsat.results.chunks import CASE, CASE_COLUMN, STATUS
 from jaxsat.results.header import read_header
 from jaxsat.results.reading import StudyColumn, study_columns
 
@@ -38,7 +38,7 @@ def open_study(path: str | Path) -> xr.Dataset:
     header = read_header(Path(path))
     columns = study_columns(path, header)
     variables = {
-        name: xr.Variable((CASE, *column.column.dims), _cached(column), _labels(column.column))
+        name: xr.Variable((CASE, *column.column.dims), _cached(column), column.column.attributes)
         for name, column in columns.items()
     }
     coordinates = {
@@ -46,7 +46,7 @@ def open_study(path: str | Path) -> xr.Dataset:
         for name, coordinate in header.coordinates.items()
     }
     cases = np.arange(len(columns[STATUS]))
-    coordinates[CASE] = xr.Variable(CASE, cases, _labels(CASE_COLUMN))
+    coordinates[CASE] = xr.Variable(CASE, cases, CASE_COLUMN.attributes)
     told = {"identity": json.dumps(header.identity), "runs": json.dumps(header.runs)}
     return xr.Dataset(variables, coordinates, {"Conventions": "CF-1.11", **told})
 
@@ -54,7 +54,3 @@ def open_study(path: str | Path) -> xr.Dataset:
 def _cached(column: StudyColumn) -> indexing.MemoryCachedArray:
     lazy: Any = indexing.LazilyIndexedArray(_LazyColumn(column))
     return indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))
-
-
-def _labels(column: Column) -> dict[str, str]:
-    return {"units": column.units, "long_name": column.long_name}

@@ -48,6 +48,12 @@ class ResumableFolder:
             self.close()
             raise
 
+    @staticmethod
+    def of_any_kind(path: str | Path) -> "ResumableFolder":
+        """A folder of results that is there, whatever they are, to add to it."""
+        marker = Marker.read(Path(path))
+        return ResumableFolder(path, "result" if marker is None else marker.kind, {})
+
     def __enter__(self) -> "ResumableFolder":
         """The folder itself."""
         return self

@@ -10,7 +10,7 @@ import xarray as xr
 
 from jaxsat.results.chunks import CASE, DONE, STATUS
 from jaxsat.results.files import save_file
-from jaxsat.results.labels import SETTLED, UNSETTLED
+from jaxsat.results.labels import SETTLED, UNSETTLED, flags_of
 from jaxsat.results.opening import open_study
 from jaxsat.simulation import Outcome
 
@@ -24,7 +24,7 @@ def case_table(study: xr.Dataset) -> pd.DataFrame:
     `study` is the dataset of `open_study`, or of `xarray.open_zarr`. Vectors have a column for
     each component, names end with the unit, as in `omega_x_rad_s`, and `outcome` is a text:
     "settled", "unsettled", or how the case failed. What was drawn comes last, as `drawn_...`.
-    Histories are left out.
+    Histories are left out, and codes stand as the texts that they stand for.
     """
     kept = study[[name for name in study.data_vars if not _is_history(study[name])]]
     kept = kept.isel({CASE: np.flatnonzero(np.asarray(study[STATUS]) == DONE)}).load()
@@ -34,7 +34,7 @@ def case_table(study: xr.Dataset) -> pd.DataFrame:
         if name == "code":
             columns["outcome"] = _outcomes(variable.values, kept["settling_time"].values)
         elif name != STATUS:
-            columns |= _columns(name, variable)
+            columns |= _case_columns(name, variable)
     return pd.DataFrame(columns, index=pd.Index(kept[CASE].values, name=CASE))
 
 
@@ -69,8 +69,16 @@ def _is_history(variable: xr.DataArray) -> bool:
     return any(variable[axis].dtype.kind == "f" for axis in variable.dims)
 
 
-def _columns(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
-    """The columns of a variable over the cases, by their names with units."""
+def _case_columns(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
+    """The columns of a variable over the cases, its flags as texts."""
+    flags = flags_of(variable)
+    if flags:
+        variable = variable.copy(data=np.array(flags, object)[variable.values.astype(int)])
+    return columns_of(name, variable)
+
+
+def columns_of(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
+    """The columns of a variable over cases or times, by their names with units."""
     unit = variable.attrs.get("units", "1").replace("degree", "deg")
     unit = re.sub(r"[ /]", "_", re.sub(r"-\d+\b", "", unit))
     suffix = "" if unit == "1" else f"_{unit}"

@@ -2,21 +2,15 @@
 
 import numpy as np
 
-from jaxsat.allocation import torque_directions
-from jaxsat.inertia import normal_axes, torque_axis_frame
+from jaxsat.inertia import torque_axis_frame
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
+from jaxsat.scenario.domain import believed_normal_form, domain_cautions
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import believed_axes
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
-
-LEAST_COUPLING = 0.1
-"""Difference of the two reduced moments over the third down to which the laws were verified."""
-
-ROUNDING = 1e-6
-"""Of a torque limit, relative to itself."""
 
 LEAST_TILT = 0.1
 """Tangent of the angle between the one torque and its acceleration down to which the law of one
@@ -37,8 +31,8 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *_inertia_cautions(scenario),
         *_start_cautions(scenario),
         *_law_cautions(scenario),
-        *_limit_cautions(scenario),
-        *_steering_cautions(scenario),
+        *domain_cautions(scenario),
+        *_holding_cautions(scenario),
         *_one_torque_cautions(scenario),
     ]
 
@@ -93,38 +87,14 @@ def _law_cautions(scenario: Scenario) -> list[Issue]:
     return [Issue(("spacecraft", "inertia_kg_m2"), message)]
 
 
-def _limit_cautions(scenario: Scenario) -> list[Issue]:
-    limit = scenario.spacecraft.torque_limit_N_m
-    limits_of = find_law(scenario.control.law).declaration.tuned_limits
-    if limits_of is None or limit is None:
-        return []
-    _, _, moments = _normal_form(scenario)
-    limits = limits_of(moments, getattr(scenario.control, "period_s", None))
-    low, high = min(limits), max(limits)
-    if low * (1 - ROUNDING) <= limit <= high * (1 + ROUNDING):
-        return []
-    message = (
-        f'should be from {low:.4g} to {high:.4g} N m under the law "{scenario.control.law}", whose '
-        "gains are tuned for these at this inertia and control period, and beyond them are those "
-        f"of the nearest, got {shown(limit)}"
-    )
-    return [Issue(("spacecraft", "torque_limit_N_m"), message)]
-
-
-def _steering_cautions(scenario: Scenario) -> list[Issue]:
-    """Bodies beyond those for which laws that steer the axis without a torque were verified."""
+def _holding_cautions(scenario: Scenario) -> list[Issue]:
+    """Attitudes that cannot be held without a torque about one axis."""
     if not find_law(scenario.control.law).declaration.any_plane:
         return []
-    inertia, (_, _, normal), (first, second, third) = _normal_form(scenario)
+    inertia, frame, _ = believed_normal_form(scenario)
+    normal = frame[2]
     location, law = ("spacecraft", "inertia_kg_m2"), scenario.control.law
     found = []
-    if not first - second >= LEAST_COUPLING * third:
-        message = (
-            f'should differ under the law "{law}" about the two axes with a torque by a tenth of '
-            "the moment of inertia about the third, as errors of it decide what the law does "
-            f"otherwise, got {first:.4g} and {second:.4g} beside {third:.4g} kg m²"
-        )
-        found.append(Issue(location, message))
     turn = nearest_held(inertia, normal, scenario.disturbance.gravity_gradient)
     if scenario.orbit.rate_rad_s != 0 and (turn is None or np.abs(turn).max() > HELD_TURN):
         nearest = (
@@ -167,11 +137,3 @@ def _one_torque_cautions(scenario: Scenario) -> list[Issue]:
         )
         found.append(Issue(location, message))
     return found
-
-
-def _normal_form(scenario: Scenario):
-    """The inertia that the law believes, its axes x, y, n, and S1, S2, n·Jn, kg m²."""
-    believed = getattr(scenario.control, "model", None)
-    given = getattr(believed, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
-    inertia = inertia_matrix(given)
-    return inertia, *normal_axes(inertia, torque_directions(believed_axes(scenario)))

@@ -41,11 +41,19 @@ def _failed_thrusters_exist(axes, failed):
             yield Issue(location, f"must name each thruster once, got {number} again")
 
 
-@rule("control.law", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters", "wheel")
-def _law_has_its_torques(law, axes, failed, wheels):
+@rule(
+    "control.law",
+    "spacecraft.thruster_torque_axes",
+    "spacecraft.failed_thrusters",
+    "wheel",
+    "magnetorquer",
+)
+def _law_has_its_torques(law, axes, failed, wheels, magnetorquers):
     declaration = find_law(law).declaration
     torques = declaration.torques
-    if axes is None or wheels or not torques or any(number > len(axes) for number in failed):
+    if axes is None or wheels or magnetorquers or not torques:
+        return
+    if any(number > len(axes) for number in failed):
         return
     try:
         if declaration.any_plane:
@@ -88,14 +96,16 @@ RATE_AT_GROUND = 0.00124
     "disturbance.residual_dipole_A_m2",
     "disturbance.drag_density_kg_m3",
     "disturbance.eclipses",
+    "magnetorquer",
 )
-def _field_air_and_shadow_need_an_orbit(rate, dipole, density, eclipses):
-    asked = any(dipole) or density or eclipses
+def _field_air_and_shadow_need_an_orbit(rate, dipole, density, eclipses, magnetorquers):
+    asked = any(dipole) or density or eclipses or magnetorquers
     if rate is not None and not 0 < rate <= RATE_AT_GROUND and asked:
         yield at(
             "orbit.rate_rad_s",
             f"must be that of an orbit above the ground, greater than 0 and at most "
-            f"{RATE_AT_GROUND:g} rad/s, with residual dipole, drag or eclipses, got {shown(rate)}",
+            f"{RATE_AT_GROUND:g} rad/s, with residual dipole, magnetorquers, drag or "
+            f"eclipses, got {shown(rate)}",
         )
 
 

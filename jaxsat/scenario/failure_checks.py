@@ -5,6 +5,7 @@ from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import rule
 from jaxsat.scenario.thruster_tables import (
     IDEAL_FAILURES,
+    MAGNETORQUER_FAILURES,
     THRUSTER_FAILURES,
     WHEEL_FAILURES,
     names_of,
@@ -18,20 +19,24 @@ AMOUNTS = sorted({key for kinds in KINDS for keys in kinds.values() for key in k
 """Keys that say how much."""
 
 
-@rule("failure", "thruster", "spacecraft.thruster_torque_axes", "wheel")
-def _failures_have_something_to_strike(failures, thrusters, axes, wheels):
-    parts = {"thruster": thrusters or axes or (), "wheel": wheels}
+@rule("failure", "thruster", "spacecraft.thruster_torque_axes", "wheel", "magnetorquer")
+def _failures_have_something_to_strike(failures, thrusters, axes, wheels, magnetorquers):
+    parts = {"thruster": thrusters or axes or (), "wheel": wheels, "magnetorquer": magnetorquers}
     for number, one in enumerate(failures):
         if number_of(one.of, one.part, parts.get(one.part, ())) is None:
             names = [f'"{part} {name}"' for part, all in parts.items() for name in names_of(all)]
-            few = f"one of {', '.join(names[:6])}" if names else "a table [[thruster]] or [[wheel]]"
+            few = f"one of {', '.join(names[:6])}" if names else "an actuator"
             yield Issue(("failure", number, "of"), f"must name {few}, got {shown(one.of)}")
 
 
 @rule("failure", "thruster")
 def _failures_say_what_and_how_much(failures, thrusters):
     ideal = not thrusters
-    parts = {"thruster": IDEAL_FAILURES if ideal else THRUSTER_FAILURES, "wheel": WHEEL_FAILURES}
+    parts = {
+        "thruster": IDEAL_FAILURES if ideal else THRUSTER_FAILURES,
+        "wheel": WHEEL_FAILURES,
+        "magnetorquer": MAGNETORQUER_FAILURES,
+    }
     for number, one in enumerate(failures):
         kinds = parts.get(one.part)
         if kinds is None:
@@ -42,7 +47,8 @@ def _failures_say_what_and_how_much(failures, thrusters):
             yield Issue(("failure", number, "kind"), message)
             continue
         yield from _amounts(number, one, kinds[one.kind])
-        signed = kinds is IDEAL_FAILURES and one.kind == "stuck-at"
+        both_signs = kinds in (IDEAL_FAILURES, MAGNETORQUER_FAILURES)
+        signed = both_signs and one.kind == "stuck-at"
         if one.fraction is not None and one.fraction < 0 and not signed:
             message = f"must be at least 0, got {shown(one.fraction)}"
             yield Issue(("failure", number, "fraction"), message)
@@ -90,8 +96,8 @@ def _stuck_torques_have_a_size(failures, limit, thrusters):
             yield Issue(("failure", number, "kind"), f"{message}, of which it is a part")
 
 
-@rule("failure", "control.law", "thruster")
-def _failures_suit_the_law(failures, law, thrusters):
+@rule("failure", "control.law")
+def _failures_suit_the_law(failures, law):
     sampled = find_law(law).declaration.sampled
     for number, one in enumerate(failures):
         if one.part == "wheel" and not sampled:
@@ -99,13 +105,6 @@ def _failures_suit_the_law(failures, law, thrusters):
                 ("failure", number, "of"),
                 f'must name no wheel under the law "{law}", whose torque changes all the time: '
                 f"a wheel fails in flight under sampled laws, got {shown(one.of)}",
-            )
-        elif one.part == "thruster" and not thrusters and sampled:
-            yield Issue(
-                ("failure", number, "of"),
-                f'must name a table [[thruster]] under the sampled law "{law}" (two_sided = true '
-                'and modulation.kind = "ideal" is a torque of either sign at once), '
-                f"got {shown(one.of)} of spacecraft.thruster_torque_axes",
             )
 
 

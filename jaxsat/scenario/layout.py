@@ -6,9 +6,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.allocation import allocation_matrix, torque_axis, torque_directions, unit_columns
+from jaxsat.allocation import (
+    allocation_matrix,
+    largest_torque,
+    least_propellant,
+    plane_map,
+    torque_axis,
+    torque_directions,
+    unit_columns,
+)
 from jaxsat.scenario.laws import find_law
-from jaxsat.scenario.thruster_tables import working_torques
+from jaxsat.scenario.thruster_tables import signs, working_torques
 
 
 def working_axes(
@@ -33,7 +41,7 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
         if find_law(scenario.control.law).declaration.torques == 1:
             return torque_axis(torques)[:, None]
         return torque_directions(torques)
-    return working_axes(table.thruster_torque_axes, table.failed_thrusters)
+    return working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
 
 
 def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> np.ndarray | None:
@@ -43,3 +51,31 @@ def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> n
         return working @ allocation_matrix(working)
     except ValueError:
         return None
+
+
+def torque_limit(scenario: Any) -> float | None:
+    """The largest torque (N m) that the law asks for about each axis; None for no limit."""
+    given, torques = (
+        scenario.spacecraft.torque_limit_N_m,
+        find_law(scenario.control.law).declaration.torques,
+    )
+    if given is not None or not scenario.thruster or not torques:
+        return given
+    return largest_torque(least_duties(scenario, torques))
+
+
+def least_duties(scenario: Any, torques: int) -> np.ndarray:
+    """What each thruster that works does of a unit of commanded torque, of least propellant."""
+    torque = working_torques(scenario.thruster)
+    any_plane = find_law(scenario.control.law).declaration.any_plane and not scenario.wheel
+    return least_propellant(torque, thruster_costs(scenario), plane_map(torque, torques, any_plane))
+
+
+def thruster_costs(scenario: Any) -> np.ndarray:
+    """Of full thrust of each thruster: its propellant flow or, if any has none, its torque."""
+    flows = [
+        one.propellant_flow() for one in scenario.thruster if not one.failed for _ in signs(one)
+    ]
+    if all(flows):
+        return np.array(flows)
+    return np.sqrt(np.sum(working_torques(scenario.thruster) ** 2, axis=0))

@@ -15,6 +15,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
 from jaxsat.scenario import failure_checks as _failure_checks  # noqa: F401
+from jaxsat.scenario import magnetorquer_checks as _magnetorquer_checks  # noqa: F401
 from jaxsat.scenario import sensor_checks as _sensor_checks  # noqa: F401
 from jaxsat.scenario import thruster_checks as _thruster_checks  # noqa: F401
 from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401
@@ -22,6 +23,7 @@ from jaxsat.scenario import wheel_checks as _wheel_checks  # noqa: F401
 from jaxsat.scenario.control_tables import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.magnetorquer_tables import MagnetorquerTable, UnloadingTable
 from jaxsat.scenario.panel_tables import PanelTable
 from jaxsat.scenario.part_tables import ActuatorsOfAKind, DisturbanceTable
 from jaxsat.scenario.quantities import Line, Table, Text, choice
@@ -60,6 +62,14 @@ class Scenario(Table):
         "Reaction wheels, which make what they can of the torque that the law commands; thrusters "
         "make the rest",
         (),
+    )
+    magnetorquer: Annotated[tuple[MagnetorquerTable, ...], Len(0, 100)] = choice(
+        "Magnetorquers, which make what the Earth's field allows of the torque that the law "
+        "commands, or unload wheels",
+        (),
+    )
+    unloading: UnloadingTable | None = choice(
+        "How magnetorquers take momentum out of wheels; left out, as by default", None
     )
     panel: Annotated[tuple[PanelTable, ...], Len(0, 1000)] = choice(
         "Flat plates that sunlight strikes, and air where disturbance.drag_density_kg_m3 is above "

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len
 
+from jaxsat.earth import circular_orbit_rate
 from jaxsat.ranges import (
     ANGLE,
     FREQUENCY,
@@ -83,7 +84,8 @@ class OrbitTable(Table):
         "Altitude above the Earth's equator, for the two-body rate", "km", None
     )
     inclination_rad: Annotated[Number, within(TURN)] = quantity(
-        "Inclination; this and the angles below matter to magnetic, drag and solar torques alone",
+        "Inclination; this and the angles below matter to magnetic, drag and solar torques, and to "
+        "inertial axes in `jaxsat convert`",
         "rad",
         0.0,
     )
@@ -100,6 +102,12 @@ class OrbitTable(Table):
         'How the orbit frame\'s rate enters (11): "exact", or "small-angle" with C_bo ≈ I',
         "exact",
     )
+
+    def rate(self) -> float:
+        """ω0, rad/s, given or by the altitude."""
+        if self.rate_rad_s is not None or self.altitude_km is None:
+            return self.rate_rad_s or 0.0
+        return circular_orbit_rate(1000 * self.altitude_km)
 
 
 class InitialTable(Table):

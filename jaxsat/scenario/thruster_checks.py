@@ -20,11 +20,18 @@ NO_TORQUE = 1e-12
 """N m; a force through the centre of mass makes less by rounding."""
 
 
-@rule("thruster", "spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters", "wheel")
-def _one_kind_of_thruster(thrusters, axes, failed, wheels):
+@rule(
+    "thruster",
+    "spacecraft.thruster_torque_axes",
+    "spacecraft.failed_thrusters",
+    "wheel",
+    "magnetorquer",
+)
+def _one_kind_of_thruster(thrusters, axes, failed, wheels, magnetorquers):
     if not thrusters:
-        if axes is None and not wheels:
-            message = "must be given, or tables [[thruster]] or [[wheel]], got none of them"
+        if axes is None and not wheels and not magnetorquers:
+            tables = "[[thruster]], [[wheel]] or [[magnetorquer]]"
+            message = f"must be given, or tables {tables}, got none of them"
             yield at("spacecraft.thruster_torque_axes", message, True)
         elif axes is None and failed:
             message = f"must not be given without thruster_torque_axes, got {shown(failed)}"

@@ -29,6 +29,9 @@ POSITION = Range(-1e3, 1e3)
 SPECIFIC_IMPULSE = Range(1.0, 1e5)
 """s; cold gas has 60, an ion engine some thousands."""
 
+STANDARD_GRAVITY = 9.80665
+"""m/s², which turns a specific impulse in s into an exhaust velocity (CGPM, 1901)."""
+
 
 def _direction(value: tuple) -> tuple:
     if not 1e-12 <= sum(entry * entry for entry in value) <= 1e12:
@@ -85,6 +88,12 @@ class ThrusterTable(Table):
         direction = np.array(self.direction)
         return direction / np.linalg.norm(direction) * self.force_N
 
+    def propellant_flow(self) -> float:
+        """Propellant at full thrust, kg/s; none where it is not told."""
+        if self.specific_impulse_s is None or self.force_N is None:
+            return 0.0
+        return self.force_N / (self.specific_impulse_s * STANDARD_GRAVITY)
+
 
 class ModulationTable(Table):
     """`[modulation]`: how commanded thrust becomes pulses."""
@@ -128,6 +137,9 @@ IDEAL_FAILURES = {
 }
 """The same of thrusters of `spacecraft.thruster_torque_axes`, whose torques have both signs."""
 
+MAGNETORQUER_FAILURES = {kind: keys for kind, keys in IDEAL_FAILURES.items() if kind != "turned"}
+"""The same of magnetorquers, whose dipoles have both signs."""
+
 WHEEL_FAILURES = {
     "dead": (),
     "degraded": ("fraction",),
@@ -154,9 +166,11 @@ FailureName = Literal[
 
 
 class FailureTable(Table):
-    """`[[failure]]`: what happens to a thruster or wheel in flight; the law is not told."""
+    """`[[failure]]`: what happens to an actuator in flight; the law is not told."""
 
-    of: Line = choice('What fails, such as "thruster 3", "wheel 2" or "thruster" and its name')
+    of: Line = choice(
+        'What fails, such as "thruster 3", "wheel 2", "magnetorquer 1" or "thruster" and its name'
+    )
     at_s: Time = quantity("When it fails", "s")
     kind: FailureName = choice(
         'Of any: "dead" (no torque), "degraded" (fraction of it left). Of a thruster: "stuck-on", '
@@ -164,7 +178,8 @@ class FailureTable(Table):
         '(delay_s), "intermittent" (off for a fraction of every 10 s), "turned" (turn_rad). Of a '
         'wheel: "stopped" (at once, its momentum goes to the body), "friction-up" (factor or '
         'friction_N_m), "runaway" (full torque, the way that it turns). Of a thruster of '
-        'thruster_torque_axes: "stuck-on", "stuck-at", "turned", "reversed"'
+        'thruster_torque_axes: "stuck-on", "stuck-at", "turned", "reversed". Of a magnetorquer: '
+        '"stuck-on" (its dipole limit), "stuck-at" (a fraction of it), "reversed"'
     )
     fraction: Annotated[Number, Ge(-1), Le(1)] | None = quantity(
         "How much, of full thrust or torque or of time; below 0 only of a torque of either sign "

@@ -62,12 +62,15 @@ def _wheels_go_with_jaxsats_own_actuators(wheels, actuators):
     "thruster",
     "spacecraft.thruster_torque_axes",
     "spacecraft.failed_thrusters",
+    "magnetorquer",
 )
-def _wheels_and_thrusters_make_what_the_law_commands(law, wheels, thrusters, axes, failed):
+def _wheels_and_thrusters_make_what_the_law_commands(
+    law, wheels, thrusters, axes, failed, magnetorquers
+):
     torques = find_law(law).declaration.torques
     if wheels and torques == 1:
         yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
-    if not wheels or thrusters or torques not in (2, 3):
+    if not wheels or thrusters or magnetorquers or torques not in (2, 3):
         return
     working = working_axes(axes or (), failed)
     missing = what_is_left(working, least_squares_map(working, torques))

@@ -5,17 +5,19 @@ from collections.abc import Callable
 from typing import NamedTuple, cast
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.checks import as_optional_float, concrete, require_counts, require_positive
 from jaxsat.control import AbstractSampledController
 from jaxsat.control.controller import Memory
+from jaxsat.control.magnetic import MagneticSteering
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.navigation import Navigation, NavigationState, Told
+from jaxsat.simulation.divided_holds import Asked, through_hold
 from jaxsat.simulation.loops import AbstractLoop, plant_signals
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.simulation.wheel_holds import through_hold
 from jaxsat.vehicle import (
     AbstractActuators,
     AbstractPulsedActuators,
@@ -29,16 +31,16 @@ from jaxsat.vehicle import (
 class SampledState(NamedTuple):
     """State of the plant, memory of its controller, and the torque (N m) now being made.
 
-    Actuators that run once a period have a memory, and no torque is kept for them. `wheel_command`
-    (N m) is what is now asked of each wheel, None without wheels. `navigation` is that of sensors
-    with a state and their estimator, None where there are none.
+    Actuators that run once a period have a memory, and no torque is kept for them. `asked` is what
+    is now asked of actuators that the torque does not tell. `navigation` is that of sensors with a
+    state and their estimator, None where there are none.
     """
 
     plant: PlantState
     memory: Memory
     torque: Float[Array, "3"] | None
     actuators: PyTree = None
-    wheel_command: Float[Array, " wheels"] | None = None
+    asked: Asked = Asked()
     navigation: NavigationState | None = None
 
 
@@ -55,7 +57,8 @@ class SampledLoop(AbstractLoop):
     between the true state and what the controller is told, or `navigation` does, whose sensors and
     estimator have a state; with None of either it is told the truth. A `delay` (s, at most one
     period) is the time the controller takes to compute: for so long after each sample the actuators
-    continue from what they did; None is a loop without.
+    continue from what they did; None is a loop without. `magnetic` tells what the plant's
+    magnetorquers make of a command, None without them.
     """
 
     plant: RigidBody
@@ -65,13 +68,14 @@ class SampledLoop(AbstractLoop):
     sensors: Sensors | DrawnSensors | None = None
     delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
     navigation: Navigation | None = None
+    magnetic: MagneticSteering | None = None
 
     def __check_init__(self):
         require_counts(substeps=self.substeps)
+        if (self.magnetic is None) != (self.plant.magnetorquers is None):
+            raise ValueError("Argument `magnetic` must be given with the plant's magnetorquers.")
         if self.sensors is not None and self.navigation is not None:
             raise ValueError("Arguments `sensors` and `navigation` must not both be given.")
-        if isinstance(self.actuators, AbstractActuators) and self.actuators.failure_times.size:
-            raise ValueError("Failures of ideal actuators must be those of a continuous loop.")
         if self.delay is None:
             return
         require_positive("delay", self.delay, zero_allowed=True)
@@ -92,10 +96,24 @@ class SampledLoop(AbstractLoop):
             None,
             torque,
             actuators,
-            None if state.wheel_momentum is None else jnp.zeros_like(state.wheel_momentum),
-            None if self.navigation is None else self.navigation.init(state),
+            navigation=None if self.navigation is None else self.navigation.init(state),
         )
-        return begin._replace(memory=self.controller.init(self.told(jnp.array(0), begin).state))
+        told = self.told(jnp.array(0), begin).state
+        memory = self.controller.init(told)
+        return begin._replace(memory=memory, asked=self._nothing_asked(told, memory))
+
+    def _nothing_asked(self, told: PlantState, memory: Memory) -> Asked:
+        """What is asked of actuators before the first sample."""
+        torque = None
+        if self._actuators_fail:
+            shape = jax.eval_shape(lambda: self.controller.step(jnp.zeros(()), told, memory)[0])
+            torque = jnp.zeros(shape.shape, shape.dtype)
+        wheels, torquers = self.plant.wheels, self.plant.magnetorquers
+        return Asked(
+            torque,
+            None if wheels is None else jnp.zeros(wheels.count),
+            None if torquers is None else jnp.zeros(torquers.count),
+        )
 
     def told(self, number: Int[Array, ""], state: SampledState) -> Told:
         """What the controller is told at sample `number` of the run when the truth is `state`."""
@@ -111,13 +129,13 @@ class SampledLoop(AbstractLoop):
     def signals(self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState) -> Signals:
         """The signals of the truth at sample `number` of the run, which is at time `t` (s)."""
         told = self.told(number, state)
-        command, memory = self.controller.step(t, told.state, state.memory)
-        wheels = self._acting(state.wheel_command, self._wheel_command(state, command))
+        command, asked, memory = self._commanded(t, told.state, state.memory)
+        acting = self._acting(state.asked, asked)
         if isinstance(self.actuators, AbstractPulsedActuators):
             usage = self.actuators.usage(*self._plan(t, command, state))
-            return self._signals_of_usage(t, state.plant, memory, told, usage, wheels)
-        acting = self._acting(state.torque, self.actuators(command))
-        return _sampled_signals(self, t, state.plant, memory, told, acting, wheels)
+            return self._signals_of_usage(t, state.plant, memory, told, usage, acting)
+        torque = self._ideal_torque(t, command)
+        return self._signals(t, state, memory, told, torque, acting)
 
     def period(
         self,
@@ -132,38 +150,57 @@ class SampledLoop(AbstractLoop):
         Gives the state at its end, the carry, and the signals at its begin.
         """
         told = self.told(number, state)
-        command, memory = self.controller.step(t, told.state, state.memory)
-        state = state._replace(memory=memory, navigation=told.navigation)
+        command, asked, memory = self._commanded(t, told.state, state.memory)
+        acting = self._acting(state.asked, asked)
+        before, state = state, state._replace(memory=memory, navigation=told.navigation)
         if isinstance(self.actuators, AbstractPulsedActuators):
-            after, carry, usage = self._pulsed(t, command, state, integrate, carry)
-            wheels = self._acting(state.wheel_command, after.wheel_command)
-            signals = self._signals_of_usage(t, state.plant, memory, told, usage, wheels)
+            after, carry, usage = self._pulsed(t, command, asked, state, integrate, carry)
+            signals = self._signals_of_usage(t, state.plant, memory, told, usage, acting)
             return after, carry, signals
-        torque, wheels = self.actuators(command), self._wheel_command(state, command)
-        plant = state.plant
-        acting = self._acting(state.torque, torque)
-        wheels_acting = self._acting(state.wheel_command, wheels)
-        signals = _sampled_signals(self, t, plant, memory, told, acting, wheels_acting)
-        asked = (wheels,) if self.delay is None else (state.wheel_command, wheels)
-        for hold, command in zip(self._holds(state, torque), asked, strict=True):
-            plant, carry = through_hold(
-                self.plant, command, t + hold.begin, hold, plant, integrate, carry
-            )
-        after = state._replace(plant=plant.normalised(), torque=torque, wheel_command=wheels)
+        plant, torque = state.plant, self._ideal_torque(t, command)
+        signals = self._signals(t, before, memory, told, torque, acting)
+        through = (asked,) if self.delay is None else (state.asked, asked)
+        for hold, one in zip(self._holds(state, torque), through, strict=True):
+            plant, carry = self._through(one, t, hold, plant, integrate, carry)
+        after = state._replace(plant=plant.normalised(), torque=torque, asked=asked)
         return after, carry, signals
 
-    def _acting(self, before: Array | None, asked: Array | None) -> Array | None:
-        """What acts right after a sample: what it asked for or, with a delay, what did before."""
-        if self.delay is None or asked is None:
-            return asked
-        return jnp.where(self.delay > 0, cast(Array, before), asked)
+    def _commanded(
+        self, t: Float[Array, ""], told: PlantState, memory: Memory
+    ) -> tuple[Float[Array, " torques"], Asked, Memory]:
+        """What is left for actuators to make of the law's command, what is asked of those that the
+        torque does not tell, and the law's memory."""
+        command, memory = self.controller.step(t, told, memory)
+        dipoles = None
+        if self.magnetic is not None:
+            dipoles, command = self.magnetic(t, told, command)
+        failing = command if self._actuators_fail else None
+        return command, Asked(failing, self._of_wheels(command), dipoles), memory
 
-    def _wheel_command(self, state: SampledState, command) -> Float[Array, " wheels"] | None:
+    @property
+    def _actuators_fail(self) -> bool:
+        """Whether they are ideal ones that fail in flight."""
+        actuators = self.actuators
+        return isinstance(actuators, AbstractActuators) and actuators.failure_times.size > 0
+
+    def _of_wheels(self, command) -> Float[Array, " wheels"] | None:
         """What a command asks of each wheel (N m): zero where the actuators have none of them."""
-        if state.wheel_command is None:
+        if self.plant.wheels is None:
             return None
         asked = self.actuators.wheel_command(command)
-        return jnp.zeros_like(state.wheel_command) if asked is None else asked
+        return jnp.zeros(self.plant.wheels.count, command.dtype) if asked is None else asked
+
+    def _ideal_torque(self, t: Float[Array, ""], command) -> Float[Array, "3"]:
+        """The torque of ideal actuators on a command at time `t` (s), N m."""
+        actuators = cast(AbstractActuators, self.actuators)
+        return actuators.after_failures(t >= actuators.failure_times)(command)
+
+    def _acting(self, before: PyTree, asked: PyTree) -> PyTree:
+        """What acts right after a sample: what it asked for or, with a delay, what did before."""
+        delay = self.delay
+        if delay is None:
+            return asked
+        return jax.tree.map(lambda x, y: jnp.where(delay > 0, x, y), before, asked)
 
     def _holds(self, state: SampledState, torque: Float[Array, "3"]) -> tuple[Hold, ...]:
         """The parts of a period that begins in `state` and whose sample asked for `torque`."""
@@ -175,37 +212,40 @@ class SampledLoop(AbstractLoop):
             Hold(self.delay, period - self.delay, torque),
         )
 
+    def _through(self, asked: Asked, t, hold: Hold, plant, integrate: Integrator, carry):
+        """The plant and the carry after a hold of the period that begins at time `t` (s)."""
+        ideal = cast(AbstractActuators | None, None if asked.torque is None else self.actuators)
+        begin = t + hold.begin
+        return through_hold(self.plant, ideal, asked, begin, hold, plant, integrate, carry)
+
     def _plan(self, t, command, state: SampledState) -> tuple[PyTree, PyTree]:
         actuators = cast(AbstractPulsedActuators, self.actuators)
         return actuators.plan(t, command, state.actuators, self.controller.period, self.delay)
 
     def _pulsed(
-        self, t, command, state: SampledState, integrate: Integrator, carry
+        self, t, command, asked: Asked, state: SampledState, integrate: Integrator, carry
     ) -> tuple[SampledState, PyTree, Usage]:
         """A period from one instant of the actuators to the next."""
         actuators = cast(AbstractPulsedActuators, self.actuators)
-        wheels = self._wheel_command(state, command)
         plan, running = self._plan(t, command, state)
 
         def through(running, plant, carry):
             hold, running = actuators.advance(plan, running)
-            parts = ((hold, wheels),)
-            if wheels is not None and self.delay is not None:
+            parts = ((hold, asked),)
+            if any(x is not None for x in asked) and self.delay is not None:
                 before, after = hold.divided(self.delay)
-                parts = ((before, state.wheel_command), (after, wheels))
-            for part, asked in parts:
-                plant, carry = through_hold(
-                    self.plant, asked, t + part.begin, part, plant, integrate, carry
-                )
+                parts = ((before, state.asked), (after, asked))
+            for part, one in parts:
+                plant, carry = self._through(one, t, part, plant, integrate, carry)
             return running, plant, carry
 
         running, plant, carry = actuators.hold_by_hold(plan, running, through, state.plant, carry)
         memory, usage = actuators.finish(plan, running)
-        after = state._replace(plant=plant.normalised(), actuators=memory, wheel_command=wheels)
+        after = state._replace(plant=plant.normalised(), actuators=memory, asked=asked)
         return after, carry, usage
 
-    def _signals_of_usage(self, t, plant, memory, told: Told, usage: Usage, wheels) -> Signals:
-        signals = _sampled_signals(self, t, plant, memory, told, usage.torque, wheels)
+    def _signals_of_usage(self, t, plant, memory, told: Told, usage: Usage, asked) -> Signals:
+        signals = _sampled_signals(self, t, plant, memory, told, usage.torque, asked)
         return dataclasses.replace(
             signals,
             thrust_level=usage.level,
@@ -213,25 +253,45 @@ class SampledLoop(AbstractLoop):
             valve_openings=usage.openings,
         )
 
+    def _signals(self, t, state: SampledState, memory, told: Told, torque, asked) -> Signals:
+        """Those of ideal actuators that would now make a torque (N m)."""
+        acting = self._acting(state.torque, torque)
+        return _sampled_signals(self, t, state.plant, memory, told, acting, asked)
+
     def plant_rate(
         self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]
     ) -> PlantState:
         """Time derivative of the plant `elapsed` seconds after a hold began, at time `t` (s)."""
         wheels = hold.wheel_torque(state.wheel_momentum)
-        return self.plant.rate(t, state, hold.torque_after(elapsed), wheels)
+        return self.plant.rate(t, state, self._external(t, state, hold, elapsed), wheels)
 
-    def torque(self, state: PlantState, hold: Hold, elapsed: Float[Array, ""]) -> Float[Array, "3"]:
-        """The torque of all actuators `elapsed` seconds after a hold began, N m."""
+    def torque(
+        self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]
+    ) -> Float[Array, "3"]:
+        """The torque of all actuators at `t` (s), `elapsed` seconds after a hold began, N m."""
         wheels = hold.wheel_torque(state.wheel_momentum)
-        return self.plant.control_torque(hold.torque_after(elapsed), wheels)
+        return self.plant.control_torque(self._external(t, state, hold, elapsed), wheels)
+
+    def _external(self, t, state: PlantState, hold: Hold, elapsed) -> Float[Array, "3"]:
+        """The torque of thrusters and magnetorquers, N m."""
+        torque = hold.torque_after(elapsed)
+        if hold.dipole is None:
+            return torque
+        return torque + self.plant.magnetic_torque(t, state, hold.dipole)
 
 
-def _sampled_signals(loop, t, state, memory, told: Told, torque, wheel_command) -> Signals:
+def _sampled_signals(loop, t, state, memory, told: Told, torque, asked: Asked) -> Signals:
     error = loop.controller.rate_error(state, memory)
     none = jnp.full((), jnp.nan, error.dtype)
     mode = jnp.asarray(loop.controller.mode(memory), error.dtype)
-    wheels = loop.plant.wheel_torque(state, wheel_command, t)
+    wheels = loop.plant.wheel_torque(state, asked.wheels, t)
+    dipoles, torquers = None, loop.plant.magnetorquers
+    if torquers is not None:
+        struck = None if torquers.failures is None else t >= torquers.failures.at
+        dipoles = torquers.dipoles(asked.dipoles, struck)
+        torque = torque + loop.plant.magnetic_torque(t, state, torquers.axes @ dipoles)
     torque = loop.plant.control_torque(torque, wheels)
     signals = plant_signals(loop.plant, t, state, torque, error, none, mode)
     telemetry = loop.controller.telemetry(memory)
-    return dataclasses.replace(signals, wheel_torque=wheels, **told.errors, **telemetry)
+    made = {"wheel_torque": wheels, "dipole": dipoles}
+    return dataclasses.replace(signals, **made, **told.errors, **telemetry)

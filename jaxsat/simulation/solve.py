@@ -272,14 +272,14 @@ def _over_hold(loop, solver, t, state, hold, record, tolerances):
         same, held, before, now, length, gone = stop_gradient(
             (loop, hold, current, after, step, number * step)
         )
-        rate = effort_rate(same.plant, begin, before, same.torque(before, held, gone))
-        torque = same.torque(now, held, gone + length)
+        rate = effort_rate(same.plant, begin, before, same.torque(begin, before, held, gone))
+        torque = same.torque(begin + length, now, held, gone + length)
         rate = rate + effort_rate(same.plant, begin + length, now, torque)
         record = record.at(begin + length, Observation.of(same.plant, now), tolerances)
         return after, inner, record._replace(integral=record.integral + length / 2 * rate)
 
     after, _, record = jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state, record))
-    first = loop.torque(state, hold, jnp.zeros_like(hold.length))
-    last = loop.torque(after, hold, hold.length)
+    first = loop.torque(t, state, hold, jnp.zeros_like(hold.length))
+    last = loop.torque(t + hold.length, after, hold, hold.length)
     held = record.held.with_hold(*stop_gradient((hold.length, first, last)))
     return after, record._replace(held=held)

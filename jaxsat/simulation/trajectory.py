@@ -39,14 +39,16 @@ class Signals(eqx.Module):
     axis that holds the third rate, None where that is free, `rate_error` is η of the active law,
     `mode` tells which part of a sampled controller is at work, by its own numbers (zero for
     continuous ones). `wheel_momentum` is that of each wheel relative to the body and `wheel_torque`
-    what it does to the body along its axis, None without wheels. Of thrusters that push, `torque`
+    what it does to the body along its axis, None without wheels; `dipole` (A m²) is that of each
+    magnetorquer, None without them. Of thrusters that push, `torque`
     is the mean over the period that begins here, and `thrust_level`, over full thrust, that until
     the next time; `propellant` (kg) and `valve_openings` have been used so far. They are
     None for other actuators. What is told of estimates is None without `jaxsat.navigation`: truth
     less estimate of attitude (rotation vector), rate and gyro bias, and three of the standard
     deviations that the estimator claims. A law that diagnoses thrusters tells of each the
     `jaxsat.diagnosis.DiagnosedKind`, -1 for one that works, and its CUSUM statistic over the
-    threshold. With a leading axis it is a history.
+    threshold; `alarm` is 1 while the cause of an alarm is being isolated. With a leading axis it
+    is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -62,6 +64,7 @@ class Signals(eqx.Module):
     constraint_torque: Float[Array, "*times"] | None = None
     wheel_momentum: Float[Array, "*times wheels"] | None = None
     wheel_torque: Float[Array, "*times wheels"] | None = None
+    dipole: Float[Array, "*times k"] | None = None
     thrust_level: Float[Array, "*times m"] | None = None
     propellant: Float[Array, "*times"] | None = None
     valve_openings: Float[Array, "*times m"] | None = None
@@ -73,6 +76,7 @@ class Signals(eqx.Module):
     bias_estimate_3sigma: Float[Array, "*times 3"] | None = None
     diagnosed_kind: Float[Array, "*times m"] | None = None
     detection_statistic: Float[Array, "*times m"] | None = None
+    alarm: Float[Array, "*times"] | None = None
 
 
 class TorqueRange(eqx.Module):

@@ -1,15 +1,18 @@
-"""The spacecraft: inertia, thrusters and what is left of them after failures, wheels, sensors."""
+"""The spacecraft: inertia, thrusters and what is left of them after failures, wheels,
+magnetorquers, sensors."""
 
 from jaxsat.vehicle.actuators import (
     AbstractActuators,
     AbstractSmoothActuators,
     ActuatorContext,
     Actuators,
+    NoThrusters,
 )
 from jaxsat.vehicle.allocation import LeastPropellant
-from jaxsat.vehicle.failures import FailureEvents, FailureKind
+from jaxsat.vehicle.failures import FailureEvents, FailureKind, MagnetorquerFailures
 from jaxsat.vehicle.gyro import Gyro
 from jaxsat.vehicle.holds import AbstractPulsedActuators, Consumption, Hold, Usage
+from jaxsat.vehicle.magnetorquers import Magnetorquers
 from jaxsat.vehicle.modulation import (
     AbstractModulation,
     DeltaSigma,
@@ -50,6 +53,9 @@ __all__ = [
     "Hold",
     "IdealThrottle",
     "LeastPropellant",
+    "MagnetorquerFailures",
+    "Magnetorquers",
+    "NoThrusters",
     "PulseWidth",
     "PulseWidthPulseFrequency",
     "PulsedActuatorsWithWheels",

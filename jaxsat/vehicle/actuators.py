@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 from jaxsat.checks import as_float, require_positive
 from jaxsat.smooth import sat
 from jaxsat.vehicle.failures import FailureEvents
-from jaxsat.vehicle.thruster_set import directions_across
+from jaxsat.vehicle.thruster_set import turned_axes
 from jaxsat.vehicle.thrusters import Thrusters, allocation
 
 
@@ -113,10 +113,8 @@ class Actuators(AbstractActuators):
         `angles` (rad) turn each torque axis towards two fixed directions across it (their tangents
         are taken as small), and thruster j makes 1 + `gain_errors`[j] of the torque it should.
         """
-        across = jnp.stack([directions_across(axis) for axis in self.torque_axes.T])  # (m, 2, 3)
-        axes = self.torque_axes.T + jnp.sum(angles[:, :, None] * across, axis=1)
-        axes = axes / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))
-        return dataclasses.replace(self, torque_axes=(axes * (1 + gain_errors[:, None])).T)
+        axes = turned_axes(self.torque_axes, angles) * (1 + gain_errors[None])
+        return dataclasses.replace(self, torque_axes=axes)
 
     @property
     def event_count(self) -> int:
@@ -150,6 +148,14 @@ class Actuators(AbstractActuators):
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "Actuators":
         """These thrusters, at their limits or not as told."""
         return dataclasses.replace(self, saturated=signs)
+
+
+class NoThrusters(AbstractSmoothActuators):
+    """What wheels and magnetorquers do not make stays unmade."""
+
+    def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+        """Zero."""
+        return jnp.zeros(3, command.dtype)
 
 
 class ActuatorContext(NamedTuple):

@@ -85,21 +85,59 @@ class FailureEvents(eqx.Module):
         Their torque in parts of the limit is `gain` x commanded + `level`, along the third. They
         may be dead, degraded, stuck, turned or reversed.
         """
-        gain = jnp.ones(axes.shape[1])
-        level = jnp.zeros_like(gain)
+        gain, level = _two_signed(self, self.thruster, struck, axes.shape[1])
         for event in range(self.count):
             hit = (jnp.arange(gain.size) == jnp.round(self.thruster[event])) & struck[event]
-            kind, amount = jnp.round(self.kind[event]), self.amount[event]
-            stuck = (kind == FailureKind.STUCK_ON) | (kind == FailureKind.STUCK_AT)
-            held = jnp.where(kind == FailureKind.STUCK_ON, 1.0, amount)
-            left = jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)
-            left = jnp.where(kind == FailureKind.REVERSED, -1.0, left)
-            left = jnp.where(stuck | (kind == FailureKind.DEAD), 0.0, left)
-            gain = jnp.where(hit, gain * left, gain)
-            level = jnp.where(hit, jnp.where(stuck, held, left * level), level)
-            turns = hit & (kind == FailureKind.TURNED)
+            turns = hit & (jnp.round(self.kind[event]) == FailureKind.TURNED)
             axes = jnp.where(turns[None], self.turned[event], axes)
         return gain, level, axes
+
+
+class MagnetorquerFailures(eqx.Module):
+    """F failures: of magnetorquer `magnetorquer` (from 0), at `at` (s), of a `FailureKind`.
+
+    They may be dead, degraded, stuck or reversed; `amount` is that of the kind, of the dipole limit
+    from -1 to 1 where one is stuck. `magnetorquer` and `kind` are rounded, which lets a study draw
+    them. A time of infinity is never.
+    """
+
+    magnetorquer: Float[Array, " f"] = eqx.field(converter=as_float)
+    at: Float[Array, " f"] = eqx.field(converter=as_float)
+    kind: Float[Array, " f"] = eqx.field(converter=as_float)
+    amount: Float[Array, " f"] = eqx.field(converter=as_float)
+
+    @property
+    def count(self) -> int:
+        """How many events there are."""
+        return self.at.shape[0]
+
+    def two_signed(
+        self, struck: Bool[Array, " f"], count: int
+    ) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+        """State of so many magnetorquers: their dipole is `gain` x commanded + `level` x limit."""
+        return _two_signed(self, self.magnetorquer, struck, count)
+
+
+def _two_signed(
+    events: FailureEvents | MagnetorquerFailures,
+    struck_one: Float[Array, " f"],
+    struck: Bool[Array, " f"],
+    count: int,
+) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+    """Gain and level of each of `count` actuators of either sign, of which events strike one."""
+    gain = jnp.ones(count)
+    level = jnp.zeros_like(gain)
+    for event in range(events.count):
+        hit = (jnp.arange(count) == jnp.round(struck_one[event])) & struck[event]
+        kind, amount = jnp.round(events.kind[event]), events.amount[event]
+        stuck = (kind == FailureKind.STUCK_ON) | (kind == FailureKind.STUCK_AT)
+        held = jnp.where(kind == FailureKind.STUCK_ON, 1.0, amount)
+        left = jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)
+        left = jnp.where(kind == FailureKind.REVERSED, -1.0, left)
+        left = jnp.where(stuck | (kind == FailureKind.DEAD), 0.0, left)
+        gain = jnp.where(hit, gain * left, gain)
+        level = jnp.where(hit, jnp.where(stuck, held, left * level), level)
+    return gain, level
 
 
 class Condition(NamedTuple):

@@ -19,7 +19,7 @@ class Hold(NamedTuple):
 
     `begin` and `length` are in s, `begin` from the sample on. The torque (N m) is `torque` at the
     begin and changes by `torque_rate` (N m/s); None is a torque that stays. `wheels` is the piece
-    that wheels are in, None without wheels.
+    that wheels are in, `dipole` (A m²) that of all magnetorquers in body axes; None without them.
     """
 
     begin: RealScalar
@@ -27,6 +27,7 @@ class Hold(NamedTuple):
     torque: Float[Array, "3"]
     torque_rate: Float[Array, "3"] | None = None
     wheels: WheelPiece | None = None
+    dipole: Float[Array, "3"] | None = None
 
     def wheel_torque(self, momentum: Float[Array, " wheels"] | None):
         """What each wheel does to the body along its axis, N m; None without wheels."""

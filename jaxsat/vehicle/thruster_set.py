@@ -7,9 +7,6 @@ from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, as_optional_float, concrete, require_finite, require_positive
 
-STANDARD_GRAVITY = 9.80665
-"""m/s², which turns a specific impulse in s into an exhaust velocity (CGPM, 1901)."""
-
 
 class ThrusterSet(eqx.Module):
     """m thrusters, each of which pushes one way: its thrust is between zero and full.
@@ -59,11 +56,8 @@ class ThrusterSet(eqx.Module):
         Their forces stay. The tangents of the angles are taken as small.
         """
         size = jnp.sqrt(jnp.sum(self.torque**2, axis=0))
-        units = (self.torque / size[None]).T
-        across = jnp.stack([directions_across(axis) for axis in units])
-        turned = units + jnp.sum(angles[:, :, None] * across, axis=1)
-        turned = turned / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))
-        return eqx.tree_at(lambda one: one.torque, self, turned.T * size[None])
+        turned = turned_axes(self.torque / size[None], angles)
+        return eqx.tree_at(lambda one: one.torque, self, turned * size[None])
 
     def stronger(self, change: Float[Array, " m"]) -> "ThrusterSet":
         """Thrusters that make 1 + `change` of their torque and force at the same flow."""
@@ -72,6 +66,16 @@ class ThrusterSet(eqx.Module):
             self,
             (self.torque * (1 + change)[None], self.force * (1 + change)[None]),
         )
+
+
+def turned_axes(axes: Float[Array, "3 m"], angles: Float[Array, "m 2"]) -> Float[Array, "3 m"]:
+    """Unit columns turned by small angles (rad) towards two directions across each.
+
+    The tangents of the angles are taken as small.
+    """
+    across = jnp.stack([directions_across(axis) for axis in axes.T])  # (m, 2, 3)
+    turned = axes.T + jnp.sum(angles[:, :, None] * across, axis=1)
+    return (turned / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))).T
 
 
 def directions_across(axis: Float[Array, "3"]) -> Float[Array, "2 3"]:

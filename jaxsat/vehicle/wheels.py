@@ -86,7 +86,7 @@ class Wheels(eqx.Module):
         coulomb_friction: OfEach = None,
         failures: WheelFailures | None = None,
     ):
-        self.axes = _unit_axes(as_float(axes))
+        self.axes = unit_axes(as_float(axes))
         self.torque_limit = self._of_each(torque_limit)
         self.momentum_limit = self._of_each(momentum_limit)
         self.rotor_inertia = self._of_each(rotor_inertia)
@@ -294,9 +294,10 @@ def _log_ratio(x: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
     return jnp.where(small, series, -jnp.log1p(-away) / away)
 
 
-def _unit_axes(axes: Array) -> Float[Array, "3 wheels"]:
+def unit_axes(axes: Array) -> Float[Array, "3 n"]:
+    """Columns of shape (3, n) scaled to unit length; raises `ValueError` for a zero one."""
     if axes.ndim != 2 or axes.shape[0] != 3:
-        raise ValueError(f"Argument `axes` must have shape (3, wheels), got {tuple(axes.shape)}.")
+        raise ValueError(f"Argument `axes` must have shape (3, n), got {tuple(axes.shape)}.")
     require_finite("axes", axes)
     known = concrete(axes)
     if known is None:

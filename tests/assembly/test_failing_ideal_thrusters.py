@@ -1,4 +1,4 @@
-"""`[[failure]]` of thrusters that make a torque of either sign, under a continuous law."""
+"""`[[failure]]` of thrusters that make a torque of either sign, under any law."""
 
 import numpy as np
 import pytest
@@ -32,6 +32,12 @@ def test_events_strike_the_torques_that_work():
     np.testing.assert_allclose(failures.turned[1][:, 0], [0, 1, 0], atol=1e-15)
 
 
+def test_they_strike_under_a_sampled_law():
+    loop = build(load("switching", ["failure=[{of='thruster 1',at_s=5.0,kind='dead'}]"])).loop
+    assert isinstance(loop, SampledLoop)
+    np.testing.assert_array_equal(loop.actuators.failure_times, [5.0])
+
+
 def test_the_printed_law_flies_at_torque_level_where_something_fails():
     """Error coordinates have no thrusters that could fail."""
     plain = build(load("paper-three-axis")).loop
@@ -54,7 +60,6 @@ DEAD = "failure=[{of='thruster 1',at_s=5.0,kind='dead'}]"
             ["failure=[{of='thruster 1',at_s=5.0,kind='degraded',fraction=-0.5}]"],
             "must be at least 0",
         ),
-        ("switching", [DEAD], "two_sided = true"),
         ("paper-three-axis", [DEAD, "simulation.coordinates=error"], "something fails in flight"),
         (
             "free-third-rate",

@@ -23,6 +23,7 @@ COMMANDS = [
     ("export",),
     ("reproduce",),
     ("report",),
+    ("convert",),
     ("scenarios", "list"),
     ("scenarios", "show"),
     ("scenarios", "schema"),

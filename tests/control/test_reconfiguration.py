@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from helpers.thruster_layouts import allocated, canted, pairs
 from jaxsat.control.reconfiguration import Left, Reconfiguration, failed_sets, what_is_left
@@ -48,7 +49,7 @@ def test_the_torque_is_made_by_those_left_as_by_a_table_of_their_own():
         alone = allocated(kept)
         cost = np.linalg.norm(kept, axis=0)
         for command in rng.normal(size=(20, 3)) * 1e-3:
-            duty = np.asarray(allocate(jnp.asarray(failed), command))
+            duty = np.asarray(allocate(jnp.asarray(failed), command, jnp.zeros(3)))
             assert not duty[failed].any()
             np.testing.assert_allclose(torque @ duty, command, atol=1e-15)
             assert cost @ duty[~failed] == pytest.approx(
@@ -60,8 +61,45 @@ def test_where_a_torque_cannot_be_made_the_rest_of_it_is():
     torque = pairs()
     made = tables(torque)
     failed = np.arange(6) == 5
-    duty = np.asarray(made.allocate(jnp.asarray(failed), jnp.array([0.1, -0.2, -0.3])))
+    duty = np.asarray(
+        made.allocate(jnp.asarray(failed), jnp.array([0.1, -0.2, -0.3]), jnp.zeros(3))
+    )
     np.testing.assert_allclose(torque @ duty, [0.1, -0.2, 0.0], atol=1e-15)
+
+
+@pytest.mark.slow
+def test_what_a_stuck_thruster_makes_is_opposed_before_anything_else():
+    """By all others where one alone cannot; what can be opposed at all is SciPy's to say."""
+    torque = canted()[0]
+    made = tables(torque)
+    allocate = eqx.filter_jit(made.allocate)
+    rng = np.random.default_rng(9)
+    at_full_thrust = 0
+    for stuck in range(8):
+        failed = np.arange(8) == stuck
+        others = np.where(failed, 0.0, 1.0)
+        steady = -torque[:, stuck]
+        most = linprog(
+            np.append(np.zeros(8), -1.0),
+            A_eq=np.column_stack([torque, -steady]) / np.abs(torque).max(),
+            b_eq=np.zeros(3),
+            bounds=[*((0, one) for one in others), (0, None)],
+        ).x[-1]
+        for share in np.array([0.3, 0.6, 0.9]) * most:
+            for command in (np.zeros(3), *rng.normal(size=(3, 3))):
+                duty = np.asarray(
+                    allocate(jnp.asarray(failed), command, jnp.asarray(share * steady))
+                )
+                assert not duty[failed].any()
+                assert duty.min() >= 0
+                assert duty.max() <= 1 + 1e-12
+                left = torque @ duty - share * steady
+                assert np.linalg.norm(np.cross(left, command)) <= 1e-5 * np.linalg.norm(command)
+                assert left @ command >= -1e-12
+                if not command.any():
+                    np.testing.assert_allclose(left, 0, atol=1e-12)
+                at_full_thrust += duty.max() > 1 - 1e-9
+    assert at_full_thrust > 20
 
 
 @pytest.mark.parametrize(("flow", "left"), [(0, 1), (0.05, 1), (0.5, 0), (0.99, 1)])

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from jaxsat.controllability import (
     actuator_set,
@@ -18,17 +19,24 @@ JA = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])
 AXES = np.array([[1.0, 0.3, 0.1], [0.2, -1.0, 0.5], [0.5, 0.4, 1.0]])
 
 
-def level_set(inertia, axes, momentum=(0.0, 0.0, 0.0)):
-    return momentum_level_set(inertia, actuator_set(wheel_axes=axes, momentum=momentum))
+def level_set(inertia, axes, momentum=(0.0, 0.0, 0.0), coasting=(0.0, 0.0, 0.0)):
+    """By wheels along `axes` beside three of which all motors are dead."""
+    count = axes.shape[1]
+    everything = actuator_set(
+        wheel_axes=np.hstack([axes, np.eye(3)]),
+        momentum=momentum,
+        stored=np.array([*np.zeros(count), *coasting]),
+    )
+    return momentum_level_set(inertia, everything.only(range(count)))
 
 
-def rank_by_brackets(inertia, axes, momentum):
+def rank_by_brackets(inertia, axes, momentum, coasting=(0.0, 0.0, 0.0)):
     """Rank, in attitude and wheel momenta, of brackets up to depth 4 and two of three letters."""
-    inverse, axes = jnp.linalg.inv(inertia), jnp.asarray(axes)
+    inverse, axes, fixed = jnp.linalg.inv(inertia), jnp.asarray(axes), jnp.asarray(coasting)
 
     def drift(state):
         attitude, stored = state[:9].reshape(3, 3), state[9:]
-        x, y, z = inverse @ (attitude @ jnp.asarray(momentum) - axes @ stored)
+        x, y, z = inverse @ (attitude @ jnp.asarray(momentum) - axes @ stored - fixed)
         turn = jnp.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         return jnp.concatenate([(-turn @ attitude).reshape(9), jnp.zeros_like(stored)])
 
@@ -40,7 +48,9 @@ def rank_by_brackets(inertia, axes, momentum):
     attitude, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     state = jnp.concatenate([jnp.asarray(attitude).reshape(9), jnp.full(axes.shape[1], 0.0)])
     # With no momentum the level set is taken at rest, its state of lowest rank.
-    state = state.at[9:].set(rng.normal(size=axes.shape[1]) * (np.linalg.norm(momentum) > 0))
+    state = state.at[9:].set(
+        rng.normal(size=axes.shape[1]) * (np.any(momentum) or np.any(coasting))
+    )
     controls = [wheel(number) for number in range(axes.shape[1])]
     second = [lie_bracket(drift, control) for control in controls]
     third = [lie_bracket(drift, field) for field in second]
@@ -58,6 +68,32 @@ def test_rank_is_that_of_the_brackets(count, momentum):
     assert found.rank == rank_by_brackets(JA, AXES[:, :count], momentum)
     assert found.dimension == 3 + count
     assert (found.rank == found.dimension) == (count > 1 or any(momentum))
+
+
+BIAS = (0.2, 0.5, -0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize("momentum", [(0.0, 0.0, 0.0), (0.3, -0.8, 0.5)])
+def test_rank_beside_coasting_wheels_is_that_of_the_brackets(count, momentum):
+    found = level_set(JA, AXES[:, :count], momentum, BIAS)
+    assert found.rank == rank_by_brackets(JA, AXES[:, :count], momentum, BIAS)
+    assert found.rank == found.dimension
+
+
+def test_rest_beside_a_coasting_wheel_is_where_its_momentum_fits():
+    """All attitudes are tried for one at which Jω = CH - β - A h can be zero."""
+    axes, turns = AXES[:, :2], Rotation.random(20_000, rng=1).as_matrix()
+    normal = level_set(JA, axes).missing[:, 0]
+    for momentum, coasting in [(0.4, 0.3), (0.4, 0.5), (0.0, 0.5), (0.5, 0.0)]:
+        found = level_set(JA, axes, (0.0, momentum, 0.0), coasting * normal)
+        assert found.coasting == pytest.approx(coasting)
+        left = (turns @ np.array([0.0, momentum, 0.0])) @ normal - coasting
+        assert found.rests == (left.min() < 0 < left.max())
+    along = level_set(JA, axes, (0.0, 0.0, 0.0), axes[:, 0])
+    assert along.coasting == 0
+    assert along.rests
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 
 import jaxsat
 from jaxsat.comparison import ComparisonSetting, choose_law, comparison_row
-from jaxsat.controller_design import run as design_run
+from jaxsat.controller_design import steps
 from jaxsat.controller_design.candidates import Candidate
 from jaxsat.controller_design.page import DESIGNED, design_page, headline
 from jaxsat.controller_design.result import Step
@@ -91,7 +91,7 @@ def test_validation_has_all_that_may_be_the_surest():
     scenario = jaxsat.load("two-torque-free", purpose="text")
     candidates = tuple(Candidate(name, scenario) for name in ("sure", "unsure", "worse"))
     screening = Step(step, choose_law(step))
-    kept = design_run._contenders(candidates, screening, None)
+    kept = steps._contenders(candidates, screening, None)
     assert [one.name for one in kept] == ["sure", "unsure"]
 
 

@@ -91,6 +91,43 @@ def test_every_thruster_and_kind_is_isolated():
 
 
 @pytest.mark.slow
+def test_a_thruster_that_returns_is_used_again_twice_and_no_more():
+    """Dead in every other stretch of 100 samples; at last it is not commanded any more."""
+    rng = np.random.default_rng(20)
+    stretch, stretches = 100, 7
+    on_time = commanded(rng, stretch * stretches)
+    on_time[-stretch:, 2] = 0.0
+    dead = np.repeat(np.arange(stretches) % 2 == 1, stretch)
+    made = on_time.copy()
+    made[dead, 2] = 0.0
+    noise = rng.standard_normal((len(on_time), 3))
+    _, failed, _, _ = jax.jit(lambda: followed(diagnosis(), on_time, made, noise))()
+    failed = np.asarray(failed)
+    assert not np.delete(failed, 2, axis=1).any()
+    at_end = failed[stretch - 1 :: stretch, 2]  # of each stretch
+    assert at_end.tolist() == [False, True, False, True, False, True, True]
+
+
+@pytest.mark.slow
+def test_two_thrusters_that_fail_one_after_the_other_are_both_isolated():
+    rng = np.random.default_rng(21)
+    samples, first, second = 200, 40, 110
+    on_time = commanded(rng, samples)
+    made = on_time.copy()
+    made[first:, 1] = 0.3 * PERIOD  # stuck at a level
+    made[second:, 6] *= 0.4  # degraded
+    noise = rng.standard_normal((samples, 3))
+    _, failed, kind, flow = map(
+        np.asarray, jax.jit(lambda: followed(diagnosis(), on_time, made, noise))()
+    )
+    assert not failed[:first].any()
+    assert failed[second].tolist() == [k == 1 for k in range(COUNT)]
+    assert failed[-1].tolist() == [k in (1, 6) for k in range(COUNT)]
+    assert kind[-1, [1, 6]].tolist() == [DiagnosedKind.STUCK_AT, DiagnosedKind.DEGRADED]
+    assert flow[-1, 1] == pytest.approx(0.3, abs=0.05)
+
+
+@pytest.mark.slow
 def test_false_alarms_come_as_seldom_as_the_closed_form_says():
     """Of the tests of flow, which run at every sample: the mean run L, from 1 - e^(-n/L)."""
     threshold, samples, runs = 3.0, 400, 1000

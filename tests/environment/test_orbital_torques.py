@@ -13,6 +13,7 @@ from jaxsat.attitude import DCM, Quaternion
 from jaxsat.environment import (
     AerodynamicTorque,
     CircularOrbit,
+    DipoleField,
     MagneticTorque,
     SolarPressureTorque,
     circular_orbit_rate,
@@ -40,7 +41,7 @@ def test_torques_are_those_of_an_independent_program(rotation, dipole, centre, t
         return rotation.inv().apply(axes @ vector)
 
     field = oracle.field(position, greenwich + oracle.EARTH_ROTATION * t)
-    time, torque = jnp.array(t), MagneticTorque(dipole, orbit)
+    time, torque = jnp.array(t), MagneticTorque(dipole, DipoleField(orbit))
     np.testing.assert_allclose(
         torque(time, attitude, NONE), oracle.lever(dipole, in_body(field)), atol=1e-12
     )
@@ -63,8 +64,8 @@ def test_values_worked_out_by_hand():
     assert float(orbit.radius) == pytest.approx(RADIUS, rel=1e-12)
     shrunk = (6371.2e3 / RADIUS) ** 3
     field = shrunk * np.array([-4652.5e-9, -29404.8e-9, 2901.8e-9])  # east, south, down
-    np.testing.assert_allclose(MagneticTorque([0.0, 0.0, 1.0], orbit).field(t), field, rtol=1e-12)
-    torque = MagneticTorque([0.0, 0.0, 2.0], orbit)(t, ALIGNED, NONE)
+    np.testing.assert_allclose(DipoleField(orbit)(t), field, rtol=1e-12)
+    torque = MagneticTorque([0.0, 0.0, 2.0], DipoleField(orbit))(t, ALIGNED, NONE)
     np.testing.assert_allclose(torque, [-2 * field[1], 2 * field[0], 0], rtol=1e-12)
     drag = AerodynamicTorque(3e-12, 2.2, 1.0, [0.0, 0.0, 0.1], orbit)(t, ALIGNED, NONE)
     force = 0.5 * 3e-12 * 2.2 * (3.986004418e14 / RADIUS)
@@ -97,7 +98,7 @@ def test_a_scenario_has_them_where_it_asks_for_them():
         part(t, ALIGNED, NONE)
         for part in (
             plain.disturbance,
-            MagneticTorque([0.1, 0.0, 0.2], orbit),
+            MagneticTorque([0.1, 0.0, 0.2], DipoleField(orbit)),
             AerodynamicTorque(3e-12, 2.2, 1.0, centre, orbit),
             SolarPressureTorque(1.5, 2.0, [0.0, 0.1, 0.0], [1.0, 0.0, 0.0], orbit),
         )

@@ -87,7 +87,9 @@ FAILURES = {"failure_time", "failed_thruster", "failed_wheel", "failure_kind", "
 SENSORS = {name for name in QUANTITIES if name.startswith(("gyro", "tracker"))}
 """Of loops with an estimator: tests/navigation/test_dispersed_sensors.py."""
 
-OTHERWISE = {"misalignment", "attitude_error", "rate_error", "wheel_momentum", *FAILURES, *SENSORS}
+MAGNETORQUERS = {"dipole_limit", "magnetorquer_misalignment", "failed_magnetorquer"}
+OTHERWISE = {"misalignment", "attitude_error", "rate_error", "wheel_momentum"}
+OTHERWISE |= {*FAILURES, *SENSORS, *MAGNETORQUERS}
 
 
 def test_every_quantity_has_its_test():

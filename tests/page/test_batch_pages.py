@@ -125,7 +125,7 @@ def test_a_reproduction_judges_the_claims_from_its_files(tmp_path, monkeypatch):
     monkeypatch.setattr(batches, "RUNS", {"one": SimpleNamespace(purpose="to see")})
     monkeypatch.setattr(batches, "judge", judge)
     page = report_page([tmp_path])
-    told = "Of 2 claims of the paper&#39;s section 5: 1 holds, 1 does not hold."
+    told = "2 claims of the paper&#39;s section 5. Holds: 1; does not hold: 1."
     assert first_sentence(page) == told
     assert judged == [1.0]
     assert "<i>stays" not in page
@@ -135,3 +135,47 @@ def test_several_results_go_into_one_page(tuning, run_file):
     page = report_page([tuning(), run_file(run_dataset())])
     assert page.count('<section class="result"') == 2
     assert page.count("<li><a href") == 2
+
+
+def design_record():
+    """What `jaxsat design` records of a law of which too few cases settle."""
+    row = {"law": "three-slew", "cases": 10, "settled": interval(0.9), "t50": interval(70.0)}
+    row |= {"t90": interval(80.0), "effort_N_m_s": 3.0, "peak_rate_rad_s": 0.2}
+    step = {"rows": [row], "taken": "three-slew", "reason": "it is quick"}
+    verification = {"cases": 40, "settled": interval(0.9), "failing_cases": list(range(30))}
+    verification |= {"settling_time_s": {"50": interval(70.0), "99": {"value": None}}}
+    verification |= {
+        "separations": [{"name": "omega", "share": 0.5, "failing": [1] * 3, "settled": [0] * 3}],
+        "remedies": [{"change": "twice the <torque>", "settled": 12, "flown": 30}],
+    }
+    return {
+        "outcome": "not reached",
+        "headline": "Not reached: three-slew settles 90 %; wanted were 99 %.",
+        "seeds": {"screening": 4, "verification": 7},
+        "controllability": {"lines": ["Controllable."]},
+        "assumed": ["[orbit]: inertial pointing"],
+        "left_out": [],
+        "screening": step,
+        "validation": None,
+        "tuning": {"left_out": "no gains"},
+        "chosen": "three-slew",
+        "gains": {"k": 0.25, "corners": [1.0, 2.0]},
+        "verification": verification,
+    }
+
+
+def test_a_design_begins_with_its_verdict_and_lists_what_fails_and_what_helps(tmp_path):
+    (tmp_path / "design.json").write_text(json.dumps(design_record()))
+    (tmp_path / "designed.toml").write_text(SCENARIO)
+    page = report_page([tmp_path])
+    assert first_sentence(page) == "Not reached: three-slew settles 90 %; wanted were 99 %."
+    assert 'class="verdict bad"' in page
+    assert "Settling time of those that settle: 50 %: 70 s." in page
+    assert "jaxsat montecarlo designed.toml --seed 7 --case 24" in page
+    assert "--case 25" not in page
+    assert "5 more are in design.json." in page
+    assert "twice the &lt;torque&gt;" in page
+    assert "<td>1, 2</td>" in page
+    (tmp_path / "design.json").write_text('{"outcome": "reached"}')
+    with pytest.raises(OutputError, match="numbers of another form"):
+        report_page([tmp_path])

@@ -21,14 +21,13 @@ def craft_of(page):
 
 def test_the_verdict_says_when_it_settled_within_what_and_by_which_law(run_file, page):
     first = re.search(r'<p class="first">(.*?)</p>', page).group(1)
-    assert first == (
-        "Settled from 6.25 s under the law three-axis: |w| &lt; 0.05, |z| &lt; 0.05 rad and |ω_r| "
-        "&lt; 0.001 rad/s from then to the end."
-    )
+    assert first == "Settled at 6.25 s, and stays settled to 10 s."
+    told = "|w| &lt; 0.05, |z| &lt; 0.05 rad and |ω_r| &lt; 0.001 rad/s from then to the end"
+    assert f"Settled means {told}; control law: three-axis." in page
     assert "Thruster up dead at 3.5 s." in page
     never = report_page([run_file(run_dataset(settled=np.inf))])
     assert 'class="verdict bad"' in never
-    assert "Not settled under the law three-axis" in never
+    assert "Not settled within 10 s." in never
 
 
 def test_a_run_that_failed_says_how_far_it_came_and_shows_that_part(run_file):

@@ -1,14 +1,18 @@
-"""Ideal thrusters that fail under a continuous law: steps end there, in every engine."""
+"""Ideal thrusters that fail under a continuous or a sampled law, in every engine."""
 
 import dataclasses
 
+import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
 from jaxsat.attitude import Quaternion
+from jaxsat.checks import as_float
+from jaxsat.control import AbstractSampledController
 from jaxsat.control.controller import AbstractFeedbackLaw
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import (
@@ -17,12 +21,13 @@ from jaxsat.engine import (
     Case,
     NativeEngine,
     ReferenceEngine,
+    SampledStepper,
     ScanEngine,
     Tolerance,
     program_of,
 )
 from jaxsat.environment import ExactOrbit
-from jaxsat.simulation import ContinuousLoop, adaptive, simulate
+from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop, adaptive, fixed, simulate
 from jaxsat.vehicle import Actuators, FailureEvents, FailureKind, Spacecraft, Thrusters
 
 INERTIA = np.array([[4.0, 0.3, -0.2], [0.3, 2.5, 0.1], [-0.2, 0.1, 3.2]])
@@ -43,7 +48,7 @@ class Waves(AbstractFeedbackLaw):
 class Struck(AbstractCaseFactory):
     """A loop with other events in every case: (thruster, time, kind, amount) of two."""
 
-    loop: ContinuousLoop
+    loop: AbstractLoop
     start: PlantState
 
     def __call__(self, case, gains):
@@ -139,3 +144,76 @@ def test_a_step_ends_where_a_thruster_fails():
     )
     np.testing.assert_array_equal(run.signals.torque[:, 0], [0.2, 0.2, 0, 0])
     assert run.assessment.effort[0] == pytest.approx(0.2 * 1.23456, rel=1e-9)
+
+
+class SampledWaves(AbstractSampledController):
+    """The same torques, held over a period."""
+
+    period: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def init(self, state):
+        return None
+
+    def step(self, t, state, memory):
+        return Waves().torque(t, state), memory
+
+
+PERIOD, LATE = 0.4, 0.15
+
+
+def held_truth(case):
+    """ω at the end under torques held from `LATE` after a sample, by SciPy between the events."""
+    gain, level, axes = np.ones(3), np.zeros(3), AXES.copy()
+    events = sorted(zip(*case.reshape(4, 2)[[1, 0, 2, 3]], strict=True), key=lambda x: x[0])
+    omega, thrust, later = np.array(OMEGA), np.zeros(3), np.zeros(3)
+    samples = [(number * PERIOD, "sample", None) for number in range(round(SECONDS / PERIOD))]
+    ready = [(t + LATE, "ready", None) for t, *_ in samples]
+    struck = [(at, "failure", event) for at, *event in events if at < SECONDS]
+    t = 0.0
+    instants = sorted(samples + ready + struck, key=lambda x: x[0])
+    for end, what, event in [*instants, (SECONDS, "end", None)]:
+        if end > t:
+            torque = axes @ (gain * thrust + level * LIMIT)
+            run = solve_ivp(
+                lambda t, omega, torque=torque: np.linalg.solve(
+                    INERTIA, torque - np.cross(omega, INERTIA @ omega)
+                ),
+                (t, end),
+                omega,
+                "DOP853",
+                rtol=1e-12,
+                atol=1e-14,
+            )
+            omega, t = run.y[:, -1], end
+        if what == "sample":
+            wave = np.array([np.sin(t), np.cos(0.7 * t), 0.3 + 0.1 * np.sin(2 * t)])
+            later = np.clip(-0.4 * omega + 0.35 * wave, -LIMIT, LIMIT)
+        elif what == "ready":
+            thrust = later
+        elif what == "failure":
+            which, kind, amount = int(event[0]), *event[1:]
+            if kind in (K.DEAD, K.STUCK_ON, K.STUCK_AT):
+                gain[which] = 0.0
+                level[which] = {K.DEAD: 0.0, K.STUCK_ON: 1.0, K.STUCK_AT: amount}[kind]
+            elif kind in (K.DEGRADED, K.REVERSED):
+                gain[which] *= amount if kind == K.DEGRADED else -1.0
+            elif kind == K.TURNED:
+                axes[:, which] = TURNED[:, which]
+    return omega
+
+
+@pytest.mark.slow
+def test_engines_agree_with_an_independent_program_under_a_sampled_law():
+    cases = factory()
+    plant, actuators = cases.loop.plant, cases.loop.actuators
+    loop = SampledLoop(plant, SampledWaves(PERIOD), actuators, 2, delay=LATE)
+    cases = Struck(loop, cases.start)
+    program = program_of(cases, loop, SECONDS)
+    stepper = SampledStepper(diffrax.Dopri8())
+    expected = np.array([held_truth(case) for case in CASES])
+    assert np.abs(expected[1:] - expected[0]).max(axis=1).min() > 1e-4
+    reference = ReferenceEngine(fixed(PERIOD, diffrax.Dopri8()), batch_size=6)
+    for engine in (NativeEngine(stepper), ScanEngine(stepper, 6), reference):
+        found = engine.evaluate(program, CASES)
+        assert np.all(found.code == 0)
+        np.testing.assert_allclose(found.omega, expected, atol=1e-10)

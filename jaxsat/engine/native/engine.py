@@ -76,7 +76,7 @@ class NativeEngine(AbstractEngine):
         """The machine code for such a program, made once for all numbers of the same kind.
 
         Raises `ValueError` unless there are cases, and as many in all arrays, and `TypeError` for
-        what are no numbers.
+        leaves that are not numeric arrays.
         """
         cases, gains = _numbers(cases, gains)
         lanes = self.simd_lanes or target.host().lanes

@@ -1,0 +1,50 @@
+"""How magnetorquers share in a commanded torque, and take momentum out of wheels.
+
+Sidi, Spacecraft Dynamics and Control, 1997, sections 7.4 and 7.5: the cross-product law.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.checks import as_float, as_optional_float, require_positive
+from jaxsat.dynamics import PlantState
+from jaxsat.environment import DipoleField
+
+
+class MagneticSteering(eqx.Module):
+    """Dipoles m = B × τ / |B|², which make of a wanted torque τ what is across the field B.
+
+    τ = `wanted` u - `unloading` A h: a part of the law's command u (N m), and what takes momentum
+    h along `wheel_axes` A out of the wheels, in parts a second. `shares` (k, 3) makes a dipole of
+    the magnetorquers along `axes`; all are scaled down together until none exceeds its
+    `dipole_limit` (A m²). What they then make is left out of the command of all other actuators, so
+    that the body feels the law's torque. B is that of the `field` at the attitude that the law is
+    told.
+    """
+
+    field: DipoleField
+    axes: Float[Array, "3 k"] = eqx.field(converter=as_float)
+    shares: Float[Array, "k 3"] = eqx.field(converter=as_float)
+    dipole_limit: Float[Array, " k"] = eqx.field(converter=as_float)
+    wanted: Float[Array, "3 3"] = eqx.field(converter=as_float)
+    unloading: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
+
+    def __check_init__(self):
+        require_positive("dipole_limit", self.dipole_limit)
+        require_positive("unloading", self.unloading, zero_allowed=True)
+
+    def __call__(
+        self, t: Float[Array, ""], state: PlantState, command: Float[Array, "3"]
+    ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
+        """The dipole of each magnetorquer (A m²), and the command left to others (N m)."""
+        field = self.field.in_body(t, state.attitude)
+        torque = self.wanted @ command
+        if self.wheel_axes is not None and state.wheel_momentum is not None:
+            torque = torque - self.unloading * (self.wheel_axes @ state.wheel_momentum)
+        shares = self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
+        dipoles = shares / jnp.maximum(jnp.max(jnp.abs(shares) / self.dipole_limit), 1.0)
+        return dipoles, command - jnp.cross(self.axes @ dipoles, field)

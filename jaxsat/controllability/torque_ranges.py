@@ -1,0 +1,100 @@
+"""What is left where failed thrusters keep making torque: thrusters between two levels each.
+
+Thruster k makes the torque τ_k l_k with low_k <= l_k <= high_k. The torques that can be made are a
+zonotope. Where zero is inside it torques of every direction are left. Where zero is on its boundary
+the thrusters move about a balance Σ τ_k l_k = 0, in which each can do more, less, or both: those
+are the columns that decide. Where zero is outside nothing opposes the constant torque.
+"""
+
+import itertools
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linprog
+
+from jaxsat.controllability.actuators import ActuatorSet, actuator_set
+from jaxsat.controllability.judgement import Judgement, judge
+from jaxsat.controllability.layout import TOLERANCE, Numbers
+
+LEVEL_ROUNDING = 1e-7
+"""Levels that differ by less are the same to the solver of the linear programmes."""
+
+
+def torque_reserve(
+    torques: Float[np.ndarray, "3 m"],
+    low: Float[np.ndarray, " m"],
+    high: Float[np.ndarray, " m"],
+) -> float:
+    """The largest torque (N m) that can be made in every direction, less than zero if none.
+
+    `torques` in N m at level 1. It is the least of the support function over the normals of all
+    facets, and zero where the torques that vary do not span R³.
+    """
+    centre, half = torques @ ((high + low) / 2), torques * (high - low) / 2
+    if np.linalg.matrix_rank(half, tol=TOLERANCE * np.abs(torques).max(initial=1e-300)) < 3:
+        return 0.0
+    pairs = np.array(list(itertools.combinations(half.T, 2)))
+    normals = np.cross(pairs[:, 0], pairs[:, 1])
+    sizes = np.linalg.norm(normals, axis=1)
+    kept = sizes > TOLERANCE**2 * sizes.max()
+    normals = normals[kept] / sizes[kept, None]
+    reach = np.abs(normals @ half).sum(axis=1) - np.abs(normals @ centre)
+    return float(reach.min())
+
+
+def judge_ranges(
+    inertia: Numbers,
+    actuators: ActuatorSet,
+    low: Float[np.ndarray, " m"],
+    high: Float[np.ndarray, " m"],
+) -> Judgement | None:
+    """Judge thrusters that are held between two levels each, and all wheels.
+
+    `actuators` are the thrusters at level 1, whose own signs are not asked; those with equal levels
+    make a constant torque. None where nothing opposes that. Raises ValueError as `judge` does.
+    """
+    moves = _moves(actuators.torques, low, high)
+    if moves is None:
+        return None
+    down, up = moves
+    sign = np.where(up, 1.0, -1.0)
+    left = np.flatnonzero(down | up)
+    columns = actuators.torques[:, left] * sign[left]
+    names = [actuators.thrusters[i] for i in left]
+    return judge(
+        inertia,
+        actuator_set(
+            columns,
+            two_sided=[bool(both) for both in (down & up)[left]],
+            names=names,
+            wheel_axes=actuators.wheel_axes,
+            wheel_names=actuators.wheels,
+            momentum=actuators.momentum,
+        ),
+    )
+
+
+def _moves(
+    torques: Float[np.ndarray, "3 m"],
+    low: Float[np.ndarray, " m"],
+    high: Float[np.ndarray, " m"],
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Which thrusters can make less, and which more, about a balance; None where there is none."""
+    free = high - low > LEVEL_ROUNDING
+    if not np.any(torques @ np.where(free, 0.0, low)) and np.all((low <= 0) | ~free):
+        return free & (low < 0), free & (high > 0)  # at rest with all others off
+    size = np.abs(torques).max(initial=1e-300)
+    bounds = list(zip(low, high, strict=True))
+    down, up = np.zeros_like(free), np.zeros_like(free)
+    for place in np.flatnonzero(free):
+        for sign in (1.0, -1.0):
+            aim = np.zeros(len(low))
+            aim[place] = sign
+            found = linprog(aim, A_eq=torques / size, b_eq=np.zeros(3), bounds=bounds)
+            if found.x is None:
+                return None
+            up |= found.x < high - LEVEL_ROUNDING
+            down |= found.x > low + LEVEL_ROUNDING
+    if not free.any() and np.any(np.abs(torques @ low) > TOLERANCE * size):
+        return None
+    return down & free, up & free

@@ -1,0 +1,108 @@
+"""A trajectory in formats of others: CCSDS attitude ephemeris and CSV."""
+
+import datetime
+import tomllib
+
+import numpy as np
+import xarray as xr
+from scipy.spatial.transform import Rotation
+
+import jaxsat
+from jaxsat.assembly.plant import place_of
+from jaxsat.errors import JaxsatError
+from jaxsat.results.tables import columns_of
+from jaxsat.scenario.tables import OrbitTable
+from jaxsat.text import clean
+
+FRAMES = {"inertial": "EME2000", "orbit": "LVLH"}
+"""What the reference frames are called in an attitude ephemeris."""
+
+BODY = "SC_BODY_1"
+MAX_NAME = 80
+
+
+class ConversionError(JaxsatError, ValueError):
+    """A trajectory that cannot be written in a format."""
+
+
+def attitude_ephemeris(
+    dataset: xr.Dataset,
+    epoch: np.datetime64,
+    *,
+    frame: str = "inertial",
+    object_name: str = "",
+    object_id: str = "UNKNOWN",
+) -> str:
+    """The attitude of a run as a CCSDS attitude ephemeris message (AEM 1.0, CCSDS 504.0-B).
+
+    `epoch` is UTC at the start of the run; leap seconds are not counted. The quaternions turn the
+    reference frame into body axes, scalar part last. `frame` is "inertial", x to the equinox and z
+    to the north pole (called EME2000), by way of the angles of the scenario's circular orbit, or
+    "orbit", x along the velocity and z to the Earth's centre (called LVLH). Times after the end of
+    a failed run are left out. Raises `ConversionError` for a dataset without attitude.
+    """
+    if "quaternion" not in dataset:
+        raise ConversionError("there is no attitude in it")
+    good = np.isfinite(dataset["quaternion"].values).all(axis=1)
+    seconds = dataset["time"].values[good]
+    turns = Rotation.from_quat(np.roll(dataset["quaternion"].values[good], -1, axis=1))
+    if frame == "inertial":
+        turns = _orbit_frame(dataset, seconds) * turns
+    instants = epoch.astype("datetime64[ns]") + np.rint(1e9 * seconds).astype("timedelta64[ns]")
+    times = np.datetime_as_string(instants, unit="ns")
+    name = clean(object_name or str(dataset.attrs.get("title", "")), MAX_NAME) or "UNKNOWN"
+    created = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%S")
+    lines = [
+        "CCSDS_AEM_VERS = 1.0",
+        f"CREATION_DATE = {created}",
+        f"ORIGINATOR = JAXSAT {jaxsat.__version__}",
+        "",
+        "META_START",
+        f"OBJECT_NAME = {name}",
+        f"OBJECT_ID = {clean(object_id, MAX_NAME)}",
+        "CENTER_NAME = EARTH",
+        f"REF_FRAME_A = {FRAMES[frame]}",
+        f"REF_FRAME_B = {BODY}",
+        "ATTITUDE_DIR = A2B",
+        "TIME_SYSTEM = UTC",
+        f"START_TIME = {times[0]}",
+        f"STOP_TIME = {times[-1]}",
+        "ATTITUDE_TYPE = QUATERNION",
+        "QUATERNION_TYPE = LAST",
+        "META_STOP",
+        "",
+        "DATA_START",
+    ]
+    for time, quaternion in zip(times, _continuous(turns.as_quat()), strict=True):
+        lines.append(f"{time} {' '.join(f'{part:.15f}' for part in quaternion)}")
+    return "\n".join([*lines, "DATA_STOP", ""])
+
+
+def _continuous(quaternions: np.ndarray) -> np.ndarray:
+    """Of the two signs of each the one nearer to that before, so that a reader can interpolate."""
+    turned = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0
+    return quaternions * np.cumprod(np.concatenate([[1], np.where(turned, -1, 1)]))[:, None]
+
+
+def _orbit_frame(dataset: xr.Dataset, seconds: np.ndarray) -> Rotation:
+    """The turns from the inertial to the orbit frame at some times."""
+    import jax
+    import jax.numpy as jnp
+
+    tables = tomllib.loads(str(dataset.attrs.get("scenario", "")))
+    if "orbit" not in tables:
+        raise ConversionError("its scenario has no [orbit]; take the frame orbit")
+    orbit = place_of(OrbitTable.model_validate(tables["orbit"]))
+    axes = np.asarray(jax.vmap(orbit.axes)(jnp.asarray(seconds)))
+    return Rotation.from_matrix(np.swapaxes(axes, 1, 2))
+
+
+def signal_table(dataset: xr.Dataset) -> str:
+    """All signals of a run as CSV, a row for each saved time, with units in the column names."""
+    columns = {"time_s": dataset["time"].values}
+    for name, variable in dataset.data_vars.items():
+        if variable.dims[:1] == ("time",) and variable.ndim <= 2:
+            columns |= columns_of(str(name), variable)
+    rows = np.stack(list(columns.values()), axis=1)
+    lines = [",".join("" if np.isnan(x) else repr(float(x)) for x in row) for row in rows]
+    return "\n".join([",".join(columns), *lines, ""])

@@ -1,0 +1,83 @@
+"""Where a law was verified, in dimensionless numbers, and what was measured beyond."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+ENOUGH = 0.98
+"""Fraction of the cases of a sweep that must settle for its value to count as verified."""
+
+
+class DimensionlessNumber(NamedTuple):
+    """What a number is, and the key of a scenario that it comes from first of all."""
+
+    meaning: str
+    key: str
+
+
+NUMBERS: Mapping[str, DimensionlessNumber] = MappingProxyType(
+    {
+        "coupling": DimensionlessNumber("c = (S1 - S2) / Jn", "spacecraft.inertia_kg_m2"),
+        "moment_ratio": DimensionlessNumber("√(S1 S2) / Jn", "spacecraft.inertia_kg_m2"),
+        "lean": DimensionlessNumber(
+            "|ε| (products of inertia with n over Jn)", "spacecraft.inertia_kg_m2"
+        ),
+        "axes_angle": DimensionlessNumber(
+            "the angle between the two torques (rad)", "spacecraft.thruster_torque_axes"
+        ),
+        "orbit_rate": DimensionlessNumber("the orbit rate times τ", "orbit.rate_rad_s"),
+        "period": DimensionlessNumber("the control period over τ", "control.period_s"),
+        "rate_noise": DimensionlessNumber("the rate noise times τ", "sampling.rate_noise_rad_s"),
+        "attitude_noise": DimensionlessNumber(
+            "the attitude noise (rad)", "sampling.attitude_noise_rad"
+        ),
+        "disturbance": DimensionlessNumber(
+            "the periodic disturbance over torque limit", "disturbance.amplitude_N_m"
+        ),
+        "constant_disturbance": DimensionlessNumber(
+            "the constant disturbance about n over torque limit", "disturbance.constant_N_m"
+        ),
+    }
+)
+"""Every number by its name; S1, S2, Jn, ε and τ are those of docs/laws.md."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The fraction that settled at some values of one number, all others those of a reference.
+
+    `number` is one of `NUMBERS`, `reference` its value there, and `settled` has pairs of value and
+    fraction, by value.
+    """
+
+    number: str
+    reference: float
+    settled: tuple[tuple[float, float], ...]
+
+    def __post_init__(self):
+        values = [value for value, _ in self.settled]
+        if self.number not in NUMBERS or values != sorted(values):
+            raise ValueError(f"Argument `settled` must be sorted, but got {self.number}, {values}.")
+
+    @property
+    def verified(self) -> tuple[float, float]:
+        """The range about the reference in which at least `ENOUGH` settled at every value."""
+        low = high = self.reference
+        for value, fraction in self.settled:
+            if value >= self.reference:
+                if fraction < ENOUGH:
+                    break
+                high = value
+        for value, fraction in reversed(self.settled):
+            if value <= self.reference:
+                if fraction < ENOUGH:
+                    break
+                low = value
+        return low, high
+
+    def beyond(self, value: float) -> tuple[float, float] | None:
+        """Of the values measured on that side outside the range the nearest, and its fraction."""
+        low, high = self.verified
+        outside = [one for one in self.settled if (one[0] < low if value < low else one[0] > high)]
+        return min(outside, key=lambda one: abs(one[0] - value), default=None)

@@ -1,0 +1,15 @@
+"""The Earth, and circular orbits around it."""
+
+import math
+
+EARTH_GRAVITY = 3.986004418e14  # m³/s², WGS 84
+EARTH_RADIUS = 6378137.0  # m, equatorial, WGS 84
+
+
+def circular_orbit_rate(altitude: float) -> float:
+    """Two-body angular rate ω0 of a circular orbit around the Earth, rad/s; `altitude` in m."""
+    if not altitude > -EARTH_RADIUS:
+        raise ValueError(
+            f"Argument `altitude` must be above the Earth's centre, but got {altitude}."
+        )
+    return math.sqrt(EARTH_GRAVITY / (EARTH_RADIUS + altitude) ** 3)

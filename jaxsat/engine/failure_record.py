@@ -1,0 +1,111 @@
+"""What is kept of failures in flight while a sampled loop runs: stays, detection, isolation."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from jaxsat.metrics import Tolerances, excess
+from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
+from jaxsat.simulation.parts import failures_of
+
+
+class DiagnosisRecord(NamedTuple):
+    """What a law that diagnoses its thrusters told up to now; times are infinite for never.
+
+    `detected` (s) is when there was first an alarm after each failure, `isolated` (s) when each
+    thruster was first isolated, `kind` the last verdict on each. `false_alarms` counts those that
+    began before any failure.
+    """
+
+    detected: Float[Array, " f"]
+    isolated: Float[Array, " m"]
+    kind: Float[Array, " m"]
+    alarmed: Bool[Array, ""]
+    false_alarms: Int[Array, ""]
+
+
+class FailureRecord(NamedTuple):
+    """Of a case with failures at times `at` (s), at its samples.
+
+    `stay` is for how many samples in a row the tolerances have been met since the first failure,
+    `longest` the most of these. `diagnosis` is None for a law that does not diagnose.
+    """
+
+    at: Float[Array, " f"]
+    stay: Int[Array, ""]
+    longest: Int[Array, ""]
+    diagnosis: DiagnosisRecord | None
+
+    def observe(
+        self, t: Float[Array, ""], signals: Signals, tolerances: Tolerances
+    ) -> "FailureRecord":
+        """With one more sample, at `t` (s). What begins at the sample is not yet known to it."""
+        sizes = excess(signals.w, signals.z, signals.relative_rate, tolerances)
+        inside = jnp.all(sizes < 0) & (t >= jnp.min(self.at))
+        stay = jnp.where(inside, self.stay + 1, 0)
+        return self._replace(
+            stay=stay,
+            longest=jnp.maximum(self.longest, stay),
+            diagnosis=self._diagnosed(t, signals),
+        )
+
+    def _diagnosed(self, t: Float[Array, ""], signals: Signals) -> DiagnosisRecord | None:
+        before, kind, alarm = self.diagnosis, signals.diagnosed_kind, signals.alarm
+        if before is None or kind is None or alarm is None:
+            return None
+        alarmed = alarm > 0
+        found = alarmed & (t > self.at) & jnp.isinf(before.detected)
+        accused = (kind >= 0) & jnp.isinf(before.isolated)
+        false = alarmed & ~before.alarmed & (t <= jnp.min(self.at))
+        return DiagnosisRecord(
+            jnp.where(found, t, before.detected),
+            jnp.where(accused, t, before.isolated),
+            jnp.where(jnp.isnan(kind), before.kind, kind),
+            alarmed,
+            before.false_alarms + false,
+        )
+
+    def outputs(self, interval: Float[Array, ""]) -> dict[str, Array]:
+        """By the names of the columns of a study; NaN for never."""
+        found: dict[str, Array] = {"longest_stay": self.longest * interval}
+        if self.diagnosis is not None:
+            told = self.diagnosis
+            found |= {
+                "false_alarms": told.false_alarms,
+                "detection_time": jnp.where(jnp.isinf(told.detected), jnp.nan, told.detected),
+                "isolation_time": jnp.where(jnp.isinf(told.isolated), jnp.nan, told.isolated),
+                "isolated_kind": jnp.round(told.kind).astype(int) + 1,
+            }
+        return found
+
+
+def initial_record(loop: AbstractLoop, state: PyTree) -> FailureRecord | None:
+    """Before the first sample; None for a loop that is not sampled, or without failures."""
+    events = failures_of(loop)
+    if not events or not isinstance(loop, SampledLoop):
+        return None
+    at = jnp.concatenate([one.at for one in events])
+    none, told = jnp.array(0), loop.controller.telemetry(state.memory)
+    if "diagnosed_kind" not in told or "alarm" not in told:
+        return FailureRecord(at, none, none, None)
+    kind, never = told["diagnosed_kind"], jnp.inf
+    diagnosis = DiagnosisRecord(at * 0 + never, kind * 0 + never, kind, none > 0, none)
+    return FailureRecord(at, none, none, diagnosis)
+
+
+def record_of_history(
+    record: FailureRecord | None,
+    times: Float[Array, " times"],
+    signals: Signals,
+    tolerances: Tolerances,
+) -> FailureRecord | None:
+    """The record after a whole history, NaN where the run had ended."""
+    if record is None:
+        return None
+
+    def one(record, sample):
+        return record.observe(*sample, tolerances), None
+
+    return jax.lax.scan(one, record, (times, signals))[0]

@@ -1,0 +1,33 @@
+"""Codes of failures and of verdicts on them, as they stand in a store."""
+
+import enum
+
+from jaxsat.diagnosis import DiagnosedKind
+from jaxsat.vehicle import FailureKind
+from jaxsat.vehicle.wheel_failures import WheelFailureKind
+
+NEVER = 0
+"""The code of a failure that does not strike within the horizon, and of no verdict."""
+
+
+def words(kinds: type[enum.IntEnum], before: str = "") -> tuple[str, ...]:
+    """The names of an enumeration as words."""
+    return tuple(before + kind.name.lower().replace("_", " ") for kind in kinds)
+
+
+FAILURES = ("none", *words(FailureKind), *words(WheelFailureKind, "wheel "))
+"""What the codes of `failure_kind` stand for."""
+
+DIAGNOSED = ("none", *words(DiagnosedKind))
+"""What the codes of `isolated_kind` stand for."""
+
+AMOUNTLESS = ("none", "dead", "stuck on", "turned", "reversed", "wheel dead", "wheel stopped",
+              "wheel runaway")  # fmt: skip
+"""Failures that have no amount."""
+
+HYPOTHESES = {
+    1 + kind: 1 + DiagnosedKind[kind.name]
+    for kind in FailureKind
+    if kind.name in DiagnosedKind.__members__
+}
+"""The verdict that is right for a failure of a thruster, where there is one."""

@@ -1,0 +1,90 @@
+"""Whether a scenario lies where its law was verified."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.allocation import torque_directions, usable_share
+from jaxsat.declaration.domain import NUMBERS
+from jaxsat.inertia import normal_axes
+from jaxsat.scenario.coordinates import inertia_matrix
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.layout import believed_axes, torque_limit
+from jaxsat.scenario.schema import Scenario
+
+MARGIN = 0.01
+"""By how much of itself a number may be beyond what was verified before it is told."""
+
+
+def domain_cautions(scenario: Scenario) -> Iterator[Issue]:
+    """Every dimensionless number outside the range in which the law was verified."""
+    declaration = find_law(scenario.control.law).declaration
+    if not declaration.domain:
+        return
+    numbers = dimensionless_numbers(scenario)
+    for sweep in declaration.domain:
+        value, (low, high) = numbers.get(sweep.number), sweep.verified
+        if value is None or low * (1 - MARGIN) <= value <= high * (1 + MARGIN):
+            continue
+        meaning, key = NUMBERS[sweep.number]
+        measured = sweep.beyond(value)
+        told = "beyond it nothing was measured"
+        if measured is not None:
+            told = f"at {measured[0]:.3g} {measured[1]:.0%} of the hard cases settled"
+        yield Issue(
+            tuple(key.split(".")),
+            f"should give {meaning} from {low:.3g} to {high:.3g}, where the law "
+            f'"{scenario.control.law}" was verified: {told}, got {value:.3g}',
+            (("control", "law"), ("spacecraft",)),
+        )
+
+
+def dimensionless_numbers(scenario: Scenario) -> dict[str, float]:
+    """Those of `NUMBERS` that a scenario with two torques has, by what its law believes."""
+    inertia, frame, (first, second, third) = believed_normal_form(scenario)
+    axes = believed_axes(scenario)
+    across = frame[:2] @ inertia @ frame[2]
+    mean = math.sqrt(first * second)
+    found = {
+        "coupling": (first - second) / third,
+        "moment_ratio": mean / third,
+        "lean": float(np.hypot(*across)) / third,
+    }
+    if axes.shape[1] == 2:
+        found["axes_angle"] = math.acos(min(1.0, abs(float(axes[:, 0] @ axes[:, 1]))))
+    limits = [torque_limit(scenario), *(one.torque_limit_N_m for one in scenario.wheel)]
+    known = [limit for limit in limits if limit is not None]
+    if known:
+        limit = min(known) * usable_share(axes, frame[:2])
+        found |= _timed_numbers(scenario, frame[2], math.sqrt(mean / limit), limit)
+    return found
+
+
+def _timed_numbers(
+    scenario: Scenario, normal: Float[np.ndarray, "3"], unit: float, limit: float
+) -> dict[str, float]:
+    """Those that τ (s) and the torque limit (N m) are part of."""
+    table = scenario.disturbance
+    found = {
+        "orbit_rate": abs(scenario.orbit.rate()) * unit,
+        "disturbance": float(np.linalg.norm(table.amplitude_N_m)) / limit,
+        "constant_disturbance": abs(float(normal @ np.array(table.constant_N_m))) / limit,
+    }
+    period = getattr(scenario.control, "period_s", None)
+    if period is not None:
+        found["period"] = period / unit
+    if scenario.sampling is not None:
+        found["rate_noise"] = scenario.sampling.rate_noise_rad_s * unit
+        found["attitude_noise"] = scenario.sampling.attitude_noise_rad
+    return found
+
+
+def believed_normal_form(scenario: Scenario):
+    """The inertia that the law believes, its axes x, y, n in rows, and S1, S2, n·Jn, kg m²."""
+    believed = getattr(scenario.control, "model", None)
+    given = getattr(believed, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
+    inertia = inertia_matrix(given)
+    return inertia, *normal_axes(inertia, torque_directions(believed_axes(scenario)))

@@ -1,0 +1,38 @@
+"""`jaxsat convert` as a user meets it."""
+
+import pytest
+
+from helpers.pages import run_dataset
+from jaxsat.results import dataset_bytes
+
+
+@pytest.fixture
+def run(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "trajectory.nc").write_bytes(dataset_bytes(run_dataset()))
+
+
+def test_a_run_becomes_a_file_of_its_name(command_line, run, tmp_path):
+    aem = ("convert", "mine", "--to", "aem", "--epoch", "2026-03-20T12:00:00Z", "--frame", "orbit")
+    assert command_line(*aem) == (0, "written to mine.aem\n", "")
+    assert "START_TIME = 2026-03-20T12:00:00.000000000" in (tmp_path / "mine.aem").read_text()
+    assert "mine.aem already exists; give --overwrite" in command_line(*aem)[2]
+    assert command_line("convert", "mine/trajectory.nc", "--to", "csv", "--out", "a.csv")[0] == 0
+    assert (tmp_path / "a.csv").read_text().startswith("time_s,w_0,w_1,z_rad,quaternion_0")
+
+
+@pytest.mark.parametrize(
+    ("tokens", "message"),
+    [
+        (("--to", "aem"), "--epoch: must be given with --to aem"),
+        (("--to", "aem", "--epoch", "noon"), "--epoch: must be a date and time in UTC such as"),
+        (("--to", "aem", "--epoch", "2026-03-20"), "--epoch: must be a date and time"),
+        (("--to", "csv", "--epoch", "2026-03-20T12:00:00"), "must be given with --to aem"),
+        (("--to", "aem", "--epoch", "2026-03-20T12:00:00"), "its scenario has no [orbit]"),
+    ],
+)
+def test_mistakes_are_told_and_nothing_is_written(command_line, run, tmp_path, tokens, message):
+    status, out, err = command_line("convert", "mine", *tokens)
+    assert (status, out) == (2, "")
+    assert message in err
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]

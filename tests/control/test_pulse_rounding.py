@@ -1,0 +1,46 @@
+"""Whole pulses of thrusters: what they owe together stays small."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from helpers.thruster_layouts import canted
+from jaxsat.control.pulse_rounding import PulseRounding
+
+MOMENTS = np.array([0.30, 0.55, 0.62])
+EFFECT = canted()[0] / MOMENTS[:, None]
+PERIOD, LEAST = 0.1, 0.02
+SOUND = jnp.zeros(8, bool)
+
+
+@pytest.mark.slow
+def test_the_rate_owed_is_below_a_pulse_however_long_it_goes_on():
+    """Three thrusters that each owe up to a pulse of their own would owe up to three together."""
+    rounded = eqx.filter_jit(PulseRounding(EFFECT, np.full(8, LEAST)))
+    rng = np.random.default_rng(2)
+    pulse = np.linalg.norm(EFFECT * LEAST, axis=0).max()
+    duty = np.where(rng.random(8) < 0.4, rng.random(8), 0.0)
+    inverse = np.linalg.pinv(EFFECT)
+    owed, worst, given = np.zeros(3), [], []
+    for _ in range(400):
+        want = duty + inverse @ owed / PERIOD  # which may be negative: others then make it
+        want = np.clip(want, 0.0, 1.0)
+        owed = owed - PERIOD * EFFECT @ (want - duty)
+        now = np.asarray(rounded(SOUND, jnp.asarray(want), jnp.array(PERIOD)))
+        np.testing.assert_allclose(now * PERIOD / LEAST, np.round(now * PERIOD / LEAST), atol=1e-9)
+        owed = owed + PERIOD * EFFECT @ (want - now)
+        worst.append(np.linalg.norm(owed))
+        given.append(now)
+    assert max(worst) < 1.3 * pulse
+    drift = EFFECT @ (np.mean(given, axis=0) - duty)
+    assert np.linalg.norm(drift) < 2 * pulse / (400 * PERIOD)
+
+
+def test_any_width_passes_and_failed_thrusters_give_none():
+    duty = jnp.asarray(np.linspace(0.03, 0.9, 8))
+    free = PulseRounding(EFFECT, np.zeros(8))
+    np.testing.assert_array_equal(free(SOUND, duty, jnp.array(PERIOD)), duty)
+    failed = jnp.arange(8) == 4
+    whole = PulseRounding(EFFECT, np.full(8, LEAST))
+    assert whole(failed, jnp.where(failed, 0.0, duty), jnp.array(PERIOD))[4] == 0

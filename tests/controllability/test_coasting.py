@@ -1,0 +1,103 @@
+"""Thrusters beside a wheel that coasts: the rank is no less, and what is told."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsat.controllability import (
+    actuator_set,
+    failure_records,
+    failure_table,
+    judge,
+    judge_once_stopped,
+    lie_bracket,
+    verdict_sentence,
+)
+
+INERTIA = np.diag([4.0, 3.0, 2.0])
+
+
+def vehicle(momentum=0.2, torques=((1, 0), (0, 1), (0, 0)), two_sided=True):
+    """Thrusters beside one wheel along (1, 2, 2)/3."""
+    return actuator_set(
+        np.array(torques, float),
+        two_sided=two_sided,
+        wheel_axes=np.array([[1.0], [2.0], [2.0]]),
+        momentum=np.array([1, 2, 2]) / 3 * momentum,
+        stored=[momentum],
+    )
+
+
+def coasting(actuators):
+    return judge(INERTIA, actuators.only(range(len(actuators.thrusters))))
+
+
+def rank_at_rest(inertia, torques, bias):
+    """Rank at rest, in attitude and rate, of brackets of up to five letters; by differentiation."""
+    inverse = jnp.linalg.inv(jnp.asarray(inertia))
+
+    def drift(state):
+        attitude, omega = state[:9].reshape(3, 3), state[9:]
+        x, y, z = omega
+        turn = jnp.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        rate = inverse @ -jnp.cross(omega, inertia @ omega + jnp.asarray(bias))
+        return jnp.concatenate([(-turn @ attitude).reshape(9), rate])
+
+    controls = [
+        lambda state, g=inverse @ column: jnp.concatenate([jnp.zeros(9), g]) + 0 * state
+        for column in torques.T
+    ]
+    second = [lie_bracket(drift, control) for control in controls]
+    third = [lie_bracket(drift, field) for field in second]
+    third += [lie_bracket(field, control) for field in second for control in controls]
+    fourth = [lie_bracket(drift, field) for field in third[len(second) :]]
+    fourth += [lie_bracket(a, b) for i, a in enumerate(second) for b in second[i + 1 :]]
+    state = jnp.concatenate([jnp.eye(3).reshape(9), jnp.zeros(3)])
+    words = [word(state) for word in (*controls, *second, *third, *fourth)]
+    return int(np.linalg.matrix_rank(np.stack(words), tol=1e-9))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("moments", [(4.0, 3.0, 2.0), (4.0, 4.0, 2.0)])
+def test_the_rank_is_no_less_than_with_the_wheel_at_rest(moments):
+    torques = np.eye(3)[:, :2]
+    found = [rank_at_rest(np.diag(moments), torques, b * np.array([1, 2, 2])) for b in (0, 0.1)]
+    assert found[1] >= found[0]
+    assert found[0] == judge(np.diag(moments), vehicle(0.0).only([0, 1])).rank
+
+
+def test_both_verdicts_are_told():
+    found = coasting(vehicle())
+    stopped = judge_once_stopped(found)
+    assert (found.verdict, found.laws) == ("by drift", "none")
+    assert "0.2 N m s" in verdict_sentence(found)
+    assert stopped is not None
+    assert (stopped.verdict, stopped.laws) == ("controllable", "two torques")
+    (record,) = [
+        one for one in failure_records(failure_table(INERTIA, vehicle())) if one["failed"] == "w1"
+    ]
+    assert (record["verdict"], record["once_stopped"]) == ("by drift", "controllable")
+    assert judge_once_stopped(coasting(vehicle(0.0))) is None
+
+
+def test_three_torques_are_as_good_as_before_and_less_is_not_decided():
+    assert coasting(vehicle(torques=np.eye(3))).verdict == "controllable"
+    one = coasting(vehicle(torques=[[1.0], [0.0], [0.0]]))
+    assert (one.verdict, one.laws) == ("not decided", "none")
+    pushing = coasting(vehicle(torques=np.eye(3), two_sided=False))
+    assert pushing.verdict == "not decided"
+
+
+def test_two_wheels_beside_one_that_coasts():
+    """At rest with only the failed wheel turning: H = β, which fits where the body is."""
+    axes = np.eye(3)
+    everything = actuator_set(wheel_axes=axes, stored=[0, 0, 0.3], momentum=[0, 0, 0.3])
+    found = judge(INERTIA, everything.only([0, 1]))
+    assert found.verdict == "some attitudes"
+    assert "0.3 N m s of the wheels that coast" in verdict_sentence(found)
+    spun = dataclasses.replace(everything, momentum=np.array([0, 0, 0.1]))
+    found = judge(INERTIA, spun.only([0, 1]))
+    assert found.verdict == "uncontrollable"
+    assert "rest is held at no attitude" in verdict_sentence(found)

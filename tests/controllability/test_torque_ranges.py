@@ -1,0 +1,80 @@
+"""Thrusters between two levels against linear programmes and the cone of a zonotope's corners."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from jaxsat.controllability import actuator_set, judge_ranges, torque_cone, torque_reserve
+
+INERTIA = (0.3, 0.55, 0.62)
+PAIRS = np.kron(np.diag([1.0, 2.0, 0.5]), [1, -1])
+"""One thruster for each sign of each axis."""
+
+
+def drawn(seed, count=6):
+    random = np.random.default_rng(seed)
+    torques = random.normal(size=(3, count))
+    low = np.where(random.uniform(size=count) < 0.5, 0.0, random.uniform(0, 0.6, count))
+    return torques, low, low + random.uniform(0.2, 1.0, count)
+
+
+def reach(torques, low, high, direction):
+    """The largest torque along a direction alone, by a linear programme; minus infinity if none."""
+    count = torques.shape[1]
+    system = np.hstack([torques, -direction[:, None]])
+    bounds = [*zip(low, high, strict=True), (None, None)]
+    found = linprog([*np.zeros(count), -1.0], A_eq=system, b_eq=np.zeros(3), bounds=bounds)
+    return -np.inf if found.x is None else -found.fun
+
+
+@pytest.mark.slow
+def test_the_reserve_is_the_least_reach_over_all_directions():
+    inside = 0
+    for seed in range(12):
+        one = drawn(seed)
+        random = np.random.default_rng(seed)
+        directions = random.normal(size=(80, 3))
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        least = min(reach(*one, direction) for direction in directions)
+        reserve = torque_reserve(*one)
+        assert (reserve > 0) == (least > 0)
+        if reserve > 0:
+            inside += 1
+            assert reserve <= least + 1e-9
+            assert least < 2 * reserve
+    assert 2 <= inside <= 10
+
+
+@pytest.mark.parametrize(("failed", "level"), [(0, 0.0), (3, 1.0), (5, 1.0), (2, 0.4)])
+def test_pairs_with_one_held_leave_what_the_corners_of_all_torques_span(failed, level):
+    low, high = np.zeros(6), np.ones(6)
+    low[failed] = high[failed] = level
+    corners = PAIRS @ np.array(list(itertools.product(*zip(low, high, strict=True)))).T
+    left = corners[:, np.linalg.norm(corners, axis=0) > 0]
+    cone = torque_cone(left, np.zeros(left.shape[1], bool))
+    judgement = judge_ranges(INERTIA, actuator_set(PAIRS), low, high)
+    assert judgement.cone.two_sided == cone.two_sided
+    assert judgement.laws == ("three torques" if cone.two_sided == 3 else "two torques")
+    assert (cone.two_sided == 3) == (0 < level < 1)
+
+
+def test_random_ranges_agree_with_the_corners():
+    for seed in range(30):
+        torques, low, high = drawn(100 + seed, 5)
+        judgement = judge_ranges(INERTIA, actuator_set(torques), low, high)
+        balanced = linprog(
+            np.zeros(5), A_eq=torques, b_eq=np.zeros(3), bounds=list(zip(low, high, strict=True))
+        )
+        assert (judgement is None) == (balanced.x is None)
+        if judgement is not None:
+            corners = torques @ np.array(list(itertools.product(*zip(low, high, strict=True)))).T
+            cone = torque_cone(corners, np.zeros(corners.shape[1], bool))
+            assert judgement.cone.two_sided == cone.two_sided == 3
+
+
+def test_nothing_opposes_a_thruster_stuck_on_that_is_alone_on_its_side():
+    low, high = np.zeros(5), np.ones(5)
+    low[4] = 1.0
+    assert judge_ranges(INERTIA, actuator_set(PAIRS[:, :5]), low, high) is None

@@ -1,0 +1,90 @@
+"""Tables `[[magnetorquer]]` and `[unloading]`: what is made of them, and mistakes."""
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from helpers.magnetic import document
+from jaxsat.assembly.run import build
+from jaxsat.scenario import Scenario
+from jaxsat.simulation import SampledLoop
+
+
+def made(data) -> SampledLoop:
+    loop = build(Scenario.model_validate(data)).loop
+    assert isinstance(loop, SampledLoop)
+    return loop
+
+
+def test_what_is_asked_of_magnetorquers_depends_on_the_wheels():
+    alone = made(document()).magnetic
+    assert alone is not None
+    np.testing.assert_array_equal(alone.wanted, np.eye(3))
+    assert alone.wheel_axes is None
+    two = made(document(2)).magnetic
+    assert two is not None
+    assert two.unloading == 2e-3
+    normal = np.linalg.svd(np.asarray(two.wheel_axes))[0][:, 2]
+    np.testing.assert_allclose(two.wanted, np.outer(normal, normal), atol=1e-14)
+    three = made(document(3)).magnetic
+    assert three is not None
+    np.testing.assert_array_equal(three.wanted, np.zeros((3, 3)))
+
+
+def test_one_that_has_failed_is_asked_nothing():
+    data = document()
+    data["magnetorquer"][1]["failed"] = True
+    steering = made(data).magnetic
+    assert steering is not None
+    assert not np.any(steering.shares[1])
+    np.testing.assert_allclose(steering.axes @ steering.shares[:, 0], [1, 0, 0], atol=1e-14)
+
+
+def _renamed(data):
+    data["magnetorquer"][2]["name"] = "1"
+
+
+def _law(data):
+    data["control"] = {"law": "three-slew", "period_s": 0.5}
+
+
+def _inertial(data):
+    data["orbit"] = {"rate_rad_s": 0.0}
+
+
+def _all_failed(data):
+    for one in data["magnetorquer"]:
+        one["failed"] = True
+
+
+def _unloading(data):
+    data["unloading"] = {"time_constant_s": 10.0}
+
+
+def _turned(data):
+    data["failure"] = [
+        {"of": "magnetorquer 1", "at_s": 1.0, "kind": "turned", "turn_rad": [1.0, 0.0, 0.0]}
+    ]
+
+
+def _unknown(data):
+    data["failure"] = [{"of": "magnetorquer 9", "at_s": 1.0, "kind": "dead"}]
+
+
+@pytest.mark.parametrize(
+    ("mistake", "said"),
+    [
+        (_renamed, "must be a name of its own"),
+        (_law, 'commands three torques .*"quaternion-feedback"'),
+        (_inertial, "must be that of an orbit above the ground"),
+        (_all_failed, "must leave one that works"),
+        (_unloading, r"got time_constant_s = 10.0 without \[\[wheel\]\]"),
+        (_turned, "must be one of dead, degraded, stuck-on, stuck-at, reversed"),
+        (_unknown, '"magnetorquer 3"'),
+    ],
+)
+def test_mistakes_are_told(mistake, said):
+    data = document()
+    mistake(data)
+    with pytest.raises(ValidationError, match=said):
+        Scenario.model_validate(data)
