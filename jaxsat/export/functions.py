@@ -295,7 +295,7 @@ FEW = 5
 
 
 def _is_zero(x: Scalar) -> bool:
-    return not isinstance(x, Value) and x == 0 and not (x.dtype.kind == "f" and np.signbit(x))
+    return not isinstance(x, Value) and bool(x == 0) and not (x.dtype.kind == "f" and np.signbit(x))
 
 
 def _many_zeros(left: Sequence[tuple[str, Scalar]]) -> dict[str, Scalar]:

@@ -145,8 +145,11 @@ DEVIATIONS = {
     "misra-c2012-7.2": "constants of UINT64_C, whose suffix the checker does not see",
     "misra-c2012-8.7": "the interface is for other files",
     "misra-c2012-8.9": "tables stand before the functions that read them",
+    "misra-c2012-9.3": "a copy of a whole struct, which the checker takes for a list of elements",
     "misra-c2012-10.4": "selections of one type, which the checker takes for mixed",
     "misra-c2012-12.1": "the precedence of * over + is relied on, as in any formula",
+    "misra-c2012-12.3": "declarations of several variables, whose commas the checker takes for the "
+    "operator",
     "misra-c2012-15.4": "a bounded loop with a condition of its own ends by break",
     "misra-c2012-15.5": "small helpers return where they know the result",
     "misra-c2012-17.3": "functions of math.h are declared there, which the checker does not read",
