@@ -48,18 +48,21 @@ def export(
         own, elementary functions in the file, the same bits on every processor; libm, those of the
         C library, shorter.
     overwrite
-        Replace the folder if jaxsat wrote it before.
+        Replace the folder if jaxsat wrote it before, what `make` and CMake built in it included.
     quiet
         Print nothing unless something is wrong.
     """
     chosen = load_or_explain(scenario, overrides)
     target = Path(f"jaxsat-{Path(scenario).stem}-flight") if out is None else out
 
-    from jaxsat.export import CannotExport, CannotLower
+    from jaxsat.export import CannotExport, CannotLower, is_built
     from jaxsat.results import OutputError, OutputFolder
 
     try:
-        with OutputFolder(target, kind="flight code", overwrite=overwrite) as folder:
+        place = OutputFolder(
+            target, kind="flight code", overwrite=overwrite, is_made_of_it=is_built
+        )
+        with place as folder:
             show_progress(f"exporting {scenario}")
             made = interruptibly(lambda: _export(chosen, single=float_, libm=functions == "libm"))
             for name, content in made.files.items():

@@ -74,6 +74,11 @@ def fingerprint(traces: Mapping[str, ClosedJaxpr]) -> str:
     return _hash(*(f"{name} {_told(trace, known)}" for name, trace in sorted(traces.items())))
 
 
+def told_parameters(equation: Any) -> str:
+    """What an operation's parameters say of what is computed."""
+    return _told(_params(equation), {})
+
+
 def _hash(*texts: str) -> str:
     return hashlib.sha256("\n".join(texts).encode()).hexdigest()
 

@@ -4,6 +4,7 @@ from jaxsat.engine.native.lowering import CannotLower
 from jaxsat.export.external import Library, LibraryError, with_library
 from jaxsat.export.files import Export, Request, export
 from jaxsat.export.flight import CannotExport
+from jaxsat.export.templates import is_built
 
 __all__ = [
     "CannotExport",
@@ -13,5 +14,6 @@ __all__ = [
     "LibraryError",
     "Request",
     "export",
+    "is_built",
     "with_library",
 ]

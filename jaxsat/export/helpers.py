@@ -108,21 +108,13 @@ def _one_line(result: str, name: str, params: str, body: str) -> str:
 def _extremum(name: str, full: str, c: str) -> str:
     """NaN where either is, and -0.0 below 0.0."""
     sign, other = (">", "<") if name == "maximum" else ("<", ">")
-    last = "x + y" if name == "maximum" else "-((-x) - y)"  # zeros; NaN
+    last = "(x + y)" if name == "maximum" else "-((-x) - y)"
     lines = [
         _signature(c, full, f"{c} x, {c} y"),
         "{",
-        f"  {c} found = {last};",
-        f"  if (x {sign} y) {{",
-        "    found = x;",
-        f"  }} else if (x {other} y) {{",
-        "    found = y;",
-        f"  }} else if ((x == y) && (x != {_zero(c)})) {{",
-        "    found = x;",
-        "  } else {",
-        "    /* zeros of either sign, or not a number */",
-        "  }",
-        "  return found;",
+        f"  const {c} same = ((x == y) && (x != {_zero(c)})) ? x : {last};"
+        " /* zeros, not a number */",
+        f"  return (x {sign} y) ? x : ((x {other} y) ? y : same);",
         "}",
     ]
     return "\n".join(lines)

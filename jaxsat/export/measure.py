@@ -45,8 +45,8 @@ def measured(files: Mapping[str, bytes]) -> Measured:
 
 
 def _measured(folder: Path, *, has_emulator: bool) -> Measured:
-    _run(folder, ARM, *_FLAGS, "-fstack-usage", "-c", "controller.c")
-    stack = _stack((folder / "controller.su").read_text())
+    _run(folder, ARM, *_FLAGS, "-fcallgraph-info=su", "-c", "controller.c")
+    stack = _stack((folder / "controller.ci").read_text())
     sizes = _run(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
     if not has_emulator:
         return Measured(stack, int(sizes[0]), None, f"{QEMU} not installed")
@@ -69,18 +69,18 @@ def _run(folder: Path, *command: str) -> str:
     return done.stdout
 
 
-def _stack(text: str) -> int:
-    """Bytes at most: the step's own frame, and the deepest chain below it can be no more than the
-    frames of one function of each level, for which the largest ones are taken."""
-    sizes = {}
-    for line in text.splitlines():
-        place, size, _ = line.split("\t")
-        sizes[place.rsplit(":", 1)[1]] = int(size)
-    entries = [size for name, size in sizes.items() if name in ("controller_step",)]
-    stages = [size for name, size in sizes.items() if name in ("estimate", "control", "allocate")]
-    others = sorted(
-        size
-        for name, size in sizes.items()
-        if name not in ("controller_step", "controller_init", "estimate", "control", "allocate")
-    )
-    return sum(entries) + max(stages, default=0) + sum(others[-4:])
+def _stack(graph: str) -> int:
+    """Bytes of the deepest chain of calls from the step, by the compiler's graph of calls; without
+    the compiler's own functions for arithmetic, which have no frames in it."""
+    sizes = {
+        name: int(size)
+        for name, size in re.findall(r'node: \{ title: "([^"]*)"[^}]*?(\d+) bytes', graph)
+    }
+    calls: dict[str, set[str]] = {}
+    for caller, called in re.findall(r'sourcename: "([^"]*)" targetname: "([^"]*)"', graph):
+        calls.setdefault(caller, set()).add(called)
+
+    def depth(name: str) -> int:
+        return sizes.get(name, 0) + max(map(depth, calls.get(name, ())), default=0)
+
+    return depth("controller_step")

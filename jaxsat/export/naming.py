@@ -4,7 +4,7 @@ import ast
 import functools
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 KEYWORDS = frozenset((
@@ -79,19 +79,29 @@ def identifier(*parts: str) -> str:
 
 
 class Names:
-    """Identifiers that are in use in a scope, no two alike."""
+    """Identifiers that are in use in a scope, no two alike; `outer` is the file's scope."""
 
-    def __init__(self, taken: Iterable[str] = (), *, fields: bool = False):
-        self._taken = (set(KEYWORDS) if fields else set(RESERVED)) | set(taken)
+    def __init__(
+        self, taken: Iterable[str] = (), *, fields: bool = False, outer: "Names | None" = None
+    ):
+        self.taken = (set(KEYWORDS) if fields else set(RESERVED)) | set(taken)
+        self.outer, self.inside = outer, set[str]()
         self._last: dict[str, int] = {}
+
+    def _is_taken(self, name: str) -> bool:
+        """Whether it stands for something here, or would hide or be hidden by something."""
+        beyond = self.outer is not None and name in self.outer.taken
+        return name in self.taken or name in self.inside or beyond
 
     def new(self, wish: str) -> str:
         """An identifier that is this one, or this one with a number."""
         name = wish
-        while name in self._taken:
+        while self._is_taken(name):
             self._last[wish] = self._last.get(wish, 1) + 1
             name = f"{wish}_{self._last[wish]}"
-        self._taken.add(name)
+        self.taken.add(name)
+        if self.outer is not None:
+            self.outer.inside.add(name)
         return name
 
 
@@ -107,9 +117,8 @@ def assigned_name(file: str, line: int) -> str | None:
 @functools.cache
 def _statements(file: str) -> dict[int, ast.stmt]:
     """Statements by each of the lines that they take; the innermost one."""
-    try:
-        tree = ast.parse(Path(file).read_text(encoding="utf-8"))
-    except (OSError, SyntaxError, ValueError):
+    tree = _tree(file)
+    if tree is None:
         return {}
     found: dict[int, ast.stmt] = {}
     for node in ast.walk(tree):  # from the outermost
@@ -117,3 +126,46 @@ def _statements(file: str) -> dict[int, ast.stmt]:
             for line in range(node.lineno, (node.end_lineno or node.lineno) + 1):
                 found[line] = node
     return found
+
+
+def docstring(file: str, function: str) -> str:
+    """The first paragraph that a Python function says of itself; `function` is its full name."""
+    body: list[ast.stmt] = _statements_of(file)
+    found = None
+    for word in function.split("."):
+        if word == "<locals>":
+            continue
+        inside = (node for node in _definitions(body) if node.name == word)
+        found = next(inside, None)
+        if found is None:
+            return ""
+        body = found.body
+    text = ast.get_docstring(found) if found is not None else None
+    return " ".join(text.split("\n\n")[0].split()) if text else ""
+
+
+_Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def _definitions(body: Iterable[ast.stmt]) -> Iterator[_Definition]:
+    """Functions and classes of a body, those in branches and loops included."""
+    for node in body:
+        if isinstance(node, _Definition):
+            yield node
+        else:
+            yield from _definitions(
+                x for x in ast.iter_child_nodes(node) if isinstance(x, ast.stmt)
+            )
+
+
+def _statements_of(file: str) -> list[ast.stmt]:
+    tree = _tree(file)
+    return [] if tree is None else tree.body
+
+
+@functools.cache
+def _tree(file: str) -> ast.Module | None:
+    try:
+        return ast.parse(Path(file).read_text(encoding="utf-8"))
+    except (OSError, SyntaxError, ValueError):
+        return None

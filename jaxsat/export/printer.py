@@ -7,19 +7,20 @@ other gets a name, that of the Python variable that it is computed for.
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
-from jaxsat.engine.native.builder import Element, Frame, Trace
+from jaxsat.engine.native.builder import Trace
 from jaxsat.engine.native.ir import (
     Block,
     Call,
-    Function,
     Load,
     Loop,
     Memory,
     Operation,
     Scalar,
+    Source,
     Step,
     Store,
     Switch,
@@ -27,6 +28,7 @@ from jaxsat.engine.native.ir import (
     definitions,
 )
 from jaxsat.engine.native.lowering import CannotLower
+from jaxsat.export.contexts import arrays_in, base_of, squeezed
 from jaxsat.export.expressions import (
     UNARY,
     Expression,
@@ -34,114 +36,25 @@ from jaxsat.export.expressions import (
     literal,
     operation,
 )
-from jaxsat.export.helpers import TYPES, helper
-from jaxsat.export.naming import Names, assigned_name, comment, identifier
+from jaxsat.export.functions import (
+    POINTERS,
+    WIDTH,
+    Unit,
+    braced,
+    dimensions,
+    in_lines,
+)
+from jaxsat.export.helpers import TYPES
+from jaxsat.export.loops import bound_of
+from jaxsat.export.naming import Names, comment
 from jaxsat.export.rolling import rolled
+from jaxsat.export.wishes import element_of, name_of, wish_of
 
-WIDTH = 92
-"""Characters of an expression in a line."""
+FEW_LINES = 8
+"""Statements of another function of the source that need no comment."""
 
-LIBM = frozenset((
-    "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh", "erf",
-    "erfc", "exp", "exp2", "expm1", "log", "log1p", "pow", "sin", "sinh", "tan", "tanh"
-))  # fmt: skip
-"""Elementary functions that the C library may be taken for."""
-
-
-def element_of(trace: Trace, value: Value) -> Element | None:
-    """The array's element that a value is, if it was computed by the statement that made that."""
-    found, places = trace.elements.get(value.number), trace.places.get(value.number, ())
-    if found is None or not places or not found.place:
-        return None
-    here, there = places[-1], found.place[-1]
-    same = here.function == there.function and here.file == there.file
-    if same and assigned_name(here.file, here.line) == assigned_name(there.file, there.line):
-        return found
-    return None
-
-
-def wish_of(frames: tuple[Frame, ...]) -> str:
-    """The name that Python has for what is computed at a place."""
-    for frame in reversed(frames):
-        name = assigned_name(frame.file, frame.line) or frame.function.split(".")[-1]
-        if not name.startswith("<"):
-            return identifier(name)
-    return "x"
-
-
-class Unit:
-    """A C file while it is printed: the static functions and tables that its programs need."""
-
-    def __init__(self, libm: bool, taken: Iterable[str] = ()):
-        self.libm = libm
-        self.names = Names(taken)
-        self.helpers: dict[str, str] = {}
-        self.tables: list[str] = []
-        self.functions: list[list[str]] = []
-        self._printed: dict[int, str] = {}
-        self._tables: dict[int, str] = {}
-
-    def need(self, name: str, dtype: np.dtype, other: np.dtype | None = None) -> str:
-        """The name of a helper, which is printed once."""
-        full, text, needs = helper(name, dtype, other)
-        if full not in self.helpers:
-            for one in needs:
-                self.need(*one)
-            self.names.new(full)
-            self.helpers[full] = text
-        return full
-
-    def table(self, memory: Memory, wish: str) -> str:
-        """The name of an array of constants."""
-        if memory.number not in self._tables:
-            assert memory.initial is not None
-            name = self.names.new(f"{wish}_table")
-            numbers = ", ".join(literal(x).text for x in memory.initial)
-            head = f"static const {TYPES[memory.dtype]} {name}[{memory.size}] = {{"
-            self.tables.append("\n".join([head, *wrapped(numbers), "};"]))
-            self._tables[memory.number] = name
-        return self._tables[memory.number]
-
-    def function(self, function: Function, trace: Trace) -> str:
-        """The name of a function that programs call, printed once for equal ones."""
-        word = function.name.split(".")[0]
-        if self.libm and word in LIBM:
-            return word + ("f" if function.results[0].dtype.itemsize == 4 else "")
-        if id(function) not in self._printed:
-            name = self.names.new(identifier(f"{word}_of" if word in LIBM else word))
-            self._printed[id(function)] = name
-            self.functions.append(_function_text(self, name, function, trace))
-        return self._printed[id(function)]
-
-
-def wrapped(text: str) -> list[str]:
-    """Words in lines."""
-    lines, line = [], " "
-    for word in text.split(" "):
-        if len(line) + len(word) > WIDTH:
-            lines.append(line)
-            line = " "
-        line += f" {word}"
-    return [*lines, line]
-
-
-def _function_text(unit: Unit, name: str, function: Function, trace: Trace) -> list[str]:
-    names = Names(unit.names._taken)
-    params = {p.number: Expression(names.new("xyzuvw"[i] if i < 6 else f"x_{i}"))
-              for i, p in enumerate(function.params)}  # fmt: skip
-    body = Printer(unit, trace, params, names)
-    body.count(function.block, function.results)
-    body.block(function.block)
-    given = [f"{TYPES[p.dtype]} {params[p.number].text}" for p in function.params]
-    if len(function.results) == 1:
-        body.line(f"return {body.operand(function.results[0]).text};")
-        head = f"static {TYPES[function.results[0].dtype]} {name}({', '.join(given)})"
-    else:
-        for i, result in enumerate(function.results):
-            given.append(f"{TYPES[result.dtype]} *out_{i + 1}")
-            body.line(f"*out_{i + 1} = {body.operand(result).text};")
-        head = f"static void {name}({', '.join(given)})"
-    return [head, "{", *body.text(), "}"]
+CONSTANT = ("p", "in", "now")
+"""Structures that are only read."""
 
 
 class Printer:
@@ -158,24 +71,28 @@ class Printer:
         known: Mapping[int, Expression],
         names: Names,
         kept: Mapping[int, str] | None = None,
+        told: str | None = None,
     ):
         self.unit, self.trace, self.names = unit, trace, names
         self.known = dict(known)
         self.kept = kept or {}
         self.lines: list[str] = []
         self._depth = 1
-        self._pending: dict[int, tuple[Expression, np.dtype]] = {}
+        self._pending: dict[int, tuple[Expression, Value, int]] = {}
         self._uses: Counter[int] = Counter()
         self._elsewhere: set[int] = set()
         self._own: set[int] = set()
         self._makers: dict[int, Operation] = {}
         self._memories: dict[int, str] = {}
-        self._told: str | None = None
+        self._told = told
         self._arrays: dict[tuple[int, int], str] = {}
         self._parts: dict[str, list[str]] = {}
         self._kinds: dict[str, str] = {}
         self._scope = 0
         self._scopes = 0
+        self._pointers: set[str] = set()
+        self._gathered: dict[tuple[int, str], str] = {}
+        self._constant = {one.text.split("[")[0] for one in known.values()}
 
     def line(self, text: str) -> None:
         """One more."""
@@ -283,7 +200,8 @@ class Printer:
         frames = self.trace.places.get(out.number, ())
         element = element_of(self.trace, out)
         if element is None:
-            return self.names.new(wish_of(frames)), True
+            wish = self.trace.names.get(out.number) or wish_of(frames)
+            return self.names.new(wish), True
         key = (element.array, self._scope)
         if key not in self._arrays:
             name = self.names.new(wish_of(element.place))
@@ -299,7 +217,7 @@ class Printer:
 
     def text(self) -> list[str]:
         """The lines; arrays of which one element is used are no arrays, repetitions are loops."""
-        lines = "\n".join(self.lines)
+        lines = "\n".join(_declared_together(_with_few_comments(self.lines)))
         for name, parts in self._parts.items():
             if len(parts) == 1 and not self._kinds[name].endswith(" "):
                 lines = re.sub(rf"\n *\w+ {name}(\[\d+\])+;(?=\n)", "", f"\n{lines}")[1:]
@@ -317,9 +235,7 @@ class Printer:
             self.line(text)
             return
         self.line(f"{place} =")
-        self._depth += 2
-        self.line(f"{expression.text};")
-        self._depth -= 2
+        self.lines += in_lines(f"{expression.text};", "  " * (self._depth + 2))
 
     def _tell(self, out: Value) -> None:
         """A comment where another function of the source begins."""
@@ -340,13 +256,15 @@ class Printer:
         number = out.number
         once = self._uses[number] == 1 and number not in self._elsewhere
         if once and number not in self.kept and len(expression.text) <= WIDTH:
-            self._pending[number] = (expression, out.dtype)
+            self._pending[number] = (expression, out, self._scope)
         else:
             self._name(out, expression)
 
     def _memory(self, memory: Memory) -> str:
+        if memory.elements:
+            return self._argument(memory.elements, (memory.size,)).text
         if memory.initial is not None:
-            return self.unit.table(memory, "constant")
+            return self.unit.memory(memory)
         if memory.number not in self._memories:
             name = self.names.new("array")
             self._memories[memory.number] = name
@@ -354,8 +272,11 @@ class Printer:
         return self._memories[memory.number]
 
     def _call(self, step: Call) -> None:
+        if step.function.source is not None:
+            self._python_call(step, step.function.source)
+            return
         args = self._operands(step.args)
-        name = self.unit.function(step.function, self.trace)
+        name = self.unit.elementary(step.function, self.trace)
         if len(step.outs) == 1:
             self._made(step.outs[0], called(name, *args))
             return
@@ -364,6 +285,110 @@ class Printer:
             place = self._place(out)
             pointers.append(Expression(f"&{place}"))
         self.line(f"{called(name, *args, *pointers).text};")
+
+    def _python_call(self, step: Call, source: Source) -> None:
+        """A call of a function that takes arrays and gives some."""
+        printed = self.unit.python(step.function, self.trace)
+        self._pointers.update(printed.pointers)
+        args = [Expression(text) for text in (*printed.pointers, *printed.counts)]
+        arrays = arrays_in(step.args, source.params)
+        for array, shape, passed in zip(arrays, source.params, printed.passed, strict=True):
+            if passed:
+                args.append(self._argument(array, squeezed(shape)))
+        returned, after = None, []
+        outs = arrays_in(step.outs, source.results)
+        for array, shape, way in zip(outs, source.results, printed.results, strict=True):
+            if way == "value":
+                returned = array[0]
+            elif way == "pointer":
+                args.append(self._receiver(array, squeezed(shape), after))
+            else:
+                for out in array:
+                    self.known[out.number] = Expression(self.kept[out.number])
+        call = called(printed.name, *args)
+        if returned is not None and "field" not in printed.results:
+            self._made(returned, call)
+        elif returned is not None:
+            self._name(returned, call)
+        else:
+            for line in in_lines(f"{call.text};", "  " * self._depth):
+                self.lines.append(line)
+        for place, text in after:
+            self.line(f"{place} = {text};")
+
+    def _argument(self, array: Sequence[Scalar], shape: tuple[int, ...]) -> Expression:
+        """A number, or an array of C with these elements."""
+        if not shape:
+            return self._operands(array)[0]
+        if not any(isinstance(x, Value) for x in array):
+            return Expression(self.unit.table(array, shape, "constant"))  # pyright: ignore
+        self._complete(array, shape)
+        texts = [
+            self.known[x.number].text if isinstance(x, Value) and x.number in self.known else None
+            for x in array
+        ]
+        base = base_of(texts, shape)
+        if base is None:
+            texts = [self.operand(x).text for x in array]
+            numbers = braced(texts, shape)
+            key = (self._scope, numbers)
+            if key in self._gathered:
+                return Expression(self._gathered[key])
+            base = self._gathered[key] = self.names.new(name_of(self.trace, array[0], "given"))
+            kind = TYPES[array[0].dtype]
+            text = f"const {kind} {base}{dimensions(shape)} = {numbers};"
+            self.lines += in_lines(text, "  " * self._depth)
+            return Expression(base)
+        begin = re.split(r"\W", base)[0]
+        if len(shape) > 1 and begin not in CONSTANT and begin not in self._constant:
+            kind = TYPES[array[0].dtype]
+            return Expression(f"(const {kind} (*){dimensions(shape[1:])}){base}", UNARY)
+        return Expression(base)
+
+    def _complete(self, array: Sequence[Scalar], shape: tuple[int, ...]) -> None:
+        """Put what is no element of an array of C yet, but should be, into one."""
+        elements = [element_of(self.trace, x) if isinstance(x, Value) else None for x in array]
+        first = elements[0]
+        if first is None:
+            return
+        row = first.index[: len(first.index) - len(shape)]
+        wanted = [(first.array, (*row, *index)) for index in np.ndindex(shape)]
+        if wanted != [e and (e.array, e.index) for e in elements]:
+            return
+        if first.shape[len(row) :] != shape:
+            return
+        waiting = {}
+        for number, (_, value, scope) in self._pending.items():
+            element = element_of(self.trace, value) if scope == self._scope else None
+            if element is not None and element.array == first.array:
+                waiting[number] = value
+        for number, value in waiting.items():
+            self._name(value, self._pending.pop(number)[0])
+
+    def _receiver(
+        self, array: Sequence[Value], shape: tuple[int, ...], after: list[tuple[str, str]]
+    ) -> Expression:
+        """Where a function writes an array of results; `after` it some are copied elsewhere."""
+        if not shape:
+            return Expression(f"&{self._place(array[0])}".replace("&*", ""))
+        texts = [self.kept.get(out.number) for out in array]
+        base = base_of(texts, shape)
+        if base is None:
+            base = self.names.new(name_of(self.trace, array[0], "result"))
+            self.line(f"{TYPES[array[0].dtype]} {base}{dimensions(shape)};")
+        for index, out, text in zip(np.ndindex(shape), array, texts, strict=True):
+            place = base + "".join(f"[{i}]" for i in index)
+            self.known[out.number] = Expression(place)
+            if text is not None and text != place:
+                after.append((text, place))
+                self.known[out.number] = Expression(text)
+        return Expression(base)
+
+    def pointers(self, lines: Sequence[str]) -> set[str]:
+        """Which structures these lines of the function need."""
+        text = "\n".join(lines)
+        read = {one for one in POINTERS if re.search(rf"(?<![\w>.]){one}(->|\[)", text)}
+        return read | self._pointers
 
     def _place(self, out: Value, first: str | None = None) -> str:
         """A variable for a value that is assigned further on."""
@@ -387,7 +412,7 @@ class Printer:
         for block in blocks:
             for step in block.steps:
                 match step:
-                    case Load(memory=memory) | Store(memory=memory):
+                    case Load(memory=memory) | Store(memory=memory) if not memory.elements:
                         self._memory(memory)
                     case Switch(blocks=inside):
                         self._declare_memories(inside)
@@ -461,7 +486,7 @@ class Printer:
         return None
 
     def _loop(self, step: Loop) -> None:
-        bound = _bound(step, self._makers)
+        bound = bound_of(step, self._makers)
         if bound is None:
             frames = self.trace.places.get(step.params[0].number, ()) if step.params else ()
             where = f"{frames[-1].file}:{frames[-1].line} ({frames[-1].function})" if frames else ""
@@ -515,6 +540,33 @@ class Printer:
             self.line(f"{self.known[param.number].text} = {text};")
 
 
+def _with_few_comments(lines: list[str]) -> list[str]:
+    """Without the comments that tell where a line or two come from."""
+    places = [i for i, line in enumerate(lines) if line.lstrip().startswith("/*")]
+    short = set()
+    for place, end in pairwise([*places, len(lines)]):
+        inside = [line for line in lines[place + 1 : end] if line.endswith(";")]
+        if len(inside) < FEW_LINES:
+            short.add(place)
+    return [line for i, line in enumerate(lines) if i not in short]
+
+
+def _declared_together(lines: list[str]) -> list[str]:
+    """Neighbouring variables of one type, which functions set, in one declaration."""
+    found: list[str] = []
+    for line in lines:
+        here = _DECLARED.fullmatch(line)
+        before = _DECLARED.fullmatch(found[-1]) if found and here else None
+        if here and before and here[1] == before[1] and len(found[-1]) + len(here[2]) < 98:
+            found[-1] = f"{found[-1][:-1]}, {here[2]};"
+        else:
+            found.append(line)
+    return found
+
+
+_DECLARED = re.compile(r"( *(?:double|float|bool|u?int\d+_t)) (\w+(?:, \w+)*);")
+
+
 def _is_enclosed(text: str) -> bool:
     """Whether the first parenthesis of a text ends with it."""
     depth = 0
@@ -530,47 +582,11 @@ def _read(step: Step) -> list[Scalar]:
     match step:
         case Operation(args=args) | Call(args=args):
             return list(args)
-        case Load(index=index):
-            return [index]
+        case Load(index=index, memory=memory):
+            return [index, *memory.elements]
         case Store(index=index, value=value):
             return [index, value]
         case Switch(index=index):
             return [index]
         case Loop(before=before):
             return list(before)
-
-
-def _bound(step: Loop, makers: Mapping[int, Operation]) -> tuple[int, int, int, bool] | None:
-    """Of a loop that counts up to a constant: which param counts, from where, to where, and whether
-    that is its whole condition."""
-    for name in _conjuncts(step.active, makers):
-        maker = makers.get(name)
-        if maker is None or maker.name != "lt" or isinstance(maker.args[1], Value):
-            continue
-        for i, (param, before, after) in enumerate(
-            zip(step.params, step.before, step.after, strict=True)
-        ):
-            turn = makers.get(after.number) if isinstance(after, Value) else None
-            counts = (
-                maker.args[0] is param
-                and not isinstance(before, Value)
-                and turn is not None
-                and turn.name == "add"
-                and turn.args[0] is param
-                and not isinstance(turn.args[1], Value)
-                and turn.args[1] == 1
-            )
-            if counts:
-                whole = isinstance(step.active, Value) and step.active.number == name
-                return i, int(before), int(maker.args[1]), whole  # pyright: ignore
-    return None
-
-
-def _conjuncts(active: Scalar, makers: Mapping[int, Operation]) -> list[int]:
-    """Numbers of the conditions that must all hold."""
-    if not isinstance(active, Value):
-        return []
-    maker = makers.get(active.number)
-    if maker is not None and maker.name == "and":
-        return [number for arg in maker.args for number in _conjuncts(arg, makers)]
-    return [active.number]

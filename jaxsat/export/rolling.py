@@ -36,8 +36,9 @@ def _units(lines: list[str]) -> list[_Unit]:
     while place < len(lines):
         line = lines[place]
         if line.endswith(" =") and place + 1 < len(lines):
-            units.append(_Unit(lines[place : place + 2], 0))
-            place += 2
+            end = next(i for i in range(place, len(lines)) if lines[i].endswith(";")) + 1
+            units.append(_Unit(lines[place:end], 0))
+            place = end
             continue
         plain = re.match(r"\s*[\w>.\-]+(\[\d+\])+ = .*;$", line) is not None
         units.append(_Unit([line], 0 if plain else -1))
@@ -51,7 +52,7 @@ def _rolled_once(units: list[_Unit]) -> list[_Unit]:
     while place < len(units):
         run = _run(units, place)
         size = len(units[place].lines)
-        if run * size > size + 2 and units[place].depth < len(VARIABLES):
+        if run * size >= size + 2 and run > 2 and units[place].depth < len(VARIABLES):
             found.append(_loop(units[place : place + run]))
             place += run
         else:

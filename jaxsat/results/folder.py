@@ -11,7 +11,7 @@ from types import TracebackType
 
 from jaxsat.results.errors import OutputError, reason, system_failure
 from jaxsat.results.files import sync_file, sync_folder
-from jaxsat.results.marker import MARKER, Marker, abbreviated, foreign_files_in, walk
+from jaxsat.results.marker import MARKER, Made, Marker, abbreviated, foreign_files_in, nothing, walk
 from jaxsat.results.temporary import TemporaryFolder, temporary_folder
 
 
@@ -21,8 +21,9 @@ class OutputFolder:
     Inside the `with` block call `write`, or write into `folder.path`. When the block ends the
     folder takes its name in one step; when it ends by an exception nothing is left. An existing
     target is refused unless `overwrite` is set, and replaced only if it holds the same `kind` of
-    result and every file in it is as jaxsat wrote it. `option` is what names the target on the
-    command line. Raises `OutputError`, on construction for what can be known by then.
+    result and every file in it is as jaxsat wrote it, or was made of that by a build, as
+    `is_made_of_it` tells of a name. `option` is what names the target on the command line. Raises
+    `OutputError`, on construction for what can be known by then.
     """
 
     target: Path
@@ -37,10 +38,11 @@ class OutputFolder:
         kind: str = "result",
         overwrite: bool = False,
         option: str = "--out",
+        is_made_of_it: Made = nothing,
     ):
         self.target = Path(os.path.realpath(target))
         self.overwrite = overwrite
-        self._kind, self._option = kind, option
+        self._kind, self._option, self._is_made_of_it = kind, option, is_made_of_it
         self._else = f"give another folder with {option}"
         self._new_parents: list[Path] = []
         _explain(target, self._refuse_what_is_there)
@@ -92,7 +94,7 @@ class OutputFolder:
                 f"{self.target} already exists; give --overwrite to replace it, or another folder "
                 f"with {self._option}."
             )
-        foreign_files = foreign_files_in(self.target)
+        foreign_files = foreign_files_in(self.target, self._is_made_of_it)
         if foreign_files:
             raise OutputError(
                 f"{self.target} holds what jaxsat did not write, or what was changed since "
@@ -156,7 +158,11 @@ class OutputFolder:
             with contextlib.suppress(OSError):  # it was empty
                 self.path.rmdir()
                 return
-        foreign_files = sorted(os.listdir(self.path)) if marker is None else marker.remove_folder()
+        foreign_files = (
+            sorted(os.listdir(self.path))
+            if marker is None
+            else marker.remove_folder(self._is_made_of_it)
+        )
         if foreign_files:
             raise OutputError(
                 f"{self.target} is written, but what came to the folder that it replaced "

@@ -8,7 +8,7 @@ unchanged since jaxsat wrote it is ever replaced or removed.
 import contextlib
 import os
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,21 @@ MARKER = ".jaxsat"
 FORMAT = 1
 
 COMPLETE = {"complete": True}
+
+
+Made = Callable[[str], bool]
+"""Whether a file or folder is one that a build makes of what jaxsat wrote, by its name within."""
+
+
+def nothing(name: str) -> bool:
+    """No name."""
+    del name
+    return False
+
+
+def _is_plain(mode: int) -> bool:
+    """Whether it is a file or a folder, and no link."""
+    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
 
 
 class Marker:
@@ -111,8 +126,9 @@ class Marker:
             with contextlib.suppress(FileNotFoundError, NotADirectoryError):
                 (self.folder / name).unlink()
 
-    def foreign_files(self) -> list[str]:
-        """What is in the folder and not proven to be as jaxsat wrote it; raises `OSError`."""
+    def foreign_files(self, is_made_of_it: Made = nothing) -> list[str]:
+        """What is in the folder and not proven to be as jaxsat wrote it, nor what a build makes of
+        that, as `is_made_of_it` tells of a name; raises `OSError`."""
         folders = {parent.as_posix() for name in self._hashes for parent in Path(name).parents}
         found = [] if self._sound else [MARKER]
         for name, mode in walk(self.folder):
@@ -124,13 +140,13 @@ class Marker:
                 known = False
             else:
                 known = name in self._partials or (name in self._hashes and self.is_unchanged(name))
-            if not known:
+            if not known and not (_is_plain(mode) and is_made_of_it(name)):
                 found.append(name)
         return sorted(found)
 
-    def remove_folder(self) -> list[str]:
+    def remove_folder(self, is_made_of_it: Made = nothing) -> list[str]:
         """Remove the folder if all of it is jaxsat's; else nothing, and say what is not."""
-        foreign_files = self.foreign_files()
+        foreign_files = self.foreign_files(is_made_of_it)
         if foreign_files:
             return foreign_files
         entries = list(walk(self.folder))
@@ -185,13 +201,13 @@ def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
             yield from walk(folder, f"{name}/")
 
 
-def foreign_files_in(folder: Path) -> list[str]:
+def foreign_files_in(folder: Path, is_made_of_it: Made = nothing) -> list[str]:
     """What is in a folder and not proven to be jaxsat's: all of it if there is no marker.
 
     Raises `OSError`.
     """
     marker = Marker.read(folder)
-    return sorted(os.listdir(folder)) if marker is None else marker.foreign_files()
+    return sorted(os.listdir(folder)) if marker is None else marker.foreign_files(is_made_of_it)
 
 
 def abbreviated(names: list[str]) -> str:

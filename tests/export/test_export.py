@@ -11,10 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.extend.core import jaxpr_as_fun
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.dynamics import PlantState
+from jaxsat.engine.native.outlining import outlined
 from jaxsat.export import (
     CannotExport,
     CannotLower,
@@ -22,11 +24,13 @@ from jaxsat.export import (
     LibraryError,
     Request,
     export,
+    is_built,
     vectors,
     with_library,
 )
 from jaxsat.export.naming import Names, comment, identifier
 from jaxsat.export.rolling import rolled
+from jaxsat.results import OutputError, OutputFolder
 from jaxsat.simulation import SampledLoop
 from tests.export.laws import Filtered, Searching, loop_of, start
 
@@ -83,6 +87,78 @@ def test_a_law_with_branches_loops_and_functions_agrees_to_the_bit(tmp_path, sin
     assert "for (" in text
     assert "} else {" in text
     assert "malloc" not in text
+
+
+@needs("cppcheck")
+@pytest.mark.slow
+@pytest.mark.parametrize("libm", [False, True], ids=["own", "libm"])
+def test_no_rule_of_misra_is_broken_but_those_that_are_told(tmp_path, libm):
+    made = _written(tmp_path, _request(libm=libm))
+    listed = set((tmp_path / "misra_deviations.txt").read_text().split())
+    readme = made.files["README.md"].decode()
+    assert all(rule in readme for rule in listed)
+    _make(tmp_path, "cppcheck")  # fails on a rule that is not listed
+    (tmp_path / "misra_deviations.txt").write_text("missingIncludeSystem\nunusedStructMember\n")
+    command = ["make", "cppcheck"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode != 0
+    found = set(re.findall(r"misra-c2012-[\d.]+", done.stdout + done.stderr))
+    assert found
+    assert found <= listed
+
+
+@needs("cmake")
+@needs("ctest")
+@pytest.mark.slow
+def test_cmake_builds_and_tests_it_and_the_folder_can_be_replaced(tmp_path):
+    target = tmp_path / "flight"
+
+    def export_again(overwrite):
+        place = OutputFolder(target, kind="code", overwrite=overwrite, is_made_of_it=is_built)
+        with place as folder:
+            for name, content in export(_request()).files.items():
+                folder.write(name, content)
+
+    export_again(overwrite=False)
+    for command in ("cmake -S . -B build", "cmake --build build", "ctest --test-dir build"):
+        done = subprocess.run(command.split(), cwd=target, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert "100% tests passed" in done.stdout
+    export_again(overwrite=True)
+    assert not (target / "build").exists()
+    _make(target, "all", "CC=gcc")
+    (target / "build" / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError, match="notes"):
+        export_again(overwrite=True)
+    assert (target / "build" / "notes.txt").read_text() == "mine"
+    assert (target / "build" / "test_controller").exists()
+
+
+def test_what_a_build_makes_is_known_by_its_names():
+    assert is_built("build")
+    assert is_built("build/controller.o")
+    assert is_built("build/CMakeFiles/controller.dir/link.txt")
+    assert not is_built("build/notes.txt")
+    assert not is_built("build/CMakeFilesOfMine")
+    assert not is_built("notes.txt")
+
+
+def _bent(x):
+    return jnp.sin(x) * x + 1.0
+
+
+def _whole(p, x):
+    once = _bent(x)
+    twice = _bent(2 * x)
+    return once + twice * _bent(p)
+
+
+def test_equal_calls_of_a_python_function_become_calls_of_one():
+    p, x = jnp.arange(6.0), jnp.linspace(0.1, 2.0, 6)
+    cut, outline = outlined(jax.make_jaxpr(_whole)(p, x))
+    assert [(name, count) for _, name, _, count in outline.functions.values()] == [("_bent", 3)]
+    assert [e.primitive.name for e in cut.jaxpr.eqns].count("jit") == 3
+    np.testing.assert_allclose(jaxpr_as_fun(cut)(p, x)[0], _whole(p, x), rtol=1e-14)  # XLA fuses
 
 
 @needs("clang")

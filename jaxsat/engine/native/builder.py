@@ -19,6 +19,7 @@ from jaxsat.engine.native.ir import (
     Memory,
     Operation,
     Scalar,
+    Source,
     Store,
     Switch,
     Value,
@@ -50,12 +51,16 @@ class Element:
 class Trace:
     """What is known of values beside their program, by their numbers.
 
-    `places` are the calls of the source that a value comes from, from the outermost.
+    `places` are the calls of the source that a value comes from, from the outermost; `calls` those
+    of equations, by identity, that are calls put back into a program. `names` are those of values
+    that functions give and take.
     """
 
     places: dict[int, tuple[Frame, ...]] = field(default_factory=dict)
     elements: dict[int, "Element"] = field(default_factory=dict)
     now: tuple[Frame, ...] = ()
+    calls: dict[int, tuple[Frame, ...]] = field(default_factory=dict)
+    names: dict[int, str] = field(default_factory=dict)
 
     @contextmanager
     def at(self, frames: tuple[Frame, ...]):
@@ -84,8 +89,16 @@ class Builder:
         self.mask: Scalar | None = None
         self.functions: dict[tuple, Function] = {}
         self.repeated: dict[int, Any] = {}
+        self.outlined: dict[int, Any] = {}  # jaxprs of Python functions, by identity
+        self.made: dict[tuple, Any] = {}  # of those
+        self.cutter: Callable | None = None
+        self.kept: list[Any] = []  # that identities belong to
+        if like is not None:
+            self.outlined, self.made, self.kept = like.outlined, like.made, like.kept
+            self.cutter = like.cutter
         self.sine_and_cosine: set[Any] = set()  # variables of jaxprs
         self._negated: dict[int, Scalar] = {}  # what a value is the negative of
+        self.factors: dict[int, tuple[Scalar, Scalar]] = {}  # of products in a compact program
         self.truths: set[int] = set()  # numbers made of bools: 0 or 1
         self.written = 0  # operations so far
 
@@ -115,6 +128,8 @@ class Builder:
             self.block.known[key] = found
             if name == "neg":
                 self._negated[found.number] = args[0]
+            if name == "mul" and self.compact:
+                self.factors[found.number] = (args[0], args[1])
             if name == "convert" and (args[0].dtype == BOOL or identity(args[0]) in self.truths):
                 self.truths.add(found.number)
         return found
@@ -245,6 +260,25 @@ class Builder:
         blocks = [Block(self.block), block]
         return self._switch(needed, blocks, [[hot], [found]], cold=True)[0]
 
+    def loop(
+        self,
+        kind: str,
+        args: Sequence[Scalar],
+        shapes: Sequence[tuple[int, ...]],
+        out: tuple[tuple[int, ...], np.dtype],
+        axes: tuple[int, int] = (0, 0),
+    ) -> list[Scalar]:
+        """A call of an operation on arrays that is written as a loop (see `Source`)."""
+        shape, dtype = out
+        key = (kind, *shapes, shape, args[0].dtype.char, dtype.char, axes)
+        if key not in self.made:
+            params = [Value(arg.dtype, True) for arg in args]
+            results: list[Scalar] = [Value(dtype, True) for _ in range(int(np.prod(shape)))]
+            source = Source(kind, "", shapes, [shape], kind, axes)
+            label = f"{kind}.{len(self.made)}"
+            self.made[key] = Function(label, params, Block(), results, source=source)
+        return self.call(self.made[key], args)
+
     def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
         """The results of a function."""
         key = ("call", function.name, *map(identity, args))
@@ -256,6 +290,20 @@ class Builder:
         self._note(*outs)
         self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
         return list(outs)
+
+    def cut(self, closed: Any, steady: int = 0) -> Any:
+        """A program as it is to be lowered: cut into functions where these are called.
+
+        So many of its first inputs are parameters.
+        """
+        if self.cutter is None:
+            return closed
+        cut, outline = self.cutter(closed, steady)
+        self.outlined |= outline.functions
+        assert self.trace is not None
+        self.trace.calls |= outline.frames
+        self.kept += [cut, outline]
+        return cut
 
     def _note(self, *made: Value) -> None:
         if self.trace is not None:

@@ -73,7 +73,7 @@ class DeadCodeElimination:
                     step.outs = list(compress(step.outs, used))
             case Load(memory=memory, index=index):
                 self.used.add(memory.number)
-                self.need([index])
+                self.need([index, *memory.elements])
             case Store(index=index, value=value):
                 self.need([index, value])
             case Switch():

@@ -48,16 +48,18 @@ Scalar = Value | np.generic
 class Memory:
     """`size` scalars in memory: element after element, each with all its lanes unless uniform.
 
-    With `initial` it holds these numbers and is never written.
+    With `initial` it holds these numbers and is never written; with `elements` it is an array of
+    values that are there already.
     """
 
-    __slots__ = ("dtype", "initial", "number", "size", "uniform")
+    __slots__ = ("dtype", "elements", "initial", "number", "size", "uniform")
 
     def __init__(
         self, dtype: np.dtype, size: int, uniform: bool, initial: np.ndarray | None = None
     ):
         self.dtype, self.size, self.uniform, self.initial = dtype, size, uniform, initial
         self.number = next(_numbers)
+        self.elements: Sequence[Scalar] = ()
 
     def __repr__(self) -> str:
         return f"m{self.number}[{self.size}]"
@@ -131,6 +133,23 @@ class Switch:
     cold: bool = False
 
 
+@dataclass(frozen=True)
+class Source:
+    """The Python function that a function was, and the shapes of its arrays, whose elements are the
+    parameters and results in order.
+
+    With `loop` it is an operation on arrays that is written as a loop instead: "product", summed
+    over `axes`, and "sum", both in order and from 0.0; "argmin" and "argmax".
+    """
+
+    name: str
+    file: str
+    params: Sequence[tuple[int, ...]]
+    results: Sequence[tuple[int, ...]]
+    loop: str = ""
+    axes: tuple[int, int] = (0, 0)
+
+
 @dataclass(slots=True)
 class Function:
     """A program of its own, called from others; what is stored is told by `Store` steps alone.
@@ -143,6 +162,7 @@ class Function:
     block: Block
     results: list[Scalar]
     parts: Sequence["Function"] = ()
+    source: Source | None = None
 
 
 @dataclass(slots=True)
@@ -173,8 +193,8 @@ def uses(step: Step) -> Iterator[int]:
     match step:
         case Operation(args=args) | Call(args=args):
             yield from _numbers_of(args)
-        case Load(index=index):
-            yield from _numbers_of([index])
+        case Load(index=index, memory=memory):
+            yield from _numbers_of([index, *memory.elements])
         case Store(index=index, value=value):
             yield from _numbers_of([index, value])
         case Switch():

@@ -19,7 +19,7 @@ import numpy as np
 from jax._src import source_info_util
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
-from jaxsat.engine.native.builder import Builder, Element, Frame, is_uniform
+from jaxsat.engine.native.builder import Builder, Element, Frame, Trace, is_uniform
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value
 from jaxsat.errors import JaxsatError
@@ -37,6 +37,9 @@ REPEATED, LONG = 3, 400
 
 LONGEST = 20_000
 """Operations that one equation may become: LLVM takes minutes over more."""
+
+LONG_SUM = 5
+"""Terms of a sum that is a loop in a compact program."""
 
 RULES: dict[str, Rule] = {}
 
@@ -149,7 +152,7 @@ def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elemen
             aval: Any = var.aval
             number_type(aval.dtype)
         before = b.written
-        with b.at(() if b.trace is None else _frames(eqn, b.trace.now)):
+        with b.at(() if b.trace is None else _frames(eqn, b.trace)):
             outputs = RULES[name](b, eqn, *arrays)
             _note_elements(b, [outputs] if isinstance(outputs, np.ndarray) else outputs)
         if b.written - before > LONGEST and not _is_call(eqn):
@@ -206,16 +209,19 @@ def _note_elements(b: Builder, arrays: Sequence[Elements]) -> None:
                 b.trace.elements.setdefault(x.number, found)
 
 
-def _frames(eqn: JaxprEqn, outer: tuple[Frame, ...]) -> tuple[Frame, ...]:
-    """The calls of the source that an equation comes from, from the outermost, inside `outer`.
+def _frames(eqn: JaxprEqn, trace: Trace) -> tuple[Frame, ...]:
+    """The calls of the source that an equation comes from, from the outermost.
 
     A compiled function keeps the places of its first trace: those inside it go after its call. The
     inside of one that is JAX's own is the place of its call.
     """
+    if id(eqn) in trace.calls:
+        return trace.calls[id(eqn)]
+    outer = trace.now
     found = [
         Frame(frame.function_name.split(".<locals>")[0], frame.file_name, frame.start_line)
         for frame in source_info_util.user_frames(eqn.source_info.traceback)
-        if not frame.file_name.startswith((*_WRAPPERS, "<"))
+        if not is_wrapper(frame.file_name)
     ][::-1]
     if not outer:
         return tuple(found)
@@ -231,6 +237,11 @@ _WRAPPERS = tuple(
     if (spec := find_spec(name)) is not None and spec.origin is not None
 )
 """Folders of libraries whose functions only call others."""
+
+
+def is_wrapper(file: str) -> bool:
+    """Whether the functions of a file only call others."""
+    return file.startswith((*_WRAPPERS, "<"))
 
 
 @cache
@@ -312,6 +323,7 @@ def function_of(b: Builder, name: str, closed: ClosedJaxpr, args: Sequence[Scala
         params = [Value(arg.dtype, is_uniform(arg)) for arg in args]
         inner = Builder(like=b)
         inner.functions = b.functions
+        closed = b.cut(closed)
         with b.at(()):
             results = scalars_of(lower(inner, closed, arrays_of(params, [()] * len(params))))
         label = f"{name}.{''.join(char + 'vu'[uniform] for char, uniform in kinds)}"

@@ -40,7 +40,11 @@ def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:
     """Element `index`, which is in range."""
     if not isinstance(index, Value):
         return elements[int(index)]
-    if len(elements) > CHOSEN:
+    if b.compact and any(isinstance(x, Value) for x in elements):
+        memory = memory_of(elements[0].dtype, len(elements), True)
+        memory.elements = list(elements)
+        return b.load(memory, index)
+    if b.compact or len(elements) > CHOSEN:
         return b.load(stored(b, np.array(list(elements), object)), index)
     chosen = elements[-1]
     for number in reversed(range(len(elements) - 1)):

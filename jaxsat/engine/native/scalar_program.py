@@ -17,6 +17,7 @@ from jaxsat.engine.native.builder import Builder, Trace
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, Value
 from jaxsat.engine.native.lowering import arrays_of, bugs_in, lower, number_type, scalars_of
+from jaxsat.engine.native.outlining import outlined
 
 del rules  # imported for the table it fills
 
@@ -37,9 +38,12 @@ class ScalarProgram:
 def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) -> ScalarProgram:
     """The program of a function of trees like these; `outputs` has the shapes of its results.
 
+    The first of the trees are parameters, which stay the same from call to call.
+
     Raises `CannotLower` for what has no rule.
     """
     jaxpr, outputs = jax.make_jaxpr(function, return_shape=True)(*examples)
+    steady = len(jax.tree.leaves(examples[0])) if examples else 0
     params: list[Value] = []
     arrays = []
     for aval in jaxpr.in_avals:
@@ -48,8 +52,8 @@ def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) ->
         params += scalars
         arrays += arrays_of(scalars, [aval.shape])
     b = Builder()
-    b.compact, b.trace = True, Trace()
-    results = scalars_of(lower(b, jaxpr, arrays))
+    b.compact, b.trace, b.cutter = True, Trace(), outlined
+    results = scalars_of(lower(b, b.cut(jaxpr, steady), arrays))
     with bugs_in("optimisation"):
         made = without_dead_code(Function(name, params, b.block, results))
     return ScalarProgram(jaxpr, made, b.trace, outputs)

@@ -22,6 +22,8 @@ _RULES: dict[str, Callable] = {
     "add_any": np.add,
     "and": np.bitwise_and,
     "div": np.divide,
+    "dynamic_slice": lambda table, start: table[np.clip(start, 0, len(table) - 1)],
+    "squeeze": lambda x: x,
     "eq": np.equal,
     "floor": np.floor,
     "ge": np.greater_equal,

@@ -49,9 +49,15 @@ def reduced(x: Double) -> tuple[Double, Double, Integer]:
 
     NaN of what is not finite. The wide reduction runs where any element needs it.
     """
+    wide = _is_wide(x)
+    if jnp.ndim(wide) == 0:
+        return lax.cond(wide, _far, _narrow, x)
+    return lax.cond(jnp.any(wide), _any, _narrow, x)
+
+
+def _is_wide(x: Double) -> Truth:
     size = lax.abs(x)
-    wide = (size >= _LIMIT) & (size < np.inf)
-    return lax.cond(wide if jnp.ndim(wide) == 0 else jnp.any(wide), _any, _narrow, x)
+    return (size >= _LIMIT) & (size < np.inf)
 
 
 def _narrow(x: Double) -> tuple[Double, Double, Integer]:
@@ -69,14 +75,18 @@ def _narrow(x: Double) -> tuple[Double, Double, Integer]:
 
 def _any(x: Double) -> tuple[Double, Double, Integer]:
     """The wide reduction where it is needed, the narrow one elsewhere."""
-    size = lax.abs(x)
-    wide = (size >= _LIMIT) & (size < np.inf)
-    found = _wide(select(wide, size, 1.0))
+    wide = _is_wide(x)
+    far, near = _far(select(wide, x, 1.0)), _narrow(select(wide, 1.0, x))
+    r, low = (select(wide, f, n) for f, n in zip(far[:2], near[:2], strict=True))
+    return r, low, lax.select(wide, far[2], near[2])
+
+
+def _far(x: Double) -> tuple[Double, Double, Integer]:
+    """The wide reduction, for both signs."""
+    r, low, multiple = _wide(lax.abs(x))
     sign = select(negative(x), -1.0, 1.0)
-    quadrant = lax.select(negative(x), -found[2], found[2]) & np.int64(3)
-    near = _narrow(select(wide, 1.0, x))
-    r, low = (select(wide, sign * f, n) for f, n in zip(found[:2], near[:2], strict=True))
-    return r, low, lax.select(wide, quadrant, near[2])
+    quadrant = lax.select(negative(x), -multiple, multiple) & np.int64(3)
+    return sign * r, sign * low, quadrant
 
 
 def _wide(x: Double) -> tuple[Double, Double, Integer]:
@@ -97,25 +107,18 @@ def _wide(x: Double) -> tuple[Double, Double, Integer]:
 
 
 def _window(start: Integer) -> tuple[Integer, Integer, Integer]:
-    """192 bits of 2/pi from bit `start`: words by powers of two, then bits."""
-    words = list(_TWO_OVER_PI_BITS)
-    for level in (16, 8, 4, 2, 1):
-        taken = ((start >> 6) & np.int64(level)) != 0
-        count = min(len(words), level + 3)
-        words = [
-            lax.select(taken, _full(start, words[min(i + level, len(words) - 1)]), _full(start, w))
-            for i, w in enumerate(words[:count])
-        ]
+    """192 bits of 2/pi from bit `start`."""
+    table, first = jnp.asarray(_TWO_OVER_PI_BITS), (start >> 6).astype(jnp.int32)
+    words = [
+        table.at[first + np.int32(i)].get(mode="promise_in_bounds", wrap_negative_indices=False)
+        for i in range(4)
+    ]
     shift = start & np.int64(63)
     rest = np.int64(63) - shift
     high, middle, low = (
         (a << shift) | lax.shift_right_logical(shift_right(b, 1), rest) for a, b in pairwise(words)
     )
     return high, middle, low
-
-
-def _full(like: Integer, word: Integer | np.int64) -> Integer:
-    return lax.full_like(like, word) if np.ndim(word) != np.ndim(like) else jnp.asarray(word)
 
 
 def _wide_product(x: Integer, y: Integer) -> tuple[Integer, Integer]:

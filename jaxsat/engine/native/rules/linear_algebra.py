@@ -6,8 +6,8 @@ from functools import reduce
 import numpy as np
 
 from jaxsat.engine.native.builder import INT, Builder
-from jaxsat.engine.native.ir import Scalar
-from jaxsat.engine.native.lowering import Elements, lower, lowers
+from jaxsat.engine.native.ir import Scalar, Value
+from jaxsat.engine.native.lowering import LONG_SUM, Elements, arrays_of, lower, lowers, scalars_of
 from jaxsat.engine.native.operations import BOOL
 from jaxsat.engine.native.rules.elementwise import absolute
 from jaxsat.engine.native.rules.reductions import from_zero
@@ -23,6 +23,11 @@ def _dot_general(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
         for array, axes in ((x, x_batch), (x, x_free), (x, x_sum), (y, y_free))
     ]
     batch, height, length, width = sizes
+    if b.compact and not x_batch and len(x_sum) == 1 and _is_worth_a_call(x, y, length):
+        aval = eqn.outvars[0].aval
+        axes, out = (x_sum[0], y_sum[0]), (aval.shape, aval.dtype)
+        found = b.loop("product", scalars_of([x, y]), [x.shape, y.shape], out, axes)
+        return arrays_of(found, [aval.shape])[0]
     rows = x.transpose([*x_batch, *x_free, *x_sum]).reshape(batch, height, length)
     columns = y.transpose([*y_batch, *y_free, *y_sum]).reshape(batch, width, length)
     aval = eqn.outvars[0].aval
@@ -30,6 +35,15 @@ def _dot_general(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
     for i, j, k in np.ndindex(products.shape):
         products[i, j, k] = inner_product(b, rows[i, j], columns[i, k], aval.dtype)
     return products.reshape(aval.shape)
+
+
+def _is_worth_a_call(x: Elements, y: Elements, length: int) -> bool:
+    """Whether a product in a compact program is a call of a function with loops."""
+    first = x.flat[0]
+    flat = x.ndim == y.ndim == 1
+    plain = max(x.ndim, y.ndim) == 2 and 1 not in (*x.shape, *y.shape) and first.dtype.kind == "f"
+    is_known = not any(isinstance(z, Value) for array in (x, y) for z in array.flat)
+    return not is_known and (length >= LONG_SUM if flat else plain and x.size * y.size >= 27)
 
 
 def inner_product(b: Builder, x: Iterable[Scalar], y: Iterable[Scalar], dtype: np.dtype) -> Scalar:

@@ -68,7 +68,7 @@ def _compact(b: Builder, part: str, y: Scalar) -> Scalar:
     if key not in b.functions:
         param, inner = Value(y.dtype, y.uniform), Builder(like=b)
         inner.functions = b.functions
-        closed = program(f"near_{part}", y.dtype)
+        closed = b.cut(program(f"near_{part}", y.dtype))
         with b.at(()):
             found = [result[()] for result in lower(inner, closed, [filled((), param)])]
             result = inner.switch(

@@ -7,8 +7,8 @@ from itertools import accumulate
 import numpy as np
 
 from jaxsat.engine.native.builder import Builder
-from jaxsat.engine.native.ir import Scalar
-from jaxsat.engine.native.lowering import Elements, filled, lowers
+from jaxsat.engine.native.ir import Scalar, Value
+from jaxsat.engine.native.lowering import LONG_SUM, Elements, filled, lowers
 from jaxsat.engine.native.operations import BOOL
 from jaxsat.engine.native.rules.elementwise import extremum
 
@@ -57,8 +57,26 @@ def _reduce(b: Builder, eqn, x: Elements) -> Elements:
     rows = x.transpose([*kept, *axes]).reshape(int(np.prod(aval.shape)), -1)
     out = np.empty(len(rows), object)
     for i, row in enumerate(rows):
+        if name == "sum" and _is_loop(b, row, LONG_SUM) and row[0].dtype.kind == "f":
+            out[i] = _long_sum(b, row)
+            continue
         out[i] = reduce(joining(b, name), _begun(b, name, list(row)))
     return out.reshape(aval.shape)
+
+
+def _long_sum(b: Builder, row: Elements) -> Scalar:
+    """A sum as a loop: of products, it is an inner product."""
+    factors = [b.factors.get(x.number) if isinstance(x, Value) else None for x in row]
+    out = (), row[0].dtype
+    if None in factors:
+        return b.loop("sum", list(row), [row.shape], out)[0]
+    x, y = zip(*factors, strict=True)  # pyright: ignore
+    return b.loop("product", [*x, *y], [row.shape, row.shape], out)[0]
+
+
+def _is_loop(b: Builder, row: Elements, least: int) -> bool:
+    """Whether a row that is not known is long enough for a loop in a compact program."""
+    return b.compact and len(row) >= least and any(isinstance(x, Value) for x in row)
 
 
 @lowers("cumsum", "cumprod", "cummax", "cummin")
@@ -81,8 +99,12 @@ def _arg_extremum(b: Builder, eqn, x: Elements) -> Elements:
     rows = np.moveaxis(x, axis, -1)
     out = np.empty(rows.shape[:-1], object)
     for index in np.ndindex(rows.shape[:-1]):
-        best, where = rows[index][0], dtype.type(0)
-        for number, value in enumerate(rows[index][1:], 1):
+        row = rows[index]
+        if _is_loop(b, row, 3) and row[0].dtype.kind == "f":
+            out[index] = b.loop(eqn.primitive.name, list(row), [row.shape], ((), dtype))[0]
+            continue
+        best, where = row[0], dtype.type(0)
+        for number, value in enumerate(row[1:], 1):
             better = _better(b, order, value, best)
             best = b.select(better, value, best)
             where = b.select(better, dtype.type(number), where)

@@ -1,0 +1,347 @@
+"""Functions of C: those of the programs' Python code, elementary ones, and tables of constants."""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jaxsat.engine.native.builder import Trace
+from jaxsat.engine.native.ir import Function, Memory, Scalar, Value
+from jaxsat.export.array_functions import count_of, loop_text
+from jaxsat.export.contexts import Context, arrays_in, contexts, squeezed
+from jaxsat.export.expressions import Expression, literal
+from jaxsat.export.helpers import TYPES, helper
+from jaxsat.export.naming import Names, comment, docstring, identifier
+from jaxsat.export.wishes import name_of
+
+WIDTH = 92
+"""Characters of an expression in a line."""
+
+LIBM = frozenset((
+    "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh", "erf",
+    "erfc", "exp", "exp2", "expm1", "log", "log1p", "pow", "sin", "sinh", "tan", "tanh"
+))  # fmt: skip
+"""Elementary functions that the C library may be taken for."""
+
+POINTERS = ("p", "in", "attitude", "seen", "now", "next", "out")
+"""The structures that functions may be given, in the order of their parameters."""
+
+
+def wrapped(text: str) -> list[str]:
+    """Words in lines."""
+    lines, line = [], " "
+    for word in text.split(" "):
+        if len(line) + len(word) > WIDTH:
+            lines.append(line)
+            line = " "
+        line += f" {word}"
+    return [*lines, line]
+
+
+def in_lines(text: str, indent: str) -> list[str]:
+    """A statement or a function's head, broken where it is too long, at commas if there are any."""
+    room = 100 - len(indent)
+    if len(text) <= room:
+        return [indent + text]
+    words = re.split(r"(?<=,) " if re.match(r"[\w* ]+\(|[^=]*= \{", text) else " ", text)
+    lines, line = [], ""
+    for word in words:
+        if line and len(line) + 1 + len(word) > room:
+            lines.append(indent + line)
+            line = f"    {word}"
+        else:
+            line = f"{line} {word}" if line else word
+    return [*lines, indent + line]
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A function as it is called: which of its arrays are handed over, and how results come back:
+    "field" is written where it belongs, "value" returned, and "pointer" written for the caller.
+
+    `pointers` are the structures and `counts` the numbers that come before the arrays.
+    """
+
+    name: str
+    passed: Sequence[bool]
+    results: Sequence[str]
+    pointers: Sequence[str]
+    counts: Sequence[str] = ()
+
+
+class Unit:
+    """A C file while it is printed: the static functions and tables that its programs need.
+
+    `contexts` are those of the functions of the stage that is printed; `types` of the pointers to
+    structures.
+    """
+
+    def __init__(self, libm: bool, types: dict[str, str]):
+        self.libm, self.types = libm, types
+        self.names = Names(types)
+        self.helpers: dict[str, str] = {}
+        self.tables: list[str] = []
+        self.functions: list[list[str]] = []
+        self.contexts: dict[int, Context] = {}
+        self._reserved: dict[str, str] = {}
+        self._printed: dict[int, Printed] = {}
+        self._alike: dict[str, str] = {}
+        self._tables: dict[tuple, str] = {}
+
+    def scope(self) -> Names:
+        """The names of a function: none that the file has."""
+        return Names(self.types, outer=self.names)
+
+    def need(self, name: str, dtype: np.dtype, other: np.dtype | None = None) -> str:
+        """The name of a helper, which is printed once."""
+        full, text, needs = helper(name, dtype, other)
+        if full not in self.helpers:
+            for one in needs:
+                self.need(*one)
+            self.names.new(full)
+            self.helpers[full] = text
+        return full
+
+    def memory(self, memory: Memory) -> str:
+        """The name of an array of constants that is indexed."""
+        assert memory.initial is not None
+        return self.table(list(memory.initial), (memory.size,), "constant")
+
+    def table(self, numbers: Sequence[np.generic], shape: tuple[int, ...], wish: str) -> str:
+        """The name of an array of constants; equal ones are one."""
+        kind = TYPES[numbers[0].dtype]
+        text = braced([literal(x).text for x in numbers], shape)
+        key = (kind, shape, text)
+        if key not in self._tables:
+            name = self._tables[key] = self.names.new(f"{wish}_table")
+            head = f"static const {kind} {name}{dimensions(shape)} = "
+            self.tables.append("\n".join(in_lines(f"{head}{text};", "")))
+        return self._tables[key]
+
+    def elementary(self, function: Function, trace: Trace) -> str:
+        """The name of an elementary function of numbers."""
+        word = function.name.split(".")[0]
+        if self.libm and word in LIBM:
+            return word + ("f" if function.results[0].dtype.itemsize == 4 else "")
+        if id(function) not in self._printed:
+            name = self.names.new(identifier(f"{word}_of" if word in LIBM else word))
+            self._printed[id(function)] = Printed(name, (), (), ())
+            self.functions.append(_elementary_text(self, name, function, trace))
+        return self._printed[id(function)].name
+
+    def python(self, function: Function, trace: Trace) -> Printed:
+        """A function of the Python code, printed once."""
+        if id(function) not in self._printed:
+            self._printed[id(function)] = self._python(function, trace)
+        return self._printed[id(function)]
+
+    def prepare(self, begin: Context, trace: Trace) -> None:
+        """Print all that a function calls, and what that calls, before it."""
+        found = contexts(begin, trace)
+        self.contexts |= found
+        functions = [context.function for context in found.values() if context is not begin]
+        for function in functions:
+            if function.source is None or function.source.loop:
+                continue
+            word = identifier(_word(function))
+            if word not in self._reserved:
+                self._reserved[word] = self.names.new(word)
+        for function in functions[::-1]:
+            self.python(function, trace)
+
+    def _loop(self, function: Function) -> Printed:
+        """An operation on arrays, printed once for all of one kind."""
+        name, lines = loop_text(function)
+        key = lines[0]
+        if key not in self._alike:
+            self._alike[key] = self.names.new(name)
+            lines[0] = lines[0].replace(f" {name}(", f" {self._alike[key]}(")
+            self.functions.append([*in_lines(lines[0], ""), *lines[1:]])
+        source = function.source
+        assert source is not None
+        ways = ["pointer" if source.results[0] else "value"]
+        passed = [True] * len(source.params)
+        return Printed(self._alike[key], passed, ways, (), count_of(source))
+
+    def _name(self, word: str) -> str:
+        """The reserved name for the first function of a word, a new one for others."""
+        name = self._reserved.get(word, "")
+        if not name:
+            return self.names.new(word)
+        self._reserved[word] = ""
+        return name
+
+    def _python(self, function: Function, trace: Trace) -> Printed:
+        source = function.source
+        assert source is not None
+        if source.loop:
+            return self._loop(function)
+        word = _word(function)
+        body, printed = python_function(self, "@", function, trace, self.contexts[id(function)])
+        text = "\n".join(body)
+        name = self._alike.get(text)
+        if name is None:
+            name = self._alike[text] = self._name(identifier(word))
+            about = docstring(source.file, source.name)
+            told = f"{word}: {about}" if about else word
+            body[0] = body[0].replace(" @(", f" {name}(")
+            self.functions.append([*comment(told), *in_lines(body[0], ""), *body[1:]])
+        return Printed(name, printed.passed, printed.results, printed.pointers)
+
+
+def _word(function: Function) -> str:
+    """The Python function's own name."""
+    assert function.source is not None
+    return function.source.name.split(".<locals>.")[-1].removesuffix(".__call__")
+
+
+def dimensions(shape: tuple[int, ...]) -> str:
+    """The dimensions of an array of C."""
+    return "".join(f"[{n}]" for n in shape)
+
+
+def braced(texts: Sequence[str], shape: tuple[int, ...]) -> str:
+    """An initialiser."""
+    if len(shape) <= 1:
+        return f"{{{', '.join(texts)}}}"
+    size = len(texts) // shape[0]
+    rows = [braced(texts[i : i + size], shape[1:]) for i in range(0, len(texts), size)]
+    return f"{{{', '.join(rows)}}}"
+
+
+def _elementary_text(unit: Unit, name: str, function: Function, trace: Trace) -> list[str]:
+    from jaxsat.export.printer import Printer
+
+    unit.prepare(Context(function), trace)
+    names = unit.scope()
+    params = {p.number: Expression(names.new("xyzuvw"[i] if i < 6 else f"x_{i}"))
+              for i, p in enumerate(function.params)}  # fmt: skip
+    body = Printer(unit, trace, params, names)
+    body.count(function.block, function.results)
+    body.block(function.block)
+    given = [f"{TYPES[p.dtype]} {params[p.number].text}" for p in function.params]
+    if len(function.results) == 1:
+        body.line(f"return {body.operand(function.results[0]).text};")
+        head = f"static {TYPES[function.results[0].dtype]} {name}({', '.join(given)})"
+    else:
+        for i, result in enumerate(function.results):
+            given.append(f"{TYPES[result.dtype]} *out_{i + 1}")
+            body.line(f"*out_{i + 1} = {body.operand(result).text};")
+        head = f"static void {name}({', '.join(given)})"
+    return [head, "{", *body.text(), "}"]
+
+
+def python_function(
+    unit: Unit, name: str, function: Function, trace: Trace, context: Context
+) -> tuple[list[str], Printed]:
+    """A function's lines, its head in one, and how it is called."""
+    from jaxsat.export.printer import Printer
+
+    source = function.source
+    shapes = ((), ()) if source is None else (source.params, source.results)
+    names = unit.scope()
+    known = {number: Expression(text) for number, text in context.known.items()}
+    kept = dict(context.kept)
+    given, passed = _parameters(function, context, names, known)
+    results: list[str] = []
+    left: list[tuple[str, Scalar]] = []
+    values = []
+    made = arrays_in(function.results, shapes[1])
+    fields = context.results or [False] * len(made)
+    alone = fields.count(False) == 1
+    for array, shape, is_field in zip(made, shapes[1], fields, strict=True):
+        if is_field:
+            results.append("field")
+            continue
+        small = squeezed(shape)
+        if alone and not small:
+            results.append("value")
+            values.append(array[0])
+            continue
+        results.append("pointer")
+        out = names.new(name_of(trace, array[0], "result"))
+        kind = TYPES[array[0].dtype]
+        given.append(f"{kind} {out}{dimensions(small)}" if small else f"{kind} *{out}")
+        for index, x in zip(np.ndindex(small), array, strict=True):
+            place = out + "".join(f"[{i}]" for i in index) if small else f"*{out}"
+            if isinstance(x, Value) and x.number not in kept and x.number not in known:
+                kept[x.number] = place
+            else:
+                left.append((place, x))
+    told = None if source is None else source.name.split(".<locals>")[0]
+    body = Printer(unit, trace, known, names, kept, told)
+    body.count(function.block, function.results)
+    left += context.left
+    body.lines += fills(left, kept.values())
+    body.block(function.block)
+    zeroed = {place.split("[")[0] for place in _many_zeros(left)}
+    for place, x in left:
+        if not (_is_zero(x) and place.split("[")[0] in zeroed):
+            body.line(f"{place} = {body.operand(x).text};")
+    for x in values:
+        body.line(f"return {body.operand(x).text};")
+    lines = body.text()
+    pointers = [one for one in POINTERS if one in unit.types and one in body.pointers(lines)]
+    params = [unit.types[one] for one in pointers] + given
+    kind = TYPES[values[0].dtype] if values else "void"
+    head = f"static {kind} {name}({', '.join(params) or 'void'})"
+    return [head, "{", *lines, "}"], Printed(name, passed, results, pointers)
+
+
+FEW = 5
+"""Elements of an array that are zero and are set one by one."""
+
+
+def _is_zero(x: Scalar) -> bool:
+    return not isinstance(x, Value) and bool(x == 0) and not (x.dtype.kind == "f" and np.signbit(x))
+
+
+def _many_zeros(left: Sequence[tuple[str, Scalar]]) -> dict[str, Scalar]:
+    """Arrays with many zeros, and the zero."""
+    places = [(place.split("[")[0], x) for place, x in left if "[" in place and _is_zero(x)]
+    count = Counter(place for place, _ in places)
+    return {place: x for place, x in places if count[place] > FEW}
+
+
+def fills(left: Sequence[tuple[str, Scalar]], kept: Iterable[str]) -> list[str]:
+    """Loops that set arrays to zero of which other elements are computed later."""
+    every = [*(place for place, _ in left), *kept]
+    lines = []
+    for array, zero in _many_zeros(left).items():
+        indices = [
+            [int(i) for i in re.findall(r"\[(\d+)\]", place)]
+            for place in every
+            if place.split("[")[0] == array
+        ]
+        indent, subscript = "  ", ""
+        for letter, size in zip("ijkmn", map(max, zip(*indices, strict=True)), strict=False):
+            lines.append(
+                f"{indent}for (int32_t {letter} = 0; {letter} < {size + 1}; {letter}++) {{"
+            )
+            indent += "  "
+            subscript += f"[{letter}]"
+        lines.append(f"{indent}{array}{subscript} = {literal(zero).text};")
+        lines += ["  " * depth + "}" for depth in range(len(subscript) // 3, 0, -1)]
+    return lines
+
+
+def _parameters(function, context, names, known) -> tuple[list[str], list[bool]]:
+    """The declarations of array parameters, and which there are."""
+    given, passed = [], []
+    if function.source is None:
+        return given, passed
+    shapes = function.source.params
+    for array, shape, wish in zip(
+        arrays_in(function.params, shapes), shapes, context.wishes, strict=True
+    ):
+        passed.append(any(x.number not in context.known for x in array))
+        if not passed[-1]:
+            continue
+        name = names.new(wish)
+        small, kind = squeezed(shape), TYPES[array[0].dtype]
+        given.append(f"const {kind} {name}{dimensions(small)}" if small else f"{kind} {name}")
+        for index, x in zip(np.ndindex(small), array, strict=True):
+            known[x.number] = Expression(name + "".join(f"[{i}]" for i in index))
+    return given, passed
