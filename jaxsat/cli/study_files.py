@@ -171,7 +171,8 @@ def replayed(
     law = known_law(scenario.control.law)
     attitude = law is None or law.declaration.regulates_attitude
     assessment = Assessment(settled, unknown) if attitude else Assessment(unknown, settled)
-    trajectory = Trajectory(jnp.asarray(replay.times), signals, None, code, steps, assessment)
+    times, ranges = jnp.asarray(replay.times), signals.torque_range
+    trajectory = Trajectory(times, signals, None, code, steps, assessment, ranges)
     dataset = trajectory_dataset(
         trajectory,
         title=scenario.title,

@@ -23,7 +23,8 @@ from jaxsat.engine.runge_kutta import explicit_step, tableau_of
 from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
-from jaxsat.simulation.assessment import Observation
+from jaxsat.simulation.assessment import Observation, stop_gradient
+from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.sampled_loop import SampledState
 from jaxsat.simulation.solve import all_within
 from jaxsat.vehicle import Sensors
@@ -69,7 +70,7 @@ class FixedStepper(AbstractStepper):
                 ((progress.state, progress.integrals), progress.settled),
                 judged,
             )
-            return _unless_ended(program, progress, seen, state, (integrals, settled), t)
+            return _unless_ended(program, progress, seen, state, (integrals, settled, None), t)
 
         return jax.lax.fori_loop(0, count, interval, progress)
 
@@ -96,16 +97,18 @@ class SampledStepper(AbstractStepper):
 
     def begin(self, program, case):
         """The progress at time zero."""
-        return _initial(case)
+        found = _initial(case)
+        return found._replace(held=HeldTorque.none(found.state.plant.omega))
 
     def advance(self, program, case, progress, first, count, axis_name=None):
-        """The progress after so many periods.
+        """The progress after so many periods, of which alone it keeps what the torque was.
 
         In a batch the noise of sensors is drawn for `NOISE_BLOCK` samples at a time, which takes
         less time than one after the other. The numbers are the same.
         """
         loop = _sampled_loop(case)
         sensors = loop.sensors
+        progress = progress._replace(held=HeldTorque.none(progress.state.plant.omega))
         if axis_name is None or not isinstance(sensors, Sensors):
             return self._periods(program, loop, progress, first, count)
 
@@ -123,17 +126,20 @@ class SampledStepper(AbstractStepper):
         tableau, judged = tableau_of(self.solver), _judge(program, loop)
 
         def integrate(t, hold, plant, carry):
-            integrals, settled = carry
+            integrals, settled, held = carry
             rate, both = held_rate(program, loop, hold, t), (plant, integrals)
+            first = loop.torque(t, plant, hold, jnp.zeros_like(hold.length))
             (plant, integrals), settled = _equal_steps(
                 tableau, rate, t, hold.length, loop.substeps, (both, settled), judged
             )
-            return plant, (integrals, settled)
+            last = loop.torque(t + hold.length, plant, hold, hold.length)
+            held = held.with_hold(*stop_gradient((hold.length, first, last)))
+            return plant, (integrals, settled, held)
 
         def period(i, progress):
             number = first + i
             t = number * program.interval
-            carry = (progress.integrals, progress.settled)
+            carry = (progress.integrals, progress.settled, progress.held)
             state, carry, signals = loop.period(number, t, progress.state, integrate, carry)
             seen = with_peaks(progress, signals)
             if progress.failures is not None:
@@ -148,8 +154,10 @@ class SampledStepper(AbstractStepper):
         return _finished(program, case, progress, number)
 
     def signals(self, program, case, progress, number):
-        """Those of the sample."""
-        return _sampled_loop(case).signals(number, number * program.interval, progress.state)
+        """Those of the sample, and the range of the torque since the last ones."""
+        t = number * program.interval
+        found = _sampled_loop(case).signals(number, t, progress.state)
+        return dataclasses.replace(found, torque_range=progress.held.range())
 
 
 def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper:
@@ -193,7 +201,7 @@ def _equal_steps(tableau, rate, t, length, count: int, carry, judged):
 
 def _unless_ended(program, before, seen, state, carry, t) -> Progress:
     """The next progress, or the last good one where the case has ended or now ends."""
-    integrals, settled = carry
+    integrals, settled, held = carry
     checked = (state.plant, state.memory) if isinstance(state, SampledState) else state
     good = all_within((checked, integrals.cost * 0), program.state_limit)
     running = before.code == int(Outcome.SUCCESS)
@@ -202,6 +210,7 @@ def _unless_ended(program, before, seen, state, carry, t) -> Progress:
         state=state,
         integrals=integrals,
         settled=settled,
+        held=held,
         ended_at=t + program.interval,
         code=code,
     )

@@ -100,6 +100,18 @@ class AbstractEngine(eqx.Module):
         return self.observed(program, cases, gains, program.instants(every))[1]
 
 
+def with_ranges_ahead(signals: Signals) -> Signals:
+    """Histories (cases, times) whose ranges of the torque go to the next instant, not from before.
+
+    At the last instant they are the torque there.
+    """
+    told = signals.torque_range
+    if told is None:
+        return signals
+    ahead = jax.tree.map(lambda x: np.concatenate([x[:, 1:], signals.torque[:, -1:]], 1), told)
+    return eqx.tree_at(lambda one: one.torque_range, signals, ahead)
+
+
 def count_of(cases: PyTree) -> int:
     """How many cases there are along the leading axis of all arrays.
 

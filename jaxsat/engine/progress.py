@@ -13,6 +13,7 @@ from jaxsat.metrics import SettlingTracker, Tolerances
 from jaxsat.quotients import reciprocal
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import Observation, stop_gradient
+from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.trigonometry import cos
 from jaxsat.vehicle import Consumption
 
@@ -132,6 +133,7 @@ class Progress(NamedTuple):
     the state is good. `step` (s) is the next to be tried and `steps` the number of those tried,
     where steps are adaptive. `peak_momentum` is the largest |h| of each wheel (N m s) at the
     instants observed, None without wheels. `failures` is kept of sampled loops that have some.
+    `held` is what the torque of a sampled loop was since it was last observed, None for others.
     """
 
     state: PyTree
@@ -144,6 +146,7 @@ class Progress(NamedTuple):
     steps: Int[Array, ""]
     peak_momentum: Float[Array, " wheels"] | None = None
     failures: FailureRecord | None = None
+    held: HeldTorque | None = None
 
 
 class Outputs(NamedTuple):

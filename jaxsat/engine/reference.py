@@ -1,5 +1,6 @@
 """diffrax over a batch of cases: any solver, adaptive steps, every loop. The reference."""
 
+import dataclasses
 from typing import Any, cast
 
 import diffrax
@@ -32,6 +33,7 @@ from jaxsat.simulation.assessment import (
     Observation,
     stop_gradient,
 )
+from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.solve import all_within, outcome_code, run_samples
 
 
@@ -72,8 +74,12 @@ class ReferenceEngine(AbstractBatchEngine):
         self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
         """Outputs and history of one batch, both from the program that runs batches."""
-        outputs, signals = _run(self, program, cases, gains)
-        return outputs, jax.tree.map(lambda x: x[:, instants], signals)
+        outputs, signals, held = _run(self, program, cases, gains)
+        seen = jax.tree.map(lambda x: x[:, instants], signals)
+        if held is None:
+            return outputs, seen
+        ranges = jax.vmap(lambda held, last: held.between(jnp.asarray(instants), last))
+        return outputs, dataclasses.replace(seen, torque_range=ranges(held, seen.torque[:, -1]))
 
     def differentiate_batch(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
@@ -109,7 +115,9 @@ def _gradient(engine, program, cases, gains, mode):
     return jax.vmap(one)(cases)
 
 
-def _one(engine, program: Program, case: Case, adjoint) -> tuple[Outputs, Signals]:
+def _one(
+    engine, program: Program, case: Case, adjoint
+) -> tuple[Outputs, Signals, HeldTorque | None]:
     method = default_method(case.loop) if engine.method is None else engine.method
     if isinstance(case.loop, SampledLoop):
         return _sampled(program, case, method.solver, adjoint)
@@ -146,7 +154,7 @@ def _continuous(program: Program, case: Case, method: Method, adjoint):
     state, integrals = jax.tree.map(lambda x: x[0], final)
     code = outcome_code(solution.result)
     settled = solver.since(cast(MonitoredState, solution.solver_state).record, 0)
-    return _outputs(program, case, state, integrals, signals, settled, code), signals
+    return _outputs(program, case, state, integrals, signals, settled, code), signals, None
 
 
 def _monitor(program: Program, loop):
@@ -167,17 +175,23 @@ def _sampled(program: Program, case: Case, solver, adjoint):
     zero = jnp.zeros((), case.start.omega.dtype)
     observed = Observation.of(loop.plant, case.start)
     settled = settled_at(SettlingTracker.initial(zero, 3), zero, observed, program.tolerances)
-    carry, limit = (Integrals(zero, zero), settled), program.state_limit
-    state, (integrals, settled), code, signals, _ = run_samples(
-        loop, case.start, program.intervals, integrate, carry, limit
+    nothing, limit = HeldTorque.none(case.start.omega), program.state_limit
+    carry = (Integrals(zero, zero), settled, nothing)
+
+    def split(carry):
+        return (*carry[:2], nothing), carry[2]
+
+    state, (integrals, settled, _), code, signals, held = run_samples(
+        loop, case.start, program.intervals, integrate, carry, limit, split=split
     )
-    return _outputs(program, case, state, integrals, signals, settled, code), signals
+    return _outputs(program, case, state, integrals, signals, settled, code), signals, held
 
 
 def _over_hold(program, loop, solver, adjoint, begin, hold, plant, carry):
     """Equal steps, counted out by a time of their own so that a hold of no length is none."""
-    integrals, settled = carry
+    integrals, settled, held = carry
     rate = held_rate(program, loop, hold, begin)
+    first = loop.torque(begin, plant, hold, jnp.zeros_like(hold.length))
     step = hold.length / loop.substeps
 
     def scaled(number, both, args):
@@ -203,7 +217,9 @@ def _over_hold(program, loop, solver, adjoint, begin, hold, plant, carry):
         observed = Observation.of(loop.plant, plant)
         settled = settled_at(settled, begin + (number + 1) * step, observed, program.tolerances)
     plant, integrals = jax.tree.map(lambda x: x[-1], (plants, integrals))
-    return plant, (integrals, settled)
+    last = loop.torque(begin + hold.length, plant, hold, hold.length)
+    held = held.with_hold(*stop_gradient((hold.length, first, last)))
+    return plant, (integrals, settled, held)
 
 
 def _outputs(program, case, state, integrals, signals, settled: SettlingTracker, code) -> Outputs:

@@ -18,7 +18,7 @@ from jaxsat.checks import require_counts
 from jaxsat.engine.adaptive import AdaptiveStepper
 from jaxsat.engine.batches import AbstractBatchEngine
 from jaxsat.engine.fixed import FixedStepper, stepper_for
-from jaxsat.engine.interface import CostGradient, Mode
+from jaxsat.engine.interface import CostGradient, Mode, with_ranges_ahead
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs, Progress
 from jaxsat.engine.stepper import AbstractStepper
@@ -65,7 +65,8 @@ class ScanEngine(AbstractBatchEngine):
             if following > number:
                 progress = _advance(*work, progress, first, count)
         signals = jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
-        return _finish(*work, progress, jnp.array(program.intervals)), signals
+        outputs = _finish(*work, progress, jnp.array(program.intervals))
+        return outputs, with_ranges_ahead(signals)
 
     def differentiate_batch(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode

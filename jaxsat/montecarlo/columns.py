@@ -3,9 +3,11 @@
 from collections.abc import Mapping
 
 import jax
+import numpy as np
+from jaxtyping import Array
 
 from jaxsat.results import Column
-from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
 from jaxsat.vehicle import AbstractPulsedActuators
 
 DRAWN = "drawn_"
@@ -65,9 +67,37 @@ HISTORIES = {
         "angular velocity relative to the orbit frame in body axes",
         ("body_axis",),
     ),
-    "torque": Column((3,), "float64", "N m", "thruster torque in body axes", ("body_axis",)),
+    "torque": Column((3,), "float64", "N m", "torque of all actuators", ("body_axis",)),
 }
 """The signals of which a study can keep a history."""
+
+RANGES = {
+    f"torque_{name}": (
+        part,
+        Column(
+            (3,), "float64", "N m", f"{what} torque until the next kept instant", ("body_axis",)
+        ),
+    )
+    for name, part, what in (
+        ("min", "least", "least"),
+        ("max", "largest", "largest"),
+        ("mean", "mean", "mean"),
+    )
+}
+"""Of sampled loops: what the torque was between the instants of a history."""
+
+
+def histories_of(loop: AbstractLoop) -> dict[str, Column]:
+    """The histories of such a loop, by name."""
+    ranges = {name: column for name, (_, column) in RANGES.items()}
+    return HISTORIES | ranges if isinstance(loop, SampledLoop) else HISTORIES
+
+
+def history_of(signals: Signals, name: str) -> Array | np.ndarray:
+    """The values of one of them."""
+    if name not in RANGES:
+        return getattr(signals, name)
+    return getattr(signals.torque_range, RANGES[name][0])
 
 
 def columns_of(loop: AbstractLoop) -> dict[str, Column]:

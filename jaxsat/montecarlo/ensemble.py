@@ -15,7 +15,14 @@ import numpy as np
 from jaxsat.checks import require_counts
 from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.engine import AbstractEngine, Outputs, Program, Replay, program_identity
-from jaxsat.montecarlo.columns import DRAWN, HISTORIES, HISTORY, HISTORY_TIME, columns_of
+from jaxsat.montecarlo.columns import (
+    DRAWN,
+    HISTORY,
+    HISTORY_TIME,
+    columns_of,
+    histories_of,
+    history_of,
+)
 from jaxsat.montecarlo.designs import AbstractDesign, LatinHypercube
 from jaxsat.montecarlo.dispersions import Dispersed, StudyCase
 from jaxsat.montecarlo.executors import AbstractExecutor, Serial
@@ -101,7 +108,8 @@ class Study:
         outputs, signals = self.engine.observed(
             self.program, self.cases(numbers), self.gains, instants
         )
-        kept = {HISTORY + name: np.asarray(getattr(signals, name)) for name in HISTORIES}
+        names = histories_of(self.case_factory.loop)
+        kept = {HISTORY + name: np.asarray(history_of(signals, name)) for name in names}
         return self._by_column(outputs) | kept
 
     def _by_column(self, outputs: Outputs) -> dict[str, np.ndarray]:
@@ -125,7 +133,7 @@ class Study:
             columns |= self.failures.columns()
         columns |= drawn
         if self.history is not None:
-            for name, column in HISTORIES.items():
+            for name, column in histories_of(self.case_factory.loop).items():
                 shape, dims = (self.history, *column.shape), (HISTORY_TIME, *column.dims)
                 columns[HISTORY + name] = column._replace(shape=shape, dims=dims)
         return columns

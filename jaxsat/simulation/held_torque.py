@@ -35,6 +35,10 @@ class HeldTorque(NamedTuple):
             self.length + length,
         )
 
+    def range(self) -> TorqueRange:
+        """The range of what was held; without anything held no numbers."""
+        return TorqueRange(self.least, self.largest, self.integral / self.length)
+
     def between(self, numbers: Int[Array, " times"], last: Float[Array, "3"]) -> TorqueRange:
         """Of many periods: the range from each of these samples to the next, then the `last`."""
         count = numbers.shape[0] - 1

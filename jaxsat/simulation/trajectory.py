@@ -32,6 +32,17 @@ _EXPLANATIONS = {
 }
 
 
+class TorqueRange(eqx.Module):
+    """The torque of all actuators (N m) from each saved time to the next, of all that was held.
+
+    `mean` is weighted by time. At the last time all three are the torque there.
+    """
+
+    least: Float[Array, "*times 3"]
+    largest: Float[Array, "*times 3"]
+    mean: Float[Array, "*times 3"]
+
+
 class Signals(eqx.Module):
     """Everything a person may want to see at one instant; body axes, SI units, angles in rad.
 
@@ -47,8 +58,8 @@ class Signals(eqx.Module):
     less estimate of attitude (rotation vector), rate and gyro bias, and three of the standard
     deviations that the estimator claims. A law that diagnoses thrusters tells of each the
     `jaxsat.diagnosis.DiagnosedKind`, -1 for one that works, and its CUSUM statistic over the
-    threshold; `alarm` is 1 while the cause of an alarm is being isolated. With a leading axis it
-    is a history.
+    threshold; `alarm` is 1 while the cause of an alarm is being isolated. `torque_range` is
+    told by engines alone, of sampled loops. With a leading axis it is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -77,17 +88,7 @@ class Signals(eqx.Module):
     diagnosed_kind: Float[Array, "*times m"] | None = None
     detection_statistic: Float[Array, "*times m"] | None = None
     alarm: Float[Array, "*times"] | None = None
-
-
-class TorqueRange(eqx.Module):
-    """The torque of the thrusters (N m) from each saved time to the next, of all that was held.
-
-    `mean` is weighted by time. At the last time all three are the torque there.
-    """
-
-    least: Float[Array, "times 3"]
-    largest: Float[Array, "times 3"]
-    mean: Float[Array, "times 3"]
+    torque_range: TorqueRange | None = None
 
 
 class Trajectory(eqx.Module):

@@ -11,7 +11,13 @@ from jaxtyping import PyTree
 
 from jaxsat.checks import require_counts
 from jaxsat.engine.fixed import FixedStepper
-from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, count_of
+from jaxsat.engine.interface import (
+    AbstractEngine,
+    CostGradient,
+    Mode,
+    count_of,
+    with_ranges_ahead,
+)
 from jaxsat.engine.native import target
 from jaxsat.engine.native.arguments import as_numbers
 from jaxsat.engine.native.emitter import require_lanes
@@ -93,7 +99,8 @@ class NativeEngine(AbstractEngine):
     ) -> tuple[Outputs, Signals]:
         """`evaluate`, to the same bits, and signals at `instants`; in one thread."""
         kernel = self.kernel(program, cases, gains)
-        return kernel.replay(self._trees(cases, program, gains), instants.tolist())
+        found, signals = kernel.replay(self._trees(cases, program, gains), instants.tolist())
+        return found, with_ranges_ahead(signals)
 
     def gradient(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode = "forward"
