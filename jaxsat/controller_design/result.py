@@ -99,8 +99,9 @@ class ControllerDesign:
             return "No attitude near the wanted one can be held, so cases drift out of it."
         turn = float(np.linalg.norm(self.verdict.turn))
         return (
-            "The wanted attitude cannot be held, so cases drift out of it whatever the law; with "
-            f"--attitude nearest the target is the nearest one that can be, {turn:.3g} rad away."
+            "The wanted attitude cannot be held, so cases drift out of it whatever the law. "
+            "`jaxsat design --attitude nearest` takes the nearest one that can be held, "
+            f"{turn:.3g} rad away."
         )
 
     @property
