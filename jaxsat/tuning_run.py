@@ -129,7 +129,7 @@ def conclude(
 
     `tell` is called with what is being done, `warn` if the gradients cannot be trusted.
     """
-    tell("checking the gradients")
+    tell("making the receipt")
     receipt = make_receipt(plan, state)
     _write_json(folder, "receipt.json", receipt.as_data())
     if receipt.problems:

@@ -1,7 +1,9 @@
 """From a scenario with a `[tuning]` table to a tuning plan, and back to a scenario."""
 
 import dataclasses
-from collections.abc import Mapping
+import importlib.util
+import math
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, cast
 
 import equinox as eqx
@@ -12,6 +14,8 @@ from jaxsat.assembly.run import build, build_loop
 from jaxsat.assembly.study import EngineName, build_study, tolerances_of
 from jaxsat.assembly.tuning_forms import in_one_form, refined, throttled, with_control
 from jaxsat.checks import as_float
+from jaxsat.control.fault_tolerant import FaultTolerant
+from jaxsat.diagnosis import average_run_length
 from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
 from jaxsat.engine.native import CannotLower, NativeEngine, process_obstacle
 from jaxsat.metrics import Tolerances
@@ -38,6 +42,9 @@ from jaxsat.tuning import (
     TuningSettings,
     WorstCase,
 )
+from jaxsat.tuning.evolution import PACKAGE
+from jaxsat.tuning.optimisers import DERIVATIVE_FREE
+from jaxsat.tuning.parameters import Values
 
 
 def build_plan(
@@ -57,6 +64,13 @@ def build_plan(
     space, start = prepared.space, prepared.start
     seed = scenario.simulation.seed
     unseen = seed + 1 if table.held_out_seed is None else table.held_out_seed
+    free = table.optimiser == DERIVATIVE_FREE
+    if free and importlib.util.find_spec(PACKAGE) is None:
+        raise ValueError(
+            f'tuning.optimiser = "{DERIVATIVE_FREE}" must have the package {PACKAGE}: '
+            "pip install 'jaxsat[baselines]'."
+        )
+    penalty = _false_alarm_penalty(scenario, table, space)
     bounded = _cost(table.cost, scenario.simulation.attitude_cost)
     unbounded = _plain(bounded)
 
@@ -75,8 +89,10 @@ def build_plan(
             study.engine,
             space,
             workers,
-            table.gradient,
+            "differences" if free else table.gradient,
             table.half_width,
+            table.cost.recovery,
+            penalty,
         )
 
     runs = {
@@ -86,7 +102,9 @@ def build_plan(
         "held_out": evaluator(scenario, unbounded, unseen),
         "trained_on": evaluator(scenario, unbounded, seed),
     }
-    runs, remark = _compiled(runs, start, engine)
+    if free:  # nothing is differentiated
+        runs["smooth"] = runs["exact"]
+    runs, remark = _compiled(runs, start, engine, differentiated=not free)
     made = runs["exact"]
     return TuningPlan(
         space,
@@ -117,6 +135,8 @@ def _prepared(scenario: Scenario, table: TuningTable) -> _Prepared:
     scenario = in_one_form(scenario, table)
     space, start = _search(scenario, table.parameters)
     widths = dict(table.smoothing)
+    if table.optimiser == DERIVATIVE_FREE:
+        return _Prepared(scenario, scenario, refined(scenario), {}, space, start)
     smooth = throttled(with_control(scenario, widths))
     return _Prepared(scenario, smooth, refined(smooth), widths, space, start)
 
@@ -144,14 +164,14 @@ def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> S
 
 
 def _compiled(
-    runs: dict[str, CostEvaluator], start: np.ndarray, name: EngineName
+    runs: dict[str, CostEvaluator], start: np.ndarray, name: EngineName, *, differentiated: bool
 ) -> tuple[dict[str, CostEvaluator], str | None]:
     """The same with the native engine where that is wanted and can be; else why it cannot."""
     if name in ("scan", "diffrax"):
         return runs, None
     found, obstacle = runs, process_obstacle()
     if obstacle is None:
-        found, obstacle = _as_machine_code(runs, start)
+        found, obstacle = _as_machine_code(runs, start, differentiated)
     if obstacle is None:
         return found, None
     if name == "native":
@@ -160,7 +180,7 @@ def _compiled(
 
 
 def _as_machine_code(
-    runs: dict[str, CostEvaluator], start: np.ndarray
+    runs: dict[str, CostEvaluator], start: np.ndarray, differentiated: bool
 ) -> tuple[dict[str, CostEvaluator], str | None]:
     """The same with the native engine, made and tried; or what has no rule there."""
     try:
@@ -169,7 +189,8 @@ def _as_machine_code(
             probe = dataclasses.replace(found[key], counter=TrajectoryCounter())
             point = probe.space.to_search(start[None])
             probe.evaluate(point, np.arange(1), intervals=1)
-            probe.differentiate(point, np.arange(1), intervals=1)
+            if differentiated:
+                probe.differentiate(point, np.arange(1), intervals=1)
     except CannotLower as error:
         return runs, str(error)
     return found, None
@@ -202,8 +223,37 @@ def _search(scenario: Scenario, table: Mapping[str, BoundsTable]) -> tuple[Searc
     return SearchSpace(tuple(parameters)), np.concatenate(values)
 
 
+def _false_alarm_penalty(
+    scenario: Scenario, table: TuningTable, space: SearchSpace
+) -> Callable[[Values], np.ndarray] | None:
+    """What thresholds cost whose false alarms are too close, by their closed form.
+
+    No sample of cases can tell one false alarm in years, so that a search would make thresholds
+    ever lower. None for a law without these tests.
+    """
+    controller = controller_of(build_loop(scenario))
+    if not isinstance(controller, FaultTolerant):
+        return None
+    diagnosis, period = controller.diagnosis, float(np.asarray(controller.period))
+    tests = 2 * diagnosis.filter.thrusters.count
+    least = math.log(table.false_alarm_interval_s / period * tests)
+
+    def penalty(values: Values) -> np.ndarray:
+        gains = space.gains(values)
+        usual = np.ones(len(values))
+        pairs = zip(
+            gains.get("diagnosis.reference", usual * float(np.asarray(diagnosis.reference))),
+            gains.get("diagnosis.threshold", usual * float(np.asarray(diagnosis.threshold))),
+            strict=True,
+        )
+        lengths = np.array([average_run_length(float(k), float(h)) for k, h in pairs])
+        return np.maximum(least - np.log(lengths), 0.0)
+
+    return penalty
+
+
 def _cost(table: CostTable, attitude: AttitudeCost) -> RunningCost:
-    weights = table.model_dump()
+    weights = table.model_dump(exclude={"recovery"})
     return RunningCost(**weights, unsettled=Unsettled(), attitude=attitude)
 
 

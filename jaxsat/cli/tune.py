@@ -1,4 +1,4 @@
-"""`jaxsat tune`: better gains by gradient descent through the simulator, and the proof."""
+"""`jaxsat tune`: better gains, by gradients through the simulator or without, and the proof."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -131,8 +131,9 @@ def _work(plan: "TuningPlan", baselines: bool) -> "Work":
     from jaxsat.montecarlo import Work
 
     told = plan.settings
-    gradients = told.steps * told.starts * told.cases * (len(plan.start) + 1)
-    screened = told.screened * len(told.screening())
+    free = told.descent.derivative_free
+    gradients = told.steps * told.starts * told.cases * (1 if free else len(plan.start) + 1)
+    screened = 0 if free else told.screened * len(told.screening())
     checks = (told.steps // told.validate_every + 2) * told.starts * told.validation_cases
     descent = gradients + screened + checks
     if baselines:
@@ -164,9 +165,11 @@ def _descended(plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder")
 def progress_text(progress: "DescentProgress") -> str:
     """One line on how far a run is."""
     several = f", {progress.starts} starts" if progress.starts > 1 else ""
+    slope = progress.gradient_norm
+    gradient = f"gradient {slope:.3g}, " if slope == slope else ""
     return (
-        f"step {progress.step} of {progress.steps}{several}: loss {progress.loss:.4g}, gradient "
-        f"{progress.gradient_norm:.3g}, {progress.settled:.0%} settled; best on validation "
+        f"step {progress.step} of {progress.steps}{several}: loss {progress.loss:.4g}, {gradient}"
+        f"{progress.settled:.0%} settled; best on validation "
         f"{progress.best_loss:.4g}"
     )
 

@@ -1,5 +1,7 @@
 """What the law that diagnoses its thrusters declares."""
 
+import dataclasses
+
 from jaxsat.declaration.keys import number
 from jaxsat.declaration.law import LawDeclaration
 from jaxsat.declaration.quaternion_feedback import QUATERNION_FEEDBACK
@@ -8,7 +10,10 @@ FAULT_TOLERANT = LawDeclaration(
     summary="quaternion feedback that detects and isolates failed thrusters and flies by what is "
     "left",
     keys=(
-        *QUATERNION_FEEDBACK.keys,
+        *(
+            dataclasses.replace(key, tunable=key.tunable and f"healthy.{key.tunable}")
+            for key in QUATERNION_FEEDBACK.keys
+        ),
         number(
             "cusum_reference",
             "Shift that each CUSUM test leaves out, half of what it detects best, in sigmas",

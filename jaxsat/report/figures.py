@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxsat.pointing import pointing_error
+from jaxsat.report.failure_figure import failure_figure
 from jaxsat.report.signal_figures import further_signals, pointing_figure, signals_figure
 from jaxsat.report.style import LINES, escape_mathematics, panels
 from jaxsat.report.time_axes import (
@@ -40,6 +41,9 @@ def trajectory_figures(dataset: xr.Dataset) -> dict[str, Figure]:
         figures["lyapunov"] = lyapunov_figure(dataset)
     if mode_names(dataset):
         figures["steering"] = steering_figure(dataset)
+    story = failure_figure(dataset)
+    if story is not None:
+        figures["failure"] = story
     if further_signals(dataset):
         figures["signals"] = signals_figure(dataset)
     return figures

@@ -82,7 +82,7 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
     alarm = [mode for mode, name in mode_names(dataset).items() if name == "alarm"]
     in_alarm = np.isin(dataset["mode"].values, alarm)
     found = [(float(time[row]), "alarm") for row in np.flatnonzero(np.diff(in_alarm * 1) > 0) + 1]
-    names = _thruster_names(dataset, kinds.shape[1])
+    names = thruster_names(dataset, kinds.shape[1])
     for row, thruster in np.argwhere(np.diff(kinds, axis=0) != 0):
         kind = kinds[row + 1, thruster]
         if np.isfinite(kind):
@@ -91,7 +91,7 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
     return sorted(found)[:MOST_VERDICTS]
 
 
-def _thruster_names(dataset: xr.Dataset, count: int) -> list[str]:
+def thruster_names(dataset: xr.Dataset, count: int) -> list[str]:
     """Names, or numbers from 1, of `count` thrusters; a two-sided one has both its places."""
     tables = tomllib.loads(dataset.attrs.get("scenario", "")).get("thruster", [])
     each = [

@@ -150,7 +150,7 @@ def _more_cases_can_be_drawn(steps, design):
 
 @rule("tuning.optimiser")
 def _optimiser_is_one_of_optax(name):
-    if name in USUAL_OPTIMISERS:
+    if name in USUAL_OPTIMISERS or name == "cma-es":
         return
     from jaxsat.tuning.optimisers import OptimiserSettings
 
@@ -158,6 +158,25 @@ def _optimiser_is_one_of_optax(name):
         OptimiserSettings(name)
     except ArgumentError as error:
         yield at("tuning.optimiser", f"{error.rule}, got {shown(name)}")
+
+
+@rule("tuning.optimiser", "control.law")
+def _duties_have_no_derivatives(name, law):
+    if find_law(law).declaration.commands_duties and name != "cma-es":
+        yield at(
+            "tuning.optimiser",
+            f'must be "cma-es" under the law "{law}", whose alarms and pulses have no derivatives, '
+            f"got {shown(name)}",
+        )
+
+
+@rule("tuning.optimiser", "tuning.cost.recovery")
+def _recovery_has_no_derivative(name, recovery):
+    if recovery is not None and name != "cma-es":
+        yield at(
+            "tuning.cost.recovery",
+            f'must be left out unless tuning.optimiser is "cma-es", got {shown(recovery)}',
+        )
 
 
 @rule("tuning.starts", "tuning.screened")

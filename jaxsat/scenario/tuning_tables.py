@@ -43,6 +43,12 @@ class CostTable(Table):
         "1",
         0.0,
     )
+    recovery: Positive | None = quantity(
+        "In place of all that: a case counts as the time from its first failure until it is "
+        "settled, over the horizon, and as this if it never is",
+        "1",
+        None,
+    )
     limit: Positive = quantity(
         "Cost c_max of a second at most: c saturates as c/(1 + c/c_max), and a run that fails is "
         "charged c_max for each second that it lacks",
@@ -68,7 +74,11 @@ class TuningTable(Table):
     tail_scale: Positive | None = quantity(
         "s: a cost C counts as s log(1 + C/s); left out, as it is", "1", None
     )
-    optimiser: Line = choice("Optimiser by its name in optax", "adam")
+    optimiser: Line = choice(
+        'Optimiser by its name in optax; or "cma-es", which takes no derivatives and has `starts` '
+        "as its population",
+        "adam",
+    )
     learning_rate: Positive = quantity("Learning rate, along the search", "1", 0.1)
     schedule: Literal["constant", "cosine", "exponential"] = choice(
         "How the learning rate falls", "cosine"
@@ -112,6 +122,12 @@ class TuningTable(Table):
     held_out_cases: Count = quantity("Cases of the verdict", "1", 1024)
     held_out_seed: Annotated[Whole, Ge(0), Le(2**63 - 1)] | None = quantity(
         "Seed of the verdict's cases; left out, simulation.seed + 1", "1", None
+    )
+    false_alarm_interval_s: Positive = quantity(
+        "Least mean time between false alarms of a law that diagnoses its thrusters, by the "
+        "average run length of its tests; 10,000 low orbits if left out",
+        "s",
+        5.7e7,
     )
     alarm_cost: Positive | None = quantity(
         "The verdict counts cases whose cost exceeds this", "1", None

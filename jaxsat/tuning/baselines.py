@@ -20,16 +20,15 @@ import scipy.optimize
 from jaxtyping import Float
 
 from jaxsat.tuning.descent import DescentState
+from jaxsat.tuning.evolution import PACKAGE, new_strategy, search_bounds
 from jaxsat.tuning.plan import TuningPlan
 from jaxsat.tuning.verdict import GainEvaluation, evaluate_gains
 
 POPULATION = 16
 """Points of random search that are evaluated together."""
 
-INITIAL_DEVIATION = 0.25
-"""First standard deviation of CMA-ES, in parts of the bounds' distance in the search."""
-
 GRADIENT_DESCENT = "gradient descent"
+WITHOUT_DERIVATIVES = "this run"
 
 
 class BaselineResult(NamedTuple):
@@ -137,7 +136,7 @@ class _Search:
 
 def nelder_mead(search: _Search, start: np.ndarray) -> None:
     """SciPy's simplex from the given gains, within the bounds, begun again when it has shrunk."""
-    low, high = _search_bounds(search.plan)
+    low, high = search_bounds(search.plan.space)
 
     def loss(point: np.ndarray) -> float:
         found = float(search.losses(point[None])[0])
@@ -169,34 +168,23 @@ def random_search(search: _Search, start: np.ndarray) -> None:
 
 def cma_es(search: _Search, start: np.ndarray) -> None:
     """Covariance matrix adaptation, N. Hansen's `cma`, in the unit cube of the bounds."""
-    import cma
-
-    low, high = _search_bounds(search.plan)
-    options = {
-        "bounds": [0.0, 1.0],
-        "seed": search.plan.settings.seed + 1,  # zero would mean the clock
-        "verbose": -9,
-        "maxiter": 10**9,
-        "tolfun": 0,
-        "tolfunhist": 0,
-        "tolx": 0,
-    }
-    first = np.clip((start - low) / (high - low), 0.0, 1.0)
+    low, high = search_bounds(search.plan.space)
+    seed = search.plan.settings.seed
     while True:
-        strategy = cma.CMAEvolutionStrategy(first, INITIAL_DEVIATION, options)
+        strategy = new_strategy((start - low) / (high - low), seed)
         while not strategy.stop():
             asked = np.array(strategy.ask())
             losses = search.losses(low + (high - low) * asked)
             strategy.tell(list(asked), losses.tolist())
             search.check_if_due(low + (high - low) * strategy.result.xfavorite)  # the mean
-        options["seed"] += 1
+        seed += 1
 
 
 def bfgs(search: _Search, start: np.ndarray) -> None:
     """optimistix' BFGS on the smooth law, from the given gains."""
     from jaxsat.tuning.quasi_newton import minimise
 
-    low, high = _search_bounds(search.plan)
+    low, high = search_bounds(search.plan.space)
 
     def gradient(point: np.ndarray) -> tuple[float, np.ndarray]:
         found = search.gradient(point)
@@ -207,20 +195,21 @@ def bfgs(search: _Search, start: np.ndarray) -> None:
 
 
 class Method(NamedTuple):
-    """A search from a start, whether it sees new cases in every round, and the package that it
-    needs beyond those of jaxsat."""
+    """A search from a start, whether it sees new cases in every round, the package that it needs
+    beyond those of jaxsat, and whether it takes gradients."""
 
     search: Callable[[_Search, np.ndarray], None]
     fresh: bool = False
     package: str | None = None
+    gradients: bool = False
 
 
 METHODS: dict[str, Method] = {
     "Nelder-Mead": Method(nelder_mead),
     "random search": Method(random_search),
-    "CMA-ES": Method(cma_es, package="cma"),
-    "CMA-ES, new cases": Method(cma_es, fresh=True, package="cma"),
-    "BFGS": Method(bfgs),
+    "CMA-ES": Method(cma_es, package=PACKAGE),
+    "CMA-ES, new cases": Method(cma_es, fresh=True, package=PACKAGE),
+    "BFGS": Method(bfgs, gradients=True),
 }
 """Every method by the name that it has in tables."""
 
@@ -243,9 +232,9 @@ def run_baselines(
     budget = float(plan.settings.baseline_trajectories or state.trajectories)
     start = plan.space.projected(plan.space.to_search(plan.start[None]))[0]
     found = [_descent_result(plan, state)]
-    absent = missing_packages()
+    absent, free = missing_packages(), plan.settings.descent.derivative_free
     for name, method in METHODS.items():
-        if method.package in absent:
+        if method.package in absent or (method.gradients and free):
             continue
         if report is not None:
             report(name)
@@ -279,7 +268,9 @@ def _search_result(plan: TuningPlan, name: str, search: _Search) -> BaselineResu
 def _descent_result(plan: TuningPlan, state: DescentState) -> BaselineResult:
     trace = np.array([[v.trajectories, v.best_loss] for v in state.validations])
     best = (state.best_loss, state.best_point)
-    return _baseline_result(plan, GRADIENT_DESCENT, state.trajectories, *best, trace)
+    free = plan.settings.descent.derivative_free
+    name = WITHOUT_DERIVATIVES if free else GRADIENT_DESCENT
+    return _baseline_result(plan, name, state.trajectories, *best, trace)
 
 
 def _baseline_result(
@@ -288,10 +279,3 @@ def _baseline_result(
     numbers = np.arange(plan.settings.held_out_cases)
     evaluation = evaluate_gains(plan, plan.held_out, point[None], numbers)[0]
     return BaselineResult(name, spent, loss, plan.settings.reached(loss), point, trace, evaluation)
-
-
-def _search_bounds(plan: TuningPlan) -> tuple[np.ndarray, np.ndarray]:
-    """The least and largest point of the search."""
-    size = plan.space.size
-    ends = plan.space.projected(np.array([[-1e3] * size, [1e3] * size]))
-    return ends[0], ends[1]

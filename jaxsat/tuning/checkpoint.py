@@ -166,8 +166,10 @@ def _to_arrays(state: DescentState) -> dict[str, np.ndarray]:
 
 def _from_arrays(plan: TuningPlan, arrays: Mapping[str, np.ndarray]) -> DescentState:
     descent: OptimiserSettings = plan.settings.descent
-    made = descent.transformation(plan.settings.steps)
-    template = jax.vmap(made.init)(jnp.asarray(arrays["points"]))
+    template: Any = ()
+    if not descent.derivative_free:
+        made = descent.transformation(plan.settings.steps)
+        template = jax.vmap(made.init)(jnp.asarray(arrays["points"]))
     structure = jax.tree.structure(template)
     leaves = [jnp.asarray(arrays[f"optimiser_{i}"]) for i in range(structure.num_leaves)]
     if _kinds(leaves) != _kinds(jax.tree.leaves(template)):

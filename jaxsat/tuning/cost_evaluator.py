@@ -72,7 +72,9 @@ class CostEvaluator:
 
     `workers` threads share the batches out; the results do not depend on how. Derivatives
     by "differences", of half width `half_width` along the search, see what automatic
-    differentiation is blind to, such as thresholds at which a law switches between samples.
+    differentiation is blind to, such as thresholds at which a law switches between samples. With
+    `recovery` a case costs `recovery_costs` in place of its integral, and `penalty` adds to the
+    costs of a point what its values, which it is given, break of a constraint.
     """
 
     program: Program
@@ -82,6 +84,8 @@ class CostEvaluator:
     workers: int = 1
     gradient: GradientMethod = "forward"
     half_width: float = 0.02
+    recovery: float | None = None
+    penalty: Callable[[Values], Float[np.ndarray, " points"]] | None = None
     counter: TrajectoryCounter = field(default_factory=TrajectoryCounter)
 
     def __post_init__(self):
@@ -99,9 +103,15 @@ class CostEvaluator:
         def run(cases: CaseWithGains) -> Outputs:
             return self.engine.evaluate(program, cases, None)
 
-        outputs = self._in_batches(run, points, numbers)
+        outputs = _by_point(self._in_batches(run, points, numbers), points, numbers)
         self._count(points, numbers, 1, intervals)
-        return _by_point(outputs, points, numbers)
+        if self.recovery is not None:
+            horizon = float(np.asarray(program.duration))
+            outputs = outputs._replace(cost=recovery_costs(outputs, horizon, self.recovery))
+        if self.penalty is not None:
+            more = self.penalty(self.space.to_values(points))
+            outputs = outputs._replace(cost=outputs.cost + more[:, None])
+        return outputs
 
     def differentiate(
         self, points: Values, numbers: np.ndarray, intervals: int | None = None
@@ -189,6 +199,18 @@ class CostEvaluator:
         with ThreadPoolExecutor(self.workers, thread_name_prefix="jaxsat") as pool:
             found = [first, *pool.map(run, batches[1:])]
         return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
+
+
+def recovery_costs(outputs: Outputs, horizon: float, unrecovered: float) -> np.ndarray:
+    """Times from the first failure until a case is settled, over the horizon (s).
+
+    Where failures are not dispersed it is the time from the start. A case that never settles costs
+    `unrecovered`.
+    """
+    settled = np.asarray(outputs.settling_time)
+    failed = outputs.drawn.get("failure_time")
+    since = 0.0 if failed is None else np.clip(np.asarray(failed).min(axis=-1), 0.0, horizon)
+    return np.where(np.isfinite(settled), np.maximum(settled - since, 0.0) / horizon, unrecovered)
 
 
 def _by_point(outputs: Outputs, points: Values, numbers: np.ndarray) -> Outputs:

@@ -1,4 +1,5 @@
-"""Gradient descent from several starts, in steps that can be interrupted and resumed."""
+"""Gradient descent from several starts, or evolution of a population without gradients, in steps
+that can be interrupted and resumed."""
 
 import functools
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from jaxsat.engine import Outputs
 from jaxsat.simulation import Outcome
+from jaxsat.tuning.evolution import next_population
 from jaxsat.tuning.optimisers import OptimiserSettings
 from jaxsat.tuning.parameters import Values
 from jaxsat.tuning.plan import TuningPlan
@@ -80,6 +82,10 @@ def initial_state(plan: TuningPlan) -> DescentState:
     """The first state: the given point and the best of those screened, none of them moved yet."""
     settings, space = plan.settings, plan.space
     own = space.projected(space.to_search(plan.start[None]))
+    if settings.descent.derivative_free:
+        points = next_population(space, own[0], settings.seed, settings.starts, [])
+        alive = np.ones(len(points), bool)
+        return _validated(plan, DescentState(points, alive, (), points[0].copy()))
     points = own
     trajectories = plan.smooth.counter.trajectories
     if settings.starts > 1:
@@ -104,6 +110,8 @@ def initial_state(plan: TuningPlan) -> DescentState:
 def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
     """One step of every start that is alive, and a validation where one is due."""
     settings, objective = plan.settings, plan.settings.objective
+    if settings.descent.derivative_free:
+        return _generation(plan, state)
     numbers = settings.numbers(state.step)
     horizon = settings.intervals(state.step, plan.intervals)
     before = plan.smooth.counter.trajectories
@@ -144,6 +152,48 @@ def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
         following = _validated(plan, following)
     if following.step in settings.halvings:
         following.alive = _better_half(following)
+    return following
+
+
+def _generation(plan: TuningPlan, state: DescentState) -> DescentState:
+    """One population of the exact law on one set of cases, and a validation where one is due.
+
+    All points see the same cases, so that what is better of two is not chance alone.
+    """
+    settings = plan.settings
+    horizon = settings.intervals(state.step, plan.intervals)
+    before = plan.exact.counter.trajectories
+    outputs = plan.exact.evaluate(state.points, settings.numbers(state.step), horizon)
+    losses = np.array([settings.objective.value(row) for row in np.asarray(outputs.cost)])
+    trajectories = state.trajectories + plan.exact.counter.trajectories - before
+    none = np.zeros(len(losses), int)
+    record = StepRecord(
+        state.points,
+        losses,
+        np.full(len(losses), np.nan),
+        _settled(outputs),
+        np.asarray((outputs.code != int(Outcome.SUCCESS)).sum(axis=1)),
+        none,
+        none,
+        horizon,
+        trajectories,
+    )
+    following = DescentState(
+        state.points,
+        state.alive,
+        (),
+        state.best_point,
+        state.best_loss,
+        state.step + 1,
+        trajectories,
+        [*state.steps, record],
+        state.validations,
+    )
+    if following.step % settings.validate_every == 0 or following.step == settings.steps:
+        following = _validated(plan, following)
+    own = plan.space.projected(plan.space.to_search(plan.start[None]))[0]
+    history = [(one.points, one.loss) for one in following.steps]
+    following.points = next_population(plan.space, own, settings.seed, settings.starts, history)
     return following
 
 

@@ -1,4 +1,4 @@
-"""optax by name: optimiser, schedule of the learning rate, and clipping."""
+"""optax by name: optimiser, schedule of the learning rate, and clipping; or no derivatives."""
 
 import inspect
 from dataclasses import dataclass
@@ -9,6 +9,9 @@ import optax
 from jaxsat.errors import ArgumentError
 
 SCHEDULES = ("constant", "cosine", "exponential")
+DERIVATIVE_FREE = "cma-es"
+"""The optimiser that asks for no derivatives, by its name in a scenario."""
+
 FINAL_RATE_FRACTION = 0.05
 """What is left of the learning rate at the end of a schedule that falls."""
 
@@ -17,7 +20,8 @@ FINAL_RATE_FRACTION = 0.05
 class OptimiserSettings:
     """An optimiser of optax by its name there, with a learning rate, its schedule and clipping.
 
-    A gradient longer than `clip` is shortened to it. Raises `ArgumentError` for what is no
+    A gradient longer than `clip` is shortened to it. `DERIVATIVE_FREE` is none of optax and has
+    neither. Raises `ArgumentError` for what is no
     optimiser of optax, or one that needs more than gradients.
     """
 
@@ -32,7 +36,13 @@ class OptimiserSettings:
                 raise ArgumentError(name, "must be positive", getattr(self, name))
         if self.schedule not in SCHEDULES:
             raise ArgumentError("schedule", f"must be one of {SCHEDULES}", repr(self.schedule))
-        _require_optimiser(self.optimiser)
+        if not self.derivative_free:
+            _require_optimiser(self.optimiser)
+
+    @property
+    def derivative_free(self) -> bool:
+        """Whether no derivatives are taken."""
+        return self.optimiser == DERIVATIVE_FREE
 
     def transformation(self, steps: int) -> optax.GradientTransformation:
         """What turns gradients into steps, for a run of `steps`."""

@@ -68,11 +68,14 @@ class Receipt:
     failed: int
     masked: int
     bounded: int
+    derivative_free: bool = False
 
     @property
     def problems(self) -> list[str]:
-        """Why the gradients must not be trusted."""
-        found = []
+        """Why the gradients must not be trusted; none where none are taken."""
+        found: list[str] = []
+        if self.derivative_free:
+            return found
         for place, comparison in (("start", self.start), ("end", self.end)):
             if not comparison.cases:
                 found.append(f"at the {place} no case reached its end, so nothing is known")
@@ -97,18 +100,19 @@ class Receipt:
 def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
     """Compare at the first point of the run and at the best one."""
     first, best = state.validations[0].best_point, state.best_point
+    free = plan.settings.descent.derivative_free
     numbers = FIRST_RECEIPT_CASE + np.arange(plan.settings.receipt_cases)
     smooth, exact, refined = (
         np.asarray(evaluator.evaluate(np.stack([first, best]), numbers).cost)
         for evaluator in (plan.smooth, plan.exact, plan.refined)
     )
-    compared = [check_gradients(plan.smooth, point, numbers) for point in (first, best)]
-    if plan.widths or not np.array_equal(smooth, exact, equal_nan=True):
-        compared += [check_gradients(plan.exact, point, numbers) for point in (first, best)]
-    else:
-        compared += compared
+    differs = bool(plan.widths) or not np.array_equal(smooth, exact, equal_nan=True)
+    runs = [] if free else [plan.smooth, plan.exact] if differs else [plan.smooth]
+    compared = [check_gradients(one, point, numbers) for one in runs for point in (first, best)]
+    compared = (compared or [_no_check(plan.space.size)] * 2) * (2 if len(runs) < 2 else 1)
     bias = _relative(smooth, exact)
-    steps = _relative(smooth, refined)
+    usual = float(np.nanmean(np.abs(refined))) if free else 0.0  # costs may be zero there
+    steps = _relative(smooth, refined, usual)
     return Receipt(
         plan.space.labels,
         *compared,
@@ -123,7 +127,14 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
         failed=sum(int(record.failed.sum()) for record in state.steps),
         masked=sum(int(record.masked.sum()) for record in state.steps),
         bounded=sum(int(record.bounded.sum()) for record in state.steps),
+        derivative_free=free,
     )
+
+
+def _no_check(size: int) -> GradientCheck:
+    """That of a run that takes no derivatives."""
+    none = np.full(size, np.nan)
+    return GradientCheck(none, none, none, none, 0, 0)
 
 
 def check_gradients(
@@ -185,9 +196,9 @@ def plain_data(value: Any) -> Any:
     return value
 
 
-def _relative(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _relative(one: np.ndarray, other: np.ndarray, least: float = 0.0) -> np.ndarray:
     both = np.isfinite(one) & np.isfinite(other)
-    return np.abs(one[both] - other[both]) / np.maximum(np.abs(other[both]), 1e-300)
+    return np.abs(one[both] - other[both]) / np.maximum(np.abs(other[both]), max(least, 1e-300))
 
 
 def _median(values: np.ndarray) -> float:

@@ -145,6 +145,10 @@ OPTIONS = {
         "--starts": ("0", "1", "-1", "1.5", "", "1e9"), "--longest": NUMBERS, "--seed": NUMBERS,
         "--objective": ("time", "effort", "", "x"), "--out": PLACES, "--quiet": None,
     },
+    "export": {
+        "--out": PLACES, "--functions": ("own", "libm", "", "x"), "--float": None,
+        "--overwrite": None, "--quiet": None,
+    },
     "controllability": {
         "--tolerance": NUMBERS, "--out": PLACES, "--overwrite": None, "--quiet": None,
     },
@@ -159,6 +163,7 @@ SHORT = {
     "simulate": ["--set", "simulation.duration_s=1"],
     "montecarlo": ["--set", "simulation.duration_s=1", "-n", "3", "--engine", "scan"],
     "controllability": [],
+    "export": [],
     "tune": ["--set", "tuning.steps=1"],
     "design": ["--cases", "2", "--steps", "0"],
     "bound": ["--starts", "1"],

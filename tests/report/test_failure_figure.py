@@ -1,0 +1,52 @@
+"""The phases of a run in which a thruster fails, and the figure of them."""
+
+import numpy as np
+import xarray as xr
+
+from jaxsat.report.failure_figure import failure_figure, phases
+
+SCENARIO = """
+[[failure]]
+of = "thruster b"
+at_s = 30.0
+kind = "dead"
+[[thruster]]
+name = "a"
+[[thruster]]
+name = "b"
+"""
+
+
+def run(settled):
+    time = np.arange(101.0)
+    kinds = np.where((time[:, None] >= 41) & (np.arange(2) == 1), 0.0, -1.0)
+    mode = np.where((time >= 40) & (time < 41), 1, 0)
+    attributes = {"flag_values": np.array([0.0, 1.0]), "flag_meanings": "three_axes alarm"}
+    variables = {
+        "quaternion": (("time", "q"), np.tile([0.8, 0.6, 0.0, 0.0], (101, 1))),
+        "diagnosed_kind": (("time", "thruster"), kinds),
+        "detection_statistic": (("time", "thruster"), np.zeros((101, 2))),
+        "mode": ("time", mode, attributes),
+        "settled_from": settled,
+    }
+    return xr.Dataset(variables, {"time": time}, {"scenario": SCENARIO, "title": "Story"})
+
+
+def test_phases_are_divided_by_failure_isolation_and_settling():
+    assert [(begin, end) for begin, end, _ in phases(run(70.0))] == [
+        (0, 30), (30, 41), (41, 70), (70, 100)
+    ]  # fmt: skip
+    assert [name.split()[0] for *_, name in phases(run(np.inf))] == [
+        "healthy:",
+        "failed,",
+        "settling",
+    ]
+
+
+def test_the_figure_names_what_happened_and_is_left_out_where_nothing_fails():
+    made = failure_figure(run(70.0))
+    texts = " ".join(text.get_text() for panel in made.axes for text in panel.texts)
+    for part in ("healthy", "settled", "thruster b: dead, 30 s", "alarm, 40 s", "isolated"):
+        assert part in texts
+    assert failure_figure(run(70.0).assign_attrs(scenario="")) is None
+    assert failure_figure(run(70.0).drop_vars("detection_statistic")) is None
