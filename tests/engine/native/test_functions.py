@@ -21,10 +21,10 @@ from jaxsat.engine.native.mapped import Mapped
 ULPS = {name: 4.0 if name in ("pow", "erf_inv") else 2.0 for name in REFERENCES}
 NEAR = ["sin", "cos"]
 BASIC = {
-    "abs", "add", "and", "bitcast_convert_type", "broadcast_in_dim", "cond", "convert_element_type",
-    "div", "dynamic_slice", "eq", "floor", "ge", "gt", "le", "lt", "max", "min", "mul", "ne", "neg", "not",
-    "or", "round", "select_n", "shift_left", "shift_right_arithmetic", "shift_right_logical",
-    "sqrt", "squeeze", "sub", "xor",
+    "abs", "add", "and", "bitcast_convert_type", "broadcast_in_dim", "cond",
+    "convert_element_type", "div", "dynamic_slice", "eq", "floor", "ge", "gt", "le", "lt",
+    "max", "min", "mul", "ne", "neg", "not", "or", "round", "select_n", "shift_left",
+    "shift_right_arithmetic", "shift_right_logical", "sqrt", "squeeze", "sub", "xor",
 }  # fmt: skip
 
 EDGES = np.array(
