@@ -52,7 +52,7 @@ class Module:
         self.lanes, self.masks, self.contract = lanes, masks, contract
         self.functions: dict[str, str] = {}
         self.printed: dict[int, tuple[str, Function, bool]] = {}  # by identity: `llvm.internal`
-        self.constants: dict[int, str] = {}  # by the number of the memory
+        self._constants: dict[int, str] = {}  # by the number of the memory
         self.declarations: set[str] = set()
         self.arena = self._on_stack = 0
         self._offsets: dict[int, int | None] = {}  # by the number of the memory
@@ -77,6 +77,18 @@ class Module:
                 self.arena += room
         return self._offsets[memory.number]
 
+    def constant(self, memory: Memory) -> str:
+        """The name of a memory that is never written, the same in all functions."""
+        if memory.number not in self._constants:
+            assert memory.initial is not None
+            kind = memory_type(memory.dtype)
+            numbers = ", ".join(
+                f"{kind} {constant(x) if kind != 'i8' else int(x)}" for x in memory.initial
+            )
+            head = f"@c{len(self._constants)} = internal constant [{memory.size} x {kind}]"
+            self._constants[memory.number] = f"{head} [{numbers}], align 128"
+        return self._constants[memory.number].split(" ", 1)[0]
+
     def text(self, attributes: str) -> str:
         """All of it, every function with these attributes.
 
@@ -85,7 +97,7 @@ class Module:
         lines = sum(text.count("\n") for text in self.functions.values())
         if lines * self.lanes * NUMBER > LARGEST:
             raise CannotLower(f"It would become {lines} lines of LLVM code")
-        parts = [*self.constants.values(), *self.functions.values(), *sorted(self.declarations)]
+        parts = [*self._constants.values(), *self.functions.values(), *sorted(self.declarations)]
         attributes = f"attributes #0 = {{ {attributes} }}"
         weights = f'{COLD} = !{{!"branch_weights", i32 100000, i32 1}}'
         return "\n".join([*parts, attributes, weights, ""])
@@ -177,11 +189,7 @@ class AbstractEmitter(abc.ABC):
             return self._memories[memory.number]
         kind = memory_type(memory.dtype)
         if memory.initial is not None:
-            name = f"@c{len(self.module.constants)}"
-            numbers = ", ".join(f"{kind} {constant(x) if kind != 'i8' else int(x)}"
-                                for x in memory.initial)  # fmt: skip
-            head = f"{name} = internal constant [{memory.size} x {kind}]"
-            self.module.constants[memory.number] = f"{head} [{numbers}], align 128"
+            name = self.module.constant(memory)
         else:
             name, offset = f"%m{len(self._memories)}", self.module.offset(memory)
             if offset is None:
