@@ -51,9 +51,9 @@ def study_section(path: Path) -> Section:
     charts = [settled_by_chart(times), settling_times_chart(times), convergence_chart(times)]
     blocks: list[Any] = [
         Facts("Scenario", scenario_facts(scenario)),
+        *recovery_tables(summary.recovery),
         Charts("Settling", [chart for chart in charts if chart is not None]),
         *_quantities(columns, done, times, summary),
-        *recovery_tables(summary.recovery),
         _percentiles(summary),
         *_rankings(summary),
         _worst(study, summary, identity, text is not None),

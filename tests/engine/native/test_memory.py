@@ -105,3 +105,23 @@ def test_small_types_and_flags_in_the_arena(monkeypatch):
         mapped = Mapped(stacked, jax.tree.map(lambda x: x[0], cases), shared, lanes)
         assert mapped.text.count("%arena, i64") >= 2
         np.testing.assert_array_equal(mapped(cases, shared), expected)
+
+
+def test_a_constant_array_has_one_name_in_all_functions():
+    def function(x, shared):
+        table = jnp.array([3.0, 5.0, 7.0, 9.0, 2.0, 1.0, 8.0, 4.0, 6.0])
+        other = table[::-1] * 2
+
+        def far(x):
+            return table[jnp.int32(x)] + other[jnp.int32(x)]
+
+        return lax.cond(x > shared, far, lambda x: table[jnp.int32(x)] - other[0], x)
+
+    x = np.arange(9.0)
+    found = Mapped(function, x[0], 4.0)(x, 4.0)
+    np.testing.assert_array_equal(found, jax.vmap(function, (0, None))(x, 4.0))
+    module = emitter.Module(4)
+    first, second = (memory.memory_of(np.dtype(float), 3, True, x[n : n + 3]) for n in (0, 1))
+    names = [module.constant(one) for one in (first, second, first)]
+    assert names == ["@c0", "@c1", "@c0"]
+    assert module.text("").count("internal constant") == 2
