@@ -1,4 +1,4 @@
-/* One sample of the oscillatory law with its estimators and its regulator, part of sampled.c. */
+/* One sample of the oscillatory law with its estimators and its end game, part of sampled.c. */
 
 /* The row-wise upper half of a symmetric 8x8 matrix. */
 #define AT(i, j) ((i) <= (j) ? (i) * 8 - (i) * ((i) - 1) / 2 + (j) - (i) \
@@ -39,7 +39,49 @@ static void fit(const Numbers *c, Block *k, double (*seen)[LANES]) {
     }
 }
 
-#define PRODUCTS(x, y, z) {x * y, x * x - y * y, y * z, x * z, x * x + y * y, z * z}
+/* The six products of the rates that ds/dt is linear in. */
+#define PRODUCTS(x, y, z) \
+    {(x) * (y), (x) * (x) - (y) * (y), (y) * (z), (x) * (z), (x) * (x) + (y) * (y), (z) * (z)}
+
+/* What follows from the fit, until the next one: the coupling about the axes of the reduced inertia,
+ * these axes, the turn (turn1, 0, turn3) to the nearest attitude that can be held, the drift of s
+ * that is left there, and the slow turn in which the end game stops the slow rate, over the rate's
+ * square. The model has no product of inertia and its orbit frame turns about -y, so the orbit rate
+ * cancels in the turn. */
+static void believe(const Numbers *c, Block *k) {
+    double model = (c->j1 - c->j2) / c->j3, least = 0.2 * model < 0.2 ? 0.2 * model : 0.2;
+    double able = c->late.largest * c->late.largest / 2;
+#pragma omp simd simdlen(8)
+    for (int l = 0; l < LANES; l++) {
+        double a = k->estimate[2][l] + model, b = k->estimate[3][l], f = k->estimate[4][l];
+        double g = k->estimate[5][l], h = k->estimate[6][l], m = k->estimate[7][l];
+        double full = sqrt(a * a + 4 * b * b), coupling = full > least ? full : least;
+        double large = sqrt((1 + fabs(a) / full) / 2), small = fabs(b) / (full * large);
+        k->axis_cos[l] = a < 0 ? small : large;
+        k->axis_sin[l] = copysign(a < 0 ? large : small, -b);
+        double square = a * a + f * f;
+        double scale = within_limits((h - b) / square, 0.02 / sqrt(square));
+        double turn1 = scale * f, turn3 = -scale * a;
+        double rest[6] = PRODUCTS(-turn3, -1, turn1);
+        k->turn1[l] = turn1;
+        k->turn3[l] = turn3;
+        double drift = c->orbit * c->orbit * (a * rest[0] + b * rest[1] + f * rest[2] + g * rest[3]
+                                              + h * rest[4] + m * rest[5]);
+        double most = coupling * able, sure = 0.7 * most - fabs(drift);
+        k->coupling[l] = coupling;
+        k->drift[l] = drift;
+        k->braking[l] = 0.5 / (sure > 0.2 * most ? sure : 0.2 * most);
+    }
+}
+
+/* Of an oscillator what one sample needs. */
+typedef struct { double by_turn, by_rate, rest, dead, least, most, share; } Demand;
+INLINE Demand demand_of(const Oscillator *o) {
+    double by_rate = 2 * o->damping * o->k3;
+    Demand d = {o->k3 * o->k3, by_rate, o->rest, by_rate * o->dead,
+                1e-8 * o->largest, o->ratio * o->largest * o->largest, 1 / o->ratio};
+    return d;
+}
 
 static void control(const Numbers *numbers, Block *k, double (*noise)[LANES], double t, int64_t i) {
     const Numbers n = *numbers, *c = &n;
@@ -98,59 +140,74 @@ static void control(const Numbers *numbers, Block *k, double (*noise)[LANES], do
         k->p[3][l] = p3 - g1 * s1, k->p[4][l] = p4 - g1 * s2, k->p[5][l] = p5 - g2 * s2;
     }
     if (i && i % 10 == 0) fit(c, k, seen);
+    if (i % 10 == 0) believe(c, k);
     double cos2 = 1 - 2 * sine * sine, sin2 = 2 * sine * cosine, nu = c->nu;
+    const Demand early = demand_of(&c->early), quiet = demand_of(&c->late);
 #pragma omp simd simdlen(8)
     for (int l = 0; l < LANES; l++) {
-        double q0 = q[0][l], q1 = q[1][l], q2 = q[2][l], q3 = q[3][l];
         double x = seen[0][l], y = seen[1][l], z = seen[2][l];
-        double e1 = k->estimate[0][l], e2 = k->estimate[1][l], sign = coupling < 0 ? -1 : 1;
-        double believed = sign * (coupling + k->estimate[2][l]);
-        double cc = sign * (believed > 0.2 ? believed : 0.2);
-        double third = k->mean[l] - e1 * x - e2 * (y + c->orbit);
-        double turn_ripple = k->quadrature[l] / c->frequency;
-        double up2 = q0 * q0 + q3 * q3, up = sqrt(up2), safe = up > 1e-12 ? up : 1e-12;
-        double phi = 2 * (q0 * q1 + q2 * q3) / safe, theta = 2 * (q0 * q2 - q1 * q3) / safe;
-        double w = sqrt(q1 * q1 + q2 * q2) / safe, side = q0 < 0 ? -1 : 1;
-        double z_turn = 2 * half_atan2(side * q3, side * q0);
-        double turn_cos = (q0 * q0 - q3 * q3) / up2, turn_sin = 2 * q0 * q3 / up2;
-        double swing1 = k->rho[l] * sine, swing2 = k->alpha[l] * sine / k->rho[l];
-        double rate = third + cc * c->orbit * (phi * turn_cos + theta * turn_sin)
-                      + cc / (4 * nu) * (k->alpha[l] * sin2);
-        double bare = z_turn - e1 * phi - e2 * theta - turn_ripple;
-        double frame = (1 + cc) * turn_cos * swing1 - (1 - cc) * turn_sin * swing2;
-        double turn = bare - c->orbit / (nu * nu) * frame - cc / (8 * nu * nu) * (k->alpha[l] * cos2);
-        double alpha = -2 / cc * (c->k3 * c->k3 * (turn - within_limits(turn, c->rest))
-                                  + 2 * c->damping * c->k3 * rate);
-        double dead = -2 / cc * (2 * c->damping * c->k3 * c->dead);
-        double size = sqrt(alpha * alpha + 1e-36), left = sqrt(dead * dead + 1e-36);
-        double granted = size - left, most = c->ratio * c->largest * c->largest;
-        granted = granted < 1e-18 ? 1e-18 : granted > most ? most : granted;
-        double wanted = granted / size * alpha, rho = sqrt(granted / c->ratio) + 1e-9;
+        double q0 = q[0][l], q1 = q[1][l], q2 = q[2][l], q3 = q[3][l];
         double f1 = -2 * c->orbit * (q1 * q2 + q0 * q3);
         double f2 = -c->orbit * (2 * (q0 * q0 + q2 * q2) - 1);
-        double second = wanted / rho, s1 = rho * sine, s2 = second * sine;
-        double r1 = f1 - c->tilt_gain * (phi + rho * cosine / nu) + s1;
-        double r2 = f2 - c->tilt_gain * (theta + second * cosine / nu) + s2;
-        double d1 = nu * rho * cosine - c->tilt_gain * (x - f1 - s1);
-        double d2 = nu * second * cosine - c->tilt_gain * (y - f2 - s2);
+        /* The attitude from the one that is held. */
+        double half1 = k->turn1[l] / 2, half3 = k->turn3[l] / 2;
+        double scale = 1 / sqrt(1 + half1 * half1 + half3 * half3);
+        double a0 = scale * (q0 + half1 * q1 + half3 * q3), a1 = scale * (q1 - half1 * q0 + half3 * q2);
+        double a2 = scale * (q2 - half3 * q1 + half1 * q3), a3 = scale * (q3 - half3 * q0 - half1 * q2);
+        double up2 = a0 * a0 + a3 * a3, up = sqrt(up2), safe = 1 / (up > 1e-12 ? up : 1e-12);
+        double phi = 2 * (a0 * a1 + a2 * a3) * safe, theta = 2 * (a0 * a2 - a1 * a3) * safe;
+        double w = sqrt(a1 * a1 + a2 * a2) * safe, side = a0 < 0 ? -1 : 1;
+        double z_turn = 2 * half_atan2(side * a3, side * a0);
+        double turn_cos = (a0 * a0 - a3 * a3) / up2, turn_sin = 2 * a0 * a3 / up2;
+        /* Slow rate and turn: without the ripple of the oscillation asked for last, about its axes. */
+        double cc = k->coupling[l], e1 = k->estimate[0][l], e2 = k->estimate[1][l];
+        double o1 = -c->orbit * k->turn3[l], o2 = -c->orbit, ac = k->swing_cos[l], as = k->swing_sin[l];
+        double b1 = o1 * turn_cos + o2 * turn_sin, b2 = o2 * turn_cos - o1 * turn_sin;
+        double along1 = ac * b1 + as * b2, along2 = ac * b2 - as * b1;
+        double swing1 = k->rho[l] * sine, swing2 = k->alpha[l] * sine / k->rho[l];
+        double rate = k->mean[l] - c->orbit * k->turn1[l] - e1 * (x - o1) - e2 * (y - o2)
+                      - cc * ((ac * phi + as * theta) * along2 + (ac * theta - as * phi) * along1)
+                      + cc / (4 * nu) * (k->alpha[l] * sin2);
+        double frame = (1 + cc) * along2 * swing1 - (1 - cc) * along1 * swing2;
+        double turn = z_turn - e1 * phi - e2 * theta - k->quadrature[l] / c->frequency
+                      + (frame - cc / 8 * (k->alpha[l] * cos2)) / (nu * nu);
+        /* Which of the two oscillators works; nothing of the other is needed. */
+        double stopping = rate * fabs(rate) * k->braking[l], wanted_turn = turn + k->turn3[l];
+        double held = fabs(turn), held_after = fabs(turn + stopping);
+        double wanted = fabs(wanted_turn), wanted_after = fabs(wanted_turn + stopping);
+        held = held > held_after ? held : held_after;
+        wanted = wanted > wanted_after ? wanted : wanted_after;
+        int enter = (w < c->enter_angle) & (held < c->enter_angle) & (wanted < c->enter_turn)
+                    & (fabs(x - o1) < c->enter_rate) & (fabs(y - o2) < c->enter_rate);
+        int leave = (w > c->leave_tilt) | (wanted > c->leave_turn);
+        /* Numbers, as gcc has no vectors of truth values to choose from. */
+        double stays = leave ? 0.0 : 1.0, enters = enter ? 1.0 : 0.0;
+        double late = k->late[l] > 0 ? stays : enters;
+#define CHOSEN(part) (late > 0 ? quiet.part : early.part)
+        double least = CHOSEN(least), bottom = least * least, inverse = 2 / cc;
+        double excess = turn - within_limits(turn, CHOSEN(rest)), dead = inverse * CHOSEN(dead);
+        double alpha = -inverse * (CHOSEN(by_turn) * excess + CHOSEN(by_rate) * rate + k->drift[l]);
+        double size = sqrt(alpha * alpha + bottom * bottom);
+        double granted = size - sqrt(dead * dead + bottom * bottom), most = CHOSEN(most);
+        granted = granted < bottom ? bottom : granted > most ? most : granted;
+        double rho = sqrt(granted * CHOSEN(share)) + least;
+        alpha *= granted / size;
+        double second = alpha / rho;
+        ac = k->axis_cos[l], as = k->axis_sin[l];
+        double p1 = ac * rho - as * second, p2 = ac * second + as * rho;
+        double r1 = f1 - c->tilt_gain * (phi + p1 * cosine / nu) + p1 * sine;
+        double r2 = f2 - c->tilt_gain * (theta + p2 * cosine / nu) + p2 * sine;
+        double d1 = nu * p1 * cosine - c->tilt_gain * (x - f1 - p1 * sine);
+        double d2 = nu * p2 * cosine - c->tilt_gain * (y - f2 - p2 * sine);
         double u1 = c->j1 * (d1 - c->rate_gain * (x - r1)) - (c->j2 - c->j3) * y * z;
         double u2 = c->j2 * (d2 - c->rate_gain * (y - r2)) - (c->j3 - c->j1) * x * z;
-        double by = y + c->orbit, v1 = 0, v2 = 0;
-        double deviation[6] = {phi, theta, bare, x, by, third};
-        for (int j = 0; j < 6; j++) {
-            v1 -= c->gain[j] * deviation[j];
-            v2 -= c->gain[6 + j] * deviation[j];
-        }
-        int enter = (w < c->enter_angle) & (fabs(turn) < c->enter_angle)
-                    & (fabs(rate) < c->enter_slow) & (fabs(x) < c->enter_rate)
-                    & (fabs(by) < c->enter_rate);
-        int leave = (w > c->leave_tilt) | (fabs(z_turn) > c->leave_turn) | (fabs(z) > c->leave_rate);
-        int regulating = k->regulating[l] != 0 ? !leave : enter;
-        k->regulating[l] = regulating;
-        k->alpha[l] = regulating ? 0 : wanted;
-        k->rho[l] = regulating ? 1e-9 : rho;
-        u1 = within_limits(regulating ? v1 : u1, c->limit);
-        u2 = within_limits(regulating ? v2 : u2, c->limit);
+        k->late[l] = late;
+        k->alpha[l] = alpha;
+        k->rho[l] = rho;
+        k->swing_cos[l] = ac;
+        k->swing_sin[l] = as;
+        u1 = within_limits(u1, c->limit);
+        u2 = within_limits(u2, c->limit);
 #ifdef PULSED
         k->command[0][l] = u1;
         k->command[1][l] = u2;

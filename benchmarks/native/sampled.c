@@ -1,11 +1,12 @@
 /* The scenario acceptance-hard with the law "oscillatory", by hand, lanes side by side: sensor
  * noise, a Kalman filter for the ripple of the third rate, recursive least squares for the errors
- * of axes and inertia, the oscillatory law, the regulator and the hand-over between them, once a
+ * of axes and inertia, the oscillatory law, its end game and the hand-over between them, once a
  * period; then one step of Bogacki and Shampine's third order with the torque held.
  *
  * What a hand can do that a compiler must not: alpha alone (the law's beta is zero), symmetric
- * covariances, least squares only at the samples that use them, the turn's sine and cosine
- * without its angle, no check of the memories for numbers that are too large.
+ * covariances, least squares and what follows from them only at the samples that use them, one of
+ * the two oscillators for each lane, sines and cosines of the turn and of the axes without the
+ * angles, no check of the memories for numbers that are too large.
  *
  * With PULSED the torque is not held: four of six thrusters that push make it by pulses, and the
  * first makes less from a failure on.
@@ -23,9 +24,11 @@ enum { AXES = 18, RESULT = 13 };
 enum { AXES = 6, RESULT = 11 };
 #endif
 enum { ROW = 22 + AXES };
+typedef struct { double k3, damping, rest, largest, ratio, dead; } Oscillator;
 typedef struct {
-    double orbit, j1, j2, j3, k3, damping, rest, nu, tilt_gain, rate_gain, largest, ratio, dead;
-    double gain[12], enter_slow, enter_rate, enter_angle, leave_tilt, leave_turn, leave_rate;
+    double orbit, j1, j2, j3, nu, tilt_gain, rate_gain;
+    Oscillator early, late;
+    double enter_rate, enter_angle, enter_turn, leave_tilt, leave_turn;
     double frequency, noise, amplitude, drift, product_error, lean_error, prior[8], fit_noise;
     double limit, period, rate_noise, attitude_noise, w_limit, z_limit, rate_limit;
     double cost_w, cost_z, cost_rate, cost_torque;
@@ -39,7 +42,9 @@ typedef struct {
     double q[4][LANES], omega[3][LANES], cost[LANES], effort[LANES], peak[LANES], settled[LANES];
     double mean[LANES], ripple[LANES], quadrature[LANES], p[6][LANES];
     double estimate[8][LANES], covariance[36][LANES], first[3][LANES], last[3][LANES];
-    double products[6][LANES], alpha[LANES], rho[LANES], regulating[LANES], torque[3][LANES];
+    double coupling[LANES], axis_cos[LANES], axis_sin[LANES], turn1[LANES], turn3[LANES];
+    double drift[LANES], braking[LANES], swing_cos[LANES], swing_sin[LANES];
+    double products[6][LANES], alpha[LANES], rho[LANES], late[LANES], torque[3][LANES];
 #ifdef PULSED
     double command[2][LANES], open[4][LANES], propellant[LANES], openings[LANES];
 #endif
@@ -234,7 +239,8 @@ static void begin_block(const Numbers *c, Block *k, const double *rows, const ui
         k->key[0][l] = keys[2 * number];
         k->key[1][l] = keys[2 * number + 1];
         k->settled[l] = INFINITY;
-        k->rho[l] = 1e-9;
+        k->rho[l] = 1e-8 * c->early.largest;
+        k->swing_cos[l] = 1;
         for (int i = 0, at = 0; i < 8; at += 8 - i, i++) k->covariance[at][l] = c->prior[i] * c->prior[i];
     }
 }

@@ -10,6 +10,7 @@ from hand_written import POINTER, WHOLE, address, library
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
+from jaxsat.control.oscillatory import MorinSamson, Oscillator
 from jaxsat.engine import NativeEngine, SampledStepper
 from jaxsat.engine.native.functions import error_function
 from jaxsat.montecarlo import Study
@@ -87,20 +88,27 @@ def _rows(copies) -> np.ndarray:
 
 def _numbers(loop, program) -> np.ndarray:
     """The fields of `Numbers` in order."""
-    law, sensors = loop.controller, loop.sensors
-    oscillator, handover = law.fine.oscillator, law.fine.handover
-    demand, filtering, fit = oscillator.demand, law.estimator.observer, law.estimator.least_squares
-    moments = np.diag(oscillator.form.model.spacecraft.inertia)
+    law, sensors, handover = loop.controller, loop.sensors, loop.controller.fine.handover
+    early, late = law.fine.oscillator, law.fine.end_game
+    filtering, fit = law.estimator.observer, law.estimator.least_squares
+    form, orbit = early.form, early.form.model.orbit
+    inertia = np.asarray(form.model.spacecraft.inertia)
+    moments = np.diag(inertia)
+    assert np.array_equal(inertia, np.diag(moments))
+    assert np.array_equal(form.axes, np.eye(3))
+    assert np.array_equal(form.to_command, np.eye(2))
+    assert orbit.rate > 0
+    assert not law.fine.fade_lean
+    assert fit.samples == 10
+    shared, again = ([x.frequency, x.tilt_gain, x.rate_gain] for x in (early, late))
+    assert np.array_equal(shared, again)
     if isinstance(loop.actuators, Actuators):
         assert np.array_equal(loop.actuators.thrust_map, np.eye(2))
         assert loop.actuators.limit == law.torque_limit
     parts = [
-        *(oscillator.form.model.orbit.rate, *moments, demand.k3, demand.damping, demand.rest),
-        *(oscillator.frequency, oscillator.tilt_gain, oscillator.rate_gain),
-        *(oscillator.largest_amplitude, oscillator.ratio, oscillator.dead_zone),
-        *np.ravel(law.fine.end_game.gain),
-        *(handover.enter_slow_rate, handover.enter_rate, handover.enter_angle),
-        *(handover.leave_tilt, handover.leave_turn, handover.leave_rate),
+        *(orbit.rate, *moments, *shared, *_of_oscillator(early), *_of_oscillator(late)),
+        *(handover.enter_rate, handover.enter_angle, handover.enter_turn),
+        *(handover.leave_tilt, handover.leave_turn),
         *(filtering.frequency, filtering.noise, filtering.amplitude, filtering.drift),
         *(filtering.product_error, filtering.lean_error, *fit.prior, fit.noise),
         *(law.torque_limit, law.period, sensors.rate_noise, sensors.attitude_noise),
@@ -108,6 +116,14 @@ def _numbers(loop, program) -> np.ndarray:
         *(program.cost.w, program.cost.z, program.cost.relative_rate, program.cost.torque),
     ]
     return np.array([float(x) for x in parts])
+
+
+def _of_oscillator(oscillator: Oscillator) -> tuple:
+    """The fields of `Oscillator` in order."""
+    demand = oscillator.demand
+    assert isinstance(demand, MorinSamson)
+    own = oscillator.largest_amplitude, oscillator.ratio, oscillator.dead_zone
+    return demand.k3, demand.damping, demand.rest, *own
 
 
 def _of_pulses(actuators: PulsedThrusters) -> np.ndarray:
