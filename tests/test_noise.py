@@ -49,6 +49,7 @@ def test_threefry_known_answer():
         assert tuple(int(word[0]) for word in found) == answer
 
 
+@pytest.mark.slow
 def test_samples_are_white_and_normal():
     key = noise.key_of_seed(7)
     draws = jax.vmap(lambda k: noise.sample_noise(key, k, 6))(jnp.arange(4000))

@@ -177,6 +177,7 @@ def test_thrusters_without_a_limit_are_told_with_their_key(capsys):
     assert "spacecraft.torque_limit_N_m: must be given in N m" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_command_line(tmp_path, capsys):
     handler = signal.getsignal(signal.SIGTERM)
     quick = ["initial.w=[0.05, 0.0]", "initial.z_rad=0", "initial.omega_rad_s=[0, -0.0011, 0]"]

@@ -157,7 +157,7 @@ def test_options_given_twice_are_refused(command_line, tokens):
         (["--csv", "no/t.csv"], "is not a folder"),
         (["--csv", "file.txt"], "file.txt already exists; give --overwrite"),
         (["--case", "3", "--csv", "t.csv"], "--case: must be given without --csv"),
-        (["--overwrite"], "--overwrite: must be given with --case or --csv"),
+        (["--overwrite"], "--overwrite: must be given with --case, --csv or --report"),
         (["--case", "3", "--figures", "f"], "--case: must be given without --figures"),
         (["--out", "file.txt", "--engine", "scan"], "file.txt is a file"),
     ],

@@ -108,6 +108,7 @@ def test_nothing_with_quiet(command_line, monkeypatch):
     assert command_line("simulate", "switching", *short, "quiet", "--quiet") == (0, "", "")
 
 
+@pytest.mark.slow
 def test_progress_that_cannot_be_written_is_no_reason_to_fail():
     begin = time.monotonic()
     with open("/dev/full", "w") as full:

@@ -46,6 +46,7 @@ def test_its_commands_simulate_and_disperse(command_line):
     assert "not the native engine" not in err
 
 
+@pytest.mark.slow
 def test_commands_that_cannot_know_them_say_so(command_line):
     status, _, err = command_line("bound", "disturbed.toml")
     assert status == 2

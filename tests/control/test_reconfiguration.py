@@ -57,6 +57,7 @@ def test_the_torque_is_made_by_those_left_as_by_a_table_of_their_own():
             )
 
 
+@pytest.mark.slow
 def test_where_a_torque_cannot_be_made_the_rest_of_it_is():
     torque = pairs()
     made = tables(torque)

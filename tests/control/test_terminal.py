@@ -85,6 +85,7 @@ def test_uncontrollable_is_refused():
         OrbitalRegulator.design(form([300.0, 300.0, 312.5]))
 
 
+@pytest.mark.slow
 def test_regulator_on_the_free_body_follows_the_linear_solution():
     """A small start under the torque in continuous time, against the matrix exponential."""
     model = body()

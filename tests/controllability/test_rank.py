@@ -31,6 +31,7 @@ def test_families_exactly(moments, axes):
         assert expected in (0, 2, 5, 6)
 
 
+@pytest.mark.slow
 def test_separatrix_planes_exactly():
     assert len(PLANES) > 5
     for moments, axes in PLANES:
@@ -109,6 +110,7 @@ def test_verdicts_name_what_is_missing():
     assert analyse([9, 5, 7], columns([X, Y])).generators == ("g1", "g2", "[[f,g1],g2]")
 
 
+@pytest.mark.slow
 def test_ranks_away_from_rest():
     """Rises with motion and T_d: the rank does depend on T_d, unlike the paper's 3.4."""
     single = analyse([9.0, 5.0, 7.0], columns([X])).away_from_rest

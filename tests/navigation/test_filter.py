@@ -128,6 +128,7 @@ def test_errors_are_as_large_as_the_filter_claims(cases):
         assert within_band(squares, 6), (number, squares.mean())
 
 
+@pytest.mark.slow
 def test_a_filter_that_knows_too_much_is_told_apart():
     """The same test fails for a gyro that is three times as noisy as declared."""
     worse = Gyro(3 * DENSITY, WALK, bias_sigma=BIAS)

@@ -140,6 +140,7 @@ def test_a_long_run_stays_small(run_file):
     np.testing.assert_array_equal(quaternion, run["quaternion"].values[at])
 
 
+@pytest.mark.slow
 def test_several_runs_are_replayed_side_by_side(run_file):
     paths = [run_file(run_dataset(title=title), f"{title}.nc") for title in ("one", "two")]
     page = report_page(paths)

@@ -48,7 +48,7 @@ def test_holds_every_signal(run, dataset):
             assert name not in dataset
         else:
             np.testing.assert_array_equal(dataset[name], values)
-    assert set(VARIABLES) == set(vars(trajectory.signals))
+    assert set(VARIABLES) | {"torque_range"} == set(vars(trajectory.signals))
     assert set(TOTALS) == set(vars(trajectory.assessment))
     assert "constraint_effort" not in dataset
     np.testing.assert_array_equal(dataset["effort"], trajectory.assessment.effort)

@@ -90,6 +90,7 @@ def test_it_changes_no_other_bit_and_no_derivative():
     np.testing.assert_allclose(spin, PERIOD * np.arange(SAMPLES).sum() / 3.0, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_dataset_has_it_where_it_says_more_than_the_torque_saved():
     coarse, fine = (trajectory_dataset(flown(every)) for every in (6, 1))
     np.testing.assert_allclose(coarse["torque_min"][:-1, 0], -0.1)
@@ -100,6 +101,7 @@ def test_a_dataset_has_it_where_it_says_more_than_the_torque_saved():
     assert not {"torque_min", "torque_max", "torque_mean"} & set(fine)
 
 
+@pytest.mark.slow
 def test_a_failed_run_has_none_after_its_end():
     run = flown(4, state_limit=10.0)  # which the count of samples reaches
     assert int(run.code) != 0

@@ -98,6 +98,7 @@ def expected(commands, period=PERIOD, external=PUSH):
 SHARED = ActuatorsWithWheels.of(AXES, 3, wheel_limit=0.25)
 
 
+@pytest.mark.slow
 def test_wheels_come_to_rest_and_to_their_limits_at_their_true_instants():
     loop = SampledLoop(body(disturbance=ConstantTorque(PUSH)), Waves(PERIOD), SHARED, 4)
     found = flown(loop).signals
