@@ -156,6 +156,7 @@ class SampledStepper(AbstractStepper):
     def signals(self, program, case, progress, number):
         """Those of the sample, and the range of the torque since the last ones."""
         t = number * program.interval
+        assert progress.held is not None
         found = _sampled_loop(case).signals(number, t, progress.state)
         return dataclasses.replace(found, torque_range=progress.held.range())
 
