@@ -15,9 +15,9 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.optimize import nnls
 
 from jaxsat.controllability.layout import TOLERANCE
+from jaxsat.controllability.nonnegative import nonnegative_least_squares
 
 ROUNDING = 1e-9
 """Sines below this are rounding of the data, and so are columns shorter than this times the
@@ -86,7 +86,7 @@ class TorqueCone:
         wanted = torque / np.linalg.norm(torque)
         if self.rays.shape[1] == 0:
             return np.pi
-        _, distance = nnls(self.rays, wanted, maxiter=100 * self.rays.shape[1])
+        _, distance = nonnegative_least_squares(self.rays, wanted)
         if distance < 1 - 1e-9:
             return float(np.arcsin(distance))
         return float(np.arccos(np.clip(np.max(self.rays.T @ wanted), -1.0, 0.0)))
@@ -160,7 +160,7 @@ def _nearest_to_zero(
     rows = np.concatenate([points, np.ones((1, points.shape[1]))])
     target = np.zeros(len(rows))
     target[-1] = 1.0
-    weights, _ = nnls(rows, target, maxiter=100 * points.shape[1])
+    weights, _ = nonnegative_least_squares(rows, target)
     weights = weights / np.sum(weights)
     return weights, points @ weights
 

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import nnls
 
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import TorqueCone, unit_rays
+from jaxsat.controllability.nonnegative import nonnegative_least_squares
 
 COUPLE = 1e-7
 """A least net force below this times the forces that make the torque is rounding."""
@@ -66,7 +66,7 @@ def _least(
     scale = np.where(turns > 0, 1.0 / size, 1.0 / np.where(pushes > 0, pushes, 1.0) * lever)
     rows = np.concatenate([_WEIGHT * torques * scale, forces * scale / lever])
     target = np.concatenate([_WEIGHT * direction, np.zeros(3)])
-    shares, _ = nnls(rows, target, maxiter=200 * rows.shape[1])
+    shares, _ = nonnegative_least_squares(rows, target)
     net = float(np.linalg.norm(rows[3:] @ shares))
     effort = float(np.sum(np.linalg.norm(rows[3:], axis=0) * shares))
     return net * lever if net > COUPLE * effort else 0.0

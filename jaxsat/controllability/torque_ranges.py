@@ -10,7 +10,6 @@ import itertools
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import linprog
 
 from jaxsat.controllability.actuators import ActuatorSet, actuator_set
 from jaxsat.controllability.judgement import Judgement, judge
@@ -83,6 +82,8 @@ def _moves(
     free = high - low > LEVEL_ROUNDING
     if not np.any(torques @ np.where(free, 0.0, low)) and np.all((low <= 0) | ~free):
         return free & (low < 0), free & (high > 0)  # at rest with all others off
+    from scipy.optimize import linprog  # takes its time, and most studies have no use for it
+
     size = np.abs(torques).max(initial=1e-300)
     bounds = list(zip(low, high, strict=True))
     down, up = np.zeros_like(free), np.zeros_like(free)

@@ -81,7 +81,7 @@ class Study:
         """What tells of failures in flight; None where there are none."""
         program, copies = self.program, self.case_factory
         attitude = bool(np.isfinite(np.asarray(program.tolerances.w)))
-        duration = float(np.asarray(program.duration))
+        duration = float(np.asarray(program.interval)) * program.intervals  # nothing to compile
         return FailureRecovery.of(
             copies.loop, copies.start, duration, attitude=attitude, names=self.names
         )

@@ -55,7 +55,8 @@ def dimensionless_numbers(scenario: Scenario) -> dict[str, float]:
     }
     if axes.shape[1] == 2:
         found["axes_angle"] = math.acos(min(1.0, abs(float(axes[:, 0] @ axes[:, 1]))))
-    limits = [torque_limit(scenario), *(one.torque_limit_N_m for one in scenario.wheel)]
+    wheels = [one.torque_limit_N_m for one in scenario.wheel if any(one.axis[:2])]
+    limits = [torque_limit(scenario), *wheels]
     known = [limit for limit in limits if limit is not None]
     if known:
         limit = min(known) * usable_share(axes, frame[:2])
