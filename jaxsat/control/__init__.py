@@ -29,13 +29,11 @@ from jaxsat.control.presets import (
 )
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.rate import RateLaw
-from jaxsat.control.riccati import reachable_rank, regulator_gain
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, RippleObserver
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.switching import SwitchingLaw
-from jaxsat.control.terminal import OrbitalRegulator, linear_model
 from jaxsat.control.three_axis import ThreeAxisLaw
 from jaxsat.control.torque_axis import TorqueAxisFrame
 
@@ -59,7 +57,6 @@ __all__ = [
     "NormalState",
     "OneTorque",
     "OneTorqueMode",
-    "OrbitalRegulator",
     "Oscillator",
     "OscillatorState",
     "OscillatoryLaw",
@@ -79,10 +76,7 @@ __all__ = [
     "TorqueAxisFrame",
     "TwoChannel",
     "UnsuitableModel",
-    "linear_model",
     "oscillatory_settling",
-    "reachable_rank",
-    "regulator_gain",
     "ripple_filter",
     "three_slew_settling",
 ]

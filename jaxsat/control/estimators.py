@@ -77,8 +77,8 @@ class ThirdAxisEstimator(eqx.Module):
     """
 
     form: NormalForm
-    observer: AbstractRippleEstimator | None = None
-    least_squares: RecursiveLeastSquares | None = eqx.field(default_factory=RecursiveLeastSquares)
+    observer: AbstractRippleEstimator | None
+    least_squares: RecursiveLeastSquares | None
 
     def init(self, omega: Float[Array, "3"]) -> EstimatorMemory:
         """Nothing known yet but (p1, p2, s), rad/s."""

@@ -29,7 +29,7 @@ class FineMode(enum.IntEnum):
     """The modes of the fine stage; a supervisor's earlier phases are 1 and 2."""
 
     OSCILLATING = 3
-    REGULATING = 4
+    HOLDING = 4
 
 
 class Handover(eqx.Module):
@@ -161,7 +161,7 @@ class OscillatorySettling(AbstractSampledController):
     fine: FineStage
     estimator: ThirdAxisEstimator
     torque_limit: RealScalar = eqx.field(converter=as_float)
-    period: RealScalar = eqx.field(converter=as_float, default=0.1)
+    period: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_positive("torque_limit", self.torque_limit)
@@ -197,4 +197,4 @@ class OscillatorySettling(AbstractSampledController):
 
     def mode(self, memory: OscillatorySettlingMemory) -> Int[Array, ""]:
         """The `FineMode` at work."""
-        return jnp.where(memory.fine.late, FineMode.REGULATING, FineMode.OSCILLATING)
+        return jnp.where(memory.fine.late, FineMode.HOLDING, FineMode.OSCILLATING)

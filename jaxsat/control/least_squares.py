@@ -37,8 +37,8 @@ class RecursiveLeastSquares(eqx.Module):
     the standard deviations believed at the start (shape (8,)), `noise` that of one Δω3 (rad/s).
     """
 
+    noise: RealScalar = eqx.field(converter=as_float)
     prior: Float[Array, "8"] = eqx.field(converter=as_float, default=PRIOR)
-    noise: RealScalar = eqx.field(converter=as_float, default=2e-5)
     samples: int = eqx.field(static=True, default=10)
 
     def __check_init__(self):

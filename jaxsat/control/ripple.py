@@ -72,8 +72,8 @@ class RippleObserver(AbstractRippleEstimator):
     """
 
     frequency: RealScalar = eqx.field(converter=as_float)
-    pole: RealScalar = eqx.field(converter=as_float, default=0.05)
-    rate_limit: RealScalar = eqx.field(converter=as_float, default=0.02)
+    pole: RealScalar = eqx.field(converter=as_float)
+    rate_limit: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
         for name in ("frequency", "pole", "rate_limit"):
@@ -159,10 +159,10 @@ class RippleFilter(AbstractRippleEstimator):
     """
 
     frequency: RealScalar = eqx.field(converter=as_float)
-    noise: RealScalar = eqx.field(converter=as_float, default=1e-5)
-    amplitude: RealScalar = eqx.field(converter=as_float, default=3e-5)
-    drift: RealScalar = eqx.field(converter=as_float, default=2e-6)
-    product_error: RealScalar = eqx.field(converter=as_float, default=0.01)
+    noise: RealScalar = eqx.field(converter=as_float)
+    amplitude: RealScalar = eqx.field(converter=as_float)
+    drift: RealScalar = eqx.field(converter=as_float)
+    product_error: RealScalar = eqx.field(converter=as_float)
     lean_error: RealScalar = eqx.field(converter=as_float, default=0.003)
 
     def __check_init__(self):

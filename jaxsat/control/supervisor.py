@@ -31,11 +31,11 @@ class Phase(enum.IntEnum):
     STOPPING = 1
     SLEWING = 2
     OSCILLATING = FineMode.OSCILLATING.value
-    REGULATING = FineMode.REGULATING.value
+    HOLDING = FineMode.HOLDING.value
 
 
 class SettlingMemory(NamedTuple):
-    """The phase but `REGULATING`, the memories of its parts, and when the phase began (s)."""
+    """The phase but `HOLDING`, the memories of its parts, and when the phase began (s)."""
 
     phase: Int[Array, ""]
     signs: Signs
@@ -66,12 +66,12 @@ class ThreeSlewSettling(AbstractSampledController):
     estimator: ThirdAxisEstimator
     torque_limit: RealScalar = eqx.field(converter=as_float)
     stopped_rate: RealScalar = eqx.field(converter=as_float)
+    lost_rate: RealScalar = eqx.field(converter=as_float)
+    period: RealScalar = eqx.field(converter=as_float)
     lost_turn: RealScalar = eqx.field(converter=as_float, default=1.0)
-    lost_rate: RealScalar = eqx.field(converter=as_float, default=0.05)
     patience: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
     slow_rate: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
     late_turn: RealScalar = eqx.field(converter=as_float, default=0.1)
-    period: RealScalar = eqx.field(converter=as_float, default=0.1)
 
     def __check_init__(self):
         for name in ("torque_limit", "stopped_rate", "lost_turn", "lost_rate", "period"):
@@ -131,13 +131,13 @@ class ThreeSlewSettling(AbstractSampledController):
 
     def rate_error(self, state: PlantState, memory: SettlingMemory) -> Float[Array, "2"]:
         """ω - ω_d of the phase, zero in the end game, rad/s."""
-        regulating = self.mode(memory) == Phase.REGULATING
-        return jnp.where(regulating, 0.0, self.form.seen(state).omega[:2] - memory.reference)
+        holding = self.mode(memory) == Phase.HOLDING
+        return jnp.where(holding, 0.0, self.form.seen(state).omega[:2] - memory.reference)
 
     def mode(self, memory: SettlingMemory) -> Int[Array, ""]:
         """The `Phase` at work."""
-        regulating = (memory.phase == Phase.OSCILLATING) & memory.fine.late
-        return jnp.where(regulating, Phase.REGULATING, memory.phase)
+        holding = (memory.phase == Phase.OSCILLATING) & memory.fine.late
+        return jnp.where(holding, Phase.HOLDING, memory.phase)
 
     def _phase(
         self,

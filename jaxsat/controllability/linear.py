@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control import reachable_rank
 from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
 from jaxsat.errors import JaxsatError
 
@@ -106,6 +105,29 @@ def linear_controllability(
         state_matrix=state,
         input_matrix=inputs,
     )
+
+
+def reachable_rank(
+    a: Float[np.ndarray, "n n"], b: Float[np.ndarray, "n m"], noise: float
+) -> tuple[int, float]:
+    """Dimension of the space that x' = A x + B u can be steered in, and the shortest of the new
+    directions that were counted.
+
+    An orthonormal basis is grown by A; a new direction counts if it is longer than `noise`. Sounder
+    than the rank of [B AB A²B ...], whose columns differ by many powers of ten.
+    """
+    basis, shortest = np.zeros((a.shape[0], 0)), np.inf
+    front = b
+    while front.size and basis.shape[1] < a.shape[0]:
+        for _ in range(2):  # twice is enough for orthogonality to rounding
+            front = front - basis @ (basis.T @ front)
+        directions, lengths, _ = np.linalg.svd(front, full_matrices=False)
+        found = lengths > noise
+        shortest = min(shortest, float(np.min(lengths[found], initial=np.inf)))
+        new = directions[:, found]
+        basis = np.hstack([basis, new])
+        front = a @ new
+    return basis.shape[1], shortest
 
 
 def gramian(

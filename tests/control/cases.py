@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from helpers.paper import PAPER_DISTURBANCE
-from jaxsat.control import NormalForm
+from jaxsat.control import NormalForm, RecursiveLeastSquares, RippleFilter, RippleObserver
 from jaxsat.dynamics import RigidBody
 from jaxsat.environment import ExactOrbit, NoDisturbance, PeriodicTorque
 from jaxsat.vehicle import Actuators, Spacecraft
@@ -32,3 +32,19 @@ def actuators(limit=jnp.inf, axes=None):
     """Thrusters about x and y, or along the columns of `axes` (3, 2)."""
     axes = np.eye(3)[:, :2] if axes is None else axes
     return Actuators(axes, np.eye(2), limit)
+
+
+def ripple_filter_of(frequency, **changes):
+    """The filter for the noise and the ripple of the paper's spacecraft."""
+    expected = {"noise": 1e-5, "amplitude": 3e-5, "drift": 2e-6, "product_error": 0.01}
+    return RippleFilter(frequency, **expected | changes)
+
+
+def ripple_observer(frequency=0.1, pole=0.05):
+    """The observer for its ripple."""
+    return RippleObserver(frequency, pole, rate_limit=0.02)
+
+
+def paper_fit(**changes):
+    """Least squares for its rate noise."""
+    return RecursiveLeastSquares(**{"noise": 2e-5} | changes)

@@ -8,13 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from control.cases import body, form
+from control.cases import body, form, paper_fit, ripple_filter_of
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build_loop
 from jaxsat.assembly.study import build_study
 from jaxsat.control import (
-    RecursiveLeastSquares,
-    RippleFilter,
     ThirdAxisEstimator,
     ripple_filter,
     three_slew_settling,
@@ -72,7 +70,7 @@ def test_of_the_papers_spacecraft_the_belief_is_the_papers_to_rounding(law):
     controller = controller_of(build_loop(load("acceptance-hard", [f"control.law={law}"])))
     for found, expected in zip(
         jax.tree.leaves(controller.estimator.observer),
-        jax.tree.leaves(RippleFilter(0.1)),
+        jax.tree.leaves(ripple_filter_of(0.1)),
         strict=True,
     ):
         assert float(found) == pytest.approx(float(expected), rel=1e-9)
@@ -124,7 +122,7 @@ def test_a_small_coupling_of_the_model_is_believed(j1, error):
     """The least that is believed was that of the paper's body; another body may have less."""
     model = form(np.array([j1, 264.6, 312.5]))
     c = (j1 - 264.6) / 312.5
-    estimator = ThirdAxisEstimator(model, None, RecursiveLeastSquares())
+    estimator = ThirdAxisEstimator(model, None, paper_fit())
     start = jnp.zeros(3)
     memory = estimator.init(start)
     memory = memory._replace(fit=memory.fit._replace(estimate=jnp.zeros(8).at[2].set(error)))

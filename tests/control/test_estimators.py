@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from control.cases import INERTIA, C, form
+from control.cases import INERTIA, C, form, paper_fit, ripple_filter_of, ripple_observer
 from jaxsat.control import (
-    RecursiveLeastSquares,
-    RippleFilter,
-    RippleObserver,
     ThirdAxisEstimator,
 )
 from jaxsat.control.ripple import Ripple
@@ -26,7 +23,7 @@ def observe(observer, ripple, omega3):
 
 def test_observer_poles():
     """The error of the sampled observer dies out as exp(-λ t), three times over."""
-    observer = RippleObserver(0.1)
+    observer = ripple_observer()
 
     def error(vector):
         return jnp.stack(observe(observer, Ripple(*vector), jnp.zeros(())))
@@ -37,7 +34,7 @@ def test_observer_poles():
 
 def test_observer_gains_become_the_continuous_ones():
     lam, square, period = 0.05, 0.1**2, 1e-4
-    gains = np.array(RippleObserver(0.1).gains(jnp.array(period))) / period
+    gains = np.array(ripple_observer().gains(jnp.array(period))) / period
     np.testing.assert_allclose(
         gains, [3 * lam, 3 * lam**2 - square, lam**3 - 3 * lam * square], rtol=1e-4
     )
@@ -45,7 +42,7 @@ def test_observer_gains_become_the_continuous_ones():
 
 def test_observer_finds_the_ripple():
     """After 300 s the ripples are the zero-mean integrals of d3 / J3 = A sin(Ωt + φ)."""
-    observer, size, frequency, phase = RippleObserver(0.1), 3.2e-6, 0.1, 0.4
+    observer, size, frequency, phase = ripple_observer(), 3.2e-6, 0.1, 0.4
     times = PERIOD * np.arange(3001)
     drift = 1e-5
     rate = drift - size / frequency * (np.cos(frequency * times + phase) - np.cos(phase))
@@ -62,12 +59,13 @@ def test_observer_finds_the_ripple():
     assert ripple.acceleration == pytest.approx(size * np.sin(angle), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_filter_finds_the_ripple_sooner_and_through_noise():
     """After 40 s with white noise as large as the ripple: against the truth and the observer."""
     size, noise, frequency = 3.2e-5, 2e-5, 0.1
     times = PERIOD * np.arange(401)
     clean = 2e-5 + size * np.cos(frequency * times + 0.4)
-    filtering, watching = RippleFilter(0.1, noise=noise), RippleObserver(0.1)
+    filtering, watching = ripple_filter_of(0.1, noise=noise), ripple_observer()
 
     def run(estimator, measured):
         def one(memory, omega3):
@@ -93,7 +91,7 @@ def test_filter_finds_the_ripple_sooner_and_through_noise():
 
 def test_filter_is_the_batch_estimate():
     """Without drift: weighted least squares for mean, ripple and quadrature at the end."""
-    filtering = RippleFilter(0.1, drift=1e-15)
+    filtering = ripple_filter_of(0.1, drift=1e-15)
     omega3 = np.random.default_rng(1).normal(size=30) * 3e-5
     memory = filtering.init(jnp.array(omega3[0]))
     for value in omega3[1:]:
@@ -111,7 +109,7 @@ def test_filter_is_the_batch_estimate():
 
 def test_observer_waits_while_the_rates_are_large():
     """Then ω̂3 is the measured rate and the oscillation goes on by itself, exactly."""
-    observer = RippleObserver(0.1)
+    observer = ripple_observer()
     ripple = Ripple(jnp.array(0.1), jnp.array(2e-6), jnp.array(1e-7))
     fast = jnp.array([0.03, 0.0, 0.2])
     moved = observer.advance(ripple, AT_REST, jnp.zeros(()), jnp.array(PERIOD))
@@ -125,7 +123,7 @@ def test_observer_waits_while_the_rates_are_large():
 
 def test_recursive_least_squares_is_the_batch_solution():
     """Against the normal equations with the prior, on data of no special form."""
-    fit_by = RecursiveLeastSquares(samples=1)
+    fit_by = paper_fit(samples=1)
     rng = np.random.default_rng(0)
     omega = rng.normal(size=(40, 3)) * 0.05
     products = rng.normal(size=(40, 6)) * 1e-2
@@ -161,7 +159,7 @@ def test_estimate_of_leaning_axes_and_products_of_inertia():
 
     times = PERIOD * np.arange(601)
     run = solve_ivp(rate, (0, 60), [0.02, -0.03, 0.05], t_eval=times, rtol=1e-10, atol=1e-13)
-    estimator = ThirdAxisEstimator(form(), None)
+    estimator = ThirdAxisEstimator(form(), None, paper_fit())
     memory = estimator.init(jnp.array(run.y[:, 0]))
     update = jax.jit(lambda m, w: estimator.update(w, m, jnp.array(PERIOD)))
     for omega in run.y.T:
@@ -185,7 +183,7 @@ def test_estimator_without_parts_believes_the_model():
 
 @pytest.mark.slow
 def test_forgetting():
-    estimator = ThirdAxisEstimator(form(), RippleObserver(0.1))
+    estimator = ThirdAxisEstimator(form(), ripple_observer(), paper_fit())
     _, memory = _run_once(estimator)
     ripple = memory.ripple._replace(acceleration=jnp.array(1.0), jerk=jnp.array(2.0))
     memory = memory._replace(ripple=ripple)
@@ -202,9 +200,9 @@ def _run_once(estimator):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: RippleObserver(0.1, pole=0.0), "`pole` must be positive"),
-        (lambda: RecursiveLeastSquares(noise=-1.0), "`noise` must be positive"),
-        (lambda: RecursiveLeastSquares(samples=0), "`samples` must be at least 1"),
+        (lambda: ripple_observer(pole=0.0), "`pole` must be positive"),
+        (lambda: paper_fit(noise=-1.0), "`noise` must be positive"),
+        (lambda: paper_fit(samples=0), "`samples` must be at least 1"),
     ],
 )
 def test_impossible_estimators_are_refused(make, message):

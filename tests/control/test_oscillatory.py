@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from control.cases import ORBIT_RATE, C, actuators, form
+from control.cases import ORBIT_RATE, C, actuators, form, paper_fit, ripple_observer
 from jaxsat.attitude import WZ, Quaternion
 from jaxsat.control import (
     MorinSamson,
     Oscillator,
     OscillatoryLaw,
-    RippleObserver,
     ThirdAxis,
     ThirdAxisEstimator,
     TwoChannel,
@@ -197,7 +196,7 @@ def test_gradient_with_respect_to_gains():
 
     def outcome(gains):
         law = oscillator(**dict(zip(fields, gains, strict=True)))
-        estimator = ThirdAxisEstimator(law.form, RippleObserver(0.1))
+        estimator = ThirdAxisEstimator(law.form, ripple_observer(), paper_fit())
         controller = OscillatoryLaw(law, estimator, jnp.array(50.0), 0.1)
         final = simulate(SampledLoop(law.form.model, controller, actuators()), start, times).signals
         return jnp.stack([final.z[-1], final.omega[-1, 2], final.w[-1, 0]])
@@ -228,7 +227,7 @@ def test_new_gains_compile_nothing():
     def first_step(law, state):
         traced.append(None)
         controller = OscillatoryLaw(
-            law, ThirdAxisEstimator(law.form, RippleObserver(0.1)), jnp.inf, 0.1
+            law, ThirdAxisEstimator(law.form, ripple_observer(), paper_fit()), jnp.inf, 0.1
         )
         return controller.step(jnp.zeros(()), state, controller.init(state))[0]
 

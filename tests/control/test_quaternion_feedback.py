@@ -42,6 +42,7 @@ def test_small_errors_are_damped_oscillations_about_any_axis():
     np.testing.assert_allclose(found, expected[:, None] * axis, atol=3e-3 * angle)
 
 
+@pytest.mark.slow
 def test_a_slew_keeps_to_its_rate_and_settles_under_limited_torque():
     run = flown(at_rest([0.3, 1, -1], 2.5), max_rate=0.05, limit=0.2, period=0.1, seconds=200)
     rates = np.linalg.norm(np.asarray(run.signals.relative_rate), axis=1)

@@ -19,8 +19,8 @@ from jaxsat.control.sampled import mode_label
 
 SHOWN = {
     SwitchingLaw: {0: "three-axis law", 1: "rate law"},
-    OscillatorySettling: {3: "oscillating", 4: "regulating"},
-    ThreeSlewSettling: {1: "stopping", 2: "slewing", 3: "oscillating", 4: "regulating"},
+    OscillatorySettling: {3: "oscillating", 4: "holding"},
+    ThreeSlewSettling: {1: "stopping", 2: "slewing", 3: "oscillating", 4: "holding"},
     ThreeSlewLaw: {0: "first slew", 1: "second slew", 2: "third slew", 3: "slewed"},
     FiniteTimeRateLaw: {0: "one law"},
     OscillatoryLaw: {0: "one law"},

@@ -46,7 +46,7 @@ def test_paper_start_settles(name, limit, latest):
     assert np.all(run.torque[:, 2] == 0)
     modes = np.asarray(run.mode)
     order = modes[np.flatnonzero(np.diff(modes, prepend=-1))]
-    first, last = {"oscillatory": FineMode, "three-slew": Phase}[name], FineMode.REGULATING
+    first, last = {"oscillatory": FineMode, "three-slew": Phase}[name], FineMode.HOLDING
     assert order[0] == min(first)
     assert order[-1] == last
     assert np.all(np.diff(order) > 0)
@@ -91,9 +91,9 @@ def test_modes_change_with_hysteresis():
         memory = memory._replace(fine=memory.fine._replace(late=jnp.array(begin)))
         return int(controller.mode(step(jnp.zeros(()), state, memory)[1]))
 
-    assert mode(0.029, False) == FineMode.REGULATING
+    assert mode(0.029, False) == FineMode.HOLDING
     assert mode(0.031, False) == FineMode.OSCILLATING
-    assert mode(0.044, True) == FineMode.REGULATING
+    assert mode(0.044, True) == FineMode.HOLDING
     assert mode(0.046, True) == FineMode.OSCILLATING
 
 

@@ -122,6 +122,7 @@ def test_the_end_game_begins_where_it_can_stop_in_time():
     assert not works(True, 0.0, 0.03, held=0.016)
 
 
+@pytest.mark.slow
 def test_the_rate_law_takes_a_direction_in_which_the_slow_rate_falls_quickly():
     """Whatever products it has: by Euler's equation at the references of all directions."""
     form = leaning_form()

@@ -42,6 +42,7 @@ def test_drift_has_no_divergence(disturbed, orbit):
         assert abs(float(divergence(field, state))) < 1e-12
 
 
+@pytest.mark.slow
 def test_divergence_sees_damping_and_attitude_feedback():
     """Fields whose divergence is known: −k ω has −3k; a(R) = R e_x-dependent turns by hand."""
     damped = lambda x: jnp.concatenate([jnp.zeros(9), -0.3 * x[9:12]])  # noqa: E731

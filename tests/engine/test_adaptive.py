@@ -28,6 +28,7 @@ def found():
     return engine().evaluate(program_of(COPIES, COPIES.loop, 10.0), KICKS)
 
 
+@pytest.mark.slow
 def test_the_printed_law_has_its_reference_numbers(found):
     state = [*found.w[0], found.z[0], *found.omega[0, :2]]
     np.testing.assert_allclose(state, THREE_AXIS_STATES[10], atol=2e-8)
@@ -41,6 +42,7 @@ def test_bits_depend_on_no_other_case(found):
         same_bits(some, jax.tree.map(lambda x, n=numbers: x[n], found))
 
 
+@pytest.mark.slow
 def test_a_case_that_is_no_number_leaves_at_once(found):
     assert found.code.tolist() == [0, 0, 0, 0, int(Outcome.STATE_LIMIT)]
     assert np.isnan(found.cost[4])

@@ -116,6 +116,7 @@ def attitude_cost(w, z, attitude="rotation"):
     )
 
 
+@pytest.mark.slow
 def test_the_attitude_costs_what_its_quaternion_says():
     """w (q1² + q2²) + 4 z q3², the same for z and z + 2π, and never more than w or 4 z."""
     rng = np.random.default_rng(0)

@@ -87,6 +87,7 @@ def test_a_run_is_stopped_from_another_thread(tmp_path, threads):
     assert contents(tmp_path / "s")["status"].sum() == 600
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_not_there_is_told(tmp_path):
     """Nobody, somebody who says nothing, a protocol that dask does not know."""
     with closing(socket.create_server(("127.0.0.1", 0))) as silent:

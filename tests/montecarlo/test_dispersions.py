@@ -161,6 +161,7 @@ def test_a_rate_error_counts_from_the_reference_at_the_dispersed_attitude():
         assert 0.5 < jnp.linalg.norm(state.attitude.w) < 1.2
 
 
+@pytest.mark.slow
 def test_dispersions_add_up_and_leave_the_rest_alone():
     ranges = {"inertia": Uniform(-0.1, 0.1), "model_inertia": Uniform(-0.1, 0.1)}
     copy = copies_of(sampled(), 3, constant_torque=Uniform(-1.0, 1.0), **ranges)

@@ -29,6 +29,7 @@ def stored(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_a_store_has_the_histories_of_all_cases_over_time(stored):
     """The instants are evenly spread and what is there is what the cases have when replayed."""
     dataset = open_study(stored)
@@ -46,6 +47,7 @@ def test_a_store_has_the_histories_of_all_cases_over_time(stored):
     assert late["history_z"].shape == (COUNT, 2)
 
 
+@pytest.mark.slow
 def test_other_columns_keep_their_bits(stored, tmp_path):
     run_study(study(history=None), tmp_path / "plain.zarr")
     plain, kept = open_study(tmp_path / "plain.zarr"), open_study(stored)
@@ -75,6 +77,7 @@ def test_settling_can_be_judged_again_from_a_history(tmp_path):
             assert times[outside[-1]] <= found <= times[outside[-1] + 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "engine",
     [

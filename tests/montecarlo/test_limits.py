@@ -206,6 +206,7 @@ def allowed(copy, name):
     return ((drawn >= np.asarray(limits.low)) & (drawn <= np.asarray(limits.high))).all(axis=1)
 
 
+@pytest.mark.slow
 def test_one_draw_beyond_its_limits_makes_the_case_impossible():
     """Whichever it is: of each quantity there are cases in which it alone is beyond."""
     copy = copies_of(sampled(), 200, **TAILS)

@@ -122,7 +122,7 @@ def test_noise_has_no_first_order_index():
     assert np.isnan(first_order_index(rng.random(100), np.ones(100)))
 
 
-@pytest.mark.parametrize("count", [40, 300])
+@pytest.mark.parametrize("count", [40, pytest.param(300, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["exponential", "lognormal", "settled"])
 def test_where_nothing_matters_nothing_is_listed(kind, count):
     """In 39 of 40 studies, however many numbers are dispersed and whatever the result's tail."""

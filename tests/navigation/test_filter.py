@@ -59,7 +59,7 @@ def flown(cases, tracker, gyro=GYRO, believed=GYRO):
     return moving, *_flown(navigation, keys, moving.omega, moving.quaternion)
 
 
-@pytest.mark.parametrize("latency", [0, 3])
+@pytest.mark.parametrize("latency", [0, pytest.param(3, marks=pytest.mark.slow)])
 def test_the_filter_is_the_one_written_in_scipy(latency):
     """Estimates and covariances at every sample, the late attitudes put where they belong."""
     seen_by = tracker(latency=latency)
@@ -215,6 +215,7 @@ def test_it_knows_the_orbit_that_the_paper_simulates_with():
     np.testing.assert_allclose(estimate.attitude.q, start.q, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_a_rate_at_the_gyro_s_limit_counts_as_unknown():
     """The attitude is lost with the rate, is said to be lost, and comes back with the tracker."""
     gyro = Gyro(DENSITY, WALK, bias_sigma=BIAS, limit=0.014)

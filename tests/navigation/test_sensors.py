@@ -115,7 +115,10 @@ def raw(samples, every, latency, rate_limit=np.inf):
     return moving, run(first)
 
 
-@pytest.mark.parametrize(("every", "latency"), [(1, 2), (5, 0), (2, 7)])
+@pytest.mark.parametrize(
+    ("every", "latency"),
+    [(1, 2), *(pytest.param(*one, marks=pytest.mark.slow) for one in ((5, 0), (2, 7)))],
+)
 def test_an_attitude_arrives_when_it_should_and_is_that_of_its_time(every, latency):
     moving, estimate = raw(40, every, latency)
     np.testing.assert_array_equal(estimate.omega, moving.omega)

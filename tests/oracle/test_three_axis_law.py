@@ -153,6 +153,7 @@ def test_lyapunov_rate_of_the_proof(relation, third_rate):
     np.testing.assert_allclose(slope[5:-5], expected[5:-5], rtol=1e-6, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_smooth_run_replayed_as_a_rigid_body():
     """The torques of a run, fed to the (C, ω) program, give the same attitude."""
     times = np.linspace(0.0, 20.0, 2001)

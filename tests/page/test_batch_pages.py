@@ -131,6 +131,7 @@ def test_a_reproduction_judges_the_claims_from_its_files(tmp_path, monkeypatch):
     assert "<i>stays" not in page
 
 
+@pytest.mark.slow
 def test_several_results_go_into_one_page(tuning, run_file):
     page = report_page([tuning(), run_file(run_dataset())])
     assert page.count('<section class="result"') == 2

@@ -30,6 +30,7 @@ def test_the_verdict_says_when_it_settled_within_what_and_by_which_law(run_file,
     assert "Not settled within 10 s." in never
 
 
+@pytest.mark.slow
 def test_a_run_that_failed_says_how_far_it_came_and_shows_that_part(run_file):
     run = run_dataset()
     run.attrs |= {"outcome_code": 1, "outcome_explanation": "a state passed its limit"}

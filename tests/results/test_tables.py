@@ -118,6 +118,7 @@ class Killed(BaseException):
     pass
 
 
+@pytest.mark.slow
 def test_killed_at_any_file_a_store_tells_other_readers_nothing_wrong(tmp_path, monkeypatch):
     """While a finished store grows: what is consolidated is what the arrays say, and goes on."""
     with made(tmp_path / "whole") as opened:

@@ -30,6 +30,7 @@ LOOPS = {
     "rate": lambda: (rate_loop(PAPER_RATE), rate_start(PAPER_RATE)),
 }
 T = jnp.array(1.3)
+SLOW = ("error", "limited")
 
 
 def same(one, other, tolerance=1e-12):
@@ -37,7 +38,9 @@ def same(one, other, tolerance=1e-12):
         np.testing.assert_allclose(x, y, rtol=tolerance, atol=tolerance)
 
 
-@pytest.mark.parametrize("name", LOOPS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=pytest.mark.slow) if one in SLOW else one for one in LOOPS]
+)
 def test_a_loop_is_its_smooth_piece_where_its_event_functions_say_so(name):
     loop, start = LOOPS[name]()
     state = loop.start(start)

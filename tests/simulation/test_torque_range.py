@@ -64,7 +64,9 @@ def expected(every, delay):
     return np.array(found)
 
 
-@pytest.mark.parametrize("delay", [None, 0.0, 0.2, PERIOD])
+@pytest.mark.parametrize(
+    "delay", [0.2, *(pytest.param(one, marks=pytest.mark.slow) for one in (None, 0.0, PERIOD))]
+)
 @pytest.mark.parametrize("every", [2, pytest.param(6, marks=pytest.mark.slow)])
 def test_the_range_is_that_of_every_hold(every, delay):
     run = flown(every, delay)

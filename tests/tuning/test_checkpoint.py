@@ -65,6 +65,7 @@ def by_scan(scenario):
     return plan, plan_identity(plan)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changed", ["smooth", "exact"])
 def test_a_run_of_another_law_is_refused(by_scan, tmp_path, changed):
     plan, identity = by_scan

@@ -12,6 +12,7 @@ from jaxsat.tuning import check_gradients, make_verdict
 from jaxsat.tuning.summary import summary_page
 
 
+@pytest.mark.slow
 def test_a_sound_gradient_has_a_clean_receipt(receipt):
     assert receipt.problems == []
     assert receipt.start.trusted

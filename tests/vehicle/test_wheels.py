@@ -95,6 +95,7 @@ def test_the_torque_at_an_instant_is_that_of_the_piece_there(h, command):
     np.testing.assert_allclose(torque_of(one, momentum, asked), piece.torque(momentum), atol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_hand_computed_braking():
     """From 0.5 N m s at -(0.1 + 0.002) N m to rest in 0.5/0.102 s, then to -1 in 1/0.098 s."""
     one = wheel(viscous_friction=None)
