@@ -48,9 +48,8 @@ def designed(number: int, family_seed: int, settings: dict[str, Any]) -> dict[st
     made = found.verification
     assert made is not None
     assert found.chosen is not None
-    first, second, third = member.moments
     settled, limit = made.settled, made.limit
-    torque = math.sqrt(first * second) / member.unit**2
+    torque = math.sqrt(math.prod(member.moments[:2])) / member.unit**2
     times = made.columns["settling_time"] / member.unit
     amplitude = float(np.linalg.norm(scenario.disturbance.amplitude_N_m))
     noise = 0.0 if scenario.sampling is None else scenario.sampling.rate_noise_rad_s
@@ -68,15 +67,9 @@ def designed(number: int, family_seed: int, settings: dict[str, Any]) -> dict[st
         "limit_settled": 0 if limit is None else limit.settled,
         "failing": len(made.failing),
         "differ_in": " ".join(one.name for one in made.separations[:3]),
-        "c": member.coupling,
-        "S1": first / third,
-        "S2": second / third,
-        "lean": float(np.hypot(*member.lean)),
-        "orbit_rate_tau": member.orbit_rate * member.unit,
-        "period_over_tau": member.period / member.unit,
+        **member.numbers(),
         "disturbance_over_torque": amplitude / torque,
         "rate_noise_tau": noise * member.unit,
-        "tau_s": member.unit,
         "processor_s": time.process_time() - begin,
     }
 

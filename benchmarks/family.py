@@ -33,19 +33,12 @@ def row(member: FamilyMember, law: str, cases: int, seed: int, engine: NativeEng
     _, program = study_program(scenario, build(scenario), seed)
     values = Study(program, Independent(seed), engine, cases).values(np.arange(cases))
     times = values["settling_time"] / member.unit
-    first, second, third = member.moments
     return {
         "number": member.number,
         "law": law,
         "cases": cases,
         "settled": float(np.isfinite(times).mean()),
-        "c": member.coupling,
-        "S1": first / third,
-        "S2": second / third,
-        "lean": float(np.hypot(*member.lean)),
-        "orbit_rate_tau": member.orbit_rate * member.unit,
-        "period_over_tau": member.period / member.unit,
-        "tau_s": member.unit,
+        **member.numbers(),
         "turn_to_hold_rad": member.turn,
         "t50": float(np.percentile(times, 50, method="higher")),
         "t90": float(np.percentile(times, 90, method="higher")),

@@ -9,6 +9,7 @@ import math
 import warnings
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -88,9 +89,27 @@ class FamilyMember(NamedTuple):
         """c of the normal form."""
         return (self.moments[0] - self.moments[1]) / self.moments[2]
 
+    def numbers(self) -> dict[str, float]:
+        """What it is without dimension, and its unit of time `tau_s`: a row of a table."""
+        first, second, third = self.moments
+        return {
+            "c": self.coupling,
+            "S1": first / third,
+            "S2": second / third,
+            "lean": float(np.hypot(*self.lean)),
+            "orbit_rate_tau": self.orbit_rate * self.unit,
+            "period_over_tau": self.period / self.unit,
+            "tau_s": self.unit,
+        }
+
 
 def family_member(number: int, seed: int = SEED) -> FamilyMember:
-    """Spacecraft `number` of the family with this seed."""
+    """Spacecraft `number` of the family with this seed, drawn in 64 bits whatever the default."""
+    with jax.enable_x64(True):
+        return _first_inside(number, seed)
+
+
+def _first_inside(number: int, seed: int) -> FamilyMember:
     key = noise.fold_in(noise.key_of_seed(seed), number)
     attempt = 0
     while (member := _drawn(number, noise.fold_in(key, attempt))) is None:
