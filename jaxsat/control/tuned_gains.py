@@ -8,8 +8,10 @@ How they were found:
 - Oscillatory law, 5 N m: `jaxsat tune oscillatory-dispersed`, rounded. It tunes all but `rest` and
   `enter_rate`.
 - Oscillatory law, 1 N m: the same, rates and frequencies times √(1/5), rounded.
-- All others, `rest` and `enter_rate` included: by searches older than `jaxsat tune`, and some of
-  them changed later. The commands are not known any more.
+- Three slews: `benchmarks/preset_gains.py` (CMA-ES on settling times at all three levels), rounded;
+  `approach`, `tilt_gain`, `ratio`, `lost_rate` and the inner `rate_gain` of slews and fine stage by
+  searches older than that. The commands of these are not known any more.
+- Oscillatory law, 20 N m, its `rest` and `enter_rate`: the same older searches.
 
 Descent from those of the oscillatory law at 1 and 20 N m found nothing better
 (`docs/tuning-results.md`).
@@ -141,42 +143,42 @@ MORIN_SAMSON: Mapping[float, FineGains] = {
 TWO_CHANNEL: Mapping[float, FineGains] = {
     STEPS[0]: FineGains(
         demand=TwoChannelGains(
-            k3=2.098496878,
-            kz=0.9173959804,
-            rest=0.008,
+            k3=1.883,
+            kz=0.617,
+            rest=0.01703,
         ),
-        frequency=3.157030702,
+        frequency=3.009,
         tilt_gain=25.25624561,
         rate_gain=2.989893782,
-        largest_amplitude=2.265633798,
+        largest_amplitude=2.821,
         ratio=1.5,
-        enter_rate=0.04642692208,
+        enter_rate=0.1178,
     ),
     STEPS[1]: FineGains(
         demand=TwoChannelGains(
-            k3=1.079663039,
-            kz=1.079663039,
-            rest=0.008,
+            k3=1.455,
+            kz=0.897,
+            rest=0.01164,
         ),
-        frequency=3.32204012,
+        frequency=3.124,
         tilt_gain=2.175936279,
         rate_gain=3.770515537,
-        largest_amplitude=1.212544644,
+        largest_amplitude=1.162,
         ratio=1.24,
-        enter_rate=0.0166102006,
+        enter_rate=0.03242,
     ),
     STEPS[2]: FineGains(
         demand=TwoChannelGains(
-            k3=0.8305100301,
-            kz=1.038137538,
-            rest=0.008,
+            k3=1.68,
+            kz=1.357,
+            rest=0.01403,
         ),
-        frequency=2.49153009,
+        frequency=2.994,
         tilt_gain=1.324663498,
         rate_gain=25.03987741,
-        largest_amplitude=3.263904418,
+        largest_amplitude=4.365,
         ratio=1.07,
-        enter_rate=0.008305100301,
+        enter_rate=0.007821,
     ),
 }
 """Of the fine stage of the three slews, by the period over τ."""
@@ -184,50 +186,50 @@ TWO_CHANNEL: Mapping[float, FineGains] = {
 APPROACH: Mapping[float, ApproachGains] = {
     STEPS[0]: ApproachGains(
         rate_law=RateLawGains(
-            share=0.551,
-            rate_gain=185.7076883,
-            dead_zone=0.00111424613,
+            share=0.7439,
+            rate_gain=313.7,
+            dead_zone=0.0005208,
         ),
         slews=SlewGains(
-            share=0.897,
+            share=0.9192,
             approach=47.91258359,
             rate_gain=51.99815273,
-            angle_tolerance=0.004,
-            rate_tolerance=0.2117067647,
+            angle_tolerance=0.007404,
+            rate_tolerance=0.2515,
         ),
-        stopped_rate=0.1467090738,
+        stopped_rate=0.1044,
         lost_rate=0.03714153767,
     ),
     STEPS[1]: ApproachGains(
         rate_law=RateLawGains(
-            share=0.779,
-            rate_gain=9.301712337,
-            dead_zone=0.000249153009,
+            share=0.8403,
+            rate_gain=12.03,
+            dead_zone=0.0002679,
         ),
         slews=SlewGains(
-            share=0.791,
+            share=0.8446,
             approach=39.61532844,
             rate_gain=19.4339347,
-            angle_tolerance=0.0027,
-            rate_tolerance=0.007308488265,
+            angle_tolerance=0.003297,
+            rate_tolerance=0.007757,
         ),
-        stopped_rate=0.03903397141,
+        stopped_rate=0.04129,
         lost_rate=0.4152550151,
     ),
     STEPS[2]: ApproachGains(
         rate_law=RateLawGains(
-            share=0.881,
-            rate_gain=3.30127737,
-            dead_zone=0.0002076275075,
+            share=0.8811,
+            rate_gain=6.514,
+            dead_zone=0.0002099,
         ),
         slews=SlewGains(
-            share=0.825,
+            share=0.8599,
             approach=30.3966671,
             rate_gain=9.675441851,
-            angle_tolerance=0.002,
-            rate_tolerance=0.002657632096,
+            angle_tolerance=0.002232,
+            rate_tolerance=0.002846,
         ),
-        stopped_rate=0.01121188541,
+        stopped_rate=0.01338,
         lost_rate=0.2076275075,
     ),
 }
