@@ -24,8 +24,8 @@ LEVELS = ("nominal", "mc", "hard")
 
 LAWS: Mapping[str, str] = MappingProxyType(
     {
-        "three-slew": "stop, three slews, oscillate, regulate",
-        "oscillatory": "oscillate until all is small, then regulate",
+        "three-slew": "stop, three slews, oscillate, hold",
+        "oscillatory": "oscillate until all is small, then hold",
         "switching": "the paper's proposal: (38)-(39) while |ω3| is large, else (40)-(42); tuned",
         "three-axis": "(40)-(42) with the printed gains",
         "rate": "(38)-(39) with the printed gains",

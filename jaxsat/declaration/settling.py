@@ -80,7 +80,7 @@ _OSCILLATION_KEYS = (
 )
 
 OSCILLATORY = LawDeclaration(
-    summary="oscillate about the driven axes until all is small, then regulate.\n\n"
+    summary="oscillate about the driven axes until all is small, then hold.\n\n"
     "Gains that are left out are those tuned for torque limits of 1, 5 and 20 N m, interpolated in "
     "between",
     keys=(
@@ -95,7 +95,7 @@ OSCILLATORY = LawDeclaration(
 )
 
 THREE_SLEW = LawDeclaration(
-    summary="stop, three slews about the driven axes, oscillate, regulate.\n\n"
+    summary="stop, three slews about the driven axes, oscillate, hold.\n\n"
     "Gains that are left out are those tuned for torque limits of 1, 5 and 20 N m, interpolated in "
     "between",
     keys=(
