@@ -20,7 +20,7 @@ from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsett
 from jaxsat.engine.native import CannotLower, NativeEngine, process_obstacle
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
-from jaxsat.montecarlo.changes import controller_of
+from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario

@@ -13,7 +13,7 @@ from jaxsat.assembly.run import build, build_loop
 from jaxsat.controller_design.reading import ALL
 from jaxsat.controller_design.vehicle import Scale, VehicleVerdict, scale_of
 from jaxsat.montecarlo import number_at
-from jaxsat.montecarlo.changes import controller_of
+from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.scenario import Scenario, ScenarioWarning
 from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.laws import known_law

@@ -1,13 +1,11 @@
-"""How dispersed numbers go into a closed loop and its start."""
+"""How dispersed numbers go into body, environment, the law's model and the start."""
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple, cast
+from typing import cast
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.attitude import DCM, WZ, AbstractAttitude, Quaternion
@@ -18,47 +16,27 @@ from jaxsat.control import (
     RippleFilter,
     RippleObserver,
 )
-from jaxsat.dynamics import PlantState
 from jaxsat.environment import (
     AbstractOrbit,
     ConstantTorque,
     PeriodicTorque,
     SumOfDisturbances,
 )
-from jaxsat.navigation import Navigation
-from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.simulation.parts import failures_of, parts_of
-from jaxsat.vehicle import Actuators, Magnetorquers, Spacecraft, ThrusterSet
+from jaxsat.montecarlo.perturbed import (
+    PerturbedLoop,
+    Values,
+    controller_of,
+    in_loop,
+    map_parts,
+    with_controller,
+)
+from jaxsat.simulation import AbstractLoop
+from jaxsat.simulation.parts import parts_of
+from jaxsat.vehicle import Spacecraft
 from jaxsat.vehicle.sensors import turned_slightly
 
 LEAST_TORQUE = 1e-30
 """N m: tells frequencies apart where no torque does."""
-
-
-class PerturbedLoop(NamedTuple):
-    """A closed loop and its start, as far as they have been dispersed, and the nominal loop."""
-
-    loop: AbstractLoop
-    start: PlantState
-    nominal: AbstractLoop
-
-
-Values = Float[Array, " size"]
-
-
-def controller_of(loop: AbstractLoop):
-    """The controller of any loop."""
-    return loop.law if isinstance(loop, ErrorCoordinateLoop) else with_thrusters(loop).controller
-
-
-def with_thrusters(loop: AbstractLoop) -> ContinuousLoop | SampledLoop:
-    """The loop as one of those that have actuators, which `obstacle` has made sure of."""
-    return cast(ContinuousLoop | SampledLoop, loop)
-
-
-def with_controller(loop: AbstractLoop, controller) -> AbstractLoop:
-    """The loop with another controller."""
-    return eqx.tree_at(controller_of, loop, controller)
 
 
 def possible_inertia(inertia: Float[Array, "3 3"]) -> Bool[Array, ""]:
@@ -81,7 +59,7 @@ def scaled_inertia(inertia: Float[Array, "3 3"], change: Values) -> Float[Array,
 
 def set_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """Moments and products scaled by relative changes of J1, J2, J3."""
-    return _in_loop(
+    return in_loop(
         perturbed,
         lambda loop: loop.plant.spacecraft.inertia,
         scaled_inertia(perturbed.loop.plant.spacecraft.inertia, change),
@@ -96,95 +74,11 @@ def set_products(perturbed: PerturbedLoop, share: Values) -> PerturbedLoop:
     extra = jnp.stack(
         [jnp.stack([zero, xy, xz]), jnp.stack([xy, zero, yz]), jnp.stack([xz, yz, zero])]
     )
-    return _in_loop(
+    return in_loop(
         perturbed,
         lambda loop: loop.plant.spacecraft.inertia,
         perturbed.loop.plant.spacecraft.inertia + extra,
     )
-
-
-def set_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
-    """Torque axes turned; how the command is shared stays the nominal one."""
-
-    def turned(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
-        pairs = angles.reshape(thruster_count(thrusters), 2)
-        if isinstance(thrusters, ThrusterSet):
-            return thrusters.misaligned(pairs)
-        return thrusters.misaligned(pairs, jnp.zeros(len(pairs), angles.dtype))
-
-    return _with_thrusters_changed(perturbed, turned)
-
-
-def set_torque_gain(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """Torques made larger by relative changes."""
-
-    def stronger(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
-        if isinstance(thrusters, ThrusterSet):
-            return thrusters.stronger(change)
-        axes = thrusters.torque_axes * (1 + change)[None, :]
-        return eqx.tree_at(lambda one: one.torque_axes, thrusters, axes)
-
-    return _with_thrusters_changed(perturbed, stronger)
-
-
-def thrusters_of(loop: AbstractLoop) -> list[Actuators | ThrusterSet]:
-    """All that the loop has of thrusters."""
-    actuators = with_thrusters(loop).actuators
-    return [*parts_of(Actuators, actuators), *parts_of(ThrusterSet, actuators)]
-
-
-def thruster_count(thrusters: Actuators | ThrusterSet) -> int:
-    """How many thrusters there are; a two-sided one that pushes either way counts as two."""
-    if isinstance(thrusters, ThrusterSet):
-        return thrusters.count
-    return thrusters.torque_axes.shape[1]
-
-
-def _with_thrusters_changed(
-    perturbed: PerturbedLoop,
-    change: Callable[[Actuators | ThrusterSet], Actuators | ThrusterSet],
-) -> PerturbedLoop:
-    kinds = (Actuators, ThrusterSet)
-
-    def changed(part):
-        return change(part) if isinstance(part, kinds) else part
-
-    actuators = _map(changed, kinds, with_thrusters(perturbed.loop).actuators)
-    return _in_loop(perturbed, lambda loop: loop.actuators, actuators)
-
-
-def torquers_of(loop: AbstractLoop) -> Magnetorquers:
-    """The magnetorquers, which `obstacle` has made sure of."""
-    return cast(Magnetorquers, loop.plant.magnetorquers)
-
-
-def set_dipole_limit(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """Other dipole limits, which the law is not told."""
-    return _in_loop(
-        perturbed,
-        lambda loop: loop.plant.magnetorquers.dipole_limit,
-        torquers_of(perturbed.loop).dipole_limit * (1 + change),
-    )
-
-
-def set_torquer_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
-    """Magnetorquers turned, which the law is not told."""
-    one = torquers_of(perturbed.loop)
-    turned = one.misaligned(angles.reshape(one.count, 2))
-    return _in_loop(perturbed, lambda loop: loop.plant.magnetorquers, turned)
-
-
-def set_failure(field: str):
-    """Other numbers in one field of all failures that have it."""
-
-    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        def fields(loop: AbstractLoop) -> list:
-            return [getattr(one, field) for one in failures_of(loop) if hasattr(one, field)]
-
-        ends = np.cumsum([one.size for one in fields(perturbed.loop)])[:-1]
-        return _in_loop(perturbed, fields, jnp.split(values, ends))
-
-    return apply
 
 
 def set_periodic(field: str, new: Callable[[Array, Values], Array]):
@@ -196,8 +90,8 @@ def set_periodic(field: str, new: Callable[[Array, Values], Array]):
                 return term
             return eqx.tree_at(lambda t: getattr(t, field), term, new(getattr(term, field), values))
 
-        disturbance = _map(change, PeriodicTorque, perturbed.loop.plant.disturbance)
-        return _in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
+        disturbance = map_parts(change, PeriodicTorque, perturbed.loop.plant.disturbance)
+        return in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
 
     return apply
 
@@ -222,13 +116,13 @@ def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
         return part
 
     kinds = (InternalModel, RippleFilter, RippleObserver)
-    return with_controller(loop, _map(change, kinds, controller_of(loop)))
+    return with_controller(loop, map_parts(change, kinds, controller_of(loop)))
 
 
 def set_constant_torque(perturbed: PerturbedLoop, torque: Values) -> PerturbedLoop:
     """A constant torque (N m) beside the disturbances that there are."""
     disturbance = SumOfDisturbances((perturbed.loop.plant.disturbance, ConstantTorque(torque)))
-    return _in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
+    return in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
 
 
 def set_model_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
@@ -238,7 +132,7 @@ def set_model_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop
         known = isinstance(part, Spacecraft)
         return Spacecraft(scaled_inertia(part.inertia, change)) if known else part
 
-    controller = _map(changed, Spacecraft, controller_of(perturbed.loop))
+    controller = map_parts(changed, Spacecraft, controller_of(perturbed.loop))
     return perturbed._replace(loop=with_controller(perturbed.loop, controller))
 
 
@@ -249,68 +143,8 @@ def set_model_orbit_rate(perturbed: PerturbedLoop, change: Values) -> PerturbedL
         known = isinstance(part, AbstractOrbit)
         return eqx.tree_at(lambda o: o.rate, part, part.rate * (1 + change[0])) if known else part
 
-    controller = _map(changed, AbstractOrbit, controller_of(perturbed.loop))
+    controller = map_parts(changed, AbstractOrbit, controller_of(perturbed.loop))
     return perturbed._replace(loop=with_controller(perturbed.loop, controller))
-
-
-def set_sensor(field: str):
-    """A change of one field of the sensors."""
-
-    def apply(perturbed: PerturbedLoop, sigma: Values) -> PerturbedLoop:
-        return _in_loop(perturbed, lambda loop: getattr(loop.sensors, field), sigma[0])
-
-    return apply
-
-
-def set_gyro(field: str):
-    """Another number, or three, in a field of the gyro; the estimator believes the nominal ones."""
-
-    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        old = getattr(navigation_of(perturbed.loop).gyro, field)
-        new = values if old.ndim else values[0]
-        return _in_loop(perturbed, lambda loop: getattr(loop.navigation.gyro, field), new)
-
-    return apply
-
-
-def set_tracker(field: str):
-    """Another number in a field of the star tracker; the estimator believes the nominal one."""
-
-    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        return _in_tracker(perturbed, field, values[0])
-
-    return apply
-
-
-def set_tracker_samples(field: str, least: int):
-    """The same of a time (s) that counts whole periods of the law, at least so many."""
-
-    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        loop = with_thrusters(perturbed.loop)
-        samples = jnp.round(values[0] / cast(SampledLoop, loop).controller.period)
-        return _in_tracker(perturbed, field, jnp.maximum(samples, least).astype(int))
-
-    return apply
-
-
-def _in_tracker(perturbed: PerturbedLoop, field: str, new: Array) -> PerturbedLoop:
-    loop = eqx.tree_at(
-        lambda loop: getattr(loop.navigation.tracker, field),
-        perturbed.loop,
-        new,
-        is_leaf=lambda part: part is None,
-    )
-    return perturbed._replace(loop=loop)
-
-
-def navigation_of(loop: AbstractLoop) -> Navigation:
-    """Sensors with a state and their estimator, which `obstacle` has made sure of."""
-    return cast(Navigation, cast(SampledLoop, loop).navigation)
-
-
-def set_delay(perturbed: PerturbedLoop, delay: Values) -> PerturbedLoop:
-    """Another computing delay, s."""
-    return _in_loop(perturbed, lambda loop: loop.delay, delay[0])
 
 
 def set_attitude(perturbed: PerturbedLoop, q: Values) -> PerturbedLoop:
@@ -367,11 +201,3 @@ def _with_attitude(perturbed: PerturbedLoop, attitude: AbstractAttitude) -> Pert
     forms = {WZ: "as_wz", Quaternion: "as_quaternion", DCM: "as_dcm"}
     same = getattr(attitude, forms[type(perturbed.start.attitude)])()
     return perturbed._replace(start=dataclasses.replace(perturbed.start, attitude=same))
-
-
-def _in_loop(perturbed: PerturbedLoop, where, new) -> PerturbedLoop:
-    return perturbed._replace(loop=eqx.tree_at(where, perturbed.loop, new))
-
-
-def _map(change, kind: type | tuple[type, ...], tree):
-    return jax.tree.map(change, tree, is_leaf=lambda part: isinstance(part, kind))

@@ -11,9 +11,9 @@ from jaxsat.checks import concrete
 from jaxsat.control import InternalModel
 from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.dynamics import PlantState
-from jaxsat.montecarlo.changes import controller_of
 from jaxsat.montecarlo.distributions import AbstractDistribution, Discrete, RandomAttitude
 from jaxsat.montecarlo.limits import Limits, limits_of_change, periodic_of
+from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import parts_of

@@ -14,16 +14,11 @@ from jaxsat.checks import as_array
 from jaxsat.declaration.quantities import EXCLUSIVE
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import AbstractCaseFactory, Case
-from jaxsat.montecarlo.changes import (
-    PerturbedLoop,
-    controller_of,
-    follow_frequency,
-    possible_inertia,
-    with_controller,
-)
+from jaxsat.montecarlo.changes import follow_frequency, possible_inertia
 from jaxsat.montecarlo.designs import open_uniform
 from jaxsat.montecarlo.dispersion_problems import dispersion_problems, limits_of
 from jaxsat.montecarlo.distributions import AbstractDistribution
+from jaxsat.montecarlo.perturbed import PerturbedLoop, controller_of, with_controller
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.vehicle import Sensors, Spacecraft

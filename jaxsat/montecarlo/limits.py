@@ -14,13 +14,9 @@ from jaxtyping import Array, Float
 from jaxsat import ranges
 from jaxsat.checks import as_float, concrete
 from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
-from jaxsat.montecarlo.changes import (
-    controller_of,
-    navigation_of,
-    thruster_count,
-    thrusters_of,
-    torquers_of,
-)
+from jaxsat.montecarlo.actuator_changes import thruster_count, thrusters_of, torquers_of
+from jaxsat.montecarlo.perturbed import controller_of
+from jaxsat.montecarlo.sensor_changes import navigation_of
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.parts import AnyFailures, failures_of, parts_of

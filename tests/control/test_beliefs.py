@@ -19,7 +19,8 @@ from jaxsat.control import (
 )
 from jaxsat.control.estimators import MIN_COUPLING, MIN_SHARE
 from jaxsat.declaration.settling import equivalent_limit
-from jaxsat.montecarlo.changes import controller_of, follow_frequency
+from jaxsat.montecarlo.changes import follow_frequency
+from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.scenario import ScenarioWarning
 
 INERTIA = (449.5, 264.6, 312.5)

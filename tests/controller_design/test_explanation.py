@@ -15,7 +15,8 @@ from jaxsat.controller_design.explanation import (
     stronger,
 )
 from jaxsat.controller_design.vehicle import vehicle_verdict
-from jaxsat.montecarlo.changes import PerturbedLoop, set_inertia, set_products
+from jaxsat.montecarlo.changes import set_inertia, set_products
+from jaxsat.montecarlo.perturbed import PerturbedLoop
 
 HARD = jaxsat.load("acceptance-hard")
 

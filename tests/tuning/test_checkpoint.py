@@ -12,7 +12,7 @@ import pytest
 from corruption import corrupt
 from jaxsat.assembly.tuning import build_plan
 from jaxsat.control import RateLaw
-from jaxsat.montecarlo.changes import controller_of
+from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.results import OutputError
 from jaxsat.tuning import descend, descent_step, initial_state
 from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
