@@ -45,9 +45,9 @@ TUNED_COUPLING = 0.59168
 DEAD_ZONE = 1e-6
 """Slow rate that the oscillation leaves to the end game, rad per `fine_time`."""
 
-QUIET_AMPLITUDE, HOLDING_SHARE = 4.5e-5, 0.45
-"""Largest amplitude of the end game: rad per `fine_time`, or this share of the orbit rate if that
-is more, as a drift at rest is a number times its square."""
+QUIET_AMPLITUDE, QUIET_RATE, HOLDING_SHARE = 4.5e-5, 4.2e-3, 0.45
+"""Largest amplitude of the end game: rad per `fine_time` but no more than so much over τ, or this
+share of the orbit rate if that is more, as a drift at rest is a number times its square."""
 
 QUIET_ANGLE = 0.01
 """Turn (rad) at which the end game asks for its largest amplitude."""
@@ -205,7 +205,7 @@ def _fine_stage(
 def _end_game(oscillator: Oscillator, scaling: Scaling) -> Oscillator:
     """The oscillation that is small enough to stay."""
     form = oscillator.form
-    amplitude = QUIET_AMPLITUDE / scaling.fine_time
+    amplitude = min(QUIET_AMPLITUDE / scaling.fine_time, QUIET_RATE / scaling.time)
     amplitude = max(amplitude, HOLDING_SHARE * abs(float(form.model.orbit.rate)))
     most = float(form.coupling) * amplitude**2 / 2  # of |ds/dt|, rad/s²
     return dataclasses.replace(
