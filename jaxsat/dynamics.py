@@ -121,39 +121,57 @@ class RigidBody(eqx.Module):
         self,
         state: PlantState,
         command: Float[Array, " wheels"] | None,
-        t: float | Float[Array, ""] = -jnp.inf,
+        struck: Bool[Array, " f"] | None = None,
     ) -> Float[Array, " wheels"] | None:
         """What each wheel does to the body along its axis on a command, N m; None without wheels.
 
-        Without a command, None, it is what friction does. Wheels are as they are at time `t` (s),
-        by default before all failures.
+        Without a command, None, it is what friction does. `struck` tells which failures of wheels
+        have struck, None for none.
         """
-        wheels, momentum = self.wheels, state.wheel_momentum
-        if wheels is None or momentum is None:
+        if self.wheels is None or state.wheel_momentum is None:
             return None
-        command, condition = _or_zero(momentum, command), wheels.condition(jnp.asarray(t))
-        if condition is not None:
-            momentum = jnp.where(condition.stopped, 0.0, momentum)
-            wheels, command = wheels.driven(condition, momentum, command)
+        wheels, momentum, command = self._driven_wheels(self.wheels, state, command, struck)
         return wheels.torque(momentum, command)
 
-    def with_wheels_stopped(self, state: PlantState, stopped: Bool[Array, " wheels"]) -> PlantState:
-        """The state right after wheels have stopped: J ω + A h is what it was, and their h zero."""
-        if self.wheels is None or state.wheel_momentum is None:
+    def _driven_wheels(
+        self, wheels: Wheels, state: PlantState, command, struck
+    ) -> tuple[Wheels, Float[Array, " wheels"], Float[Array, " wheels"]]:
+        """Wheels that fail no more, their momenta, and what is commanded of their motors."""
+        momentum = self.after_wheel_failures(state, struck).wheel_momentum
+        assert momentum is not None
+        command = jnp.zeros_like(momentum) if command is None else command
+        if wheels.failures is not None and struck is not None:
+            condition = wheels.failures.condition(struck, wheels.count)
+            wheels, command = wheels.driven(condition, momentum, command)
+        return wheels, momentum, command
+
+    def after_wheel_failures(
+        self, state: PlantState, struck: Bool[Array, " f"] | None
+    ) -> PlantState:
+        """The state right after failures of wheels have struck: those that seize stand still.
+
+        J ω + A h is what it was. Once more, it changes nothing.
+        """
+        wheels, momentum = self.wheels, state.wheel_momentum
+        if wheels is None or wheels.failures is None or momentum is None or struck is None:
             return state
-        given = jnp.where(stopped, state.wheel_momentum, 0.0)
-        kick = self.spacecraft.inverse_inertia @ (self.wheels.axes @ given)
-        momentum = jnp.where(stopped, 0.0, state.wheel_momentum)
+        stopped = wheels.failures.condition(struck, wheels.count).stopped
+        given = jnp.where(stopped, momentum, 0.0)
+        kick = self.spacecraft.inverse_inertia @ (wheels.axes @ given)
+        momentum = jnp.where(stopped, 0.0, momentum)
         return PlantState(state.attitude, state.omega + kick, momentum)
 
     def wheel_events(
-        self, state: PlantState, command: Float[Array, " wheels"] | None
+        self,
+        state: PlantState,
+        command: Float[Array, " wheels"] | None,
+        struck: Bool[Array, " f"] | None = None,
     ) -> Float[Array, " m"]:
         """The wheels' event functions on a command, of which there are none without wheels."""
-        momentum = state.wheel_momentum
-        if self.wheels is None or momentum is None:
+        if self.wheels is None or state.wheel_momentum is None:
             return jnp.zeros(0, state.omega.dtype)
-        return self.wheels.event_functions(momentum, _or_zero(momentum, command))
+        wheels, momentum, command = self._driven_wheels(self.wheels, state, command, struck)
+        return wheels.event_functions(momentum, command)
 
     def wheel_piece(self, signs: Bool[Array, " m"]) -> "RigidBody":
         """This body with each wheel at its momentum limit or not, as the wheels' events tell."""
@@ -197,7 +215,3 @@ class RigidBody(eqx.Module):
             self.angular_acceleration(state.omega, total, state.wheel_momentum),
             momentum_rate,
         )
-
-
-def _or_zero(momentum: Array, command: Array | None) -> Array:
-    return jnp.zeros_like(momentum) if command is None else command

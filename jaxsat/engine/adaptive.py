@@ -108,7 +108,7 @@ class AdaptiveStepper(AbstractStepper):
         rate = ode.rate(events > 0)(zero, flat)
         state = AdaptiveState(zero, jnp.array(0), flat, rate, events > 0, events, last_step)
         first_step = self.tolerance.first_step
-        plant = ode.loop.plant_state(ode.state(zero, flat))
+        plant = ode.loop.plant_state(zero, ode.state(zero, flat))
         return initial_progress(state, plant, case.possible, first_step)
 
     def unfinished(
@@ -155,7 +155,7 @@ class AdaptiveStepper(AbstractStepper):
         t = number * program.interval
         end = last_step.fraction(t)
         flat = ode.interpolated(last_step, end)
-        plant = ode.loop.plant_state(ode.state(t, flat))
+        plant = ode.loop.plant_state(t, ode.state(t, flat))
         progress = with_peaks(progress, plant)
         settled = settled_along_step(ode, last_step, end, progress.settled)
         success = progress.code == int(Outcome.SUCCESS)
@@ -239,7 +239,7 @@ def _observed(ode: FlatODE, bound, progress: Progress) -> Progress:
         state: AdaptiveState = progress.state
         t = state.number * program.interval
         flat = ode.interpolated(state.last_step, state.last_step.fraction(t))
-        plant = ode.loop.plant_state(ode.state(t, flat))
+        plant = ode.loop.plant_state(t, ode.state(t, flat))
         seen = with_peaks(progress, plant)
         return seen._replace(state=state._replace(number=state.number + 1))
 

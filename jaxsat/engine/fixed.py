@@ -168,7 +168,7 @@ def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper
 
 def _initial(case: Case) -> Progress:
     state = case.loop.start(case.start)
-    begin = initial_progress(state, plant_state(case.loop, state), case.possible)
+    begin = initial_progress(state, plant_state(case.loop, 0.0, state), case.possible)
     return begin._replace(failures=initial_record(case.loop, state))
 
 
@@ -181,7 +181,7 @@ def _judge(program: Program, loop: AbstractLoop):
     """How a step's begin is judged: since when the case is settled."""
 
     def judged(settled: SettlingTracker, t, both) -> SettlingTracker:
-        state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, both[0])
+        state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, t, both[0])
         return settled_at(settled, t, Observation.of(loop.plant, state), program.tolerances)
 
     return judged
@@ -220,7 +220,8 @@ def _unless_ended(program, before, seen, state, carry, t) -> Progress:
 
 
 def _finished(program: Program, case: Case, progress: Progress, number) -> Outputs:
-    end, plant = number * program.interval, plant_state(case.loop, progress.state)
+    end = number * program.interval
+    plant = plant_state(case.loop, end, progress.state)
     observed = Observation.of(case.loop.plant, plant)
     settled = settled_at(progress.settled, end, observed, program.tolerances)
     seen = with_peaks(progress, plant)._replace(settled=settled)

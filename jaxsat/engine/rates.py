@@ -22,9 +22,11 @@ def continuous_loop(case: Case) -> AbstractContinuousLoop:
     return case.loop
 
 
-def plant_state(loop: AbstractLoop, state: PyTree) -> PlantState:
-    """The plant's part of any loop's state."""
-    return loop.plant_state(state) if isinstance(loop, AbstractContinuousLoop) else state.plant
+def plant_state(loop: AbstractLoop, t: float | Float[Array, ""], state: PyTree) -> PlantState:
+    """The plant in any loop's state at time `t` (s)."""
+    if isinstance(loop, AbstractContinuousLoop):
+        return loop.plant_state(jnp.asarray(t), state)
+    return state.plant
 
 
 def consumption(loop: AbstractLoop, state: PyTree) -> Consumption | None:

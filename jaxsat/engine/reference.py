@@ -159,8 +159,7 @@ def _continuous(program: Program, case: Case, method: Method, adjoint):
 
 def _monitor(program: Program, loop):
     def monitor(t, both) -> MonitorSample:
-        del t
-        observed = Observation.of(loop.plant, loop.plant_state(both[0]))
+        observed = Observation.of(loop.plant, loop.plant_state(t, both[0]))
         return MonitorSample((observed.excess(program.tolerances),), jnp.zeros(0, observed.z.dtype))
 
     return monitor
@@ -223,7 +222,7 @@ def _over_hold(program, loop, solver, adjoint, begin, hold, plant, carry):
 
 
 def _outputs(program, case, state, integrals, signals, settled: SettlingTracker, code) -> Outputs:
-    plant, momentum = plant_state(case.loop, state), signals.wheel_momentum
+    plant, momentum = plant_state(case.loop, program.duration, state), signals.wheel_momentum
     squares = jnp.sum(signals.omega**2, axis=1)
     reached = jnp.maximum(jnp.sum(jnp.isfinite(squares)) - 1, 0)  # even the start may be none
     progress = initial_progress(None, plant, case.possible)

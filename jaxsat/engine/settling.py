@@ -24,7 +24,7 @@ def settled_along_step(
 
     def excess(fraction):
         t = step.begin + fraction * step.length
-        plant = ode.loop.plant_state(ode.state(t, ode.interpolated(step, fraction)))
+        plant = ode.loop.plant_state(t, ode.state(t, ode.interpolated(step, fraction)))
         return Observation.of(ode.loop.plant, plant).excess(tolerances)
 
     count = ode.output.event_checks

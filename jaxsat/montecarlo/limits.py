@@ -135,7 +135,8 @@ def of_failure_kind(loop: AbstractLoop) -> Limits:
     """Numbers that are rounded to kinds.
 
     None turns a thruster, which takes a vector. An ideal one or a magnetorquer is dead, weak or,
-    where it has a limit, stuck; a wheel runs away only where all have a torque limit.
+    where it has a limit, stuck; a wheel runs away only where all have a torque limit, and has
+    Coulomb friction, whose kind is before that, only under a sampled law.
     """
     thrusters, wheels = thrusters_of(loop), loop.plant.wheels
 
@@ -143,6 +144,7 @@ def of_failure_kind(loop: AbstractLoop) -> Limits:
         if isinstance(failures, WheelFailures):
             limited = _is_finite(cast(Wheels, wheels).torque_limit)
             kind = WheelFailureKind.RUNAWAY if limited else WheelFailureKind.FRICTION_TO
+            kind = kind if isinstance(loop, SampledLoop) else WheelFailureKind.FRICTION_BY
         elif isinstance(failures, MagnetorquerFailures):
             kind = FailureKind.STUCK_AT
         elif isinstance(thrusters[0], Actuators):

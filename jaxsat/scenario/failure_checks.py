@@ -100,11 +100,11 @@ def _stuck_torques_have_a_size(failures, limit, thrusters):
 def _failures_suit_the_law(failures, law):
     sampled = find_law(law).declaration.sampled
     for number, one in enumerate(failures):
-        if one.part == "wheel" and not sampled:
+        if one.friction_N_m is not None and not sampled:
             yield Issue(
-                ("failure", number, "of"),
-                f'must name no wheel under the law "{law}", whose torque changes all the time: '
-                f"a wheel fails in flight under sampled laws, got {shown(one.of)}",
+                ("failure", number, "friction_N_m"),
+                f'must be left out under the law "{law}", whose torque changes all the time: '
+                f"Coulomb friction needs a sampled law, got {shown(one.friction_N_m)}",
             )
 
 

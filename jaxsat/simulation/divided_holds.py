@@ -78,13 +78,11 @@ def _failure_times(body: RigidBody, actuators, asked: Asked) -> _Struck:
     """When something fails, s."""
     never = jnp.zeros(0)
 
-    def of(part) -> Float[Array, " f"]:
-        return never if part is None or part.failures is None else part.failures.at
-
+    wheels, torquers = body.wheels, body.magnetorquers
     return _Struck(
         never if asked.torque is None else actuators.failure_times,
-        never if asked.wheels is None else of(body.wheels),
-        never if asked.dipoles is None else of(body.magnetorquers),
+        never if wheels is None or asked.wheels is None else wheels.failure_times,
+        never if torquers is None or asked.dipoles is None else torquers.failure_times,
     )
 
 
@@ -99,9 +97,9 @@ def _after(
         one = body.magnetorquers
         hold = hold._replace(dipole=one.axes @ one.dipoles(asked.dipoles, struck.magnetorquers))
     if wheels is not None and wheels.failures is not None and command is not None:
-        condition = wheels.failures.condition(struck.wheels, wheels.count)
-        plant = body.with_wheels_stopped(plant, condition.stopped)
+        plant = body.after_wheel_failures(plant, struck.wheels)
         assert plant.wheel_momentum is not None
+        condition = wheels.failures.condition(struck.wheels, wheels.count)
         wheels, command = wheels.driven(condition, plant.wheel_momentum, command)
     return plant, hold, wheels, command
 

@@ -74,8 +74,9 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         """About body x and y."""
         return 2
 
-    def plant_state(self, state: ErrorState) -> PlantState:
+    def plant_state(self, t: Float[Array, ""], state: ErrorState) -> PlantState:
         """The rate errors turned back into rates."""
+        del t
         return self._with_rates(state, self._reference(state.attitude, state.omega3))
 
     def motion(self, t: Float[Array, ""], state: ErrorState) -> Motion:

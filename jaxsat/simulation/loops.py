@@ -12,8 +12,10 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.checks import concrete
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController
 from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
@@ -23,6 +25,7 @@ from jaxsat.vehicle import (
     AbstractActuators,
     Actuators,
     ActuatorsWithWheels,
+    WheelFailureKind,
 )
 
 
@@ -59,8 +62,8 @@ class AbstractContinuousLoop(AbstractLoop):
         """Torque beyond this many of its components is always zero."""
 
     @abc.abstractmethod
-    def plant_state(self, state: PyTree) -> PlantState:
-        """The plant's part of the state."""
+    def plant_state(self, t: Float[Array, ""], state: PyTree) -> PlantState:
+        """The plant in a state of the loop at time `t` (s)."""
 
     @abc.abstractmethod
     def motion(self, t: Float[Array, ""], state: PyTree) -> Motion:
@@ -88,7 +91,12 @@ class AbstractContinuousLoop(AbstractLoop):
 
 
 class LoopState(NamedTuple):
-    """State of the plant and memory of its controller."""
+    """State of the plant, as if no wheel had seized, and memory of its controller.
+
+    A wheel that seizes gives its momentum to the body at once. So that nothing that is integrated
+    jumps, it keeps in `plant` the momentum with which it did; `ContinuousLoop.plant_state` has the
+    state of the plant.
+    """
 
     plant: PlantState
     memory: Memory
@@ -101,8 +109,9 @@ NEVER = 1e9
 class ContinuousLoop(AbstractContinuousLoop):
     """Plant, continuous controller and thrusters.
 
-    `struck` tells which failures of the actuators have struck, see `smooth_piece`; None is those
-    whose time has come.
+    `struck` tells which failures of thrusters and then of wheels have struck, see `smooth_piece`;
+    None is those whose time has come. Raises `ValueError` for wheels with Coulomb friction, at
+    once or after a failure.
     """
 
     plant: RigidBody
@@ -112,7 +121,11 @@ class ContinuousLoop(AbstractContinuousLoop):
 
     def __check_init__(self):
         wheels = self.plant.wheels
-        if wheels is not None and wheels.coulomb_friction is not None:
+        if wheels is None:
+            return
+        kinds = None if wheels.failures is None else concrete(wheels.failures.kind)
+        rubs = kinds is not None and np.any(np.rint(kinds) == WheelFailureKind.FRICTION_TO)
+        if rubs or wheels.coulomb_friction is not None:
             raise ValueError(
                 "Wheels with Coulomb friction must have a command that is held, which that of a "
                 "continuous controller is not."
@@ -127,7 +140,7 @@ class ContinuousLoop(AbstractContinuousLoop):
         """
         own = (Actuators, ActuatorsWithWheels)
         corners = 0 if isinstance(self.actuators, own) else self.actuators.event_count
-        corners += self.actuators.failure_times.size + _wheel_events(self.plant)
+        corners += self.failure_times.size + _wheel_events(self.plant)
         return not corners and self.controller.is_smooth()
 
     def start(self, state: PlantState) -> LoopState:
@@ -140,55 +153,63 @@ class ContinuousLoop(AbstractContinuousLoop):
         """Thrusters may turn about any axis."""
         return 3
 
-    def plant_state(self, state: LoopState) -> PlantState:
-        """It is a part."""
-        return state.plant
+    @property
+    def failure_times(self) -> Float[Array, " f"]:
+        """When something fails, s: of the actuators, then of the wheels."""
+        wheels = self.plant.wheels
+        of_wheels = jnp.zeros(0) if wheels is None else wheels.failure_times
+        return jnp.concatenate([self.actuators.failure_times, of_wheels])
+
+    def _struck(self, t: Float[Array, ""]) -> tuple[Bool[Array, " a"], Bool[Array, " w"]]:
+        """Which failures of the actuators and of the wheels have struck."""
+        times, count = self.failure_times, self.actuators.failure_times.size
+        if not times.size:
+            return jnp.zeros(0, bool), jnp.zeros(0, bool)
+        struck = t >= times if self.struck is None else self.struck
+        return struck[:count], struck[count:]
+
+    def plant_state(self, t: Float[Array, ""], state: LoopState) -> PlantState:
+        """With the wheels that have seized at rest."""
+        return self.plant.after_wheel_failures(state.plant, self._struck(t)[1])
 
     def motion(self, t: Float[Array, ""], state: LoopState) -> Motion:
         """Equations (1) and (36) under the controller's torque."""
-        command, memory_rate = self.controller(t, state.plant, state.memory)
-        torque = self._actuators_at(t)(command)
-        wheels = self._wheel_torque(state.plant, command)
-        rate = LoopState(self.plant.rate(t, state.plant, torque, wheels), memory_rate)
-        relative_rate = self.plant.relative_rate(state.plant)
-        error = self.controller.rate_error(state.plant)
-        torque = self.plant.control_torque(torque, wheels)
-        return Motion(rate, state.plant, relative_rate, error, torque)
-
-    def _actuators_at(self, t: Float[Array, ""]) -> AbstractActuators:
-        times = self.actuators.failure_times
-        if not times.size:
-            return self.actuators
-        return self.actuators.after_failures(t >= times if self.struck is None else self.struck)
-
-    def _wheel_torque(self, state: PlantState, command) -> Float[Array, " wheels"] | None:
-        return self.plant.wheel_torque(state, self.actuators.wheel_command(command))
+        plant, (thrusters, wheels) = self.plant_state(t, state), self._struck(t)
+        command, memory_rate = self.controller(t, plant, state.memory)
+        torque = self.actuators.after_failures(thrusters)(command)
+        share = self.actuators.wheel_command(command)
+        wheel_torque = self.plant.wheel_torque(plant, share, wheels)
+        rate = LoopState(self.plant.rate(t, plant, torque, wheel_torque), memory_rate)
+        relative_rate = self.plant.relative_rate(plant)
+        error = self.controller.rate_error(plant)
+        torque = self.plant.control_torque(torque, wheel_torque)
+        return Motion(rate, plant, relative_rate, error, torque)
 
     def signals(self, t: Float[Array, ""], state: LoopState) -> Signals:
         """Everything worth saving at one instant."""
         motion = self.motion(t, state)
         signals = continuous_signals(
-            self.plant, self.controller, t, state.plant, state.memory, motion.torque
+            self.plant, self.controller, t, motion.plant, state.memory, motion.torque
         )
         rate = motion.rate.plant.wheel_momentum
         return signals if rate is None else dataclasses.replace(signals, wheel_torque=-rate)
 
     def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
         """Those of controller, actuators and wheels' momenta, and the time since each failure."""
-        command, _ = self.controller(t, state.plant, state.memory)
-        own = self.controller.event_functions(state.plant)
-        events = jnp.concatenate([own, self.actuators.event_functions(command)])
+        plant = self.plant_state(t, state)
+        command, _ = self.controller(t, plant, state.memory)
+        own = self.controller.event_functions(plant)
+        events = [own, self.actuators.event_functions(command)]
         if _wheel_events(self.plant):
             share = self.actuators.wheel_command(command)
-            events = jnp.concatenate([events, self.plant.wheel_events(state.plant, share)])
-        times = self.actuators.failure_times
-        if not times.size:
-            return events
-        return jnp.concatenate([events, t - jnp.minimum(times, NEVER)])
+            events.append(self.plant.wheel_events(plant, share, self._struck(t)[1]))
+        if self.failure_times.size:
+            events.append(t - jnp.minimum(self.failure_times, NEVER))
+        return jnp.concatenate(events)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ContinuousLoop":
         """Controller, actuators and wheels held in a piece of theirs each, failures as they are."""
-        failures = self.actuators.failure_times.size
+        failures = self.failure_times.size
         signs, struck = signs[: signs.size - failures], signs[signs.size - failures :]
         wheels = signs.size - _wheel_events(self.plant)
         count = wheels - self.actuators.event_count

@@ -29,11 +29,11 @@ class Method(eqx.Module):
 
 
 def step_size_for(method: Method, loop: AbstractLoop) -> diffrax.AbstractStepSizeController:
-    """The method's steps, which end where actuators of the loop fail, if they are adaptive."""
+    """The method's steps, which end where something of the loop fails, if they are adaptive."""
     steps = method.step_size
     if not isinstance(loop, ContinuousLoop) or not isinstance(steps, diffrax.PIDController):
         return steps
-    times = loop.actuators.failure_times
+    times = loop.failure_times
     return diffrax.ClipStepSizeController(steps, jump_ts=times) if times.size else steps
 
 

@@ -284,11 +284,11 @@ def _sampled_signals(loop, t, state, memory, told: Told, torque, asked: Asked) -
     error = loop.controller.rate_error(state, memory)
     none = jnp.full((), jnp.nan, error.dtype)
     mode = jnp.asarray(loop.controller.mode(memory), error.dtype)
-    wheels = loop.plant.wheel_torque(state, asked.wheels, t)
+    struck = None if loop.plant.wheels is None else t >= loop.plant.wheels.failure_times
+    wheels = loop.plant.wheel_torque(state, asked.wheels, struck)
     dipoles, torquers = None, loop.plant.magnetorquers
     if torquers is not None:
-        struck = None if torquers.failures is None else t >= torquers.failures.at
-        dipoles = torquers.dipoles(asked.dipoles, struck)
+        dipoles = torquers.dipoles(asked.dipoles, t >= torquers.failure_times)
         torque = torque + loop.plant.magnetic_torque(t, state, torquers.axes @ dipoles)
     torque = loop.plant.control_torque(torque, wheels)
     signals = plant_signals(loop.plant, t, state, torque, error, none, mode)

@@ -39,6 +39,11 @@ class Magnetorquers(eqx.Module):
         """How many magnetorquers there are."""
         return self.axes.shape[1]
 
+    @property
+    def failure_times(self) -> Float[Array, " f"]:
+        """When each failure strikes, s."""
+        return jnp.zeros(0) if self.failures is None else self.failures.at
+
     def dipoles(
         self, command: Float[Array, " k"], struck: Bool[Array, " f"] | None = None
     ) -> Float[Array, " k"]:

@@ -162,11 +162,10 @@ class Wheels(eqx.Module):
 
     # Failures in flight.
 
-    def condition(self, t: Float[Array, ""]) -> WheelCondition | None:
-        """State of all wheels at time `t` (s); None where none fails in flight."""
-        if self.failures is None:
-            return None
-        return self.failures.condition(t >= self.failures.at, self.count)
+    @property
+    def failure_times(self) -> Float[Array, " f"]:
+        """When each failure strikes, s."""
+        return jnp.zeros(0) if self.failures is None else self.failures.at
 
     def driven(
         self,

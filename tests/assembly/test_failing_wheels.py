@@ -9,6 +9,7 @@ from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.assembly.study import build_study
 from jaxsat.scenario import ScenarioError, dump
+from jaxsat.simulation import ContinuousLoop
 from jaxsat.vehicle import FailureEvents, WheelFailureKind, WheelFailures
 
 WHEELS = """\
@@ -147,7 +148,11 @@ def test_wheels_that_run_away_without_a_limit_are_not_drawn(tmp_path):
         load(written(tmp_path, text, drawn), purpose="study")
 
 
-def test_wheels_fail_under_a_sampled_law(tmp_path):
-    failure = "failure=[{of='wheel 1',at_s=5.0,kind='dead'}]"
-    with pytest.raises(ScenarioError, match="must name no wheel under the law"):
-        load("two-wheel-telescope", [failure])
+def test_wheels_fail_under_a_continuous_law_but_for_coulomb_friction():
+    failure = "failure=[{of='wheel X',at_s=5.0,kind='stopped'}]"
+    loop = build(load("two-wheel-telescope", [failure])).loop
+    assert isinstance(loop, ContinuousLoop)
+    np.testing.assert_array_equal(loop.failure_times, [5.0])
+    rubs = failure.replace("stopped", "friction-up").replace("}", ",friction_N_m=0.1}")
+    with pytest.raises(ScenarioError, match="Coulomb friction needs a sampled law"):
+        load("two-wheel-telescope", [rubs])

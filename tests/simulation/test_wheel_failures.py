@@ -126,7 +126,7 @@ def test_what_a_wheel_does_after_each_failure():
         failing = eqx.tree_at(lambda w: w.failures, wheels, events, is_leaf=lambda x: x is None)
         body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=failing)
         state = PlantState(Quaternion([1.0, 0, 0, 0]), OMEGA, momentum)
-        return body.wheel_torque(state, asked), body.wheel_torque(state, asked, t)
+        return body.wheel_torque(state, asked), body.wheel_torque(state, asked, t >= events.at)
 
     def torque(kind, amount=0.0, number=0):
         event = [jnp.array(float(x)) for x in (number, kind, amount)]
@@ -149,12 +149,16 @@ def test_what_a_wheel_does_after_each_failure():
 
 
 def test_the_momentum_of_a_wheel_that_stops_goes_into_the_body():
-    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=Wheels(AXES))
+    stops = WheelFailures([0, 2, 1], [0, 0, 0], [WheelFailureKind.STOPPED] * 3, [0, 0, 0])
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=Wheels(AXES, failures=stops))
     state = PlantState(Quaternion([1.0, 0, 0, 0]), OMEGA, MOMENTA)
-    after = body.with_wheels_stopped(state, jnp.array([True, False, True]))
+    struck = jnp.array([True, True, False])
+    after = body.after_wheel_failures(state, struck)
     np.testing.assert_allclose(
         body.total_momentum(after), body.total_momentum(state), rtol=0, atol=1e-16
     )
     np.testing.assert_array_equal(after.wheel_momentum, [0, MOMENTA[1], 0])
     gained = INERTIA @ (np.asarray(after.omega) - OMEGA)
     np.testing.assert_allclose(gained, AXES[:, 0] * MOMENTA[0], atol=1e-16)
+    again = body.after_wheel_failures(after, struck)
+    np.testing.assert_array_equal(again.omega, after.omega)

@@ -1,0 +1,185 @@
+"""Wheels that fail under a continuous law, in every engine, against an independent program."""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from jaxsat.attitude import Quaternion
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.engine import (
+    AbstractCaseFactory,
+    AdaptiveStepper,
+    Case,
+    NativeEngine,
+    ReferenceEngine,
+    ScanEngine,
+    Tolerance,
+    program_of,
+)
+from jaxsat.environment import ExactOrbit
+from jaxsat.simulation import ContinuousLoop, adaptive, simulate
+from jaxsat.vehicle import ActuatorsWithWheels, Spacecraft, WheelFailureKind, WheelFailures, Wheels
+from simulation.test_failing_ideal_thrusters import INERTIA, OMEGA, SECONDS, Waves
+
+AXES = np.array([[1.0, 0.0, 0.5, -0.4], [0.0, 1.0, -0.5, -0.6], [0.1, 0.0, 0.7, 0.5]])
+AXES = AXES / np.linalg.norm(AXES, axis=0)
+LIMIT, MOMENTUM_LIMIT = 0.2, np.array([0.45, 0.5, 0.55, np.inf])
+ROTOR, VISCOUS = 0.01, 4e-4
+MOMENTA = np.array([0.1, -0.2, 0.05, 0.3])
+K, NEVER = WheelFailureKind, np.inf
+CASES = np.array(
+    [  # wheels, times, kinds, amounts
+        [0, 0, NEVER, NEVER, K.DEAD, K.DEAD, 0, 0],
+        [0, 1, 2.345, NEVER, K.DEAD, K.DEAD, 0, 0],
+        [1, 3, 1.5, 4.25, K.DEGRADED, K.STOPPED, 0.4, 0],
+        [2, 0, 3.3, 3.3, K.RUNAWAY, K.FRICTION_BY, 0, 30],
+        [3, 3, 1.1, 5.0, K.RUNAWAY, K.STOPPED, 0, 0],
+        [1, 2, 0.0, 7.999, K.STOPPED, K.DEAD, 0, 0],
+        [2, 1, 0.7, 6.0, K.RUNAWAY, K.STOPPED, 0, 0],
+    ],
+    float,
+)
+
+
+class Struck(AbstractCaseFactory):
+    """A loop with two other events in every case."""
+
+    loop: ContinuousLoop
+    start: PlantState
+
+    def __call__(self, case, gains):
+        del gains
+        events = WheelFailures(*case.reshape(4, 2))
+        loop = eqx.tree_at(lambda loop: loop.plant.wheels.failures, self.loop, events)
+        return Case(loop, self.start, {"failure": case}, jnp.array(True))
+
+
+def factory():
+    never = WheelFailures([0, 0], [np.inf] * 2, [0, 0], [0, 0])
+    wheels = Wheels(AXES, LIMIT, MOMENTUM_LIMIT, ROTOR, VISCOUS, failures=never)
+    plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
+    start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, MOMENTA)
+    loop = ContinuousLoop(plant, Waves(), ActuatorsWithWheels.of(AXES, 3, wheel_limit=LIMIT))
+    return Struck(loop, start)
+
+
+def truth(case):
+    """(q scalar last, ω, h) at the end by SciPy, one time without an event after the other."""
+    gain, viscous = np.ones(4), np.full(4, VISCOUS)
+    stopped, runaway = np.zeros(4, bool), np.zeros(4, bool)
+    y = np.concatenate([[0, 0, 0, 1], OMEGA, MOMENTA])
+    ahead = sorted(
+        ((at, int(which), kind, amount) for which, at, kind, amount in case.reshape(4, 2).T),
+        key=lambda one: one[0],
+    )
+
+    def torques(t, y):
+        """What each wheel does to the body off its limit."""
+        wave = [np.sin(t), np.cos(0.7 * t), 0.3 + 0.1 * np.sin(2 * t)]
+        share = np.linalg.pinv(AXES) @ (-0.4 * y[4:7] + 0.35 * np.array(wave))
+        share = share / max(np.abs(share).max() / LIMIT, 1)
+        share = np.where(runaway, np.where(y[7:] < 0, LIMIT, -LIMIT), share)
+        return np.where(stopped, 0, gain * share + viscous / ROTOR * y[7:])
+
+    t = 0.0
+    limited = np.zeros(4, bool)
+    while t < SECONDS:
+        while ahead and ahead[0][0] <= t:
+            _, which, kind, amount = ahead.pop(0)
+            if kind == K.STOPPED:
+                y[4:7] += np.linalg.solve(INERTIA, AXES[:, which] * y[7 + which])
+                y[7 + which] = 0
+                stopped[which], limited[which] = True, False
+            gain[which] *= {K.DEAD: 0.0, K.DEGRADED: amount}.get(kind, 1.0)
+            viscous[which] *= amount if kind == K.FRICTION_BY else 1.0
+            runaway[which] |= kind == K.RUNAWAY
+        pushed_on = torques(t, y) * y[7:] < 0
+        limited &= pushed_on
+
+        def rate(t, y, limited=limited):
+            u = np.where(limited, 0, torques(t, y))
+            x, omega = y[:4], y[4:7]
+            total = AXES @ u - np.cross(omega, INERTIA @ omega + AXES @ y[7:])
+            turned = np.append(x[3] * omega + np.cross(x[:3], omega), -x[:3] @ omega) / 2
+            return np.concatenate([turned, np.linalg.solve(INERTIA, total), -u])
+
+        events = []
+        for k in range(4):
+            if limited[k]:
+                event = lambda t, y, k=k: torques(t, y)[k] * y[7 + k]  # noqa: E731
+                event.direction = 1
+            else:
+                event = lambda t, y, k=k: np.abs(y[7 + k]) - min(MOMENTUM_LIMIT[k], 9)  # noqa: E731
+                event.direction = 1
+            event.terminal = True
+            events.append(event)
+        end = min([SECONDS, *[one[0] for one in ahead[:1]]])
+        run = solve_ivp(
+            rate, (t, end), y, "DOP853", rtol=1e-12, atol=1e-14, max_step=0.01, events=events
+        )
+        t, y = run.t[-1], run.y[:, -1].copy()
+        for k, met in enumerate(run.t_events):
+            if len(met):
+                limited[k] = not limited[k]
+                if limited[k]:
+                    y[7 + k] = np.copysign(MOMENTUM_LIMIT[k], y[7 + k])
+    return y
+
+
+@pytest.mark.slow
+def test_engines_agree_with_an_independent_program_and_keep_the_total_momentum():
+    cases = factory()
+    program = program_of(cases, cases.loop, SECONDS)
+    stepper = AdaptiveStepper(tolerance=Tolerance(1e-11, 1e-11))
+    reference = ReferenceEngine(adaptive(1e-12, 1e-13, min_step=1e-10), batch_size=len(CASES))
+    engines = {"native": NativeEngine(stepper), "scan": ScanEngine(stepper, len(CASES))}
+    engines["reference"] = reference
+    expected = np.array([truth(case) for case in CASES])
+    assert np.abs(expected[1:] - expected[0]).max(axis=1).min() > 1e-4
+    for name, engine in engines.items():
+        found = engine.evaluate(program, CASES)
+        assert np.all(found.code == 0)
+        q = np.roll(found.quaternion, -1, axis=1)
+        same = np.sign(np.sum(q * expected[:, :4], axis=1, keepdims=True))
+        np.testing.assert_allclose(q * same, expected[:, :4], atol=2e-9, err_msg=name)
+        np.testing.assert_allclose(found.omega, expected[:, 4:7], atol=2e-9, err_msg=name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [2, 6])
+def test_a_run_keeps_the_total_momentum_where_a_wheel_seizes(number):
+    """Saved before and after; at the instant of the failure the wheel stands still."""
+    made, case = factory(), CASES[number]
+    loop = made(case, None).loop
+    assert not loop.is_smooth()
+    at, which = case[3], int(case[1])
+    times = np.sort(np.append(np.linspace(0, SECONDS, 33), [at - 1e-9, at, at + 1e-9]))
+    signals = simulate(loop, made.start, np.unique(times)).signals
+    momentum, stopped = np.asarray(signals.wheel_momentum), np.unique(times) >= at
+    assert np.all(momentum[stopped, which] == 0)
+    assert np.abs(momentum[~stopped, which]).min() > 1e-3
+    torque = np.asarray(signals.wheel_torque)
+    assert np.all(torque[stopped, which] == 0)
+    total = np.asarray(signals.omega) @ INERTIA + momentum @ AXES.T
+    q = np.roll(np.asarray(signals.quaternion), -1, axis=1)
+    total = Rotation.from_quat(q).apply(total)
+    drift = np.abs(total - total[0]).max() / np.linalg.norm(total[0])
+    assert drift < 1e-12
+    step = np.diff(np.asarray(signals.omega)[np.abs(np.unique(times) - at) < 2e-9], axis=0)
+    kick = np.linalg.solve(INERTIA, AXES[:, which] * momentum[~stopped][-1, which])
+    np.testing.assert_allclose(step[0], kick, atol=1e-8)
+    np.testing.assert_allclose(step[1], 0, atol=1e-8)
+
+
+def test_coulomb_friction_needs_a_command_that_is_held():
+    made = factory()
+    rubs = WheelFailures([0], [1.0], [K.FRICTION_TO], [0.01])
+    wheels = eqx.tree_at(lambda wheels: wheels.failures, made.loop.plant.wheels, rubs)
+    plant = dataclasses.replace(made.loop.plant, wheels=wheels)
+    with pytest.raises(ValueError, match="Coulomb friction"):
+        ContinuousLoop(plant, Waves(), made.loop.actuators)
