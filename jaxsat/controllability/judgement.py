@@ -132,10 +132,10 @@ def _beside_coasting_wheels(stopped: Judgement) -> Judgement:
     returns as before: torques of both signs of rank 6 control. No law knows it.
     """
     verdict: Verdict = "not decided"
-    decided = stopped.decision is not None and not stopped.one_signed and stopped.rank == 6
+    both_signs = stopped.decision is not None and not stopped.one_signed
     if stopped.verdict == "borderline":
         verdict = "borderline"
-    elif decided and stopped.verdict == "controllable":
+    elif both_signs and stopped.rank == 6:
         verdict = "by drift"
     return dataclasses.replace(stopped, verdict=verdict, laws="none", turn_time=np.nan)
 

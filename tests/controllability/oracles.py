@@ -98,12 +98,17 @@ def fraction_rank(inertia, axes):
 
 
 class GibbsAlgebra:
-    """Polynomial vector fields in (Gibbs vector ρ, ω) with exact brackets; rank at rest."""
+    """Polynomial vector fields in (Gibbs vector ρ, ω, wheel momenta h), with exact brackets.
 
-    def __init__(self, inertia, axes):
-        self.ring, *symbols = ring("r1,r2,r3,w1,w2,w3", QQ)
+    Thrusters along `axes`, and wheels along `wheels` of a body in which `coasting` is fixed, the
+    momentum of wheels without a motor.
+    """
+
+    def __init__(self, inertia, axes, wheels=(), coasting=(0, 0, 0)):
+        names = [f"h{number}" for number in range(len(wheels))]
+        self.ring, *symbols = ring(["r1", "r2", "r3", "w1", "w2", "w3", *names], QQ)
         self.symbols = symbols
-        rho, omega = symbols[:3], symbols[3:]
+        rho, omega, stored = symbols[:3], symbols[3:6], symbols[6:]
         inverse = Matrix(inertia).inv().tolist()
 
         def times(matrix, vector):
@@ -119,18 +124,22 @@ class GibbsAlgebra:
         along = sum((r * w for r, w in zip(rho, omega, strict=True)), self.ring(0))
         half = QQ(1, 2)
         attitude = [(omega[i] + turn[i] + rho[i] * along) * half for i in range(3)]
-        euler = times(inverse, [-t for t in _cross(omega, times(j, omega))])
-        self.drift = tuple(attitude + euler)
+        momentum = [a + self.ring(int(b)) for a, b in zip(times(j, omega), coasting, strict=True)]
+        for h, axis in zip(stored, wheels, strict=True):
+            momentum = [total + h * int(a) for total, a in zip(momentum, axis, strict=True)]
+        euler = times(inverse, [-t for t in _cross(omega, momentum)])
+        self.drift = tuple(attitude + euler + [self.ring(0)] * len(wheels))
         zero = [self.ring(0)] * 3
         self.controls = []
-        for axis in axes:
+        for number, axis in enumerate([*wheels, *axes]):
             rate = Matrix(inertia).inv() * Matrix(axis)
-            self.controls.append(tuple(zero + [self.ring(QQ(r.p, r.q)) for r in rate]))
+            taken = [self.ring(-int(number == k)) for k in range(len(wheels))]
+            self.controls.append(tuple(zero + [self.ring(QQ(r.p, r.q)) for r in rate] + taken))
 
     def bracket(self, f, g):
         """Dg·f − Df·g, by exact differentiation of polynomials."""
         out = []
-        for i in range(6):
+        for i in range(len(self.symbols)):
             total = self.ring(0)
             for k, symbol in enumerate(self.symbols):
                 if f[k]:
@@ -144,6 +153,23 @@ class GibbsAlgebra:
         """Value at ρ = 0, ω = 0, as fractions."""
         values = [entry.coeff(1) for entry in field]
         return [Fraction(int(v.numerator), int(v.denominator)) for v in values]
+
+    def divergence(self):
+        """Of the drift: how fast a volume of states grows."""
+        pairs = zip(self.drift, self.symbols, strict=True)
+        return sum((entry.diff(symbol) for entry, symbol in pairs), self.ring(0))
+
+    def rank_at(self, state, letters):
+        """Rank of all right-nested brackets of so many letters, without the drift, at a state."""
+        values = [QQ(x.numerator, x.denominator) for x in state]
+        point = list(zip(self.symbols, values, strict=True))
+        rows, basis, layer = [], [], list(self.controls)
+        for _ in range(letters):
+            for field in layer:
+                _extend(rows, basis, [entry.evaluate(point) for entry in field])
+            layer = [self.bracket(x, w) for x in (self.drift, *self.controls) for w in layer]
+            layer = list({field for field in layer if any(field)})
+        return len(basis)
 
     def closure_rank(self):
         """Rank at rest of all brackets of f and the fields found, until nothing new appears."""

@@ -1,10 +1,8 @@
-"""Thrusters beside a wheel that coasts: the rank is no less, and what is told."""
+"""What is told of thrusters and wheels beside one that coasts."""
 
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from jaxsat.controllability import (
     actuator_set,
@@ -12,7 +10,6 @@ from jaxsat.controllability import (
     failure_table,
     judge,
     judge_once_stopped,
-    lie_bracket,
     verdict_sentence,
 )
 
@@ -32,40 +29,6 @@ def vehicle(momentum=0.2, torques=((1, 0), (0, 1), (0, 0)), two_sided=True):
 
 def coasting(actuators):
     return judge(INERTIA, actuators.only(range(len(actuators.thrusters))))
-
-
-def rank_at_rest(inertia, torques, bias):
-    """Rank at rest, in attitude and rate, of brackets of up to five letters; by differentiation."""
-    inverse = jnp.linalg.inv(jnp.asarray(inertia))
-
-    def drift(state):
-        attitude, omega = state[:9].reshape(3, 3), state[9:]
-        x, y, z = omega
-        turn = jnp.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        rate = inverse @ -jnp.cross(omega, inertia @ omega + jnp.asarray(bias))
-        return jnp.concatenate([(-turn @ attitude).reshape(9), rate])
-
-    controls = [
-        lambda state, g=inverse @ column: jnp.concatenate([jnp.zeros(9), g]) + 0 * state
-        for column in torques.T
-    ]
-    second = [lie_bracket(drift, control) for control in controls]
-    third = [lie_bracket(drift, field) for field in second]
-    third += [lie_bracket(field, control) for field in second for control in controls]
-    fourth = [lie_bracket(drift, field) for field in third[len(second) :]]
-    fourth += [lie_bracket(a, b) for i, a in enumerate(second) for b in second[i + 1 :]]
-    state = jnp.concatenate([jnp.eye(3).reshape(9), jnp.zeros(3)])
-    words = [word(state) for word in (*controls, *second, *third, *fourth)]
-    return int(np.linalg.matrix_rank(np.stack(words), tol=1e-9))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("moments", [(4.0, 3.0, 2.0), (4.0, 4.0, 2.0)])
-def test_the_rank_is_no_less_than_with_the_wheel_at_rest(moments):
-    torques = np.eye(3)[:, :2]
-    found = [rank_at_rest(np.diag(moments), torques, b * np.array([1, 2, 2])) for b in (0, 0.1)]
-    assert found[1] >= found[0]
-    assert found[0] == judge(np.diag(moments), vehicle(0.0).only([0, 1])).rank
 
 
 def test_both_verdicts_are_told():
