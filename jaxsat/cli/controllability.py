@@ -86,11 +86,7 @@ def controllability(
 
     stopped = judge_once_stopped(judgement, tolerance)
     lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
-    if chosen.magnetorquer:
-        lines.append(
-            "Magnetorquers are not judged: their torque is across the Earth's field alone, which "
-            "turns along the orbit. The verdict is that of thrusters and wheels without them."
-        )
+    lines += interruptibly(lambda: _magnetic_lines(chosen))
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: single and double failures alone")
     if chosen.disturbance.torques:
@@ -134,6 +130,38 @@ def _analyse(
     most = None if len(actuators.names) <= MAX_ACTUATORS else 2
     cases = failure_table(inertia, actuators, tolerance=tolerance, most_failed=most)
     return judgement, analysis, cases
+
+
+def _magnetic_lines(scenario: "Scenario") -> list[str]:
+    """What magnetorquers add to a verdict that leaves them out."""
+    if not scenario.magnetorquer:
+        return []
+    import numpy as np
+
+    from jaxsat.assembly.actuator_set import all_actuators
+    from jaxsat.assembly.plant import build_plant
+    from jaxsat.controllability import NoEquilibriumError, magnetic_authority, magnetic_words
+
+    working = [place for place, one in enumerate(scenario.magnetorquer) if not one.failed]
+    plant = build_plant(scenario)
+    if not working or plant.magnetorquers is None or plant.field is None:
+        return ["Magnetorquers: none is left"]
+    axes, limits = (
+        np.asarray(x)[..., working]
+        for x in (plant.magnetorquers.axes, plant.magnetorquers.dipole_limit)
+    )
+    actuators, others = all_actuators(scenario)
+    left = actuators.only(others)
+    sizes = np.linalg.norm(left.torques, axis=0) if scenario.thruster else np.zeros(0)
+    try:
+        found = magnetic_authority(scenario.spacecraft.inertia_kg_m2, axes, limits, plant.field)
+    except NoEquilibriumError:
+        return [
+            "Magnetorquers are left out of the verdict and the table: their torque is across the "
+            "Earth's field alone, and the orbit frame, about which they would be judged, is no "
+            "equilibrium of this body"
+        ]
+    return magnetic_words(found, sizes.max(initial=0.0), bool(left.wheels))
 
 
 def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]":

@@ -51,6 +51,11 @@ from jaxsat.controllability.linear import (
     lvlh_linearisation,
 )
 from jaxsat.controllability.local import LocalControllability, small_time_local_controllability
+from jaxsat.controllability.magnetic import (
+    MagneticAuthority,
+    magnetic_authority,
+    magnetic_words,
+)
 from jaxsat.controllability.maps import (
     angle_grid,
     margins_over_angles,
@@ -84,6 +89,7 @@ __all__ = [
     "LieBracket",
     "LinearControllability",
     "LocalControllability",
+    "MagneticAuthority",
     "MomentumLevelSet",
     "NetForce",
     "NoEquilibriumError",
@@ -116,6 +122,8 @@ __all__ = [
     "lie_bracket",
     "linear_controllability",
     "lvlh_linearisation",
+    "magnetic_authority",
+    "magnetic_words",
     "margins_over_angles",
     "margins_over_inertias",
     "momentum_barrier",

@@ -25,7 +25,10 @@ def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[
     axes, half = body_box(scenario)
     thrusters, columns = _thrusters(scenario, data)
     half = _around(half, axes, thrusters)
-    wheels, momentum = _wheels(scenario, data)
+    wheels, momentum = _along_axes(
+        scenario, data, "wheel", "wheel_momentum", "momentum_limit_N_m_s"
+    )
+    rods, dipoles = _along_axes(scenario, data, "magnetorquer", "dipole", "dipole_limit_A_m2")
     law = known_law(scenario.get("control", {}).get("law"))
     return {
         "title": title,
@@ -39,6 +42,8 @@ def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[
         "levels": None if columns is None else _encoded(np.nan_to_num(columns), "<f4"),
         "wheels": wheels,
         "momentum": None if momentum is None else _encoded(np.nan_to_num(momentum), "<f4"),
+        "rods": rods,
+        "dipoles": None if dipoles is None else _encoded(np.nan_to_num(dipoles), "<f4"),
         "phases": phases_of(dataset),
         "failures": [{"what": what, "at": at} for what, at in failures_of(scenario).items()],
         "target": law is None or law.declaration.regulates_attitude,
@@ -151,26 +156,27 @@ def _torque_axis(table: Mapping[str, Any], sign: int) -> list[float] | None:
     return _unit(np.cross(table["position_m"], table["direction"]), sign)
 
 
-def _wheels(
-    scenario: Mapping[str, Any], data: xr.Dataset
+def _along_axes(
+    scenario: Mapping[str, Any], data: xr.Dataset, kind: str, signal: str, limit: str
 ) -> tuple[list[dict[str, Any]], np.ndarray | None]:
-    """The wheels to draw and their momentum (times, n) in parts of its limit, or of its largest."""
-    tables = scenario.get("wheel", ())
+    """Wheels or magnetorquers to draw, and their signal (times, n) in parts of its limit.
+
+    Of those without a limit it is in parts of the largest one.
+    """
+    tables = scenario.get(kind, ())
     drawn = []
     for place, table in enumerate(tables, 1):
         name = str(table.get("name", place))
-        since, kind = _failed_from(scenario, "wheel", name)
-        gone = bool(table.get("failed"))
-        since, kind = (0.0, "failed") if gone else (since, kind)
+        since, how = _failed_from(scenario, kind, name)
+        since, how = (0.0, "failed") if table.get("failed") else (since, how)
         drawn.append(
-            {"name": name, "axis": _unit(table.get("axis"), 1), "failed": since, "kind": kind}
+            {"name": name, "axis": _unit(table.get("axis"), 1), "failed": since, "kind": how}
         )
-    if "wheel_momentum" not in data or data["wheel_momentum"].shape[1] != len(tables):
+    if signal not in data or data[signal].shape[1] != len(tables):
         return drawn, None
-    momentum = data["wheel_momentum"].values
-    largest = np.nanmax(np.abs(momentum), initial=0.0) or 1.0
-    limits = [float(table.get("momentum_limit_N_m_s") or largest) for table in tables]
-    return drawn, momentum / np.array(limits)
+    values = data[signal].values
+    largest = np.nanmax(np.abs(values), initial=0.0) or 1.0
+    return drawn, values / np.array([float(table.get(limit) or largest) for table in tables])
 
 
 def _around(

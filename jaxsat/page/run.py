@@ -102,8 +102,8 @@ def _until_end(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def _named_parts(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> xr.Dataset:
-    """With the names that the scenario gives to thrusters and wheels in place of numbers."""
-    for kind in ("thruster", "wheel"):
+    """With the names that the scenario gives to actuators in place of numbers."""
+    for kind in ("thruster", "wheel", "magnetorquer"):
         names = [str(table.get("name", n)) for n, table in enumerate(scenario.get(kind, ()), 1)]
         if dataset.sizes.get(kind) == len(names) == len(set(names)):
             dataset = dataset.assign_coords({kind: names})

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from jaxsat.pointing import pointing_error
 from jaxsat.report.style import FURTHER_LINES, LINES, escape_mathematics, panels
-from jaxsat.report.time_axes import failures, figure_title, place_legend, thruster_names, verdicts
+from jaxsat.report.time_axes import failures, figure_title, part_names, place_legend, verdicts
 
 GREYS = ("1.0", "0.72", "0.86", "0.94")
 """Of the phases, light ones beside dark ones."""
@@ -91,7 +91,7 @@ def _draw_tests(dataset: xr.Dataset, axes: Axes) -> None:
     time, values = dataset["time"].values, dataset["detection_statistic"].values
     styles = (*LINES, *FURTHER_LINES)
     order = np.argsort(-np.nanmax(values, axis=0))[:3]
-    names = thruster_names(dataset, values.shape[1])
+    names = part_names(dataset, "thruster", values.shape[1])
     for style, place in zip(styles, order, strict=False):
         label = f"thruster {names[place]}"
         axes.plot(time, values[:, place], label=label, **style)

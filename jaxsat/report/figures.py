@@ -96,7 +96,7 @@ def torque_figure(
     linear_to: float | None = None,
     title: str = "",
 ) -> Figure:
-    """Thruster torque, whole and enlarged over `zoom` (s; by default the last fifth).
+    """Torque of the actuators, whole and enlarged over `zoom` (s; by default the last fifth).
 
     Where the third rate is held the ideal torque that holds it has a panel of its own. With
     `linear_to` (N m) the upper axis is logarithmic beyond that torque, for runs whose first instant
@@ -106,7 +106,10 @@ def torque_figure(
     ranged = "torque_max" in dataset
     held = "constraint_torque" in dataset
     count = (len(names) if ranged else 1) + held + 1
-    heading = figure_title(dataset, "thruster torque", title)
+    others = {"wheel_torque", "dipole"} & set(dataset.data_vars)
+    heading = figure_title(
+        dataset, "torque of all actuators" if others else "thruster torque", title
+    )
     figure, axes = panels(count, heading, 2.1 if count == 2 else 1.9)
     *above, enlarged = axes
     if ranged:

@@ -9,7 +9,14 @@ from matplotlib.figure import Figure
 
 from jaxsat.pointing import euler_angles, pointing_error
 from jaxsat.report.style import FURTHER_LINES, LINES, escape_mathematics, panels
-from jaxsat.report.time_axes import draw_lines, figure_title, finish, place_legend, shade_modes
+from jaxsat.report.time_axes import (
+    draw_lines,
+    figure_title,
+    finish,
+    part_names,
+    place_legend,
+    shade_modes,
+)
 
 OWN_FIGURES = frozenset(
     (
@@ -70,24 +77,37 @@ def signals_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
     for panel, name in zip(axes, names, strict=True):
         variable = dataset[name]
         if variable.ndim == 2 and variable.shape[1] > len(styles):
-            _draw_strips(figure, panel, variable)
+            _draw_strips(figure, panel, dataset, variable)
             continue
         values = variable.values.reshape(len(dataset["time"]), -1)
-        labels = [name] if variable.ndim == 1 else map(str, variable[variable.dims[1]].values)
+        labels = [name] if variable.ndim == 1 else _labels(dataset, variable)
         for column, label in enumerate(labels):
             style = styles[column % len(styles)]
             panel.plot(dataset["time"], values[:, column], label=escape_mathematics(label), **style)
         if name + BOUND in dataset:
             _draw_bounds(panel, dataset, name + BOUND)
         place_legend(panel, min(8, values.shape[1] + 1))
-        unit = str(variable.attrs.get("units", "1")).replace("degree", "°").replace("1", "–")
+        unit = (
+            str(variable.attrs.get("units", "1"))
+            .replace("degree", "°")
+            .replace("1", "–")
+            .replace("m2", "m²")
+        )
         meaning = escape_mathematics(str(variable.attrs.get("long_name", name)))
         panel.set_ylabel(f"{textwrap.fill(meaning, 22, max_lines=3)}\n({unit})", fontsize=8)
     finish(dataset, axes)
     return figure
 
 
-def _draw_strips(figure: Figure, panel: Axes, variable: xr.DataArray) -> None:
+def _labels(dataset: xr.Dataset, variable: xr.DataArray) -> list[str]:
+    """What each column is of: a coordinate, or the name of a part of the spacecraft."""
+    component = str(variable.dims[1])
+    if component in ("thruster", "wheel", "magnetorquer"):
+        return part_names(dataset, component, variable.shape[1])
+    return [str(one) for one in variable[component].values]
+
+
+def _draw_strips(figure: Figure, panel: Axes, dataset: xr.Dataset, variable: xr.DataArray) -> None:
     """A strip in shades of grey for each component over time, and what the shades mean.
 
     Each shade is of the largest value of a time that is wide enough to be seen.
@@ -101,7 +121,7 @@ def _draw_strips(figure: Figure, panel: Axes, variable: xr.DataArray) -> None:
         cmap="Greys",
         rasterized=True,
     )
-    names = [str(name) for name in variable[component].values]
+    names = _labels(dataset, variable)
     panel.set_yticks(np.arange(1, len(names) + 1), names, fontsize=7)
     panel.set_ylabel(str(component))
     panel.grid(visible=False)

@@ -82,7 +82,7 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
     alarm = [mode for mode, name in mode_names(dataset).items() if name == "alarm"]
     in_alarm = np.isin(dataset["mode"].values, alarm)
     found = [(float(time[row]), "alarm") for row in np.flatnonzero(np.diff(in_alarm * 1) > 0) + 1]
-    names = thruster_names(dataset, kinds.shape[1])
+    names = part_names(dataset, "thruster", kinds.shape[1])
     for row, thruster in np.argwhere(np.diff(kinds, axis=0) != 0):
         kind = kinds[row + 1, thruster]
         if np.isfinite(kind):
@@ -91,15 +91,22 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
     return sorted(found)[:MOST_VERDICTS]
 
 
-def thruster_names(dataset: xr.Dataset, count: int) -> list[str]:
-    """Names, or numbers from 1, of `count` thrusters; a two-sided one has both its places."""
-    tables = tomllib.loads(dataset.attrs.get("scenario", "")).get("thruster", [])
-    each = [
-        one.get("name", str(number))
+def part_names(dataset: xr.Dataset, kind: str, count: int) -> list[str]:
+    """Names, or numbers from 1, of `count` thrusters, wheels or magnetorquers of the scenario.
+
+    A two-sided thruster has both its places. Those that failed before the start are left out where
+    the others are as many as asked for.
+    """
+    tables = tomllib.loads(dataset.attrs.get("scenario", "")).get(kind, [])
+    parts = [
+        (one.get("name", str(number)), bool(one.get("failed")))
         for number, one in enumerate(tables, 1)
         for _ in range(2 if one.get("two_sided") else 1)
     ]
-    return each if len(each) == count else [str(number + 1) for number in range(count)]
+    for named in ([name for name, _ in parts], [name for name, failed in parts if not failed]):
+        if len(named) == count:
+            return named
+    return [str(number + 1) for number in range(count)]
 
 
 def _mark(axes: Axes, at: float, name: str, row: int = 0) -> None:

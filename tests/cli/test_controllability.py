@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from helpers.magnetic import scenario
 from jaxsat.cli import main
+from jaxsat.scenario import dump
 
 
 def run(capsys, *tokens):
@@ -33,6 +35,20 @@ def test_controllability_writes_tables_maps_and_a_page(capsys, tmp_path):
         np.testing.assert_array_equal(dataset["failed"].sum("actuator"), [0, 1, 1, 1, 2, 2, 2, 3])
     names = {file.name for file in folder.iterdir()}
     assert {"controllability.md", "inertia-map.png", "angle-map.svg", "energy.png"} <= names
+
+
+@pytest.mark.slow
+def test_controllability_tells_what_magnetorquers_add(capsys, tmp_path):
+    file = tmp_path / "rods.toml"
+    file.write_text(dump(scenario(2)))
+    command = ["controllability", str(file)]
+    status, out, _ = run(capsys, *command, "--set", "spacecraft.inertia_kg_m2=[0.05, 0.04, 0.03]")
+    assert status == 0
+    assert "Magnetorquers alone, linear system about the orbit frame over one orbit: rank 6" in out
+    assert "momentum out of wheels" in out
+    assert "thrusters and wheels without magnetorquers" in " ".join(out.split())
+    status, out, _ = run(capsys, *command)
+    assert "no equilibrium of this body" in " ".join(out.split())
 
 
 @pytest.mark.slow

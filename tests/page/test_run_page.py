@@ -8,7 +8,7 @@ import pytest
 from helpers.pages import SCENARIO, array, json_of, run_dataset
 from jaxsat.page import document, report_page
 from jaxsat.page.decimation import kept_samples
-from jaxsat.page.replay import body_box
+from jaxsat.page.replay import body_box, craft
 from jaxsat.results import OutputError
 
 NASTY = '</script><script>alert("1")</script><b>&amp; $$x$$ \\[y\\]'
@@ -65,6 +65,24 @@ def test_the_replay_draws_the_actuators_of_the_scenario_and_when_they_fail(page)
     np.testing.assert_allclose(momentum, run_dataset()["wheel_momentum"][:, 0] / 4, atol=1e-6)
     largest = max(abs(np.array(up["position"])) / np.array(craft["half"]))
     assert largest == pytest.approx(1), "the thrusters sit on the box"
+
+
+def test_the_replay_draws_magnetorquers_and_when_they_fail():
+    told = {
+        "spacecraft": {"inertia_kg_m2": [1.0, 2.0, 3.0]},
+        "magnetorquer": [
+            {"name": "rod", "axis": [0, 0, 2], "dipole_limit_A_m2": 0.5},
+            {"axis": [1, 0, 0], "dipole_limit_A_m2": 0.2, "failed": True},
+        ],
+        "failure": [{"of": "magnetorquer rod", "at_s": 2.0, "kind": "dead"}],
+    }
+    run = run_dataset()
+    dipole = np.stack([np.linspace(-0.5, 0.5, len(run["time"])), 0 * run["time"].values], axis=1)
+    made = craft(run.assign(dipole=(("time", "magnetorquer"), dipole)), told, "rods")
+    rod, gone = made["rods"]
+    assert (rod["name"], rod["axis"], rod["failed"], rod["kind"]) == ("rod", [0, 0, 1], 2.0, "dead")
+    assert (gone["name"], gone["failed"]) == ("2", 0.0)
+    np.testing.assert_allclose(array(made["dipoles"], "<f4").reshape(-1, 2), dipole / [0.5, 0.2])
 
 
 def test_a_box_of_the_inertia_has_this_inertia():

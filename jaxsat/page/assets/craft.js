@@ -9,6 +9,7 @@ class Craft {
     this.torque = decoded(data.torque, Float32Array);
     this.levels = decoded(data.levels, Float32Array);
     this.momentum = decoded(data.momentum, Float32Array);
+    this.dipoles = decoded(data.dipoles, Float32Array);
     this.size = Math.max(...data.half);
     this.extent = 1.85 * this.size;
   }
@@ -65,6 +66,7 @@ class Craft {
     this.drawBody(painter, turned, colors);
     this.drawThrusters(painter, turned, time, colors);
     this.drawWheels(painter, turned, time, colors);
+    this.drawRods(painter, turned, time, colors);
     ["x", "y", "z"].forEach((name, place) => {
       const tip = scale(axes[place], 1.5 * this.size);
       painter.arrow(scale(axes[place], 0.2 * this.size), tip, colors.axes[place], 2);
@@ -99,7 +101,7 @@ class Craft {
 
   drawBody(painter, turned, colors) {
     const corners = this.corners().map(turned);
-    const inside = this.data.wheels.length || this.data.thrusters.some((one) => one.position);
+    const inside = this.data.wheels.length || this.data.rods.length || this.data.thrusters.some((one) => one.position);
     const seen = inside ? 0.45 : 0.94; // parts inside or behind are seen through it
     [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]].forEach((face) => {
       painter.polygon(face.map((place) => corners[place]), colors.body, colors.edge, seen);
@@ -174,6 +176,20 @@ class Craft {
     });
   }
 
+  // Magnetorquers: a rod through the body, and an arrow as long as the dipole is of its limit.
+  drawRods(painter, turned, time, colors) {
+    const { rods } = this.data;
+    const dipoles = this.dipoles ? this.row(this.dipoles, rods.length, time) : null;
+    rods.forEach((one, place) => {
+      const failed = this.failedAt(one, time);
+      const [back, front] = [-0.55, 0.55].map((reach) => scale(one.axis, reach * this.size));
+      painter.line([turned(back), turned(front)], failed ? colors.failed : colors.edge, 5, failed ? [3, 4] : []);
+      const level = dipoles ? Math.max(-1, Math.min(1, dipoles[place])) : 0;
+      if (Math.abs(level) > 0.01) painter.arrow([0, 0, 0], turned(scale(one.axis, 0.9 * level * this.size)), colors.plume, 3);
+      this.mark(painter, turned(scale(one.axis, 0.66 * this.size)), one.name, failed, colors);
+    });
+  }
+
   mark(painter, place, name, failed, colors) {
     painter.label(place, failed ? `✕ ${name}` : name, failed ? colors.failed : colors.ink, failed);
   }
@@ -182,7 +198,8 @@ class Craft {
   told(time) {
     const parts = [];
     const failed = [...this.data.thrusters.map((one) => ["thruster", one]),
-      ...this.data.wheels.map((one) => ["wheel", one])]
+      ...this.data.wheels.map((one) => ["wheel", one]),
+      ...this.data.rods.map((one) => ["magnetorquer", one])]
       .filter(([, one]) => this.failedAt(one, time))
       .map(([what, one]) => `${what} ${one.name}: ${one.kind}`);
     const [place, part] = this.place(time);

@@ -1,0 +1,141 @@
+"""What magnetorquers add about rest in the orbit frame: slowly, and never along the field.
+
+A dipole m makes the torque m × B, so at one instant no magnetorquer turns the body about the
+Earth's field B. As B turns along the orbit the direction that is missing turns with it, and the
+linear system with the inputs a × B(t) can be controllable over an orbit where it is not at any
+instant (Bhat, IEEE Trans. Automatic Control 50, 2005, pages 1725-1735). It is judged by its
+Gramian, as brackets at one instant do not know how the field goes on.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.controllability.layout import TOLERANCE, Numbers
+from jaxsat.controllability.linear import lvlh_linearisation
+from jaxsat.environment import DipoleField
+
+DAY = 86164.1  # s, after which the Earth has turned once
+STEPS = 128  # an orbit
+DEGREE = np.pi / 180
+
+
+@dataclass(frozen=True, eq=False)
+class MagneticAuthority:
+    """What magnetorquers do at rest in the orbit frame, without thrusters and wheels.
+
+    - `field`: smallest and largest size of B within a day, T.
+    - `torque`: the mean over a day of the largest torque about body x, y, z, N m.
+    - `largest`: the largest torque about one of them at any instant, N m.
+    - `rank`: that of the linear system over one orbit, of 6.
+    - `effort`: to remove one degree about body x, y, z within one orbit, the root mean square of
+      the dipoles in parts of their limits; infinite where it cannot be removed.
+    """
+
+    field: tuple[float, float]
+    torque: Float[np.ndarray, "3"]
+    largest: float
+    rank: int
+    effort: Float[np.ndarray, "3"]
+
+
+def magnetic_authority(
+    inertia: Numbers,
+    axes: Float[np.ndarray, "3 k"],
+    limits: Float[np.ndarray, " k"],
+    field: DipoleField,
+    *,
+    tolerance: float | int = TOLERANCE,
+) -> MagneticAuthority:
+    """Of magnetorquers along `axes` (body axes) with dipole `limits` (A m²) in a `field`.
+
+    `inertia` (3,) or (3, 3) in kg m². A singular value of the linear system below `tolerance` times
+    the largest is zero. Raises NoEquilibriumError (a ValueError) unless the body y axis is a
+    principal axis.
+    """
+    rate = float(field.orbit.rate)
+    orbit = 2 * np.pi / rate
+    state, to_rates = lvlh_linearisation(inertia, np.eye(3), rate)
+    count = max(round(DAY / orbit * STEPS), STEPS)
+    instants = (np.arange(count) + 0.5) * orbit / STEPS
+    there = np.asarray(jax.jit(jax.vmap(field))(instants))
+    units = axes / np.linalg.norm(axes, axis=0)
+    torques = np.cross((units * limits).T[None], there[:, None])  # instants, magnetorquers, body
+    about = np.abs(torques).sum(axis=1)
+    factor = _factor(state, to_rates, torques[:STEPS], rate)
+    values = np.linalg.svd(factor, compute_uv=False)
+    sizes = np.linalg.norm(there, axis=1)
+    return MagneticAuthority(
+        field=(float(sizes.min()), float(sizes.max())),
+        torque=about.mean(axis=0),
+        largest=float(about.max()),
+        rank=int(np.sum(values > tolerance * values.max())),
+        effort=_effort(factor, tolerance),
+    )
+
+
+def _factor(
+    state: Float[np.ndarray, "6 6"],
+    to_rates: Float[np.ndarray, "6 3"],
+    torques: Float[np.ndarray, "instants k 3"],
+    rate: float,
+) -> Float[np.ndarray, "6 n"]:
+    """e^{-At} B(t) √(step) at each instant side by side: the Gramian is this by its transpose.
+
+    Time is in units of 1/ω0, angles are in rad, and the mean of the square of each input over an
+    orbit, in parts of its limit, is the sum of its squares over one orbit of unit length.
+    """
+    from scipy.linalg import expm  # takes its time
+
+    units = np.array([1.0] * 3 + [1 / rate] * 3)
+    scaled = units[:, None] * state / units / rate
+    length = 2 * np.pi / STEPS
+    back, half = expm(-scaled * length), expm(-scaled * length / 2)
+    inputs = units[:, None] * to_rates / rate * np.sqrt(2 * np.pi * length)
+    found, power = [], half
+    for one in torques:
+        found.append(power @ inputs @ one.T)
+        power = power @ back
+    return np.concatenate(found, axis=1)
+
+
+def _effort(factor: Float[np.ndarray, "6 n"], tolerance: float) -> Float[np.ndarray, "3"]:
+    """The least root mean square of the inputs that removes one degree about each axis."""
+    directions, values, _ = np.linalg.svd(factor, full_matrices=False)
+    solid = values > tolerance * values.max()
+    found = np.full(3, np.inf)
+    for axis in range(3):
+        parts = DEGREE * directions[axis]
+        if np.linalg.norm(parts[~solid]) <= 1e-9 * DEGREE:
+            found[axis] = np.linalg.norm(parts[solid] / values[solid])
+    return found
+
+
+def magnetic_words(found: MagneticAuthority, thruster: float, wheels: bool) -> list[str]:
+    """Sentences on it beside wheels and thrusters, of which one makes up to `thruster` N m.
+
+    That is zero where it is not known.
+    """
+    low, high = (f"{size * 1e6:.3g}" for size in found.field)
+    beside = f", {found.largest / thruster:.2g} of a thruster's" if thruster else ""
+    torques, efforts = (
+        ", ".join(f"{one:.2g}" for one in row) for row in (found.torque, 100 * found.effort)
+    )
+    slowly = (
+        "so near rest they control attitude and rate alone, as the field turns"
+        if found.rank == 6
+        else "so alone they do not hold all axes, however the field turns"
+    )
+    unload = "; they take the momentum out of wheels that is across the field" if wheels else ""
+    return [
+        f"Magnetorquers: at rest in the orbit frame at most {found.largest:.2g} N m{beside}, and "
+        f"on average {torques} N m about body x, y, z, in a field of {low} to {high} µT; none "
+        f"about the field itself{unload}",
+        "Magnetorquers alone, linear system about the orbit frame over one orbit: rank "
+        f"{found.rank} of 6, {slowly}. Removing one degree about x, y, z within an orbit takes "
+        f"{efforts} % of their limits (rms)",
+        "The verdict, the momentum, and the table of failures are those of thrusters and wheels "
+        "without magnetorquers; with them laws of three torques, such as quaternion-feedback, fly",
+    ]
