@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatter
 
 from jaxsat.pointing import euler_angles, pointing_error
 from jaxsat.report.style import FURTHER_LINES, LINES, escape_mathematics, panels
@@ -31,7 +32,10 @@ STRIP_PARTS = 300
 """Into how many parts the time of a strip is divided."""
 
 BOUND = "_3sigma"
-"""Ending of a signal that bounds the one of the same name: three standard deviations."""
+"""Ending of a signal that bounds an error, in place of "_error": three standard deviations."""
+
+UNITS = {"1": "–", "degree": "°", "rad s-1": "rad/s", "A m2": "A m²"}
+"""How units are shown that do not read as they are."""
 
 
 def pointing_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
@@ -42,6 +46,8 @@ def pointing_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
     error = pointing_error(quaternion)
     size = np.linalg.norm(error, axis=1)
     total.semilogy(time, np.where(size > 0, size, np.nan), **LINES[0])
+    total.yaxis.set_major_formatter(LogFormatter())
+    total.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1.5, 0.5)))
     total.set_ylabel("total error (°)")
     draw_lines(axes, time, _broken_at_wraps(error), ("about x", "about y", "about z"))
     axes.set_ylabel("error about\nbody axes (°)")
@@ -68,7 +74,7 @@ def further_signals(dataset: xr.Dataset) -> list[str]:
 def signals_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
     """A panel for each of the `further_signals`, told by its long name and unit.
 
-    A variable of the same name and the ending "_3sigma" is drawn as a bound on either side of zero.
+    Beside a variable "…_error" the one "…_3sigma" is drawn as a bound on either side of zero.
     One of more components than lines can be told apart is drawn as a strip for each.
     """
     names = further_signals(dataset)
@@ -84,15 +90,12 @@ def signals_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
         for column, label in enumerate(labels):
             style = styles[column % len(styles)]
             panel.plot(dataset["time"], values[:, column], label=escape_mathematics(label), **style)
-        if name + BOUND in dataset:
-            _draw_bounds(panel, dataset, name + BOUND)
+        bound = name.removesuffix("_error") + BOUND
+        if bound in dataset:
+            _draw_bounds(panel, dataset, bound)
         place_legend(panel, min(8, values.shape[1] + 1))
-        unit = (
-            str(variable.attrs.get("units", "1"))
-            .replace("degree", "°")
-            .replace("1", "–")
-            .replace("m2", "m²")
-        )
+        unit = str(variable.attrs.get("units", "1"))
+        unit = UNITS.get(unit, unit)
         meaning = escape_mathematics(str(variable.attrs.get("long_name", name)))
         panel.set_ylabel(f"{textwrap.fill(meaning, 22, max_lines=3)}\n({unit})", fontsize=8)
     finish(dataset, axes)
@@ -132,8 +135,16 @@ def _draw_strips(figure: Figure, panel: Axes, dataset: xr.Dataset, variable: xr.
 
 
 def _draw_bounds(panel: Axes, dataset: xr.Dataset, name: str) -> None:
-    """Both signs of a bound, a thin line for each component."""
+    """Both signs of a bound, a thin line for each component.
+
+    What is larger in the first fiftieth of the time, before an estimator has settled, is cut off.
+    """
     bounds = dataset[name].values.reshape(len(dataset["time"]), -1)
+    begin = len(bounds) // 50
+    drawn = [np.asarray(line.get_ydata(), float)[begin:] for line in panel.lines]
+    largest = np.nanmax(np.abs(np.concatenate([*drawn, bounds[begin:].ravel()])), initial=0.0)
+    if largest > 0:
+        panel.set_ylim(-1.1 * largest, 1.1 * largest)
     for column, bound in enumerate(bounds.T):
         color = LINES[column % len(LINES)]["color"]
         for sign in (1, -1):

@@ -170,6 +170,8 @@ def _schmitt_trigger_switches(thrusters, kind, gain, lag, high, low):
     for number, one in enumerate(thrusters):
         if one.min_on_time_s > shortest:
             message = f"must be at most the shortest pulse of the PWPF, {shortest:.4g} s"
+            hint = "a longer modulation.time_constant_s makes it longer"
             yield Issue(
-                ("thruster", number, "min_on_time_s"), f"{message}, got {one.min_on_time_s:g}"
+                ("thruster", number, "min_on_time_s"),
+                f"{message} ({hint}), got {one.min_on_time_s:g}",
             )

@@ -96,19 +96,19 @@ def test_any_further_signal_gets_a_panel_with_its_name_and_unit():
     pulses = np.zeros((101, 8))
     pulses[37, 4] = 0.25
     run = dataset(
-        estimation_error=signal(error, "degree", "body_axis", "error of the estimator"),
-        estimation_error_3sigma=signal(np.full((101, 3), 3.0), "degree", "body_axis"),
+        rate_estimate_error=signal(error, "rad s-1", "body_axis", "error of the estimator"),
+        rate_estimate_3sigma=signal(np.full((101, 3), 3.0), "rad s-1", "body_axis"),
         propellant=signal(TIMES, "kg", name="propellant that costs $5"),
         pulses=signal(pulses, "1", "thruster", "pulses of each thruster"),
     )
-    assert further_signals(run) == ["estimation_error", "propellant", "pulses"]
+    assert further_signals(run) == ["rate_estimate_error", "propellant", "pulses"]
     figure = signals_figure(run)
     figure.canvas.draw()  # dollar signs begin no mathematics
     first, second, third, shades = figure.axes
     assert len(first.lines) == 3 + 6
     np.testing.assert_array_equal(first.lines[1].get_ydata(), error[:, 1])
     assert [text.get_text() for text in first.get_legend().get_texts()] == ["x", "y", "z", "±3σ"]
-    assert first.get_ylabel().split("\n")[-1] == "(°)"
+    assert first.get_ylabel().split("\n")[-1] == "(rad/s)"
     assert second.get_ylabel().endswith("(kg)")
     (strips,) = third.collections  # more components than lines can be told apart
     np.testing.assert_array_equal(strips.get_array(), pulses[:-1].T)
