@@ -30,7 +30,8 @@ from jaxsat.controllability.failures import (
     failure_records,
     failure_table,
 )
-from jaxsat.controllability.judgement import Judgement, judge, judge_once_stopped
+from jaxsat.controllability.judgement import Judgement
+from jaxsat.controllability.judging import judge, judge_once_stopped
 from jaxsat.controllability.lie import (
     ControlField,
     DriftField,

@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability.actuators import ActuatorSet, actuator_set
-from jaxsat.controllability.judgement import Judgement, actuator_layout, judge_only
+from jaxsat.controllability.judgement import Judgement
+from jaxsat.controllability.judging import actuator_layout, judge_only
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.wording import lost_words
 

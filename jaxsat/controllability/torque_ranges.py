@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability.actuators import ActuatorSet, actuator_set
-from jaxsat.controllability.judgement import Judgement, judge
+from jaxsat.controllability.judgement import Judgement
+from jaxsat.controllability.judging import judge
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 
 LEVEL_ROUNDING = 1e-7

@@ -19,8 +19,9 @@ from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.montecarlo.sensor_changes import navigation_of
 from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.simulation.parts import AnyFailures, failures_of, parts_of
+from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.vehicle import (
+    AbstractFailures,
     Actuators,
     FailureKind,
     MagnetorquerFailures,
@@ -140,7 +141,7 @@ def of_failure_kind(loop: AbstractLoop) -> Limits:
     """
     thrusters, wheels = thrusters_of(loop), loop.plant.wheels
 
-    def last(failures: AnyFailures) -> np.ndarray:
+    def last(failures: AbstractFailures) -> np.ndarray:
         if isinstance(failures, WheelFailures):
             limited = _is_finite(cast(Wheels, wheels).torque_limit)
             kind = WheelFailureKind.RUNAWAY if limited else WheelFailureKind.FRICTION_TO
@@ -164,7 +165,7 @@ def _is_finite(limit: Array | None) -> bool:
 def of_failure_amount(loop: AbstractLoop) -> Limits:
     """Fractions up to 1, and as much friction as a wheel may have."""
 
-    def most(failures: AnyFailures) -> np.ndarray:
+    def most(failures: AbstractFailures) -> np.ndarray:
         kinds = concrete(failures.kind)
         friction = (WheelFailureKind.FRICTION_BY, WheelFailureKind.FRICTION_TO)
         if not isinstance(failures, WheelFailures) or kinds is None:

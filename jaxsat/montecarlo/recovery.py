@@ -27,8 +27,8 @@ from jaxsat.montecarlo.torques_left import (
 )
 from jaxsat.results import Column
 from jaxsat.simulation import AbstractLoop, Outcome
-from jaxsat.simulation.parts import AnyFailures, failures_of
-from jaxsat.vehicle import FailureKind
+from jaxsat.simulation.parts import failures_of
+from jaxsat.vehicle import AbstractFailures, FailureKind
 
 STAY = 0.1
 """The part of the horizon for which a case must have been within the tolerances to count as
@@ -108,7 +108,7 @@ class FailureRecovery:
         return FailureRecovery(loop, duration, attitude, names, momentum, told)
 
     @property
-    def _events(self) -> list[AnyFailures]:
+    def _events(self) -> list[AbstractFailures]:
         return failures_of(self.loop)
 
     def columns(self) -> dict[str, Column]:

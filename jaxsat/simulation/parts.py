@@ -6,11 +6,9 @@ import jax
 from jaxtyping import PyTree
 
 from jaxsat.simulation.loops import AbstractLoop
-from jaxsat.vehicle import FailureEvents, MagnetorquerFailures, WheelFailures
+from jaxsat.vehicle import AbstractFailures
 
 Part = TypeVar("Part")
-
-AnyFailures = FailureEvents | WheelFailures | MagnetorquerFailures
 
 
 def parts_of(kind: type[Part], tree: PyTree) -> list[Part]:
@@ -19,10 +17,7 @@ def parts_of(kind: type[Part], tree: PyTree) -> list[Part]:
     return [part for part in parts if isinstance(part, kind)]
 
 
-def failures_of(loop: AbstractLoop) -> list[AnyFailures]:
+def failures_of(loop: AbstractLoop) -> list[AbstractFailures]:
     """The failures in flight of a loop: of its thrusters, of its wheels, of its magnetorquers."""
-    return [
-        *parts_of(FailureEvents, getattr(loop, "actuators", None)),
-        *parts_of(WheelFailures, loop.plant.wheels),
-        *parts_of(MagnetorquerFailures, loop.plant.magnetorquers),
-    ]
+    plant, actuators = loop.plant, getattr(loop, "actuators", None)
+    return parts_of(AbstractFailures, (actuators, plant.wheels, plant.magnetorquers))

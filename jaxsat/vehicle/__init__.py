@@ -9,7 +9,12 @@ from jaxsat.vehicle.actuators import (
     NoThrusters,
 )
 from jaxsat.vehicle.allocation import LeastPropellant
-from jaxsat.vehicle.failures import FailureEvents, FailureKind, MagnetorquerFailures
+from jaxsat.vehicle.failures import (
+    AbstractFailures,
+    FailureEvents,
+    FailureKind,
+    MagnetorquerFailures,
+)
 from jaxsat.vehicle.gyro import Gyro
 from jaxsat.vehicle.holds import AbstractPulsedActuators, Consumption, Hold, Usage
 from jaxsat.vehicle.magnetorquers import Magnetorquers
@@ -38,6 +43,7 @@ from jaxsat.vehicle.wheels import WheelPiece, Wheels
 
 __all__ = [
     "AbstractActuators",
+    "AbstractFailures",
     "AbstractModulation",
     "AbstractPulsedActuators",
     "AbstractSmoothActuators",

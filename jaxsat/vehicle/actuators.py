@@ -10,8 +10,8 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.smooth import sat
+from jaxsat.vehicle.axes import turned_axes
 from jaxsat.vehicle.failures import FailureEvents
-from jaxsat.vehicle.thruster_set import turned_axes
 from jaxsat.vehicle.thrusters import Thrusters, allocation
 
 

@@ -37,12 +37,28 @@ CYCLE = 10.0
 """s, in which an intermittent thruster works and fails."""
 
 
-class FailureEvents(eqx.Module):
-    """F failures: of thruster `thruster` (from 0), at `at` (s), of a `FailureKind`, by an amount.
+class AbstractFailures(eqx.Module):
+    """F failures: of one actuator each, by its number from 0, `at` (s), of a `kind`, by an amount.
 
-    `turned` (F, 3, m) are the torques (N m) of all thrusters as each event would turn them. The
-    numbers are arrays, so that cases which differ in what fails, how and when share one program;
-    `thruster` and `kind` are rounded, which lets a study draw them. A time of infinity is never.
+    The numbers are arrays, so that cases which differ in what fails, how and when share one
+    program; that of the actuator and `kind` are rounded, which lets a study draw them. A time of
+    infinity is never.
+    """
+
+    at: eqx.AbstractVar[Float[Array, " f"]]
+    kind: eqx.AbstractVar[Float[Array, " f"]]
+    amount: eqx.AbstractVar[Float[Array, " f"]]
+
+    @property
+    def count(self) -> int:
+        """How many events there are."""
+        return self.at.shape[0]
+
+
+class FailureEvents(AbstractFailures):
+    """Failures of thruster number `thruster`, of a `FailureKind`.
+
+    `turned` (F, 3, m) are the torques (N m) of all thrusters as each event would turn them.
     """
 
     thruster: Float[Array, " f"] = eqx.field(converter=as_float)
@@ -50,11 +66,6 @@ class FailureEvents(eqx.Module):
     kind: Float[Array, " f"] = eqx.field(converter=as_float)
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
     turned: Float[Array, "f 3 m"] = eqx.field(converter=as_float)
-
-    @property
-    def count(self) -> int:
-        """How many events there are."""
-        return self.at.shape[0]
 
     def condition(
         self, t: Float[Array, ""], now: Float[Array, ""], torque: Float[Array, "3 m"]
@@ -93,23 +104,17 @@ class FailureEvents(eqx.Module):
         return gain, level, axes
 
 
-class MagnetorquerFailures(eqx.Module):
-    """F failures: of magnetorquer `magnetorquer` (from 0), at `at` (s), of a `FailureKind`.
+class MagnetorquerFailures(AbstractFailures):
+    """Failures of magnetorquer number `magnetorquer`, of a `FailureKind`.
 
     They may be dead, degraded, stuck or reversed; `amount` is that of the kind, of the dipole limit
-    from -1 to 1 where one is stuck. `magnetorquer` and `kind` are rounded, which lets a study draw
-    them. A time of infinity is never.
+    from -1 to 1 where one is stuck.
     """
 
     magnetorquer: Float[Array, " f"] = eqx.field(converter=as_float)
     at: Float[Array, " f"] = eqx.field(converter=as_float)
     kind: Float[Array, " f"] = eqx.field(converter=as_float)
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
-
-    @property
-    def count(self) -> int:
-        """How many events there are."""
-        return self.at.shape[0]
 
     def two_signed(
         self, struck: Bool[Array, " f"], count: int

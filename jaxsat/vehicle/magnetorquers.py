@@ -5,9 +5,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.vehicle.axes import turned_axes, unit_axes
 from jaxsat.vehicle.failures import MagnetorquerFailures
-from jaxsat.vehicle.thruster_set import turned_axes
-from jaxsat.vehicle.wheels import unit_axes
 
 
 class Magnetorquers(eqx.Module):

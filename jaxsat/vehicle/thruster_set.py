@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, as_optional_float, concrete, require_finite, require_positive
+from jaxsat.vehicle.axes import turned_axes
 
 
 class ThrusterSet(eqx.Module):
@@ -66,21 +67,3 @@ class ThrusterSet(eqx.Module):
             self,
             (self.torque * (1 + change)[None], self.force * (1 + change)[None]),
         )
-
-
-def turned_axes(axes: Float[Array, "3 m"], angles: Float[Array, "m 2"]) -> Float[Array, "3 m"]:
-    """Unit columns turned by small angles (rad) towards two directions across each.
-
-    The tangents of the angles are taken as small.
-    """
-    across = jnp.stack([directions_across(axis) for axis in axes.T])  # (m, 2, 3)
-    turned = axes.T + jnp.sum(angles[:, :, None] * across, axis=1)
-    return (turned / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))).T
-
-
-def directions_across(axis: Float[Array, "3"]) -> Float[Array, "2 3"]:
-    """Two directions perpendicular to a unit vector and to each other."""
-    least = jnp.eye(3, dtype=axis.dtype)[jnp.argmin(jnp.abs(axis))]
-    first = jnp.cross(axis, least)
-    first = first / jnp.sqrt(jnp.sum(first**2))
-    return jnp.stack([first, jnp.cross(axis, first)])

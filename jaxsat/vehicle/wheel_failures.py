@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float
+from jaxsat.vehicle.failures import AbstractFailures
 
 
 class WheelFailureKind(enum.IntEnum):
@@ -27,23 +28,13 @@ class WheelFailureKind(enum.IntEnum):
     """Its motor makes its full torque, the way that it turns (the positive one from rest)."""
 
 
-class WheelFailures(eqx.Module):
-    """F failures: of wheel `wheel` (from 0), at `at` (s), of a `WheelFailureKind`, by an amount.
-
-    The numbers are arrays, so that cases which differ in what fails, how and when share one
-    program; `wheel` and `kind` are rounded, which lets a study draw them. A time of infinity is
-    never.
-    """
+class WheelFailures(AbstractFailures):
+    """Failures of wheel number `wheel`, of a `WheelFailureKind`."""
 
     wheel: Float[Array, " f"] = eqx.field(converter=as_float)
     at: Float[Array, " f"] = eqx.field(converter=as_float)
     kind: Float[Array, " f"] = eqx.field(converter=as_float)
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
-
-    @property
-    def count(self) -> int:
-        """How many events there are."""
-        return self.at.shape[0]
 
     def condition(self, struck: Bool[Array, " f"], wheels: int) -> "WheelCondition":
         """State of so many wheels once those events have struck."""

@@ -15,12 +15,11 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jaxsat.allocation import unit_columns
-from jaxsat.checks import as_array, as_float, concrete, require_finite, require_positive
+from jaxsat.checks import as_float, require_finite, require_positive
 from jaxsat.errors import ArgumentError
+from jaxsat.vehicle.axes import unit_axes
 from jaxsat.vehicle.wheel_failures import WheelCondition, WheelFailures
 
 SMALL = 1e-4
@@ -291,16 +290,3 @@ def _log_ratio(x: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
     small = x < SMALL
     away = jnp.where(small, 0.5, x)
     return jnp.where(small, series, -jnp.log1p(-away) / away)
-
-
-def unit_axes(axes: Array) -> Float[Array, "3 n"]:
-    """Columns of shape (3, n) scaled to unit length; raises `ValueError` for a zero one."""
-    if axes.ndim != 2 or axes.shape[0] != 3:
-        raise ValueError(f"Argument `axes` must have shape (3, n), got {tuple(axes.shape)}.")
-    require_finite("axes", axes)
-    known = concrete(axes)
-    if known is None:
-        return axes / jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
-    if not np.all(np.any(known != 0, axis=0)):
-        raise ArgumentError("axes", "must have no zero column", known.tolist())
-    return as_array(unit_columns(known))

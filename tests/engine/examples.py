@@ -24,6 +24,7 @@ from jaxsat.engine import (
     AdaptiveStepper,
     Case,
     FixedStepper,
+    NativeEngine,
     ReferenceEngine,
     SampledStepper,
     ScanEngine,
@@ -42,6 +43,29 @@ from jaxsat.simulation import (
     fixed,
 )
 from jaxsat.vehicle import Gyro, Sensors, StarTracker
+
+
+def agreed(program, cases, period, apart):
+    """What the native engine gives of a sampled loop once the other engines agree with it.
+
+    Two cases differ by `apart` (rad/s) at least, and a case alone keeps its bits.
+    """
+    stepper = SampledStepper(diffrax.Dopri8())
+    engine, count = NativeEngine(stepper), len(cases)
+    found = engine.evaluate(program, cases)
+    reference = ReferenceEngine(fixed(period, diffrax.Dopri8()), batch_size=count)
+    for other in (ScanEngine(stepper, count), reference):
+        expected = other.evaluate(program, cases)
+        np.testing.assert_allclose(found.omega, expected.omega, atol=1e-12)
+        np.testing.assert_allclose(found.quaternion, expected.quaternion, atol=1e-12)
+        np.testing.assert_allclose(found.effort, expected.effort, rtol=1e-9)
+    differences = np.abs(found.omega[:, None] - found.omega[None]).max(axis=2)
+    assert (differences + np.eye(count)).min() > apart
+    for one in (0, count - 1):
+        alone = engine.evaluate(program, cases[one : one + 1])
+        assert alone.omega.tobytes() == found.omega[one : one + 1].tobytes()
+    return found
+
 
 BATCH = 8
 WIDE = Tolerances(1.3, 1.3, 0.3)

@@ -1,11 +1,11 @@
 """Wheels beside thrusters that push, of which either fails: the same in every engine."""
 
-import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from engine.examples import agreed
 from engine.test_wheels import INERTIA, Sampled
 from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.attitude import Quaternion
@@ -13,14 +13,10 @@ from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import (
     AbstractCaseFactory,
     Case,
-    NativeEngine,
-    ReferenceEngine,
-    SampledStepper,
-    ScanEngine,
     program_of,
 )
 from jaxsat.environment import ExactOrbit
-from jaxsat.simulation import SampledLoop, fixed
+from jaxsat.simulation import SampledLoop
 from jaxsat.vehicle import (
     ActuatorsWithWheels,
     FailureEvents,
@@ -90,16 +86,5 @@ CASES = np.array(
 def test_engines_agree_on_whatever_fails():
     cases = factory()
     program = program_of(cases, cases.loop, 8.0)
-    engine = NativeEngine(SampledStepper(diffrax.Dopri8()))
-    found = engine.evaluate(program, CASES)
-    scanned = ScanEngine(SampledStepper(diffrax.Dopri8()), 6).evaluate(program, CASES)
-    reference = ReferenceEngine(fixed(0.5, diffrax.Dopri8()), batch_size=6).evaluate(program, CASES)
-    for other in (scanned, reference):
-        np.testing.assert_allclose(found.omega, other.omega, atol=1e-12)
-        np.testing.assert_allclose(found.quaternion, other.quaternion, atol=1e-12)
-        np.testing.assert_allclose(found.effort, other.effort, rtol=1e-9)
-    apart = np.abs(found.omega[:, None] - found.omega[None]).max(axis=2) + np.eye(len(CASES))
-    assert apart.min() > 1e-4  # no two cases are the same
-    for one in (0, 3):
-        alone = engine.evaluate(program, CASES[one : one + 1])
-        assert alone.omega.tobytes() == found.omega[one : one + 1].tobytes()
+    found = agreed(program, CASES, 0.5, apart=1e-4)
+    assert np.all(found.code == 0)

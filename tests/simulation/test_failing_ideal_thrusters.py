@@ -80,30 +80,50 @@ CASES = np.array(
 )
 
 
+class ThreeThrusters:
+    """Gain, level and axis of three thrusters, changed by one event after the other."""
+
+    def __init__(self):
+        self.gain, self.level, self.axes = np.ones(3), np.zeros(3), AXES.copy()
+
+    def strike(self, which, kind, amount):
+        which = int(which)
+        if kind in (K.DEAD, K.STUCK_ON, K.STUCK_AT):
+            self.gain[which] = 0.0
+            self.level[which] = {K.DEAD: 0.0, K.STUCK_ON: 1.0, K.STUCK_AT: amount}[kind]
+        elif kind in (K.DEGRADED, K.REVERSED):
+            self.gain[which] *= amount if kind == K.DEGRADED else -1.0
+        elif kind == K.TURNED:
+            self.axes[:, which] = TURNED[:, which]
+
+    def torque(self, thrust):
+        return self.axes @ (self.gain * thrust + self.level * LIMIT)
+
+
+def asked(t, omega):
+    wave = np.array([np.sin(t), np.cos(0.7 * t), 0.3 + 0.1 * np.sin(2 * t)])
+    return np.clip(-0.4 * omega + 0.35 * wave, -LIMIT, LIMIT)
+
+
+def events_of(case):
+    """(time, thruster, kind, amount) in the order of their times."""
+    return sorted(zip(*case.reshape(4, 2)[[1, 0, 2, 3]], strict=True), key=lambda x: x[0])
+
+
 def truth(case):
     """ω at the end, by SciPy between the events; shares no code with jaxsat."""
-    gain, level, axes = np.ones(3), np.zeros(3), AXES.copy()
-    events = sorted(zip(*case.reshape(4, 2)[[1, 0, 2, 3]], strict=True), key=lambda x: x[0])
-    t, omega = 0.0, np.array(OMEGA)
+    thrusters, t, omega = ThreeThrusters(), 0.0, np.array(OMEGA)
 
     def rate(t, omega):
-        wave = [np.sin(t), np.cos(0.7 * t), 0.3 + 0.1 * np.sin(2 * t)]
-        thrust = np.clip(-0.4 * omega + 0.35 * np.array(wave), -LIMIT, LIMIT)
-        torque = axes @ (gain * thrust + level * LIMIT)
+        torque = thrusters.torque(asked(t, omega))
         return np.linalg.solve(INERTIA, torque - np.cross(omega, INERTIA @ omega))
 
-    for end, which, kind, amount in [*events, (SECONDS, 0, -1, 0)]:
-        end, which = min(end, SECONDS), int(which)
+    for end, *event in [*events_of(case), (SECONDS, 0, -1, 0)]:
+        end = min(end, SECONDS)
         if end > t:
             run = solve_ivp(rate, (t, end), omega, "DOP853", rtol=1e-11, atol=1e-13, max_step=0.01)
             omega, t = run.y[:, -1], end
-        if kind in (K.DEAD, K.STUCK_ON, K.STUCK_AT):
-            gain[which] = 0.0
-            level[which] = {K.DEAD: 0.0, K.STUCK_ON: 1.0, K.STUCK_AT: amount}[kind]
-        elif kind in (K.DEGRADED, K.REVERSED):
-            gain[which] *= amount if kind == K.DEGRADED else -1.0
-        elif kind == K.TURNED:
-            axes[:, which] = TURNED[:, which]
+        thrusters.strike(*event)
     return omega
 
 
@@ -163,17 +183,16 @@ PERIOD, LATE = 0.4, 0.15
 
 def held_truth(case):
     """ω at the end under torques held from `LATE` after a sample, by SciPy between the events."""
-    gain, level, axes = np.ones(3), np.zeros(3), AXES.copy()
-    events = sorted(zip(*case.reshape(4, 2)[[1, 0, 2, 3]], strict=True), key=lambda x: x[0])
+    thrusters = ThreeThrusters()
     omega, thrust, later = np.array(OMEGA), np.zeros(3), np.zeros(3)
     samples = [(number * PERIOD, "sample", None) for number in range(round(SECONDS / PERIOD))]
     ready = [(t + LATE, "ready", None) for t, *_ in samples]
-    struck = [(at, "failure", event) for at, *event in events if at < SECONDS]
+    struck = [(at, "failure", event) for at, *event in events_of(case) if at < SECONDS]
     t = 0.0
     instants = sorted(samples + ready + struck, key=lambda x: x[0])
     for end, what, event in [*instants, (SECONDS, "end", None)]:
         if end > t:
-            torque = axes @ (gain * thrust + level * LIMIT)
+            torque = thrusters.torque(thrust)
             run = solve_ivp(
                 lambda t, omega, torque=torque: np.linalg.solve(
                     INERTIA, torque - np.cross(omega, INERTIA @ omega)
@@ -186,19 +205,11 @@ def held_truth(case):
             )
             omega, t = run.y[:, -1], end
         if what == "sample":
-            wave = np.array([np.sin(t), np.cos(0.7 * t), 0.3 + 0.1 * np.sin(2 * t)])
-            later = np.clip(-0.4 * omega + 0.35 * wave, -LIMIT, LIMIT)
+            later = asked(t, omega)
         elif what == "ready":
             thrust = later
         elif what == "failure":
-            which, kind, amount = int(event[0]), *event[1:]
-            if kind in (K.DEAD, K.STUCK_ON, K.STUCK_AT):
-                gain[which] = 0.0
-                level[which] = {K.DEAD: 0.0, K.STUCK_ON: 1.0, K.STUCK_AT: amount}[kind]
-            elif kind in (K.DEGRADED, K.REVERSED):
-                gain[which] *= amount if kind == K.DEGRADED else -1.0
-            elif kind == K.TURNED:
-                axes[:, which] = TURNED[:, which]
+            thrusters.strike(*event)
     return omega
 
 

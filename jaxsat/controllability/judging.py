@@ -1,0 +1,245 @@
+"""How what is left is judged: by torques, by wheels on their level set, by both."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxsat.controllability.actuators import ActuatorSet
+from jaxsat.controllability.authority import decided_turn_time, turn_time
+from jaxsat.controllability.cone import ROUNDING, TorqueCone, torque_cone
+from jaxsat.controllability.decision import RANK_OF_DIMENSION, RankDecision, decide_rank
+from jaxsat.controllability.drift_barrier import momentum_barrier
+from jaxsat.controllability.judgement import Judgement, Laws, Verdict
+from jaxsat.controllability.layout import TOLERANCE, Layout, Numbers, make_layout
+from jaxsat.controllability.wheels import (
+    MomentumLevelSet,
+    momentum_level_set,
+    one_wheel_brackets,
+)
+
+
+def actuator_layout(inertia: Numbers, actuators: ActuatorSet) -> Layout:
+    """The brackets of all thrusters and wheels, for `judge_only`."""
+    return make_layout(inertia, actuators.columns, labels=actuators.names)
+
+
+def judge(
+    inertia: Numbers, actuators: ActuatorSet, *, tolerance: float | int = TOLERANCE
+) -> Judgement:
+    """Judge what these actuators can do; `inertia` (3,) or (3, 3) in kg m², wheels locked.
+
+    `tolerance` as in `analyse`. Raises ValueError as `make_layout` does.
+    """
+    everyone = tuple(range(len(actuators.names)))
+    return judge_only(actuator_layout(inertia, actuators), actuators, everyone, tolerance)
+
+
+def judge_once_stopped(
+    judgement: Judgement, tolerance: float | int = TOLERANCE
+) -> Judgement | None:
+    """The judgement once friction has stopped the wheels that coast; None where none does."""
+    if not judgement.coasting:
+        return None
+    return judge(judgement.inertia, judgement.actuators.once_stopped, tolerance=tolerance)
+
+
+def judge_only(
+    layout: Layout, actuators: ActuatorSet, kept: tuple[int, ...], tolerance: float | int
+) -> Judgement:
+    """Judge a subset, by ascending places in `actuators.names`, with the brackets of all.
+
+    The wheels that are not among them coast.
+    """
+    judgement = _judged(layout, actuators, actuators.only(kept), kept, tolerance)
+    thrusters = bool(np.any(judgement.actuators.torques))
+    if not judgement.coasting or not thrusters or judgement.laws == "three torques":
+        return judgement
+    return _beside_coasting_wheels(judgement)
+
+
+def _beside_coasting_wheels(stopped: Judgement) -> Judgement:
+    """Of thrusters that make less than three torques, the verdict with stopped wheels known.
+
+    A coasting wheel adds a gyroscopic torque that is linear in ω. Double brackets at rest do not
+    see it, so the rank is no less than without. It does no work and has no divergence, so the drift
+    returns as before: torques of both signs of rank 6 control. No law knows it.
+    """
+    verdict: Verdict = "not decided"
+    both_signs = stopped.decision is not None and not stopped.one_signed
+    if stopped.verdict == "borderline":
+        verdict = "borderline"
+    elif both_signs and stopped.rank == 6:
+        verdict = "by drift"
+    return dataclasses.replace(stopped, verdict=verdict, laws="none", turn_time=np.nan)
+
+
+def _judged(
+    layout: Layout,
+    actuators: ActuatorSet,
+    left: ActuatorSet,
+    kept: tuple[int, ...],
+    tolerance: float | int,
+) -> Judgement:
+    """Judge the actuators `left` of all, the gyroscopic torque on thrusters not counted."""
+    thrusters = len(left.thrusters)
+    jets = torque_cone(left.torques, left.two_sided, tolerance)
+    wheels = momentum_level_set(layout.inertia, left, tolerance)
+    if wheels.axes == 0:
+        return _by_torques(layout, left.only(range(thrusters)), kept[:thrusters], tolerance)
+    signs = np.concatenate([left.two_sided, np.ones(len(kept) - thrusters, bool)])
+    cone = torque_cone(left.columns, signs, tolerance)
+    if wheels.axes == 1 and jets.span:
+        jets_alone = kept[:thrusters]
+        alone = _judged(
+            layout, actuators, left.once_stopped.only(range(thrusters)), jets_alone, tolerance
+        )
+        return _with_one_wheel(left, cone, wheels, alone, tolerance)
+    if jets.span == 0:
+        verdict, laws = _wheels_alone(wheels)
+        rank, dimension = wheels.rank, wheels.dimension
+    else:  # thrusters take momentum up in any inertial direction, wheels having turned the body
+        verdict, rank, dimension = "controllable", 6, 6
+        laws = "three torques" if cone.two_sided == 3 else "two torques"
+    if wheels.borderline or cone.borderline:
+        verdict = "borderline"
+    return Judgement(
+        inertia=layout.inertia,
+        actuators=left,
+        verdict=verdict,
+        rank=rank,
+        dimension=dimension,
+        laws=laws,
+        margin=wheels.margin,
+        turn_time=np.nan,
+        cone=cone,
+        level_set=wheels,
+    )
+
+
+def _wheels_alone(wheels: MomentumLevelSet) -> tuple[Verdict, Laws]:
+    if wheels.axes == 3:
+        return "controllable", "three torques"
+    if wheels.axes == 2 and wheels.rests:
+        return ("some attitudes", "none") if wheels.momentum else ("controllable", "two torques")
+    return "uncontrollable", "none"
+
+
+def _with_one_wheel(
+    left: ActuatorSet,
+    cone: TorqueCone,
+    wheels: MomentumLevelSet,
+    alone: Judgement,
+    tolerance: float,
+) -> Judgement:
+    """By the torques of both signs and the brackets of a gyrostat; `alone` is without the wheel."""
+    axis = wheels.directions[:, 0]
+    reached, margin = one_wheel_brackets(alone.inertia, left.torques, axis, tolerance)
+    laws: Laws = "three torques" if cone.two_sided == 3 else alone.laws
+    verdict: Verdict = "uncontrollable"
+    if laws != "none":
+        verdict = "controllable"
+    elif reached.shape[1] == 3:
+        crossed = _wheel_crosses(alone.inertia, left.torques, axis, cone, tolerance)
+        verdict = "by drift" if crossed else "not decided"
+    if cone.borderline or wheels.borderline or (alone.borderline and laws == alone.laws != "none"):
+        verdict = "borderline"
+    turn = alone.turn_time
+    if cone.two_sided == 3:
+        turn = turn_time(alone.inertia, cone.both_signs)
+    return Judgement(
+        inertia=alone.inertia,
+        actuators=left,
+        verdict=verdict,
+        rank=RANK_OF_DIMENSION[reached.shape[1]],
+        dimension=6,
+        laws=laws,
+        margin=margin,
+        turn_time=turn if laws != "none" else np.nan,
+        cone=cone,
+        level_set=wheels,
+    )
+
+
+def _wheel_crosses(
+    inertia: Float[np.ndarray, "3 3"],
+    torques: Float[np.ndarray, "3 m"],
+    axis: Float[np.ndarray, "3"],
+    cone: TorqueCone,
+    tolerance: float,
+) -> bool:
+    """Whether wheel and thrusters leave the plane of their torques, in both directions at once.
+
+    [[f, w], w] of a wheel w is zero, so where n·[[f, w], g] is not, two directions of the plane
+    have no part of their own bad brackets along n: small-time local controllability at rest, as
+    in `small_time_local_controllability`.
+    """
+    if cone.normal is None:
+        return False
+    turn = np.linalg.solve(inertia, axis)
+    heights = np.abs(cone.normal @ np.cross(turn, torques, axisb=0).T)
+    sizes = np.linalg.norm(turn) * np.linalg.norm(torques, axis=0)
+    beside = np.abs(cone.normal @ torques) <= tolerance * np.linalg.norm(torques, axis=0)
+    return bool(np.any(beside & (heights > tolerance * sizes)))
+
+
+def _by_torques(
+    layout: Layout, left: ActuatorSet, kept: tuple[int, ...], tolerance: float
+) -> Judgement:
+    """Thrusters alone, by the cone of their torques and the rank condition."""
+    signs = left.two_sided
+    cone = torque_cone(left.torques, signs, tolerance)
+    decision = decide_rank(layout, kept, tolerance)
+    flown = decision
+    if cone.two_sided == 2 and cone.span == 3:
+        flown = decide_rank(layout, _in_plane(left.torques, kept, cone, tolerance), tolerance)
+    laws: Laws = "none"
+    if cone.two_sided >= 2 and flown.controllable:
+        laws = "three torques" if cone.two_sided == 3 else "two torques"
+    barrier = momentum_barrier(layout.inertia, cone, tolerance)
+    strict = momentum_barrier(layout.inertia, cone, ROUNDING)
+    verdict: Verdict = "uncontrollable"
+    if laws != "none":
+        verdict = "controllable"
+    elif decision.controllable and barrier is None:
+        verdict = "by drift"
+    one_signed = cone.span > cone.two_sided
+    undecided = one_signed and laws == "none" and (barrier is None) != (strict is None)
+    if decision.borderline or flown.borderline or cone.borderline or undecided:
+        verdict = "borderline"
+    return Judgement(
+        inertia=layout.inertia,
+        actuators=left,
+        verdict=verdict,
+        rank=decision.rank,
+        dimension=6,
+        laws=laws,
+        margin=decision.margin,
+        turn_time=_turn_time(decision, layout.inertia, left.torques, signs, cone, laws),
+        cone=cone,
+        decision=decision,
+        barrier=barrier if one_signed else None,
+    )
+
+
+def _in_plane(
+    columns: Float[np.ndarray, "3 m"], kept: tuple[int, ...], cone: TorqueCone, tolerance: float
+) -> tuple[int, ...]:
+    """Those of the actuators whose torques lie in the plane of the torques of both signs."""
+    assert cone.normal is not None
+    beside = np.abs(cone.normal @ columns) <= tolerance * np.linalg.norm(columns, axis=0)
+    return tuple(i for i, inside in zip(kept, beside, strict=True) if inside)
+
+
+def _turn_time(
+    decision: RankDecision,
+    inertia: Float[np.ndarray, "3 3"],
+    columns: Float[np.ndarray, "3 m"],
+    two_sided: Bool[np.ndarray, " m"],
+    cone: TorqueCone,
+    laws: Laws,
+) -> float:
+    """Turn time (s) at 1 N m a thruster, or about each axis of a basis of those of both signs."""
+    if np.all(two_sided):
+        return decided_turn_time(decision, inertia, columns)
+    return turn_time(inertia, cone.both_signs) if laws != "none" else np.inf

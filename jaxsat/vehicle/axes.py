@@ -1,0 +1,40 @@
+"""Directions of actuators in body axes."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat.allocation import unit_columns
+from jaxsat.checks import as_array, concrete, require_finite
+from jaxsat.errors import ArgumentError
+
+
+def unit_axes(axes: Array) -> Float[Array, "3 n"]:
+    """Columns of shape (3, n) scaled to unit length; raises `ValueError` for a zero one."""
+    if axes.ndim != 2 or axes.shape[0] != 3:
+        raise ValueError(f"Argument `axes` must have shape (3, n), got {tuple(axes.shape)}.")
+    require_finite("axes", axes)
+    known = concrete(axes)
+    if known is None:
+        return axes / jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
+    if not np.all(np.any(known != 0, axis=0)):
+        raise ArgumentError("axes", "must have no zero column", known.tolist())
+    return as_array(unit_columns(known))
+
+
+def turned_axes(axes: Float[Array, "3 m"], angles: Float[Array, "m 2"]) -> Float[Array, "3 m"]:
+    """Unit columns turned by small angles (rad) towards two directions across each.
+
+    The tangents of the angles are taken as small.
+    """
+    across = jnp.stack([directions_across(axis) for axis in axes.T])  # (m, 2, 3)
+    turned = axes.T + jnp.sum(angles[:, :, None] * across, axis=1)
+    return (turned / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))).T
+
+
+def directions_across(axis: Float[Array, "3"]) -> Float[Array, "2 3"]:
+    """Two directions perpendicular to a unit vector and to each other."""
+    least = jnp.eye(3, dtype=axis.dtype)[jnp.argmin(jnp.abs(axis))]
+    first = jnp.cross(axis, least)
+    first = first / jnp.sqrt(jnp.sum(first**2))
+    return jnp.stack([first, jnp.cross(axis, first)])
