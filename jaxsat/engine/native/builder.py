@@ -291,14 +291,11 @@ class Builder:
         self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
         return list(outs)
 
-    def cut(self, closed: Any, steady: int = 0) -> Any:
-        """A program as it is to be lowered: cut into functions where these are called.
-
-        So many of its first inputs are parameters.
-        """
+    def cut(self, closed: Any) -> Any:
+        """A program as it is to be lowered: cut into functions where these are called."""
         if self.cutter is None:
             return closed
-        cut, outline = self.cutter(closed, steady)
+        cut, outline = self.cutter(closed)
         self.outlined |= outline.functions
         assert self.trace is not None
         self.trace.calls |= outline.frames

@@ -38,12 +38,9 @@ class ScalarProgram:
 def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) -> ScalarProgram:
     """The program of a function of trees like these; `outputs` has the shapes of its results.
 
-    The first of the trees are parameters, which stay the same from call to call.
-
     Raises `CannotLower` for what has no rule.
     """
     jaxpr, outputs = jax.make_jaxpr(function, return_shape=True)(*examples)
-    steady = len(jax.tree.leaves(examples[0])) if examples else 0
     params: list[Value] = []
     arrays = []
     for aval in jaxpr.in_avals:
@@ -53,7 +50,7 @@ def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) ->
         arrays += arrays_of(scalars, [aval.shape])
     b = Builder()
     b.compact, b.trace, b.cutter = True, Trace(), outlined
-    results = scalars_of(lower(b, b.cut(jaxpr, steady), arrays))
+    results = scalars_of(lower(b, b.cut(jaxpr), arrays))
     with bugs_in("optimisation"):
         made = without_dead_code(Function(name, params, b.block, results))
     return ScalarProgram(jaxpr, made, b.trace, outputs)
