@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from jax._src import source_info_util
 from jax.extend.core import JaxprEqn
@@ -105,4 +106,9 @@ def _repeats(places, first: int, end: int, depth: int, kinds) -> list[tuple[int,
     for length in range(1, size // 2 + 1):
         if size % length == 0 and signs[length:] == signs[:-length]:
             return [(first + i, first + i + length) for i in range(0, size, length)]
-    return [(first, end)]
+    own = [place[depth][1:] if len(place) > depth else None for place in places[first:end]]
+    begins = [i for i in range(1, size) if own[i] == own[0] != own[i - 1]]
+    parts = list(pairwise([0, *begins, size]))
+    if len({frozenset(own[begin:stop]) for begin, stop in parts}) > 1:
+        return [(first, end)]  # a loop inside the function
+    return [(first + begin, first + stop) for begin, stop in parts]

@@ -19,7 +19,7 @@ from jaxsat.engine.native.builder import Frame
 from jaxsat.engine.native.call_tree import Node, call_tree, nodes_of, place_of
 from jaxsat.engine.native.sharing import Values, without_repeated_calls
 
-SHARED, LONE = 10, 40
+SHARED, LONE = 10, 80
 """Operations on numbers that a function has at least if it is called several times, or once."""
 
 MARK = "python:"

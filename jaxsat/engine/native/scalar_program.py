@@ -13,6 +13,7 @@ from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
 from jaxsat.engine.native import rules
+from jaxsat.engine.native.branching import with_branches
 from jaxsat.engine.native.builder import Builder, Trace
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, Value
@@ -53,4 +54,5 @@ def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) ->
     results = scalars_of(lower(b, b.cut(jaxpr), arrays))
     with bugs_in("optimisation"):
         made = without_dead_code(Function(name, params, b.block, results))
+        with_branches(made)
     return ScalarProgram(jaxpr, made, b.trace, outputs)
