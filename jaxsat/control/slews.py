@@ -168,18 +168,25 @@ class SlewPlanner(eqx.Module):
     def plan(self, t: RealScalar, state: NormalState) -> Slewing:
         """The quickest of the four ways to the orbit frame as it will be at their end."""
         ahead = jnp.zeros_like(state.omega[0])
-        along_x = jnp.array([True, True, False, False])
-        angles = jnp.zeros((4, 3), state.omega.dtype)
-        best = jnp.array(0)
+        angle, x_first = ahead, jnp.array(True)
         for _ in range(END_ITERATIONS):
-            q = self.needed(state, ahead)
-            ways = [three_slews(mirrored(q, jnp.array(first_x))) for first_x in (True, False)]
-            angles = jnp.concatenate(ways)
-            durations = self.duration(angles, along_x)
-            best = jnp.argmin(durations)
-            ahead = durations[best]
-        rate = jnp.where(along_x[best], state.omega[0], state.omega[1])
-        return Slewing(jnp.array(Leg.FIRST_SLEW), angles[best, 0], along_x[best], t + ahead, rate)
+            ahead, angle, x_first = self._quickest(state, ahead)
+        rate = jnp.where(x_first, state.omega[0], state.omega[1])
+        return Slewing(jnp.array(Leg.FIRST_SLEW), angle, x_first, t + ahead, rate)
+
+    def _quickest(self, state: NormalState, ahead: RealScalar) -> tuple[Array, Array, Array]:
+        """Of the four ways to the orbit frame of `ahead` seconds later the quickest: its duration
+        (s), its first angle (rad) and whether that is about x."""
+        q = self.needed(state, ahead)
+        along_x = jnp.array([True, True, False, False])
+        ways = [three_slews(mirrored(q, jnp.array(first_x))) for first_x in (True, False)]
+        angles = jnp.concatenate(ways)
+        durations = self.duration(angles, along_x)
+        best = jnp.argmin(durations)
+        duration = durations[best]
+        angle = angles[best, 0]
+        x_first = along_x[best]
+        return duration, angle, x_first
 
     def advance(
         self, t: RealScalar, state: NormalState, slewing: Slewing, period: RealScalar

@@ -5,14 +5,14 @@ result that its only caller keeps in the next state or the output is written the
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
 
 from jaxsat.engine.native.builder import Trace
-from jaxsat.engine.native.ir import Block, Call, Function, Loop, Scalar, Switch, Value
+from jaxsat.engine.native.ir import Call, Function, Scalar, Value
 from jaxsat.export.wishes import name_of
 
 READ = ("p->", "in->", "now->", "seen->", "attitude[")
@@ -46,7 +46,7 @@ def contexts(begin: Context, trace: Trace) -> dict[int, Context]:
     sites: dict[int, list[tuple[Function, Call]]] = {}
     functions = _callers_first(root, sites)
     for function in functions[::-1]:
-        for call in calls_in(function.block):
+        for call in function.block.calls():
             _name_results(call, trace)
     for function in functions:
         if function is not root:
@@ -101,7 +101,7 @@ def _callers_first(root: Function, sites: dict[int, list[tuple[Function, Call]]]
 
     def visit(function: Function) -> None:
         done.add(id(function))
-        for call in calls_in(function.block):
+        for call in function.block.calls():
             if call.function.source is not None:
                 sites.setdefault(id(call.function), []).append((function, call))
                 if id(call.function) not in done:
@@ -110,22 +110,6 @@ def _callers_first(root: Function, sites: dict[int, list[tuple[Function, Call]]]
 
     visit(root)
     return order[::-1]
-
-
-def calls_in(block: Block) -> Iterator[Call]:
-    """All calls of a block and of those in it."""
-    for step in block.steps:
-        match step:
-            case Call():
-                yield step
-            case Loop(condition=condition, body=body):
-                yield from calls_in(condition)
-                yield from calls_in(body)
-            case Switch(blocks=blocks):
-                for inside in blocks:
-                    yield from calls_in(inside)
-            case _:
-                pass
 
 
 def _context(

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.attitude import AbstractAttitude, Quaternion
@@ -177,12 +178,19 @@ def _measurement(measured: Measured) -> Measurement:
 
 
 def as_type(tree: PyTree, dtype: Any) -> PyTree:
-    """The tree with all floats of this type; what was one array stays one."""
+    """The tree with all floats of this type; what was one array stays one.
+
+    Whole numbers have 32 bits beside floats of 32 bits, as they have in a trace of these.
+    """
     made: dict[int, Any] = {}
+    shorter = {np.dtype(np.int64): np.int32, np.dtype(np.uint64): np.uint32}
+    whole = shorter if np.dtype(dtype).itemsize == 4 else {}
 
     def one(x: Any) -> Any:
-        if not (eqx.is_array_like(x) and jnp.issubdtype(jnp.result_type(x), jnp.floating)):
+        if not eqx.is_array_like(x):
             return x
-        return made.setdefault(id(x), jnp.asarray(x, dtype))
+        floating = jnp.issubdtype(jnp.result_type(x), jnp.floating)
+        wanted = dtype if floating else whole.get(getattr(x, "dtype", None))
+        return x if wanted is None else made.setdefault(id(x), jnp.asarray(x, wanted))
 
     return jax.tree.map(one, tree)

@@ -14,10 +14,8 @@ from jaxsat.export.contexts import Context, arrays_in, contexts, squeezed
 from jaxsat.export.expressions import Expression, literal
 from jaxsat.export.helpers import TYPES, helper
 from jaxsat.export.naming import Names, comment, docstring, identifier
+from jaxsat.export.text import braced, dimensions, in_lines
 from jaxsat.export.wishes import name_of
-
-WIDTH = 92
-"""Characters of an expression in a line."""
 
 LIBM = frozenset((
     "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh", "erf",
@@ -27,33 +25,6 @@ LIBM = frozenset((
 
 POINTERS = ("p", "in", "attitude", "seen", "now", "next", "out")
 """The structures that functions may be given, in the order of their parameters."""
-
-
-def wrapped(text: str) -> list[str]:
-    """Words in lines."""
-    lines, line = [], " "
-    for word in text.split(" "):
-        if len(line) + len(word) > WIDTH:
-            lines.append(line)
-            line = " "
-        line += f" {word}"
-    return [*lines, line]
-
-
-def in_lines(text: str, indent: str) -> list[str]:
-    """A statement or a function's head, broken where it is too long, at commas if there are any."""
-    room = 100 - len(indent)
-    if len(text) <= room:
-        return [indent + text]
-    words = re.split(r"(?<=,) " if re.match(r"[\w* ]+\(|[^=]*= \{", text) else " ", text)
-    lines, line = [], ""
-    for word in words:
-        if line and len(line) + 1 + len(word) > room:
-            lines.append(indent + line)
-            line = f"    {word}"
-        else:
-            line = f"{line} {word}" if line else word
-    return [*lines, indent + line]
 
 
 @dataclass(frozen=True)
@@ -195,20 +166,6 @@ def _word(function: Function) -> str:
     """The Python function's own name."""
     assert function.source is not None
     return function.source.name.split(".<locals>.")[-1].removesuffix(".__call__")
-
-
-def dimensions(shape: tuple[int, ...]) -> str:
-    """The dimensions of an array of C."""
-    return "".join(f"[{n}]" for n in shape)
-
-
-def braced(texts: Sequence[str], shape: tuple[int, ...]) -> str:
-    """An initialiser."""
-    if len(shape) <= 1:
-        return f"{{{', '.join(texts)}}}"
-    size = len(texts) // shape[0]
-    rows = [braced(texts[i : i + size], shape[1:]) for i in range(0, len(texts), size)]
-    return f"{{{', '.join(rows)}}}"
 
 
 def _elementary_text(unit: Unit, name: str, function: Function, trace: Trace) -> list[str]:

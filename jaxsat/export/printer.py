@@ -36,18 +36,13 @@ from jaxsat.export.expressions import (
     literal,
     operation,
 )
-from jaxsat.export.functions import (
-    POINTERS,
-    WIDTH,
-    Unit,
-    braced,
-    dimensions,
-    in_lines,
-)
+from jaxsat.export.functions import POINTERS, Unit
 from jaxsat.export.helpers import TYPES
+from jaxsat.export.initialisers import with_initialisers
 from jaxsat.export.loops import bound_of
 from jaxsat.export.naming import Names, comment
 from jaxsat.export.rolling import rolled
+from jaxsat.export.text import WIDTH, braced, dimensions, in_lines
 from jaxsat.export.wishes import element_of, name_of, wish_of
 
 FEW_LINES = 8
@@ -84,7 +79,7 @@ class Printer:
         self._own: set[int] = set()
         self._makers: dict[int, Operation] = {}
         self._memories: dict[int, str] = {}
-        self._told = told
+        self._told = self._own_name = told
         self._arrays: dict[tuple[int, int], str] = {}
         self._parts: dict[str, list[str]] = {}
         self._kinds: dict[str, str] = {}
@@ -217,7 +212,7 @@ class Printer:
 
     def text(self) -> list[str]:
         """The lines; arrays of which one element is used are no arrays, repetitions are loops."""
-        lines = "\n".join(_declared_together(_with_few_comments(self.lines)))
+        lines = "\n".join(_declared_together(_with_few_comments(self.lines, self._own_name)))
         for name, parts in self._parts.items():
             if len(parts) == 1 and not self._kinds[name].endswith(" "):
                 lines = re.sub(rf"\n *\w+ {name}(\[\d+\])+;(?=\n)", "", f"\n{lines}")[1:]
@@ -227,7 +222,7 @@ class Printer:
                     rf"(^|\n)( *){part} =", rf"\1\2const {kind} {name} =", lines, count=1
                 )
                 lines = re.sub(rf"(?<![\w>.]){part}", name, lines)
-        return rolled(lines.split("\n")) if lines else []
+        return with_initialisers(rolled(lines.split("\n"))) if lines else []
 
     def _assign(self, place: str, expression: Expression) -> None:
         text = f"{place} = {expression.text};"
@@ -540,15 +535,22 @@ class Printer:
             self.line(f"{self.known[param.number].text} = {text};")
 
 
-def _with_few_comments(lines: list[str]) -> list[str]:
-    """Without the comments that tell where a line or two come from."""
+def _with_few_comments(lines: list[str], own: str | None) -> list[str]:
+    """Without the comments that tell where a line or two come from.
+
+    That the function's `own` statements go on is told after those of another one alone.
+    """
     places = [i for i, line in enumerate(lines) if line.lstrip().startswith("/*")]
-    short = set()
+    gone = set()
+    away = False
     for place, end in pairwise([*places, len(lines)]):
         inside = [line for line in lines[place + 1 : end] if line.endswith(";")]
-        if len(inside) < FEW_LINES:
-            short.add(place)
-    return [line for i, line in enumerate(lines) if i not in short]
+        back = own is not None and lines[place].strip() == comment(own)[0]
+        if len(inside) < FEW_LINES or (back and not away):
+            gone.add(place)
+        else:
+            away = not back
+    return [line for i, line in enumerate(lines) if i not in gone]
 
 
 def _declared_together(lines: list[str]) -> list[str]:

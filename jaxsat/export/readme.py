@@ -124,7 +124,7 @@ def _period(program: FlightProgram) -> str:
 
 def _measurement(numbers: Measured) -> str:
     rows = {
-        "instructions of a step at most": numbers.instructions,
+        "instructions of a step, the most of the first 20 samples": numbers.instructions,
         "bytes of stack at most": numbers.stack,
         "bytes of code and constants": numbers.code,
     }

@@ -8,9 +8,10 @@ import numpy as np
 from jaxsat.engine.native.ir import Value
 from jaxsat.export.contexts import Context
 from jaxsat.export.expressions import literal
-from jaxsat.export.functions import Unit, in_lines, python_function, wrapped
+from jaxsat.export.functions import Unit, python_function
 from jaxsat.export.naming import comment, identifier
 from jaxsat.export.program import FlightProgram, Stage
+from jaxsat.export.text import in_lines, wrapped
 
 GUARD = "CONTROLLER_H"
 

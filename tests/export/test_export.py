@@ -161,6 +161,32 @@ def test_equal_calls_of_a_python_function_become_calls_of_one():
     np.testing.assert_allclose(jaxpr_as_fun(cut)(p, x)[0], _whole(p, x), rtol=1e-14)  # XLA fuses
 
 
+def _inner(p):
+    return jnp.sqrt(p @ p + 1.0) * jnp.outer(p, p)
+
+
+def _first(p, x):
+    return jnp.sum(_inner(p) @ jnp.sin(x)) + jnp.cos(x).sum() + jnp.tanh(x).sum()
+
+
+def _second(p, x):
+    return jnp.sum(_inner(p) @ jnp.cos(x)) + jnp.sinh(x).sum() + jnp.exp(x).sum()
+
+
+def _outer(p, x):
+    return _first(p, x) * _second(p, x) + jnp.sum(x)
+
+
+def test_what_two_functions_compute_alike_is_computed_once_before_them():
+    p, x = jnp.arange(7.0), jnp.linspace(0.1, 2.0, 7)
+    cut, outline = outlined(jax.make_jaxpr(_outer)(p, x))
+    called = [e.params["name"] for e in cut.jaxpr.eqns if e.primitive.name == "jit"]
+    assert called == ["python:_inner", "python:_first", "python:_second"]
+    told = {name: closed for closed, name, _, _ in outline.functions.values()}
+    assert not any(e.primitive.name == "jit" for e in told["_first"].jaxpr.eqns)
+    np.testing.assert_allclose(jaxpr_as_fun(cut)(p, x)[0], _outer(p, x), rtol=1e-13)
+
+
 @needs("clang")
 @pytest.mark.slow
 def test_clang_and_the_sanitizers_find_nothing(tmp_path):

@@ -25,6 +25,7 @@ from jaxsat.engine.native.ir import (
     Value,
 )
 from jaxsat.engine.native.operations import BOOL, OPERATIONS, evaluate
+from jaxsat.engine.native.ranges import Ranges
 from jaxsat.engine.native.simplify import identity, simplified
 
 
@@ -99,6 +100,7 @@ class Builder:
         self.sine_and_cosine: set[Any] = set()  # variables of jaxprs
         self._negated: dict[int, Scalar] = {}  # what a value is the negative of
         self.factors: dict[int, tuple[Scalar, Scalar]] = {}  # of products in a compact program
+        self.ranges = Ranges()
         self.truths: set[int] = set()  # numbers made of bools: 0 or 1
         self.written = 0  # operations so far
 
@@ -114,6 +116,8 @@ class Builder:
         if known:
             return dtype.type(np.asarray(evaluate(name, args, dtype)).astype(dtype)[()])
         simple = simplified(name, args, dtype)
+        if simple is None:
+            simple = self.ranges.simplified(name, args)
         if simple is None and dtype.kind == "f":
             simple = self._with_sign_outside(name, args)
         if simple is not None:
@@ -130,6 +134,8 @@ class Builder:
                 self._negated[found.number] = args[0]
             if name == "mul" and self.compact:
                 self.factors[found.number] = (args[0], args[1])
+            if name == "convert":
+                self.ranges.note_converted(args[0], found)
             if name == "convert" and (args[0].dtype == BOOL or identity(args[0]) in self.truths):
                 self.truths.add(found.number)
         return found
@@ -277,7 +283,10 @@ class Builder:
             source = Source(kind, "", shapes, [shape], kind, axes)
             label = f"{kind}.{len(self.made)}"
             self.made[key] = Function(label, params, Block(), results, source=source)
-        return self.call(self.made[key], args)
+        found = self.call(self.made[key], args)
+        if kind in ("argmin", "argmax"):
+            self.ranges.note(found[0], 0, len(args) - 1)  # pyright: ignore
+        return found
 
     def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
         """The results of a function."""
@@ -291,14 +300,11 @@ class Builder:
         self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
         return list(outs)
 
-    def cut(self, closed: Any, steady: int = 0) -> Any:
-        """A program as it is to be lowered: cut into functions where these are called.
-
-        So many of its first inputs are parameters.
-        """
+    def cut(self, closed: Any) -> Any:
+        """A program as it is to be lowered: cut into functions where these are called."""
         if self.cutter is None:
             return closed
-        cut, outline = self.cutter(closed, steady)
+        cut, outline = self.cutter(closed)
         self.outlined |= outline.functions
         assert self.trace is not None
         self.trace.calls |= outline.frames

@@ -102,6 +102,21 @@ class Block:
         self.outer = outer
         self.known: dict[tuple, Scalar] = {}
 
+    def calls(self) -> "Iterator[Call]":
+        """All calls of this block and of those in it."""
+        for step in self.steps:
+            match step:
+                case Call():
+                    yield step
+                case Loop(condition=condition, body=body):
+                    yield from condition.calls()
+                    yield from body.calls()
+                case Switch(blocks=blocks):
+                    for inside in blocks:
+                        yield from inside.calls()
+                case _:
+                    pass
+
 
 @dataclass(slots=True)
 class Loop:

@@ -4,13 +4,13 @@ Numbers are rematerialised: loaded again in every basic block that needs them ra
 registers, which lowers register pressure.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from jaxsat.engine.native.emitter import AbstractEmitter
-from jaxsat.engine.native.ir import Block, Call, Function, Loop, Switch, Value
+from jaxsat.engine.native.ir import Block, Function, Value
 from jaxsat.engine.native.llvm_types import memory_type
 
 
@@ -88,8 +88,8 @@ def parameter_locations(block: Block, locations: Known) -> dict[int, dict[int, S
 
     Functions that others call as well have none.
     """
-    calls = list(_calls(block))
-    inner = {id(call.function) for outer in calls for call in _calls(outer.function.block)}
+    calls = list(block.calls())
+    inner = {id(call.function) for outer in calls for call in outer.function.block.calls()}
     known: dict[int, dict[int, Shared | Slot]] = {}
     functions: dict[int, Function] = {id(call.function): call.function for call in calls}
     for identity, function in functions.items():
@@ -102,16 +102,3 @@ def parameter_locations(block: Block, locations: Known) -> dict[int, dict[int, S
             if not numbers and number is not None and number in locations:
                 known.setdefault(identity, {})[param.number] = locations[number]
     return known
-
-
-def _calls(block: Block) -> Iterator[Call]:
-    for step in block.steps:
-        match step:
-            case Call():
-                yield step
-            case Loop():
-                yield from _calls(step.condition)
-                yield from _calls(step.body)
-            case Switch():
-                for inside in step.blocks:
-                    yield from _calls(inside)

@@ -13,6 +13,7 @@ from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
 from jaxsat.engine.native import rules
+from jaxsat.engine.native.branching import with_branches
 from jaxsat.engine.native.builder import Builder, Trace
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, Value
@@ -38,12 +39,9 @@ class ScalarProgram:
 def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) -> ScalarProgram:
     """The program of a function of trees like these; `outputs` has the shapes of its results.
 
-    The first of the trees are parameters, which stay the same from call to call.
-
     Raises `CannotLower` for what has no rule.
     """
     jaxpr, outputs = jax.make_jaxpr(function, return_shape=True)(*examples)
-    steady = len(jax.tree.leaves(examples[0])) if examples else 0
     params: list[Value] = []
     arrays = []
     for aval in jaxpr.in_avals:
@@ -53,7 +51,8 @@ def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) ->
         arrays += arrays_of(scalars, [aval.shape])
     b = Builder()
     b.compact, b.trace, b.cutter = True, Trace(), outlined
-    results = scalars_of(lower(b, b.cut(jaxpr, steady), arrays))
+    results = scalars_of(lower(b, b.cut(jaxpr), arrays))
     with bugs_in("optimisation"):
         made = without_dead_code(Function(name, params, b.block, results))
+        with_branches(made)
     return ScalarProgram(jaxpr, made, b.trace, outputs)
