@@ -5,12 +5,12 @@ import itertools
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.allocation import (
-    all_bases,
     largest_torque,
     least_propellant,
     torque_directions,
@@ -18,17 +18,18 @@ from jaxsat.allocation import (
     unit_columns,
 )
 from jaxsat.checks import as_array, as_float
+from jaxsat.control.cheapest_duties import CheapestDuties
 
 RealScalar = Float[Array, ""]
 
-MOST_SETS = 80
-"""Sets of failed thrusters that are tabled; sets of two are where there are no more."""
+MOST_FAILED = 2
+"""Thrusters of a tabled set."""
+
+MOST_SETS = 150
+"""Tabled sets; where these and all pairs are more, sets of one alone are tabled."""
 
 FLAT = 1e-9
 """Of the largest torque: what is below counts as zero."""
-
-VIOLATION = 1e3
-"""What a torque that is missed costs, over the dearest thruster's that makes as much."""
 
 ROUNDS = 2
 """In which others make what thrusters at full thrust cannot."""
@@ -70,7 +71,7 @@ def failed_sets(torque: Float[np.ndarray, "3 m"]) -> tuple[FailedSet, ...]:
     """No failure, each single one and, unless these are more than `MOST_SETS`, each pair."""
     count = torque.shape[1]
     pairs = 1 + count + count * (count - 1) // 2 <= MOST_SETS
-    sizes = range(min(2 if pairs else 1, count) + 1)
+    sizes = range(min(MOST_FAILED if pairs else 1, count) + 1)
     sets = (failed for size in sizes for failed in itertools.combinations(range(count), size))
     return tuple(what_is_left(torque, failed) for failed in sets)
 
@@ -102,16 +103,14 @@ def limit_about(torque: Float[np.ndarray, "3 m"], axes: Float[np.ndarray, "3 2"]
 class Reconfiguration(eqx.Module):
     """The `failed_sets` as tables, and the allocation of a torque to the thrusters left.
 
-    `failed` (sets, m), `left` (a `Left`), `missing` and `strength` as in `FailedSet`. `torque`
-    (3, m) is that at full thrust (N m), `cost` that of full thrust. `members` (bases, 3) and
-    `inverse` (bases, 3, 3) are `jaxsat.allocation.all_bases`.
+    `left` (a `Left`), `missing` and `strength` of each set are as in `FailedSet`. `number` (m, m)
+    is the number of the set of which two thrusters are the first and the last, -1 without a table.
+    `torque` (3, m) is that at full thrust (N m).
     """
 
     torque: Float[Array, "3 m"] = eqx.field(converter=as_float)
-    cost: Float[Array, " m"] = eqx.field(converter=as_float)
-    members: Int[Array, "bases 3"]
-    inverse: Float[Array, "bases 3 3"] = eqx.field(converter=as_float)
-    failed: Bool[Array, "sets m"]
+    cheapest: CheapestDuties
+    number: Int[Array, "m m"]
     left: Int[Array, " sets"]
     missing: Float[Array, "sets 3"] = eqx.field(converter=as_float)
     strength: Float[Array, " sets"] = eqx.field(converter=as_float)
@@ -122,17 +121,15 @@ class Reconfiguration(eqx.Module):
         cost: Float[np.ndarray, " m"],
         sets: tuple[FailedSet, ...],
     ) -> "Reconfiguration":
-        """The tables of thrusters whose torques span all three axes."""
-        failed = np.zeros((len(sets), torque.shape[1]), bool)
-        for number, one in enumerate(sets):
-            failed[number, list(one.failed)] = True
-        members, inverse = all_bases(torque)
+        """The tables of thrusters whose torques span all three axes; `cost` is of full thrust."""
+        number = np.full((torque.shape[1], torque.shape[1]), -1)
+        for place, one in enumerate(sets):
+            if one.failed:
+                number[one.failed[0], one.failed[-1]] = place
         return Reconfiguration(
             torque,
-            cost / np.max(cost),
-            as_array(members),
-            inverse,
-            as_array(failed),
+            CheapestDuties.of(torque, cost),
+            as_array(number),
             as_array(np.array([int(one.left) for one in sets])),
             np.stack([one.missing for one in sets]),
             np.array([one.strength for one in sets]),
@@ -147,9 +144,12 @@ class Reconfiguration(eqx.Module):
         those left can both oppose and leave, torques about all three axes are left. Sets without a
         table leave less.
         """
-        same = jnp.all(self.failed == failed[None], axis=1)
-        number = jnp.argmax(same)
-        left = jnp.where(jnp.any(same), self.left[number], int(Left.LESS))
+        count = jnp.sum(failed)
+        last = failed.shape[0] - 1 - jnp.argmax(failed[::-1])
+        number = self.number[jnp.argmax(failed), last]
+        known = (count == 0) | ((count <= MOST_FAILED) & (number >= 0))
+        number = jnp.where(known & (count > 0), number, 0)
+        left = jnp.where(known, self.left[number], int(Left.LESS))
         supply = jnp.sum(self.missing[number] * (self.torque @ flow))
         strength = self.strength[number]
         supplied = (supply > SUPPLIED * strength) & (supply < (1 - SUPPLIED) * strength)
@@ -166,37 +166,28 @@ class Reconfiguration(eqx.Module):
         Where that is more than they can, `steady` comes first, and `torque` is reduced in size to
         what is left of them.
         """
-        wanted = self._cheapest(failed, torque + steady)
+        wanted = self.cheapest(failed, torque + steady)
         whole = self._within_reach(failed, wanted)
         missed = self.torque @ (wanted - whole)
         enough = jnp.sum(missed**2) < (SMALL * jnp.max(jnp.abs(self.torque))) ** 2
-        first = self._within_reach(failed, self._cheapest(failed, steady))
-        more = self._cheapest(failed | (first > MOST_DUTY), torque)
-        room = jnp.where(more > 0, (1 - first) / jnp.where(more > 0, more, 1.0), 1.0)
-        reduced = first + jnp.minimum(jnp.min(room), 1.0) * more
-        return jnp.where(enough, whole, reduced)
+
+        def reduced() -> Float[Array, " m"]:
+            first = self._within_reach(failed, self.cheapest(failed, steady))
+            more = self.cheapest(failed | (first > MOST_DUTY), torque)
+            room = jnp.where(more > 0, (1 - first) / jnp.where(more > 0, more, 1.0), 1.0)
+            return first + jnp.minimum(jnp.min(room), 1.0) * more
+
+        return jax.lax.cond(enough, lambda: whole, reduced)
 
     def _within_reach(self, failed, duty) -> Float[Array, " m"]:
         """Duties of at most 1: what is beyond that, others make as far as they can."""
         torque = self.torque @ duty
-        duty = jnp.minimum(duty, 1.0)
-        for _ in range(ROUNDS):
-            full = failed | (duty >= 1)
-            more = self._cheapest(full, torque - self.torque @ duty)
-            duty = jnp.minimum(duty + more, 1.0)
-        return duty
 
-    def _cheapest(self, failed: Bool[Array, " m"], torque: Float[Array, "3"]) -> Float[Array, " m"]:
-        """Duties, however large, that make a torque (N m) with least propellant.
+        def shared(duty):
+            duty = jnp.minimum(duty, 1.0)
+            for _ in range(ROUNDS):
+                more = self.cheapest(failed | (duty >= 1), torque - self.torque @ duty)
+                duty = jnp.minimum(duty + more, 1.0)
+            return duty
 
-        They are those of the basis that costs least: a solution of the linear programme is one of
-        a basis. What a basis asks of failed thrusters, or of others the other way, is missed. Of a
-        torque that cannot be made the least is missed.
-        """
-        duties = jnp.sum(self.inverse * torque[None, None, :], axis=-1)
-        cost, gone = self.cost[self.members], failed[self.members]
-        wrong = jnp.where(gone, jnp.abs(duties), jnp.maximum(-duties, 0.0))
-        best = jnp.argmin(jnp.sum(cost * jnp.maximum(duties, 0.0) + VIOLATION * wrong, axis=1))
-        used = jnp.arange(failed.shape[0])[:, None] == self.members[best][None]
-        duty = jnp.sum(jnp.where(used, duties[best][None], 0.0), axis=1)
-        return jnp.where(failed, 0.0, jnp.maximum(duty, 0.0))
+        return jax.lax.cond(jnp.max(duty) > 1, shared, lambda duty: duty, duty)

@@ -3,6 +3,7 @@
 import itertools
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -113,3 +114,19 @@ def test_a_flow_that_can_be_opposed_stands_for_the_failed_thruster(flow, left):
 def test_more_failures_than_tables_leave_less():
     made = tables(canted()[0])
     assert made.find(jnp.arange(8) < 3, jnp.zeros(8))[1] == Left.LESS
+
+
+def test_a_program_for_many_thrusters_is_as_long_as_one_for_few():
+    """Otherwise compilers take minutes over sixteen of them."""
+    rng = np.random.default_rng(5)
+
+    def equations(torque):
+        made, count = tables(torque), torque.shape[1]
+
+        def step(failed, flow, wanted):
+            return made.find(failed, flow), made.allocate(failed, wanted, made.torque @ flow)
+
+        return str(jax.make_jaxpr(step)(jnp.zeros(count, bool), jnp.zeros(count), jnp.zeros(3)))
+
+    few, many = (equations(rng.normal(size=(3, count))) for count in (6, 12))
+    assert few.count("\n") == many.count("\n")
