@@ -166,17 +166,11 @@ def least_propellant(
     return np.stack(_optimal_somewhere(optimal))
 
 
-def all_bases(
-    torque: Float[np.ndarray, "3 m"],
-) -> tuple[Int[np.ndarray, "bases 3"], Float[np.ndarray, "bases 3 3"]]:
-    """All sets of three thrusters whose torques (N m) are independent, and their inverses."""
-    size = _size(torque)
-    bases = [
-        list(basis)
-        for basis in itertools.combinations(range(torque.shape[1]), 3)
-        if abs(np.linalg.det(torque[:, basis] / size)) > BASIS_TOLERANCE
-    ]
-    return np.array(bases), np.stack([np.linalg.inv(torque[:, basis]) for basis in bases])
+def best_basis(units: Float[np.ndarray, "3 m"]) -> Int[np.ndarray, " 3"]:
+    """The three unit columns that are farthest from a plane."""
+    bases = np.array(list(itertools.combinations(range(units.shape[1]), 3)))
+    volumes = np.abs(np.linalg.det(units[:, bases].transpose(1, 0, 2)))
+    return bases[np.argmax(volumes)]
 
 
 def two_sided_torques(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 k"]:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
-from jaxsat.control.reconfiguration import Left, Reconfiguration
+from jaxsat.control.reconfiguration import Ability, Left, Reconfiguration
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.declaration import LawDeclaration
@@ -49,7 +49,7 @@ FIRST_PHASE = TolerantMode.STOPPING - Phase.STOPPING
 
 
 class TolerantMemory(NamedTuple):
-    """Memories of all parts, the number of the failed set, the `Left` and the `TolerantMode`.
+    """Memories of all parts, what is left, and the `TolerantMode`.
 
     `on_time` (s) is what was commanded of each thruster since the last sample, `spill` (s) what of
     that reaches into the next period, `probe` (s) the time since the last test pulse. `owed`
@@ -64,8 +64,7 @@ class TolerantMemory(NamedTuple):
     spill: Float[Array, " m"]
     probe: RealScalar
     owed: Float[Array, "3"]
-    number: Int[Array, ""]
-    left: Int[Array, ""]
+    ability: Ability
     mode: Int[Array, ""]
 
 
@@ -117,18 +116,16 @@ class FaultTolerant(AbstractSampledController):
         """All thrusters work."""
         thrusters = self.diagnosis.filter.thrusters
         zero = jnp.zeros(thrusters.count, state.omega.dtype)
-        first = jnp.array(0)
         return TolerantMemory(
             self.diagnosis.init(state.omega),
             self.healthy.init(state),
-            self.settling[0].at(first)[0].init(state) if self.settling else None,
+            self.settling[0].at(jnp.array(0))[0].init(state) if self.settling else None,
             thrusters.modulation.init(thrusters.count),
             zero,
             zero,
             zero[0],
             jnp.zeros(3, state.omega.dtype),
-            first,
-            jnp.array(Left.THREE_AXES),
+            Ability.whole(thrusters.count),
             jnp.array(TolerantMode.THREE_AXES),
         )
 
@@ -139,19 +136,22 @@ class FaultTolerant(AbstractSampledController):
         thrusters, period = self.diagnosis.filter.thrusters, self.period
         diagnosis = self.diagnosis.step(state.omega, memory.on_time, period, memory.diagnosis)
         condition = diagnosis.condition
-        number, left = self.reconfiguration.find(condition.failed, condition.flow)
+        ability = self.reconfiguration.find(condition, memory.ability)
+        number, left, limit = ability
         constant = thrusters.torque @ condition.flow + condition.torque
         torque, healthy = self.healthy.step(t, state, memory.healthy)
         settling = memory.settling
         if settling is not None:
-            begins = (left == Left.PLANE) & ((number != memory.number) | (memory.left != left))
+            changed = (number != memory.ability.number) | (left != memory.ability.left)
+            begins = (left == Left.PLANE) & changed
             in_plane, settling = self._settled(t, state, number, begins, settling)
             torque = jnp.where(left == Left.PLANE, in_plane, torque)
         three = left == Left.THREE_AXES
         owed = jnp.where(three, memory.owed, 0.0)
-        duty = self.reconfiguration.allocate(condition.failed, torque + owed / period, -constant)
-        whole = self.rounding(condition.failed, duty, period)
-        owed = period * (thrusters.torque @ (duty - whole))
+        thrust = self.reconfiguration.allocate(limit, torque + owed / period, -constant)
+        duty = thrust / jnp.where(limit > 0, limit, 1.0)
+        whole = self.rounding(limit, duty, period)
+        owed = period * (thrusters.torque @ (limit * (duty - whole)))
         duty = jnp.where(three, whole, duty)
         damping = jnp.where(condition.failed, 0.0, self._damping(state))
         duty = jnp.where(left == Left.LESS, damping, duty)
@@ -159,7 +159,9 @@ class FaultTolerant(AbstractSampledController):
         interval = PROBE_INTERVAL / self.healthy.natural_frequency
         due = (probe >= interval) & (diagnosis.stage == Stage.QUIET)
         tested = (self.diagnosis.may_return(diagnosis) & due) | self._in_turn(diagnosis)
-        duty = jnp.where(tested, jnp.maximum(duty, self.diagnosis.test_duty(period)), duty)
+        duty = jnp.where(
+            tested, jnp.maximum(duty, self.diagnosis.test_duty(period, diagnosis)), duty
+        )
         on_time, spill, modulation = thrusters.on_times(duty, memory.modulation, period)
         return duty, TolerantMemory(
             diagnosis,
@@ -170,9 +172,8 @@ class FaultTolerant(AbstractSampledController):
             spill,
             jnp.where(due, 0.0, probe),
             owed,
-            number,
-            left,
-            self._mode(diagnosis, left, number, settling),
+            ability,
+            self._mode(diagnosis, left, settling),
         )
 
     def _settled(self, t, state, number, begins, memory):
@@ -196,12 +197,16 @@ class FaultTolerant(AbstractSampledController):
 
     def _in_turn(self, diagnosis: DiagnosisMemory) -> Bool[Array, " m"]:
         """During an alarm the suspect and each of its rivals in turn are tested, one by one."""
-        count = diagnosis.condition.failed.shape[0]
+        rivals = jnp.arange(diagnosis.rival.shape[0]) != diagnosis.suspect
+        rivals = rivals & diagnosis.rival
+        place = jnp.cumsum(rivals) - 1
         sample = jnp.round(diagnosis.age / self.period).astype(int)
         test = sample // TEST_PERIODS
-        turn = jnp.where(test % 2 == 0, diagnosis.suspect, test // 2 % count)
+        turn = place == test // 2 % jnp.maximum(jnp.sum(rivals), 1)
+        suspected = ~rivals & diagnosis.rival
+        tested = jnp.where(test % 2 == 0, suspected, rivals & turn)
         now = (diagnosis.stage == Stage.ALARM) & (sample % TEST_PERIODS == 0) & (test > 0)
-        return now & (jnp.arange(count) == turn) & diagnosis.rival
+        return now & tested
 
     def _damping(self, state: PlantState) -> Float[Array, " m"]:
         """Each thruster against the rate about its own torque: none puts energy in."""
@@ -215,8 +220,9 @@ class FaultTolerant(AbstractSampledController):
         pull = 2 * self.healthy.damping * self.healthy.natural_frequency
         return jnp.minimum(pull * inertia * above / size, 1.0)
 
-    def _mode(self, diagnosis: DiagnosisMemory, left, number, settling) -> Int[Array, ""]:
-        mode = jnp.where(number == 0, TolerantMode.THREE_AXES, TolerantMode.REALLOCATED)
+    def _mode(self, diagnosis: DiagnosisMemory, left, settling) -> Int[Array, ""]:
+        failed = jnp.any(diagnosis.condition.failed)
+        mode = jnp.where(failed, TolerantMode.REALLOCATED, TolerantMode.THREE_AXES)
         if settling is not None:
             phase = self.settling[0].laws.mode(settling)
             mode = jnp.where(left == Left.PLANE, FIRST_PHASE + phase, mode)

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
 
@@ -34,23 +34,24 @@ class PulseRounding(eqx.Module):
         require_positive("least", self.least, zero_allowed=True)
 
     def __call__(
-        self, failed: Bool[Array, " m"], duty: Float[Array, " m"], period: RealScalar
+        self, limit: Float[Array, " m"], duty: Float[Array, " m"], period: RealScalar
     ) -> Float[Array, " m"]:
-        """Duties (parts of full thrust in a period, s) that are whole pulses, of those not failed.
+        """Duties (parts of a period, s) that are whole pulses.
 
-        Those of thrusters without a least pulse stay as they are.
+        Thrusters make the part `limit` of their thrust, and none if it is zero. The duties of those
+        without a least pulse stay as they are.
         """
         free = self.least <= 0
         least = jnp.where(free, period, self.least)
         most = jnp.floor(period / least * (1 + 1e-12))
         count = jnp.clip(jnp.floor(duty * period / least * (1 + 1e-12)), 0.0, most)
-        pulse = self.effect * least[None]
+        pulse = self.effect * (limit * least)[None]
         square = jnp.sum(pulse**2, axis=0)
         wanted = duty * period - count * least
-        owed = self.effect @ jnp.where(free, 0.0, wanted)
+        owed = self.effect @ jnp.where(free, 0.0, limit * wanted)
         for _ in range(ROUNDS):
             along = jnp.sum(pulse * owed[:, None], axis=0)
-            gives = (along > WORTH * square) & (count < most) & ~failed & ~free
+            gives = (along > WORTH * square) & (count < most) & (limit > 0) & ~free
             best = jnp.argmax(jnp.where(gives, 2 * along - square, -1.0))
             one = gives & (jnp.arange(least.shape[0]) == best)
             count = count + one

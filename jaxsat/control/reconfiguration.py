@@ -5,12 +5,12 @@ import itertools
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.allocation import (
-    all_bases,
     largest_torque,
     least_propellant,
     torque_directions,
@@ -18,17 +18,19 @@ from jaxsat.allocation import (
     unit_columns,
 )
 from jaxsat.checks import as_array, as_float
+from jaxsat.control.cheapest_duties import CheapestDuties
+from jaxsat.diagnosis import Condition
 
 RealScalar = Float[Array, ""]
 
-MOST_SETS = 80
-"""Sets of failed thrusters that are tabled; sets of two are where there are no more."""
+MOST_FAILED = 2
+"""Thrusters of a tabled set."""
+
+MOST_SETS = 150
+"""Tabled sets; where these and all pairs are more, sets of one alone are tabled."""
 
 FLAT = 1e-9
 """Of the largest torque: what is below counts as zero."""
-
-VIOLATION = 1e3
-"""What a torque that is missed costs, over the dearest thruster's that makes as much."""
 
 ROUNDS = 2
 """In which others make what thrusters at full thrust cannot."""
@@ -39,8 +41,12 @@ MOST_DUTY = 0.95
 SMALL = 1e-6
 """Of the largest torque: as good as none is missed."""
 
-SUPPLIED = 0.1
-"""Of the strength of the thrusters that oppose it: the least that a flow must supply, and leave."""
+SPARE, LEAST_SPARE = 0.1, 0.02
+"""Of the largest torque about each axis: what must be left both ways where three axes are left only
+by what failed thrusters make, if else a plane is left, and if even less is."""
+
+WEAK = 0.1
+"""A thruster that makes less of its thrust counts as dead."""
 
 
 class Left(enum.IntEnum):
@@ -55,22 +61,18 @@ class FailedSet(NamedTuple):
     """A set of failed thrusters (numbers from 0) and what is left without them.
 
     Where torques of either sign are left in a plane, `directions` (3, 2) are about two axes in it.
-    No thruster left makes torque along `missing` (zero where it is not one direction); against it
-    they make at most `strength` (N m).
     """
 
     failed: tuple[int, ...]
     left: Left
     directions: Float[np.ndarray, "3 2"] | None = None
-    missing: Float[np.ndarray, "3"] = np.zeros(3)
-    strength: float = 0.0
 
 
 def failed_sets(torque: Float[np.ndarray, "3 m"]) -> tuple[FailedSet, ...]:
     """No failure, each single one and, unless these are more than `MOST_SETS`, each pair."""
     count = torque.shape[1]
     pairs = 1 + count + count * (count - 1) // 2 <= MOST_SETS
-    sizes = range(min(2 if pairs else 1, count) + 1)
+    sizes = range(min(MOST_FAILED if pairs else 1, count) + 1)
     sets = (failed for size in sizes for failed in itertools.combinations(range(count), size))
     return tuple(what_is_left(torque, failed) for failed in sets)
 
@@ -84,12 +86,7 @@ def what_is_left(torque: Float[np.ndarray, "3 m"], failed: tuple[int, ...]) -> F
     if rank != 2:
         return FailedSet(failed, Left.THREE_AXES if rank == 3 else Left.LESS)
     directions = torque_directions(unit_columns(both_ways))
-    normal = np.cross(directions[:, 0], directions[:, 1])
-    along = normal @ columns
-    most = along[np.argmax(np.abs(along))]
-    if abs(most) < FLAT * size:
-        return FailedSet(failed, Left.PLANE, directions)
-    return FailedSet(failed, Left.PLANE, directions, -np.sign(most) * normal, abs(float(most)))
+    return FailedSet(failed, Left.PLANE, directions)
 
 
 def limit_about(torque: Float[np.ndarray, "3 m"], axes: Float[np.ndarray, "3 2"]) -> float:
@@ -99,22 +96,35 @@ def limit_about(torque: Float[np.ndarray, "3 m"], axes: Float[np.ndarray, "3 2"]
     return largest_torque(least_propellant(both_ways, cost, axes))
 
 
+class Ability(NamedTuple):
+    """What is left: the number of the failed set, the `Left`, and how much each thruster makes.
+
+    `limit` is 1 for thrusters that work, 0 for those that are left out, and the part of full thrust
+    that a weak one makes where it is needed.
+    """
+
+    number: Int[Array, ""]
+    left: Int[Array, ""]
+    limit: Float[Array, " m"]
+
+    @staticmethod
+    def whole(count: int) -> "Ability":
+        """All work."""
+        return Ability(jnp.array(0), jnp.array(Left.THREE_AXES), jnp.ones(count))
+
+
 class Reconfiguration(eqx.Module):
     """The `failed_sets` as tables, and the allocation of a torque to the thrusters left.
 
-    `failed` (sets, m), `left` (a `Left`), `missing` and `strength` as in `FailedSet`. `torque`
-    (3, m) is that at full thrust (N m), `cost` that of full thrust. `members` (bases, 3) and
-    `inverse` (bases, 3, 3) are `jaxsat.allocation.all_bases`.
+    `left` has the `Left` of each set. `number` (m, m) is the number of the set of which two
+    thrusters are the first and the last, -1 without a table. `torque` (3, m) is that at full thrust
+    (N m).
     """
 
     torque: Float[Array, "3 m"] = eqx.field(converter=as_float)
-    cost: Float[Array, " m"] = eqx.field(converter=as_float)
-    members: Int[Array, "bases 3"]
-    inverse: Float[Array, "bases 3 3"] = eqx.field(converter=as_float)
-    failed: Bool[Array, "sets m"]
+    cheapest: CheapestDuties
+    number: Int[Array, "m m"]
     left: Int[Array, " sets"]
-    missing: Float[Array, "sets 3"] = eqx.field(converter=as_float)
-    strength: Float[Array, " sets"] = eqx.field(converter=as_float)
 
     @staticmethod
     def of(
@@ -122,81 +132,104 @@ class Reconfiguration(eqx.Module):
         cost: Float[np.ndarray, " m"],
         sets: tuple[FailedSet, ...],
     ) -> "Reconfiguration":
-        """The tables of thrusters whose torques span all three axes."""
-        failed = np.zeros((len(sets), torque.shape[1]), bool)
-        for number, one in enumerate(sets):
-            failed[number, list(one.failed)] = True
-        members, inverse = all_bases(torque)
+        """The tables of thrusters whose torques span all three axes; `cost` is of full thrust."""
+        number = np.full((torque.shape[1], torque.shape[1]), -1)
+        for place, one in enumerate(sets):
+            if one.failed:
+                number[one.failed[0], one.failed[-1]] = place
         return Reconfiguration(
             torque,
-            cost / np.max(cost),
-            as_array(members),
-            inverse,
-            as_array(failed),
+            CheapestDuties.of(torque, cost),
+            as_array(number),
             as_array(np.array([int(one.left) for one in sets])),
-            np.stack([one.missing for one in sets]),
-            np.array([one.strength for one in sets]),
         )
 
-    def find(
-        self, failed: Bool[Array, " m"], flow: Float[Array, " m"]
-    ) -> tuple[Int[Array, ""], Int[Array, ""]]:
-        """The number of a set of failed thrusters, and the `Left` that it leaves.
+    def find(self, condition: Condition, before: "Ability") -> "Ability":
+        """What is left in a `condition`; `before` is what was left at the last sample.
 
-        Where failed thrusters have a `flow` (parts of full thrust) along the missing direction that
-        those left can both oppose and leave, torques about all three axes are left. Sets without a
-        table leave less.
+        Where thrusters that work make less than torques about all axes, three axes are left still
+        if weak ones that make a part of their thrust, and flows of failed thrusters, supply what is
+        missing, with some torque to spare. Half of that is enough for what was so before, so that
+        nothing changes to and fro.
         """
-        same = jnp.all(self.failed == failed[None], axis=1)
-        number = jnp.argmax(same)
-        left = jnp.where(jnp.any(same), self.left[number], int(Left.LESS))
-        supply = jnp.sum(self.missing[number] * (self.torque @ flow))
-        strength = self.strength[number]
-        supplied = (supply > SUPPLIED * strength) & (supply < (1 - SUPPLIED) * strength)
-        return number, jnp.where((left == Left.PLANE) & supplied, int(Left.THREE_AXES), left)
+        failed, part = condition.failed, condition.part
+        number, left = self._tabled(failed)
+        working = jnp.where(failed, 0.0, 1.0)
+        weak = failed & (part >= WEAK) & (condition.flow <= 0)
+        limit = jnp.where(weak, part, working)
+        held = (before.left == Left.THREE_AXES) & (before.number == number)
+        spare = jnp.where(left == Left.PLANE, SPARE, LEAST_SPARE) * jnp.where(held, 0.5, 1.0)
+        steady = -(self.torque @ condition.flow)
+        all_axes = jax.lax.cond(
+            left == Left.THREE_AXES,
+            lambda: jnp.array(False),
+            lambda: self._spans(limit, steady, spare),
+        )
+        return Ability(
+            number,
+            jnp.where(all_axes, int(Left.THREE_AXES), jnp.where(left < 0, int(Left.LESS), left)),
+            jnp.where(all_axes, limit, working),
+        )
+
+    def _tabled(self, failed: Bool[Array, " m"]) -> tuple[Int[Array, ""], Int[Array, ""]]:
+        """The number of a set, and what it leaves; 0 and -1 where there is no table of it."""
+        count = jnp.sum(failed)
+        last = failed.shape[0] - 1 - jnp.argmax(failed[::-1])
+        number = jnp.where(count > 0, self.number[jnp.argmax(failed), last], 0)
+        known = (count <= MOST_FAILED) & (number >= 0)
+        number = jnp.where(known, number, 0)
+        return number, jnp.where(known, self.left[number], -1)
+
+    def _spans(
+        self, limit: Float[Array, " m"], steady: Float[Array, "3"], spare: RealScalar
+    ) -> Bool[Array, ""]:
+        """Whether a torque (N m) and that part of the largest about each axis can be made."""
+        largest = jnp.max(jnp.abs(self.torque), axis=1)
+        smallest = (SMALL * jnp.max(largest)) ** 2
+        ways = jnp.concatenate([jnp.eye(3), -jnp.eye(3)])
+
+        def also(way, spans):
+            wanted = steady + spare * ways[way] * largest
+            duty = self._within_reach(limit, self.cheapest(limit <= 0, wanted))
+            missed = wanted - self.torque @ duty
+            return spans & (jnp.sum(missed**2) < smallest)
+
+        return jax.lax.fori_loop(0, len(ways), also, jnp.array(True))
 
     def allocate(
         self,
-        failed: Bool[Array, " m"],
+        limit: Float[Array, " m"],
         torque: Float[Array, "3"],
         steady: Float[Array, "3"],
     ) -> Float[Array, " m"]:
-        """Duties of the thrusters left that make `torque` + `steady` (N m).
+        """Thrusts (parts of the full ones) up to a `limit` that make `torque` + `steady` (N m).
 
         Where that is more than they can, `steady` comes first, and `torque` is reduced in size to
         what is left of them.
         """
-        wanted = self._cheapest(failed, torque + steady)
-        whole = self._within_reach(failed, wanted)
+        failed = limit <= 0
+        wanted = self.cheapest(failed, torque + steady)
+        whole = self._within_reach(limit, wanted)
         missed = self.torque @ (wanted - whole)
         enough = jnp.sum(missed**2) < (SMALL * jnp.max(jnp.abs(self.torque))) ** 2
-        first = self._within_reach(failed, self._cheapest(failed, steady))
-        more = self._cheapest(failed | (first > MOST_DUTY), torque)
-        room = jnp.where(more > 0, (1 - first) / jnp.where(more > 0, more, 1.0), 1.0)
-        reduced = first + jnp.minimum(jnp.min(room), 1.0) * more
-        return jnp.where(enough, whole, reduced)
 
-    def _within_reach(self, failed, duty) -> Float[Array, " m"]:
-        """Duties of at most 1: what is beyond that, others make as far as they can."""
+        def reduced() -> Float[Array, " m"]:
+            first = self._within_reach(limit, self.cheapest(failed, steady))
+            more = self.cheapest(failed | (first > MOST_DUTY * limit), torque)
+            room = jnp.where(more > 0, (limit - first) / jnp.where(more > 0, more, 1.0), 1.0)
+            return first + jnp.minimum(jnp.min(room), 1.0) * more
+
+        return jax.lax.cond(enough, lambda: whole, reduced)
+
+    def _within_reach(self, limit, duty) -> Float[Array, " m"]:
+        """Thrusts of at most the limit: what is beyond that, others make as far as they can."""
         torque = self.torque @ duty
-        duty = jnp.minimum(duty, 1.0)
-        for _ in range(ROUNDS):
-            full = failed | (duty >= 1)
-            more = self._cheapest(full, torque - self.torque @ duty)
-            duty = jnp.minimum(duty + more, 1.0)
-        return duty
 
-    def _cheapest(self, failed: Bool[Array, " m"], torque: Float[Array, "3"]) -> Float[Array, " m"]:
-        """Duties, however large, that make a torque (N m) with least propellant.
+        def shared(duty):
+            duty = jnp.minimum(duty, limit)
+            for _ in range(ROUNDS):
+                more = self.cheapest(duty >= limit, torque - self.torque @ duty)
+                duty = jnp.minimum(duty + more, limit)
+            return duty
 
-        They are those of the basis that costs least: a solution of the linear programme is one of
-        a basis. What a basis asks of failed thrusters, or of others the other way, is missed. Of a
-        torque that cannot be made the least is missed.
-        """
-        duties = jnp.sum(self.inverse * torque[None, None, :], axis=-1)
-        cost, gone = self.cost[self.members], failed[self.members]
-        wrong = jnp.where(gone, jnp.abs(duties), jnp.maximum(-duties, 0.0))
-        best = jnp.argmin(jnp.sum(cost * jnp.maximum(duties, 0.0) + VIOLATION * wrong, axis=1))
-        used = jnp.arange(failed.shape[0])[:, None] == self.members[best][None]
-        duty = jnp.sum(jnp.where(used, duties[best][None], 0.0), axis=1)
-        return jnp.where(failed, 0.0, jnp.maximum(duty, 0.0))
+        return jax.lax.cond(jnp.any(duty > limit), shared, lambda duty: duty, duty)

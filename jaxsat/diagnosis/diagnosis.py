@@ -46,10 +46,12 @@ class DiagnosisMemory(NamedTuple):
     `statistic` (2, m) has the CUSUMs of loss and flow. `condition` and `kind` (a `DiagnosedKind`,
     or -1) are the verdicts, `returns` tells how often a thruster came back. `age` (s) is the time
     since the last alarm, verdict or dismissal, `suspect` the likeliest thruster, and `rival` tells
-    which explain the residuals nearly as well.
+    which explain the residuals nearly as well. `doubt` (rad/s) is the standard deviation of the
+    last residual, errors of the model included.
     """
 
     residual: ResidualMemory
+    doubt: RealScalar
     statistic: Float[Array, "2 m"]
     stage: Int[Array, ""]
     age: RealScalar
@@ -90,6 +92,7 @@ class Diagnosis(eqx.Module):
         zero = jnp.zeros(count, omega.dtype)
         return DiagnosisMemory(
             self.filter.init(omega),
+            self.filter.rate_noise,
             jnp.zeros((2, count), omega.dtype),
             jnp.array(int(Stage.QUIET)),
             zero[0],
@@ -101,11 +104,16 @@ class Diagnosis(eqx.Module):
             zero,
         )
 
-    def test_duty(self, period: RealScalar) -> Float[Array, " m"]:
-        """The duty, in a period (s), of test pulses that stand out of the noise if they come."""
+    def test_duty(self, period: RealScalar, memory: DiagnosisMemory) -> Float[Array, " m"]:
+        """The duty, in a period (s), of test pulses that stand out of the noise if they come.
+
+        During an alarm they stand out of all that is in doubt: what a stuck thruster makes hides
+        pulses that would be seen without it.
+        """
         residual, thrusters = self.filter, self.filter.thrusters
         effect = residual.model.spacecraft.inverse_inertia @ thrusters.torque
-        seen = TEST_SIGMAS * residual.rate_noise / jnp.sqrt(jnp.sum(effect**2, axis=0))
+        sigma = jnp.where(memory.stage == Stage.ALARM, memory.doubt, residual.rate_noise)
+        seen = TEST_SIGMAS * sigma / jnp.sqrt(jnp.sum(effect**2, axis=0))
         return jnp.minimum(jnp.maximum(seen, thrusters.min_on_time) / period, 1.0)
 
     def may_return(self, memory: DiagnosisMemory) -> Bool[Array, " m"]:
@@ -127,7 +135,7 @@ class Diagnosis(eqx.Module):
         evidence = memory.evidence.after(residual, self.filter.uncertainty)
         evidence = jax.tree.map(lambda x: jnp.where(alarmed, x, 0.0), evidence)
         lasting = condition.failed & ~self.may_return(memory)
-        found = explanation(evidence, condition.failed, lasting)
+        found = explanation(evidence, condition.failed, lasting, self.filter.uncertainty)
         age = memory.age + period
         late = age > self.patience * period
         tested = (found.tested > LEAST_INFORMATION) | (age > MOST_PERIODS * period)
@@ -150,6 +158,7 @@ class Diagnosis(eqx.Module):
         )
         return DiagnosisMemory(
             self.filter.restarted(filtered, verdict),
+            residual.doubt(self.filter.uncertainty),
             jnp.where(over | alarm, 0.0, statistic),
             jnp.where(over, int(Stage.QUIET), jnp.where(alarm, int(Stage.ALARM), memory.stage)),
             jnp.where(over | alarm, 0.0, age),

@@ -64,7 +64,7 @@ class Evidence(NamedTuple):
         Evidence beyond any doubt is kept at `MOST_INFORMATION`.
         """
         loss, flow, seen = residual.loss, residual.flow, residual.innovation
-        variance = UNIT * (residual.variance + uncertainty**2 * jnp.sum(seen**2))
+        variance = UNIT * residual.doubt(uncertainty) ** 2
         products = (loss * loss, loss * flow, flow * flow)
         more = jnp.stack([jnp.sum(one, axis=0) for one in products])
         found = jnp.stack([jnp.sum(seen[:, None] * one, axis=0) for one in (loss, flow)])
@@ -93,16 +93,19 @@ class Explanation(NamedTuple):
 
 
 def explanation(
-    evidence: Evidence, failed: Bool[Array, " m"], lasting: Bool[Array, " m"]
+    evidence: Evidence,
+    failed: Bool[Array, " m"],
+    lasting: Bool[Array, " m"],
+    uncertainty: RealScalar,
 ) -> Explanation:
-    """The best explanation.
+    """The best explanation, where full thrusts are known to within the part `uncertainty`.
 
     For thrusters that have `failed` it is that they work again, in full (`DEAD`, of which a is 1)
     or in part (`DEGRADED`): of what was lost a has come back. Those whose failure is `lasting`
     are no explanation.
     """
     evidence = jax.tree.map(lambda x: UNIT * x, evidence)
-    parts = _parts(evidence)  # (kinds, 2, m)
+    parts = _parts(evidence, uncertainty)  # (kinds, 2, m)
     a, b = parts[:, 0], parts[:, 1]
     aa, ab, bb = evidence.information
     quadratic = a**2 * aa[None] + 2 * a * b * ab[None] + b**2 * bb[None]
@@ -111,6 +114,8 @@ def explanation(
     kinds = jnp.arange(len(DiagnosedKind))[:, None]
     free = jnp.isin(kinds, jnp.array(_LINES))
     scores = scores - jnp.where(free, PENALTY, 0.0)
+    strength = (b - 1) ** 2 / (2 * uncertainty**2)
+    scores = scores - jnp.where(kinds == DiagnosedKind.STUCK_ON, strength, 0.0)
     of_failed = kinds <= DiagnosedKind.DEGRADED
     scores = jnp.where((failed[None] & ~of_failed) | lasting[None], -IMPOSSIBLE, scores)
     best = jnp.max(scores, axis=0)
@@ -132,8 +137,8 @@ def explanation(
 _LINES = (DiagnosedKind.DEGRADED, DiagnosedKind.STUCK_AT, DiagnosedKind.LEAKING)
 
 
-def _parts(evidence: Evidence) -> Float[Array, "kinds 2 m"]:
-    """The most likely (a, b) of every kind."""
+def _parts(evidence: Evidence, uncertainty: RealScalar) -> Float[Array, "kinds 2 m"]:
+    """The most likely (a, b) of every kind; b of one stuck on is full thrust as it really is."""
     aa, ab, bb = evidence.information
     y, z = evidence.weighted
     one, zero = jnp.ones_like(y), jnp.zeros_like(y)
@@ -143,6 +148,8 @@ def _parts(evidence: Evidence) -> Float[Array, "kinds 2 m"]:
         return jnp.clip(quotient, LEAST_PART, 1.0)
 
     lost, stuck = nearest(y, aa), nearest(z - ab, bb)
+    certain = 1 / uncertainty**2
+    fully = (z - ab + certain) / (bb + certain)
     leak = nearest(y + z, aa + 2 * ab + bb)
     return jnp.stack(
         [
@@ -150,7 +157,7 @@ def _parts(evidence: Evidence) -> Float[Array, "kinds 2 m"]:
             for pair in (
                 (one, zero),
                 (lost, zero),
-                (one, one),
+                (one, fully),
                 (one, stuck),
                 (leak, leak),
                 (2 * one, zero),

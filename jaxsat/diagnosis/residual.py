@@ -63,6 +63,10 @@ class Residual(NamedTuple):
     loss: Float[Array, "3 m"]
     flow: Float[Array, "3 m"]
 
+    def doubt(self, uncertainty: RealScalar) -> RealScalar:
+        """Its standard deviation (rad/s) if that part of it may be an error of the model."""
+        return jnp.sqrt(self.variance + uncertainty**2 * jnp.sum(self.innovation**2))
+
 
 class ResidualFilter(eqx.Module):
     """A Kalman filter of the rate about three axes alike, with a scalar variance.
