@@ -11,8 +11,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from jaxsat.engine.native.builder import Trace
 from jaxsat.engine.native.ir import Call, Function, Scalar, Value
+from jaxsat.engine.native.trace import Trace
 from jaxsat.export.wishes import name_of
 
 READ = ("p->", "in->", "now->", "seen->", "attitude[")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jaxsat.engine.native.builder import Trace
 from jaxsat.engine.native.ir import Function, Memory, Scalar, Value
+from jaxsat.engine.native.trace import Trace
 from jaxsat.export.array_functions import count_of, loop_text
 from jaxsat.export.contexts import Context, arrays_in, contexts, squeezed
 from jaxsat.export.expressions import Expression, literal

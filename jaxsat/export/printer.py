@@ -7,11 +7,9 @@ other gets a name, that of the Python variable that it is computed for.
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
 
 import numpy as np
 
-from jaxsat.engine.native.builder import Trace
 from jaxsat.engine.native.ir import (
     Block,
     Call,
@@ -28,6 +26,7 @@ from jaxsat.engine.native.ir import (
     definitions,
 )
 from jaxsat.engine.native.lowering import CannotLower
+from jaxsat.engine.native.trace import Trace
 from jaxsat.export.contexts import arrays_in, base_of, squeezed
 from jaxsat.export.expressions import (
     UNARY,
@@ -38,15 +37,11 @@ from jaxsat.export.expressions import (
 )
 from jaxsat.export.functions import POINTERS, Unit
 from jaxsat.export.helpers import TYPES
-from jaxsat.export.initialisers import with_initialisers
 from jaxsat.export.loops import bound_of
 from jaxsat.export.naming import Names, comment
-from jaxsat.export.rolling import rolled
 from jaxsat.export.text import WIDTH, braced, dimensions, in_lines
+from jaxsat.export.tidying import tidied
 from jaxsat.export.wishes import element_of, name_of, wish_of
-
-FEW_LINES = 8
-"""Statements of another function of the source that need no comment."""
 
 CONSTANT = ("p", "in", "now")
 """Structures that are only read."""
@@ -211,18 +206,13 @@ class Printer:
         return part, False
 
     def text(self) -> list[str]:
-        """The lines; arrays of which one element is used are no arrays, repetitions are loops."""
-        lines = "\n".join(_declared_together(_with_few_comments(self.lines, self._own_name)))
-        for name, parts in self._parts.items():
-            if len(parts) == 1 and not self._kinds[name].endswith(" "):
-                lines = re.sub(rf"\n *\w+ {name}(\[\d+\])+;(?=\n)", "", f"\n{lines}")[1:]
-                kind = self._kinds[name]
-                part = re.escape(parts[0])
-                lines = re.sub(
-                    rf"(^|\n)( *){part} =", rf"\1\2const {kind} {name} =", lines, count=1
-                )
-                lines = re.sub(rf"(?<![\w>.]){part}", name, lines)
-        return with_initialisers(rolled(lines.split("\n"))) if lines else []
+        """The lines, as short as they can be."""
+        single = {
+            parts[0]: self._kinds[name]
+            for name, parts in self._parts.items()
+            if len(parts) == 1 and not self._kinds[name].endswith(" ")
+        }
+        return tidied(self.lines, self._own_name, single)
 
     def _assign(self, place: str, expression: Expression) -> None:
         text = f"{place} = {expression.text};"
@@ -533,40 +523,6 @@ class Printer:
                 moves.append((param, self.operand(after).text))
         for param, text in moves:
             self.line(f"{self.known[param.number].text} = {text};")
-
-
-def _with_few_comments(lines: list[str], own: str | None) -> list[str]:
-    """Without the comments that tell where a line or two come from.
-
-    That the function's `own` statements go on is told after those of another one alone.
-    """
-    places = [i for i, line in enumerate(lines) if line.lstrip().startswith("/*")]
-    gone = set()
-    away = False
-    for place, end in pairwise([*places, len(lines)]):
-        inside = [line for line in lines[place + 1 : end] if line.endswith(";")]
-        back = own is not None and lines[place].strip() == comment(own)[0]
-        if len(inside) < FEW_LINES or (back and not away):
-            gone.add(place)
-        else:
-            away = not back
-    return [line for i, line in enumerate(lines) if i not in gone]
-
-
-def _declared_together(lines: list[str]) -> list[str]:
-    """Neighbouring variables of one type, which functions set, in one declaration."""
-    found: list[str] = []
-    for line in lines:
-        here = _DECLARED.fullmatch(line)
-        before = _DECLARED.fullmatch(found[-1]) if found and here else None
-        if here and before and here[1] == before[1] and len(found[-1]) + len(here[2]) < 98:
-            found[-1] = f"{found[-1][:-1]}, {here[2]};"
-        else:
-            found.append(line)
-    return found
-
-
-_DECLARED = re.compile(r"( *(?:double|float|bool|u?int\d+_t)) (\w+(?:, \w+)*);")
 
 
 def _is_enclosed(text: str) -> bool:

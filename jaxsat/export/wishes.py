@@ -1,7 +1,7 @@
 """What values of a program are called in Python."""
 
-from jaxsat.engine.native.builder import Element, Frame, Trace
 from jaxsat.engine.native.ir import Scalar, Value
+from jaxsat.engine.native.trace import Element, Frame, Trace
 from jaxsat.export.naming import assigned_name, identifier
 
 

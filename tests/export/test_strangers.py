@@ -41,7 +41,7 @@ LAWS = {"RecedingRiccati": "weight = 50", "Moody": "kp = 0.3\nkd = 2.0"}
 SAMPLED = (
     "acceptance-hard", "cubesat-12u", "failures-12u", "one-torque-damping",
     "oscillatory-dispersed", "pulsed-two-torque", "switching", "switching-rounded",
-    "thruster-dies", "two-torque-free", "two-wheel-telescope",
+    "thruster-dies", "two-torque-free",
 )  # fmt: skip
 
 

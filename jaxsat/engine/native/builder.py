@@ -5,7 +5,6 @@ The rules that lower primitives are written against this class alone.
 
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,51 +26,7 @@ from jaxsat.engine.native.ir import (
 from jaxsat.engine.native.operations import BOOL, OPERATIONS, evaluate
 from jaxsat.engine.native.ranges import Ranges
 from jaxsat.engine.native.simplify import identity, simplified
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A function of the source that was being traced, and the line in it."""
-
-    function: str
-    file: str
-    line: int
-
-
-@dataclass(frozen=True)
-class Element:
-    """Which element of which array a value was first; `array` is a number, with its place."""
-
-    array: int
-    shape: tuple[int, ...]
-    index: tuple[int, ...]
-    place: tuple[Frame, ...]
-
-
-@dataclass
-class Trace:
-    """What is known of values beside their program, by their numbers.
-
-    `places` are the calls of the source that a value comes from, from the outermost; `calls` those
-    of equations, by identity, that are calls put back into a program. `names` are those of values
-    that functions give and take.
-    """
-
-    places: dict[int, tuple[Frame, ...]] = field(default_factory=dict)
-    elements: dict[int, "Element"] = field(default_factory=dict)
-    now: tuple[Frame, ...] = ()
-    calls: dict[int, tuple[Frame, ...]] = field(default_factory=dict)
-    names: dict[int, str] = field(default_factory=dict)
-
-    @contextmanager
-    def at(self, frames: tuple[Frame, ...]):
-        """While inside, values come from there."""
-        before, self.now = self.now, frames
-        try:
-            yield
-        finally:
-            self.now = before
-
+from jaxsat.engine.native.trace import Frame, Trace
 
 CHEAP = 24
 """Branches of at most so many operations in all are computed in every lane, not jumped over."""

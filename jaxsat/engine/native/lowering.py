@@ -19,9 +19,10 @@ import numpy as np
 from jax._src import source_info_util
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
-from jaxsat.engine.native.builder import Builder, Element, Frame, Trace, is_uniform
+from jaxsat.engine.native.builder import Builder, is_uniform
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value
+from jaxsat.engine.native.trace import Element, Frame, Trace
 from jaxsat.errors import JaxsatError
 
 if TYPE_CHECKING:

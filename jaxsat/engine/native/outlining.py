@@ -15,9 +15,9 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, DebugInfo, DropVar, Jaxpr, JaxprEqn, Literal, Var
 
 from jaxsat.engine.fingerprint import told_parameters
-from jaxsat.engine.native.builder import Frame
 from jaxsat.engine.native.call_tree import Node, call_tree, nodes_of, place_of
 from jaxsat.engine.native.sharing import Values, without_repeated_calls
+from jaxsat.engine.native.trace import Frame
 
 SHARED, LONE = 10, 80
 """Operations on numbers that a function has at least if it is called several times, or once."""

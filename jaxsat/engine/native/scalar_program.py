@@ -14,11 +14,12 @@ from jaxtyping import PyTree
 
 from jaxsat.engine.native import rules
 from jaxsat.engine.native.branching import with_branches
-from jaxsat.engine.native.builder import Builder, Trace
+from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, Value
 from jaxsat.engine.native.lowering import arrays_of, bugs_in, lower, number_type, scalars_of
 from jaxsat.engine.native.outlining import outlined
+from jaxsat.engine.native.trace import Trace
 
 del rules  # imported for the table it fills
 
