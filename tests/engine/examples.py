@@ -51,7 +51,7 @@ def agreed(program, cases, period, apart):
     Two cases differ by `apart` (rad/s) at least, and a case alone keeps its bits.
     """
     stepper = SampledStepper(diffrax.Dopri8())
-    engine, count = NativeEngine(stepper), len(cases)
+    engine, count = NativeEngine(stepper), len(jax.tree.leaves(cases)[0])
     found = engine.evaluate(program, cases)
     reference = ReferenceEngine(fixed(period, diffrax.Dopri8()), batch_size=count)
     for other in (ScanEngine(stepper, count), reference):
@@ -62,7 +62,7 @@ def agreed(program, cases, period, apart):
     differences = np.abs(found.omega[:, None] - found.omega[None]).max(axis=2)
     assert (differences + np.eye(count)).min() > apart
     for one in (0, count - 1):
-        alone = engine.evaluate(program, cases[one : one + 1])
+        alone = engine.evaluate(program, jax.tree.map(lambda x, i=one: x[i : i + 1], cases))
         assert alone.omega.tobytes() == found.omega[one : one + 1].tobytes()
     return found
 
