@@ -39,7 +39,8 @@ SWEEPS: dict[str, tuple[float, ...]] = {
     "period": (0.002, 0.0054, 0.024, 0.06, 0.09, 0.12),
     "rate_noise": (0.0, 1e-3, 2.5e-3, 5e-3, 1e-2),
     "attitude_noise": (0.0, 3e-4, 1e-3, 3e-3, 1e-2),
-    "disturbance": (0.0, 0.01, 0.02, 0.0225, 0.025, 0.03, 0.05, 0.1),
+    "disturbance": (0.0, 0.01, 0.025, 0.05, 0.1),
+    "disturbance_rate": (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 1.0),
     "constant_disturbance": (0.0, 1e-6, 4e-6, 1e-5, 2e-5),
     "axes_angle": (0.1, 0.26, 0.52, 0.8),
 }
@@ -54,6 +55,7 @@ REFERENCE = {
     "rate_noise": 2.5e-4,
     "attitude_noise": 1e-4,
     "disturbance": 0.0045,
+    "disturbance_rate": 0.104,
     "constant_disturbance": 0.0,
     "axes_angle": 1.5708,
 }
@@ -97,10 +99,11 @@ def scenario_of(law: str, number: str, value: float) -> Scenario:
     elif number in ("rate_noise", "attitude_noise"):
         key, unit = ("rate_noise_rad_s", tau) if number == "rate_noise" else (f"{number}_rad", 1.0)
         data["sampling"][key] = value / unit
-    elif number == "disturbance":
-        amplitude = np.array(data["disturbance"]["amplitude_N_m"])
-        scaled = amplitude / np.linalg.norm(amplitude) * value * LIMIT
-        data["disturbance"]["amplitude_N_m"] = scaled.tolist()
+    elif number in ("disturbance", "disturbance_rate"):
+        factor, table = value / REFERENCE[number], data["disturbance"]
+        table["amplitude_N_m"] = [factor * one for one in table["amplitude_N_m"]]
+        if number == "disturbance" and factor:  # the rates that it makes stay as they are
+            table["frequency_rad_s"] = [factor * one for one in table["frequency_rad_s"]]
     elif number == "constant_disturbance":
         data["disturbance"]["constant_N_m"] = [0.0, 0.0, value * LIMIT]
     elif number == "axes_angle":

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float
+from jaxsat.ranges import SETTLED_RATE
 
 SETTLED_BEFORE = 0.9
 """The part of the horizon in which a case must have begun to be settled."""
@@ -20,7 +21,7 @@ class Tolerances(eqx.Module):
 
     w: Float[Array, ""] = eqx.field(converter=as_float, default=0.05)
     z: Float[Array, ""] = eqx.field(converter=as_float, default=0.05)
-    relative_rate: Float[Array, ""] = eqx.field(converter=as_float, default=1e-3)
+    relative_rate: Float[Array, ""] = eqx.field(converter=as_float, default=SETTLED_RATE)
 
 
 def wrap_angle(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:

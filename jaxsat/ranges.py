@@ -89,3 +89,6 @@ STATE_LIMIT = 1e6
 
 MAX_FIXED_STEPS = 2**24
 """Steps of one run: two days of flight at 0.01 s, hours of work."""
+
+SETTLED_RATE = 1e-3
+"""Relative rate below which a spacecraft counts as settled, rad/s."""

@@ -35,6 +35,10 @@ NUMBERS: Mapping[str, DimensionlessNumber] = MappingProxyType(
         "disturbance": DimensionlessNumber(
             "the periodic disturbance over torque limit", "disturbance.amplitude_N_m"
         ),
+        "disturbance_rate": DimensionlessNumber(
+            "the rate that the periodic disturbance makes over that which counts as settled",
+            "disturbance.amplitude_N_m",
+        ),
         "constant_disturbance": DimensionlessNumber(
             "the constant disturbance about n over torque limit", "disturbance.constant_N_m"
         ),

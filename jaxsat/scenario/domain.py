@@ -9,6 +9,7 @@ from jaxtyping import Float
 from jaxsat.allocation import torque_directions, usable_share
 from jaxsat.declaration.domain import NUMBERS
 from jaxsat.inertia import normal_axes
+from jaxsat.ranges import SETTLED_RATE
 from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
@@ -58,10 +59,18 @@ def dimensionless_numbers(scenario: Scenario) -> dict[str, float]:
     wheels = [one.torque_limit_N_m for one in scenario.wheel if any(one.axis[:2])]
     limits = [torque_limit(scenario), *wheels]
     known = [limit for limit in limits if limit is not None]
+    found["disturbance_rate"] = _disturbance_rate(scenario, inertia) / SETTLED_RATE
     if known:
         limit = min(known) * usable_share(axes, frame[:2])
         found |= _timed_numbers(scenario, frame[2], math.sqrt(mean / limit), limit)
     return found
+
+
+def _disturbance_rate(scenario: Scenario, inertia: Float[np.ndarray, "3 3"]) -> float:
+    """|J⁻¹ (a1 / Ω1, a2 / Ω2, a3 / Ω3)| of a_i sin(Ω_i t), rad/s; without terms of no frequency."""
+    amplitude, frequency = scenario.disturbance.amplitude_N_m, scenario.disturbance.frequency_rad_s
+    impulses = [a / w if w else 0.0 for a, w in zip(amplitude, frequency, strict=True)]
+    return float(np.linalg.norm(np.linalg.solve(inertia, impulses)))
 
 
 def _timed_numbers(

@@ -34,6 +34,7 @@ def test_the_numbers_do_not_change_with_the_units():
         "spacecraft.inertia_kg_m2=[0.4495,0.2646,0.3125]",
         f"spacecraft.torque_limit_N_m={5e-3 / 9}",
         f"disturbance.amplitude_N_m=[{1e-5 / 9},{2e-5 / 9},{1e-6 / 9}]",
+        f"disturbance.frequency_rad_s=[{0.7 / 3},{0.8 / 3},{0.1 / 3}]",
         f"orbit.rate_rad_s={0.0011 / 3}",
         "control.period_s=0.3",
         "simulation.save_every_s=0.3",
@@ -41,6 +42,10 @@ def test_the_numbers_do_not_change_with_the_units():
     ]
     other = dimensionless_numbers(load("acceptance-hard", data, purpose="text"))
     assert set(one) == set(NUMBERS)
+    paper = np.hypot(np.hypot(0.01 / 449.5 / 0.7, 0.02 / 264.6 / 0.8), 0.001 / 312.5 / 0.1)
+    assert one["disturbance_rate"] == pytest.approx(paper / 1e-3)
+    rate = one.pop("disturbance_rate")  # relative to a tolerance, which stays
+    assert other["disturbance_rate"] == pytest.approx(rate / 3)
     for name, value in one.items():
         np.testing.assert_allclose(other[name], value, rtol=1e-9, err_msg=name)
 

@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from jaxsat.assembly.load import load
+from jaxsat.declaration.verified import THREE_SLEW
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.holding import missing_torque, nearest_held
 
@@ -65,8 +66,14 @@ def test_an_attitude_that_cannot_be_held_is_told():
 
 def test_what_lies_outside_the_verified_ranges_is_told_with_what_happens_there():
     small = told("spacecraft.inertia_kg_m2=[272,265.75,312.5]")
-    assert "c = (S1 - S2) / Jn from 0.15 to" in small
-    assert "at 0.02 93% of the hard cases settled, got 0.02" in small
+    sweep = next(one for one in THREE_SLEW if one.number == "coupling")
+    low, high = sweep.verified
+    assert f"c = (S1 - S2) / Jn from {low:.3g} to {high:.3g}" in small
+    settled = dict(sweep.settled)[0.02]
+    assert f"at 0.02 {settled:.0%} of the hard cases settled, got 0.02" in small
+    assert "the rate that the periodic disturbance makes" in told(
+        "disturbance.amplitude_N_m=[0.1,0.2,0.01]"
+    )
     assert "control period over τ" in told("control.period_s=1", "simulation.save_every_s=1")
     assert "constant disturbance" in told("disturbance.constant_N_m=[0,0,1e-4]")
     assert not told("disturbance.constant_N_m=[1e-4,0,0]")
