@@ -1,4 +1,4 @@
-"""The commands, and what becomes of all that they raise."""
+"""The commands, and the handling of every exception that they raise."""
 
 import sys
 import warnings

@@ -78,14 +78,14 @@ def bound(
     chosen = load_or_explain(scenario, overrides, "motion")
     if chosen.thruster:
         raise UserMistake(
-            "thruster: must be left out for a bound, which knows thrusters that make a torque of "
-            f"either sign, got {len(chosen.thruster)}"
+            "thruster: must be left out for a bound, which supports only thrusters that make a "
+            f"torque of either sign, got {len(chosen.thruster)}"
         )
     for kind in ("wheel", "magnetorquer"):
         if getattr(chosen, kind):
             raise UserMistake(
-                f"{kind}: must be left out for a bound, which knows thrusters that make a torque "
-                f"of either sign, got {len(getattr(chosen, kind))}"
+                f"{kind}: must be left out for a bound, which supports only thrusters that make a "
+                f"torque of either sign, got {len(getattr(chosen, kind))}"
             )
     if chosen.spacecraft.torque_limit_N_m is None:
         raise UserMistake(
@@ -94,8 +94,8 @@ def bound(
         )
     if chosen.actuators is not None:
         raise UserMistake(
-            "actuators: must be left out for a bound, which knows thrusters that make their torque "
-            f"exactly, got {chosen.actuators.kind}"
+            "actuators: must be left out for a bound, which supports only thrusters that make "
+            f"their torque exactly, got {chosen.actuators.kind}"
         )
     use_double_precision()
     from jaxsat.assembly.run import build_uncontrolled
@@ -112,7 +112,7 @@ def bound(
         manoeuvre, BoundObjective(objective), starts, limit, seed, f"least {objective}"
     )
     if found is None:
-        print_stderr(f"none of {starts} starts found a way within {limit:g} s; give more starts")
+        print_stderr(f"none of {starts} starts found a solution in {limit:g} s; give more starts")
         return FAILED_RUN
     if out is not None:
         _write(out, found, target, overwrite)

@@ -30,7 +30,7 @@ def failure_of(error: BaseException) -> FailedRun | None:
         where = "" if error.filename is None else f"{error.filename}: "
         return FailedRun(f"{where}{error.strerror}")
     if isinstance(error, MemoryError) or any(sign in str(error) for sign in OUT_OF_MEMORY_TEXTS):
-        return FailedRun("there is not enough memory; ask for less at once")
+        return FailedRun("not enough memory; ask for fewer cases at once")
     return None
 
 
@@ -52,7 +52,7 @@ def report_bug(error: BaseException) -> None:
         place = f"its traceback is in {_written(error)}, please report it with that file"
     except OSError as reason:
         place = f"its traceback cannot be written ({reason.strerror or reason})"
-    print_stderr(f"{what}; this is a bug of jaxsat, {place}")
+    print_stderr(f"{what}; this is a bug in jaxsat, {place}")
 
 
 @contextmanager

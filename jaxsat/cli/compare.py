@@ -154,7 +154,7 @@ def compare(
                 content = interruptibly(lambda: run.table(settings).to_csv(index=False))
                 save_file(csv, content, overwrite=overwrite, option="--csv")
     except (KeyboardInterrupt, Terminated) as stop:
-        kept = f"what is done is in {out}; the same command resumes"
+        kept = f"the results so far are in {out}; the same command resumes"
         raise type(stop)(kept) from None
     if not quiet:
         for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):

@@ -1,4 +1,4 @@
-"""Least time and effort beside a comparison, kept in its folder."""
+"""Bounds on time and effort for a comparison, kept in its folder."""
 
 import json
 import math

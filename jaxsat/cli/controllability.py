@@ -1,4 +1,4 @@
-"""`jaxsat controllability`: can what is left of the actuators still steer the spacecraft?"""
+"""`jaxsat controllability`: can the remaining actuators still control the spacecraft?"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -70,7 +70,7 @@ def controllability(
     """
     chosen = load_or_explain(scenario, overrides, "motion")
     if report is not False and out is None:
-        raise UserMistake("--report: must be given with --out, the folder of what it tells")
+        raise UserMistake("--report: must be given with --out, the folder of the results")
     planned = None if out is None else planned_report(report, out, overwrite=overwrite)
     if out is not None:
         from jaxsat.results import OutputFolder
@@ -88,10 +88,10 @@ def controllability(
     lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
     lines += interruptibly(lambda: _magnetic_lines(chosen))
     if len(cases[0].working) > MAX_ACTUATORS:
-        lines.append(f"More than {MAX_ACTUATORS} actuators: single and double failures alone")
+        lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")
     if chosen.disturbance.torques:
         names = ", ".join(chosen.disturbance.torques)
-        lines.append(f"Disturbances that are left out of it: {names}.")
+        lines.append(f"Disturbances not included: {names}.")
     show_progress("following the drift")
     found = interruptibly(lambda: _follow_drift(chosen)) if drift else ([], {})
     if out is not None:
@@ -145,7 +145,7 @@ def _magnetic_lines(scenario: "Scenario") -> list[str]:
     working = [place for place, one in enumerate(scenario.magnetorquer) if not one.failed]
     plant = build_plant(scenario)
     if not working or plant.magnetorquers is None or plant.field is None:
-        return ["Magnetorquers: none is left"]
+        return ["Magnetorquers: all have failed"]
     axes, limits = (
         np.asarray(x)[..., working]
         for x in (plant.magnetorquers.axes, plant.magnetorquers.dipole_limit)
@@ -157,9 +157,8 @@ def _magnetic_lines(scenario: "Scenario") -> list[str]:
         found = magnetic_authority(scenario.spacecraft.inertia_kg_m2, axes, limits, plant.field)
     except NoEquilibriumError:
         return [
-            "Magnetorquers are left out of the verdict and the table: their torque is across the "
-            "Earth's field alone, and the orbit frame, about which they would be judged, is no "
-            "equilibrium of this body"
+            "Magnetorquers: not analysed, and not part of the verdict and the table. The analysis "
+            "linearises about rest in the orbit frame, which is no equilibrium of this body"
         ]
     return magnetic_words(found, sizes.max(initial=0.0), bool(left.wheels))
 

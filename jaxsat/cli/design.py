@@ -159,7 +159,7 @@ def design(
     except ValueError as error:
         raise UserMistake(str(error)) from None
     except (KeyboardInterrupt, Terminated) as stop:
-        kept = f"what is done is in {target}; the same command resumes"
+        kept = f"the results so far are in {target}; the same command resumes"
         raise type(stop)(kept) from None
     status = _concluded(found, target, quiet)
     finish_report(planned, quiet=quiet)

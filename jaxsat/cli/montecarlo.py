@@ -1,4 +1,4 @@
-"""`jaxsat montecarlo`: many dispersed copies of a scenario into a store, or one of them again."""
+"""`jaxsat montecarlo`: dispersed copies of a scenario into a store, or one case recomputed."""
 
 import contextlib
 import itertools
@@ -225,7 +225,7 @@ def montecarlo(
 def _what_is_left(target: Path) -> str:
     if not target.exists():
         return "nothing was written"
-    return f"the chunks that are done are in {target}; the same command resumes"
+    return f"the finished chunks are in {target}; the same command resumes"
 
 
 def _summary(target: Path, counted: int) -> "Summary":

@@ -1,6 +1,6 @@
-"""The options of the commands: what each may be, checked before anything else is done.
+"""The options of the commands and their ranges, checked before anything else.
 
-Each has one range, told in one form; docs/scenarios.md lists the ranges.
+docs/scenarios.md lists the ranges.
 """
 
 import decimal

@@ -1,4 +1,4 @@
-"""Places to write to, judged before anything is computed."""
+"""Output paths, checked before anything is computed."""
 
 import contextlib
 import os

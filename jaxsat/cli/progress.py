@@ -1,6 +1,6 @@
-"""What a command is at, told on standard error from its first second on.
+"""The progress of a command, on standard error from its first second on.
 
-A live line on a terminal; elsewhere a plain line now and then, less and less often.
+A live line on a terminal; elsewhere plain lines at increasing intervals.
 """
 
 import os

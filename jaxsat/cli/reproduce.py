@@ -1,4 +1,4 @@
-"""`jaxsat reproduce`: the paper's figures drawn again and its claims judged."""
+"""`jaxsat reproduce`: the paper's figures redrawn and its claims checked."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -67,7 +67,9 @@ def reproduce(
     finish_report(planned, quiet=quiet)
     failed = [name for name, data in datasets.items() if data.attrs["outcome_code"] != 0]
     if failed:
-        print_stderr(f"these runs ended early, so their claims say little: {', '.join(failed)}")
+        print_stderr(
+            f"these runs ended early, so their claims are not reliable: {', '.join(failed)}"
+        )
         return FAILED_RUN
     return SUCCESS
 

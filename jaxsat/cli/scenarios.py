@@ -1,4 +1,4 @@
-"""`jaxsat scenarios`: what is in the library, what a scenario file may say, whether it is right."""
+"""`jaxsat scenarios`: list the library, print the schema, check scenario files."""
 
 import json
 
@@ -92,5 +92,5 @@ def check(
             print_mistake(mistake)
             status = USER_MISTAKE
         else:
-            print_stdout(f"{clean(file)}: all right ({scenario.title})")
+            print_stdout(f"{clean(file)}: valid ({scenario.title})")
     return status

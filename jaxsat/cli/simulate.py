@@ -1,4 +1,4 @@
-"""`jaxsat simulate`: run one scenario and write what came out of it."""
+"""`jaxsat simulate`: run one scenario and write its results."""
 
 import json
 import time
@@ -71,7 +71,7 @@ def simulate(
     finish_report(planned, quiet=quiet)
     if dataset.attrs["outcome_code"] == 0:
         return SUCCESS
-    print_stderr(f"{failure_advice(dataset)}; what there is was written to {target}")
+    print_stderr(f"{failure_advice(dataset)}; the results so far were written to {target}")
     return FAILED_RUN
 
 

@@ -1,4 +1,4 @@
-"""Who computes a study, and what may stand against it, as the commands tell it."""
+"""The executors of a study, from the options of the commands."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

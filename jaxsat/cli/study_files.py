@@ -1,4 +1,4 @@
-"""What a study leaves beside its store: figures, and single cases with their histories."""
+"""Files of a study beside its store: figures, and single cases with their histories."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Studies in words: how far one is, and what it found."""
+"""Text about studies: progress and results."""
 
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -70,7 +70,7 @@ def recovery_lines(found: "RecoverySummary | None") -> Iterator[str]:
     for entry in found.unrecovered[:SHOWN]:
         yield f"  case {entry.case}: {entry.text}"
     if len(found.unrecovered) > SHOWN:
-        yield f"  and {len(found.unrecovered) - SHOWN} cases more, in the store, --csv and report"
+        yield f"  and {len(found.unrecovered) - SHOWN} more cases, in the store, --csv and report"
 
 
 def _diagnosis_lines(found: "RecoverySummary", width: int) -> Iterator[str]:
@@ -85,7 +85,7 @@ def _diagnosis_lines(found: "RecoverySummary", width: int) -> Iterator[str]:
         ]
         yield (
             f"  {row.kind:<{width}}  {one.detected} of {row.cases} detected ({late[0]} s), "
-            f"{one.isolated} isolated rightly (+ {late[1]} s), {one.as_kind} with the right kind"
+            f"{one.isolated} correctly isolated (+ {late[1]} s), {one.as_kind} with the right kind"
         )
     if found.false_alarms is not None:
         yield (
@@ -100,9 +100,9 @@ def _ranking_lines(result: str, ranking: "Sequence[Sensitivity]") -> Iterator[st
         return
     shown = [entry for entry in ranking if entry.matters][:SHOWN]
     if not shown:
-        yield f"what {result} depends on: nothing that so many cases can tell from chance"
+        yield f"sensitivity of {result}: no significant dependence with this number of cases"
         return
-    yield f"what {result} depends on: first-order index and rank correlation (95 % intervals)"
+    yield f"sensitivity of {result}: first-order index and rank correlation (95 % intervals)"
     for entry in shown:
         index, rank = entry.first_order, entry.rank_correlation
         yield (
@@ -115,6 +115,6 @@ def progress_text(progress: "StudyProgress") -> str:
     """One line on how far a study is."""
     left = progress.seconds_left
     return (
-        f"{progress.done} of {progress.count} cases, {progress.rate:.1f} a second, "
+        f"{progress.done} of {progress.count} cases, {progress.rate:.1f} per second, "
         f"{left:.0f} s left, {progress.fraction_settled:.1%} settled"
     )

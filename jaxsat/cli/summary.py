@@ -1,4 +1,4 @@
-"""What a person is told of a run."""
+"""The printed summary of a run."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the commands write to: plain where there is no terminal, never an encoding error."""
+"""Output of the commands: plain without a terminal, never an encoding error."""
 
 import contextlib
 import io

@@ -1,4 +1,4 @@
-"""`jaxsat tune`: better gains, by gradients through the simulator or without, and the proof."""
+"""`jaxsat tune`: better gains, with gradients through the simulator or without, verified."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal

@@ -1,4 +1,4 @@
-"""The command as it was given."""
+"""The command line as the user typed it."""
 
 import shlex
 import sys

@@ -1,4 +1,4 @@
-"""Large work is told before it starts, and refused without --yes."""
+"""An estimate of the work, printed before it starts; too much is refused without --yes."""
 
 import shutil
 from collections.abc import Iterable
@@ -31,14 +31,14 @@ def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet:
         f"{trajectories:,} trajectories, {steps:,} steps, "
         f"about {_bytes(memory)} of memory and {_bytes(disk)} of disk"
     )
-    show_progress(f"compiling; to do: {text}")
+    show_progress(f"compiling; work: {text}")
     excesses = [
         f"{name} above {limit}"
         for name, value, most, limit in (
             ("steps", steps, MAX_STEPS, f"{MAX_STEPS:,}"),
             ("memory", memory, MAX_MEMORY, _bytes(MAX_MEMORY)),
             ("disk", disk, MAX_DISK, _bytes(MAX_DISK)),
-            ("disk", disk, _free(target), "what is free there"),
+            ("disk", disk, _free(target), "the free disk space"),
         )
         if value > most
     ]
@@ -46,7 +46,7 @@ def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet:
         raise UserMistake(f"too much work ({text}; {', '.join(excesses)}); give --yes to do it")
     near = (steps / MAX_STEPS, memory / MAX_MEMORY, disk / MAX_DISK)
     if not quiet and max(near) * REPORT_FACTOR > 1:
-        print_stderr(f"to do: {text}")
+        print_stderr(f"work: {text}")
 
 
 def _free(target: Path) -> int | float:

@@ -1,4 +1,4 @@
-"""Judgements in words: for the command line, the table of failures and the written page."""
+"""Verdicts as text, for the command line, the table of failures and the written page."""
 
 import numpy as np
 from jaxtyping import Float
@@ -9,9 +9,9 @@ from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.net_force import NetForce
 
 LAW_WORDS = {
-    "three torques": "every law can be flown, its torques shared among the actuators",
-    "two torques": "the laws of two torques can be flown, by torques in the plane of both signs",
-    "none": "no law of jaxsat can be flown",
+    "three torques": "every law applies; the allocation distributes its torque among the actuators",
+    "two torques": "the laws for two torques apply, in the plane of the torques of both signs",
+    "none": "no law of jaxsat applies",
 }
 
 
@@ -79,7 +79,7 @@ def _coasts_beside_thrusters(judgement: Judgement) -> bool:
 
 
 def _lost_ways(cone: TorqueCone) -> str:
-    """Which torques cannot be made because torques have one sign."""
+    """Torques that are impossible because thrusters are one-sided."""
     assert cone.opposed is not None
     return f"torque along {direction_words(cone.opposed)}"
 
@@ -89,10 +89,10 @@ def _plane(normal: Float[np.ndarray, "3"]) -> str:
 
 
 def lost_words(judgement: Judgement) -> str:
-    """What a failure takes away."""
+    """The control authority that a failure removes."""
     found, cone = judgement.level_set, judgement.cone
     if _coasts_beside_thrusters(judgement):
-        return f"every law, while {judgement.coasting:.3g} N m s coast"
+        return f"every law, while wheels coast with {judgement.coasting:.3g} N m s"
     if judgement.decision is None:
         assert found is not None
         return _wheels_lost(judgement)
@@ -120,17 +120,17 @@ def _wheels_lost(judgement: Judgement) -> str:
             lost = _lost_ways(judgement.cone) if judgement.one_signed else "two torques"
         return lost if judgement.rank == 6 else f"{lost}; rank {judgement.rank} of 6"
     if not found.rests:
-        return f"rest at any attitude, while {judgement.coasting:.3g} N m s coast"
+        return f"rest at any attitude, while wheels coast with {judgement.coasting:.3g} N m s"
     if found.axes == 2:
         normal = _axis(found.missing[:, 0])
-        rest = "rest but where the momentum is across it"
+        rest = "rest, except where the momentum is normal to it"
         if found.coasting:
-            rest = "rest but where the momentum along it is that of the coasting wheels"
+            rest = "rest, except where the momentum along it is that of the coasting wheels"
         return f"torque about {normal}; " + (rest if found.momentum else "Jω along it stays zero")
     if found.turned_about is None and found.coasting:
-        return "rest but where the momentum is that of the wheels"
+        return "rest, except where the momentum is that of the wheels"
     if found.turned_about is None:
-        return "rest but where the momentum is along the wheel"
+        return "rest, except where the momentum is along the wheel axis"
     return f"all but rotation about {direction_words(found.turned_about)}"
 
 
@@ -142,7 +142,7 @@ def verdict_sentence(judgement: Judgement) -> str:
         return (
             f"{start[judgement.verdict]}: rank {judgement.rank} of 6{least}; "
             f"{cone_words(judgement.cone)}. Wheels that coast with {judgement.coasting:.3g} N m s "
-            "couple the axes, which no law of two torques knows."
+            "couple the axes, which no law for two torques models."
         )
     if judgement.decision is None:
         return _wheel_sentence(judgement)
@@ -152,7 +152,7 @@ def verdict_sentence(judgement: Judgement) -> str:
     if judgement.decision.borderline:
         return by_rank
     if judgement.verdict == "borderline":
-        return f"Borderline: signs of torques that the data leave open decide; {rank}."
+        return f"Borderline: the data do not determine the signs of the deciding torques; {rank}."
     if judgement.verdict == "by drift":
         return (
             f"Controllable by drift: {rank}, and the drift returns; {cone_words(cone)}. "
@@ -172,14 +172,14 @@ def verdict_sentence(judgement: Judgement) -> str:
 
 
 def cone_words(cone: TorqueCone) -> str:
-    """Which torques can be made, and which direction cannot."""
+    """The attainable torques, and a direction without torque."""
     normal = cone.normal
     if cone.two_sided == 3:
         return "the torques positively span all three axes"
     if normal is not None:
         text = f"two torques of both signs, in {_plane(normal)}"
         if cone.opposed is None:
-            return f"{text}; none about it"
+            return f"{text}; no torque about the normal"
         other = direction_words(cone.opposed)
         return f"{text}, and towards {direction_words(normal)} alone; none towards {other}"
     if cone.span == 0:
@@ -202,10 +202,10 @@ def _axis(direction: Float[np.ndarray, "3"]) -> str:
 
 
 _ONE_WHEEL = {
-    "controllable": "Controllable: {rank}, one wheel beside the thrusters",
+    "controllable": "Controllable: {rank}, one wheel with thrusters",
     "by drift": "Controllable by drift: {rank} with one wheel at rest; no law of jaxsat uses it",
-    "not decided": "Not decided: {rank} with one wheel at rest, but torques of one sign count and "
-    "the drift with the wheel's momentum is not judged; no law of jaxsat uses it",
+    "not decided": "Not decided: {rank} with one wheel at rest; one-sided torques matter, and "
+    "jaxsat does not analyse the drift with the wheel's momentum; no law of jaxsat uses it",
     "uncontrollable": "Not controllable: {rank} with one wheel at rest",
 }
 
@@ -215,37 +215,38 @@ def _wheel_sentence(judgement: Judgement) -> str:
     assert found is not None
     rank = f"rank {judgement.rank} of {judgement.dimension}"
     if judgement.verdict == "borderline":
-        return "Borderline: wheel axes or torques that the data leave open decide."
+        return "Borderline: the data do not determine the deciding wheel axes or torques."
     if judgement.dimension == 6 and found.axes == 1:
         return f"{_ONE_WHEEL[judgement.verdict].format(rank=rank)}; {cone_words(judgement.cone)}."
     if judgement.dimension == 6 and found.axes == 3:
         return f"Controllable: {rank} by three independent wheel axes."
     if judgement.dimension == 6:
         return (
-            f"Controllable: {rank}; two wheels turn the body to any attitude, where thrusters take "
-            f"up or give back momentum. {cone_words(judgement.cone).capitalize()}."
+            f"Controllable: {rank}; two wheels turn the body to any attitude, where thrusters add "
+            f"or remove momentum. {cone_words(judgement.cone).capitalize()}."
         )
     where = "on the level set of the conserved momentum"
     if not found.rests:
         return (
-            f"Not controllable: rest is held at no attitude, as wheels coast with "
-            f"{found.coasting:.3g} N m s across the others, beside {found.momentum:.3g} N m s of "
-            "total momentum."
+            f"Not controllable: rest is possible at no attitude, because wheels coast with "
+            f"{found.coasting:.3g} N m s normal to the others, and the total momentum is "
+            f"{found.momentum:.3g} N m s."
         )
     if found.axes == 2:
         normal = _axis(found.missing[:, 0])
         if not found.momentum:
             return (
-                f"Controllable: {rank} {where}. Two wheels and no momentum: n·Jω = 0 for ever "
-                f"with n = {normal}; the bracket of the two rates left reaches every attitude."
+                f"Controllable: {rank} {where}. Two wheels, zero momentum: n·Jω stays zero "
+                f"with n = {normal}; the bracket of the two remaining rates reaches every attitude."
             )
         return (
             f"Some attitudes: {rank} {where}. Two wheels with {found.momentum:.3g} N m s of total "
-            "momentum: every attitude can be passed, but rest is held only where the momentum "
+            "momentum: the body can pass every attitude, but rest is possible only where the "
+            "momentum "
             + (
                 f"along n = {normal} is the {found.coasting:.3g} N m s of the wheels that coast."
                 if found.coasting
-                else f"is across n = {normal}."
+                else f"is normal to n = {normal}."
             )
         )
     if found.turned_about is not None:
@@ -254,43 +255,43 @@ def _wheel_sentence(judgement: Judgement) -> str:
     return (
         f"Not controllable: {rank} {where}; with {found.momentum:.3g} N m s of total momentum "
         + (
-            "rest is held only where it is that of the wheels, one of which can change."
+            "rest is possible only where it is that of the wheels, one of which can change."
             if found.coasting
-            else "rest is held only where it is along the one wheel."
+            else "rest is possible only where it is along the wheel axis."
         )
     )
 
 
 def momentum_words(judgement: Judgement) -> str | None:
-    """What becomes of the wheels' momentum; None without wheels."""
+    """The momentum of the wheels and who can change it; None without wheels."""
     found = judgement.level_set
     if found is None:
         return None
-    start = f"Momentum: {found.momentum:.3g} N m s in all at the start"
+    start = f"Momentum: {found.momentum:.3g} N m s in total at the start"
     if not np.any(judgement.actuators.torques):
-        return f"{start}, conserved: nothing takes momentum out of the wheels"
+        return f"{start}, conserved: no actuator removes momentum from the wheels"
     if found.axes == 1:
-        return f"{start}; judged while that of the one wheel is small"
-    return f"{start}; thrusters can take it out, in any inertial direction once the body is turned"
+        return f"{start}; valid while the momentum of the wheel is small"
+    return f"{start}; thrusters can remove it in any inertial direction by turning the body"
 
 
 def once_stopped_words(judgement: Judgement, stopped: Judgement | None) -> str | None:
-    """What changes once friction has stopped the wheels that coast; None for nothing."""
+    """The verdict once friction has stopped the coasting wheels; None if it is the same."""
     if stopped is None or (stopped.verdict, stopped.rank) == (judgement.verdict, judgement.rank):
         return None
-    return f"Once friction has stopped the wheels that coast: {verdict_sentence(stopped)}"
+    return f"Once friction has stopped the coasting wheels: {verdict_sentence(stopped)}"
 
 
 def net_force_words(found: NetForce | None) -> str | None:
-    """Couples, or the linear impulse that comes with a torque; None where forces are not known."""
+    """Couples, or the net force of a torque; None if the forces are unknown."""
     if found is None:
         return None
     if found.couples:
-        return "Net force: none, every torque can be made by couples"
+        return "Net force: zero, couples make every torque"
     worst = int(np.argmax(found.ratios))
     pure = int(np.sum(found.ratios == 0))
     return (
         f"Net force: at least {found.ratios[worst]:.3g} N for each N m of torque along "
         f"{direction_words(found.directions[:, worst])} (as much linear impulse, N s, for each "
-        f"N m s); {pure} of {len(found.ratios)} directions looked at can be made by couples"
+        f"N m s); {pure} of {len(found.ratios)} examined directions are couples"
     )

@@ -1,4 +1,4 @@
-"""Bokeh figures in one look; what must change with the colours of the page carries a tag."""
+"""Bokeh figures in one style; models that follow the colours of the page carry a tag."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a page is made of: sections of blocks. Plain data, turned into HTML by the template."""
+"""The content of a page: sections of blocks. Plain data, turned into HTML by the template."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

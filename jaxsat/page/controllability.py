@@ -16,11 +16,11 @@ GOOD = {"controllable": True, "uncontrollable": False}
 COLUMNS = {
     "failed": "failed",
     "verdict": "verdict",
-    "laws": "laws that fit",
+    "laws": "applicable laws",
     "rank": "rank",
     "margin": "margin",
     "turn_time_s": "turn at 1 N m (s)",
-    "torques": "torques that can be made",
+    "torques": "attainable torques",
     "lost": "lost",
 }
 """What is told of a failure, by its name in failures.csv."""
@@ -50,8 +50,8 @@ def controllability_section(folder: Path) -> Section:
             "Every failure",
             list(COLUMNS.values()),
             cells,
-            "The margin compares directions, the turn time says how quickly one radian about the "
-            "axis that is hardest to reach can be turned.",
+            "The margin compares directions. The turn time is the time to turn by one radian about "
+            "the axis that is hardest to reach.",
         ),
         Lines("Findings", findings[1:]),
         provenance_facts(dataset.attrs),

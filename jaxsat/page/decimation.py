@@ -1,4 +1,4 @@
-"""Fewer samples that look the same: the extremes of every signal in every interval stay."""
+"""Decimation for plots: keeps the extremes of every signal in every interval."""
 
 import numpy as np
 

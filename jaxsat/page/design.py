@@ -72,7 +72,7 @@ def _blocks(folder: Path, record: Mapping[str, Any], tables: Mapping[str, Any]) 
         yield Table("Gains", ["gain", "value"], rows)
     charts = list(_charts(folder, record))
     if charts:
-        yield Charts("Verification, cases that no step before has seen", charts)
+        yield Charts("Verification on unseen cases", charts)
     yield from _failing(record)
     rows = [
         [step, *(read(row) for read in LAW_COLUMNS.values())]
@@ -85,7 +85,7 @@ def _blocks(folder: Path, record: Mapping[str, Any], tables: Mapping[str, Any]) 
     taken = [f"{step.capitalize()}: {record[step]['reason']}." for step in STEPS if record[step]]
     lines = {
         "Why this law": [*taken, *_tuning(record["tuning"])],
-        "Assumed, as the file does not say": record["assumed"],
+        "Assumptions, where the file gives no value": record["assumed"],
         "Laws that do not fit": record["left_out"],
     }
     for title, told in lines.items():
@@ -104,7 +104,7 @@ def _tuning(tuning: Mapping[str, Any] | None) -> list[str]:
     if tuning is None:
         return []
     if "left_out" in tuning:
-        return [f"Tuning was left out: {tuning['left_out']}."]
+        return [f"Tuning was skipped: {tuning['left_out']}."]
     before, after = (number(tuning[f"loss_{when}"]) for when in ("before", "after"))
     return [
         f"Tuning of {tuning['candidate']}: {tuning['steps']} steps, loss on validation cases from "
@@ -150,5 +150,5 @@ def _failing(record: Mapping[str, Any]) -> Iterator[Block]:
         yield Table("What they have in common", columns, rows)
     if found["remedies"]:
         rows = [[one["change"], one["settled"], one["flown"]] for one in found["remedies"]]
-        note = "The failing cases flown again, each with one thing changed."
+        note = "The failing cases simulated again, each time with one change."
         yield Table("What would help", ["change", "settle then", "of"], rows, note)

@@ -1,4 +1,4 @@
-"""The whole page: sections to HTML, with everything that it needs inside."""
+"""The complete page: sections to self-contained HTML."""
 
 import importlib.resources
 import importlib.util

@@ -1,4 +1,4 @@
-"""Reading the files of a folder of results, whose mistakes become one message."""
+"""Reads the files of a folder of results; an unreadable file becomes one message."""
 
 import contextlib
 from collections.abc import Iterator, Mapping
@@ -29,7 +29,7 @@ def form_explained(folder: Path) -> Iterator[None]:
     try:
         yield
     except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
-        raise OutputError(f"{folder} holds numbers of another form; make it again.") from error
+        raise OutputError(f"{folder} contains numbers of another form; write it again.") from error
 
 
 def record_provenance(record: Mapping[str, Any], **more: str) -> Facts:

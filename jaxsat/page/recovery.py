@@ -1,4 +1,4 @@
-"""What came of failures in flight, on the page of a study."""
+"""Recovery from failures in flight, on the page of a study."""
 
 from jaxsat.montecarlo import KindRecovery, RecoverySummary, ends_text, reason_words
 from jaxsat.page.content import Cell, Table, number
@@ -53,7 +53,7 @@ def _fractions(row: KindRecovery) -> list[Cell]:
 
 
 def _diagnosis(told: list[KindRecovery]) -> Table:
-    columns = ["failure", "cases", "detected", "isolated rightly", "with the right kind"]
+    columns = ["failure", "cases", "detected", "correctly isolated", "with the right kind"]
     columns += [f"{what} {percent} % (s)" for what in ("alarm", "verdict") for percent in (50, 90)]
     rows: list[list[Cell]] = []
     for row in told:

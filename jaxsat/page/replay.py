@@ -1,4 +1,4 @@
-"""What the 3-D replay draws of a run: body, actuators, attitude and phases, as plain data."""
+"""The data of the 3-D replay of a run: body, actuators, attitude and phases."""
 
 import base64
 from collections.abc import Mapping, Sequence

@@ -46,7 +46,7 @@ TITLES = {
     "z": "Turn z",
     "omega": "Angular velocity ω",
     "relative_rate": "Rate relative to the orbit frame",
-    "rate_error": "Rate less its reference",
+    "rate_error": "Rate minus its reference",
     "torque": "Torque",
     "constraint_torque": "Ideal torque that holds the third rate",
     "disturbance": "Disturbance torque",

@@ -1,4 +1,4 @@
-"""From paths to sections: what kind of result is where."""
+"""Sections of a page from paths: recognises the kind of each result."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -42,7 +42,7 @@ def sections_of(paths: Sequence[Path]) -> list[Section]:
     ]
     if not 1 < len(crafts) <= MOST_TOGETHER:
         return sections
-    told = Verdict(None, f"{len(crafts)} runs with one time for all.")
+    told = Verdict(None, f"{len(crafts)} runs on a common time axis.")
     return [Section("Side by side", "Replay", told, [Replay("3-D replay", crafts)]), *sections]
 
 
@@ -65,7 +65,7 @@ def _run(path: Path) -> Section:
     """The section of a run: of its folder, or of its netCDF file alone."""
     dataset = open_trajectory(path)
     if not {"time", "quaternion", "pointing_error_total", "omega"} <= set(dataset.variables):
-        raise OutputError(f"{path} holds no trajectory.")
+        raise OutputError(f"{path} contains no trajectory.")
     record = parse_json(read_or_explain(path / "run.json")) if path.is_dir() else None
     command = record.get("command", "") if isinstance(record, Mapping) else ""
     return run_section(dataset, path.name, str(command))

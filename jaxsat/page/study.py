@@ -1,4 +1,4 @@
-"""The section of a study: how many cases settle, when, what it depends on, and the worst."""
+"""The section of a study: how many cases settle, when, sensitivities, and the worst."""
 
 import hashlib
 import json
@@ -43,7 +43,7 @@ def study_section(path: Path) -> Section:
     try:
         summary = summarise(columns, worst=WORST)
     except ValueError:
-        raise OutputError(f"{path} has no case that is done.") from None
+        raise OutputError(f"{path} has no finished case.") from None
     done = np.flatnonzero(np.asarray(columns["status"]) == 1)
     times = np.asarray(columns["settling_time"])[done]
     scenario = {name: _told(table) for name, table in identity["scenario"].items() if table}
@@ -141,10 +141,12 @@ def _percentiles(summary: Summary) -> Table:
 
 
 def _rankings(summary: Summary) -> list[Table]:
-    """What settling and cost depend on."""
-    rankings = {"Settling": summary.settling_sensitivity, "The cost": summary.cost_sensitivity}
+    """Sensitivities of settling and cost."""
+    rankings = {"settling": summary.settling_sensitivity, "the cost": summary.cost_sensitivity}
     columns = ["quantity", "first-order index", "interval", "rank correlation", "its interval"]
-    note = "Intervals of 95 % hold together; what does not matter cannot be told from chance."
+    note = (
+        "The 95 % intervals hold simultaneously. Quantities that do not matter are not significant."
+    )
     found = []
     for name, ranking in rankings.items():
         rows = [
@@ -160,7 +162,7 @@ def _rankings(summary: Summary) -> list[Table]:
             if np.isfinite(one.first_order.value)
         ]
         if rows:
-            title = f"{name}: what it depends on"
+            title = f"Sensitivity of {name}"
             found.append(Table(title, [*columns, "matters"], rows, note))
     return found
 

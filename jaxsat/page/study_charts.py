@@ -63,7 +63,7 @@ def convergence_chart(times: np.ndarray) -> Chart:
     at = np.unique(np.geomspace(1, len(times), POINTS).astype(int))
     fractions = np.array([wilson(int(settled[n - 1]), int(n)) for n in at])
     told = f"After {len(times):,} cases {fractions[-1, 0]:.2%}."
-    title = "Fraction settled as cases come in, with its 95 % Wilson interval"
+    title = "Fraction settled over the number of cases, with its 95 % Wilson interval"
     return _banded(title, told, at, fractions, ("cases", "fraction"), ("", ""), False)
 
 

@@ -222,9 +222,9 @@ def torque_map(cone: TorqueCone, actuators: ActuatorSet) -> Figure:
     axes.set_ylabel("elevation (deg, towards z)")
     axes.set_xticks(np.arange(-180, 181, 60))
     axes.set_yticks(np.arange(-90, 91, 30))
-    axes.set_title(f"Torques that can be made: {cone.kind}")
+    axes.set_title(f"Attainable torques: {cone.kind}")
     bar = figure.colorbar(image, ax=axes, shrink=0.85)
-    bar.set_label("angle to the nearest torque that can be made (deg)")
+    bar.set_label("angle to the nearest attainable torque (deg)")
     return figure
 
 

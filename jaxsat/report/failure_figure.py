@@ -1,4 +1,4 @@
-"""The story of a failure in flight: pointing over its phases, and the tests that detect it."""
+"""Figure of a failure in flight: pointing error with phases, and the tests that detect it."""
 
 import numpy as np
 import xarray as xr

@@ -26,9 +26,11 @@ def family_figure(rows: Sequence[Mapping[str, Any]], wanted: float) -> Figure:
     _draw(upper, ordered, "law", wanted)
     upper.set_title("by law", fontsize=8, loc="left")
     failing = [row for row in ordered if row["settled"] < wanted]
-    named = [{**row, "limit": row["limit"] or "nothing that was tried"} for row in failing]
+    named = [{**row, "limit": row["limit"] or "none of the remedies"} for row in failing]
     _draw(lower, named, "limit", wanted)
-    lower.set_title("those below the wanted fraction, by what helps most", fontsize=8, loc="left")
+    lower.set_title(
+        "those below the required fraction, by most effective remedy", fontsize=8, loc="left"
+    )
     lower.set_xlabel("spacecraft, sorted")
     return figure
 

@@ -1,4 +1,4 @@
-"""One function a figure: a trajectory dataset in, a matplotlib `Figure` out.
+"""One function per figure: a trajectory dataset in, a matplotlib `Figure` out.
 
 The datasets are those of `jaxsat.results.dataset`. No figure is shown or saved here.
 """

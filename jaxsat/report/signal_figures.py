@@ -1,4 +1,4 @@
-"""Figures of the pointing error, and of whatever signals a trajectory has besides."""
+"""Figures of the pointing error and of all other signals of a trajectory."""
 
 import textwrap
 

@@ -1,4 +1,4 @@
-"""One look for every figure: readable in grey, by the colour-blind, and in print.
+"""One style for all figures: readable in grey, by the colour-blind, and in print.
 
 Colours are three of Okabe and Ito's palette whose lightness differs; every line also has its own
 dash pattern, so that no figure depends on colour.

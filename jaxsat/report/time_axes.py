@@ -1,4 +1,4 @@
-"""What figures of signals over time have in common."""
+"""Common parts of figures of signals over time."""
 
 import tomllib
 from collections.abc import Sequence

@@ -180,7 +180,7 @@ def test_warnings_are_told(jaxsat):
     )
     assert status == 0
     assert err.startswith("warning: --set spacecraft.inertia_kg_m2=[600,100,100]: key ")
-    assert out == "paper-rate: all right (Angular-velocity stabilisation, as in the paper)\n"
+    assert out == "paper-rate: valid (Angular-velocity stabilisation, as in the paper)\n"
 
 
 def test_scenarios_list_show_and_schema(jaxsat, tmp_path):

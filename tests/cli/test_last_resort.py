@@ -62,7 +62,7 @@ def test_a_bug_is_one_line_and_a_private_file(failing, tmp_path, action, message
     status, out, err = failing(action)
     assert (status, out) == (1, "")
     assert err.startswith(f"jaxsat: {message}")
-    assert "this is a bug of jaxsat" in err
+    assert "this is a bug in jaxsat" in err
     assert err.count("\n") == 1
     (file,) = (tmp_path / "tmp").iterdir()
     assert str(file) in err
@@ -83,14 +83,14 @@ def test_a_bug_of_the_native_engine_is_told_and_no_reason_to_fall_back(
     )
     assert status == 1, err
     assert "NativeBug: The native engine broke down in the rule of `mul`" in err
-    assert "this is a bug of jaxsat" in err
+    assert "this is a bug in jaxsat" in err
     assert not (tmp_path / "s").exists()
 
 
 @pytest.mark.parametrize(
     ("error", "message"),
     [
-        (MemoryError(), "there is not enough memory"),
+        (MemoryError(), "not enough memory"),
         (RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 9 bytes"), "not enough memory"),
         (RuntimeError("can't start new thread"), "not enough memory"),
         (OSError(errno.ENOSPC, "No space left on device", "a\x1bb"), "a\\x1bb: No space left"),
@@ -121,7 +121,7 @@ def test_a_thread_that_ends_by_a_bug_is_told_once(failing):
 
     status, _, err = failing(end_two_threads)
     assert status == 0
-    assert re.fullmatch(r"jaxsat: KeyError: 'aside'; this is a bug of jaxsat, .*\n", err)
+    assert re.fullmatch(r"jaxsat: KeyError: 'aside'; this is a bug in jaxsat, .*\n", err)
 
 
 def shell(command):

@@ -39,7 +39,7 @@ def run(command_line):
 def test_simulate_and_the_look_at_controllability(run, tmp_path):
     run("simulate", "--out", "run")
     assert 'kind = "aerodynamic"' in (tmp_path / "run" / "scenario.toml").read_text()
-    assert "left out of it: air." in run("controllability")[0]
+    assert "Disturbances not included: air." in run("controllability")[0]
 
 
 @pytest.mark.slow

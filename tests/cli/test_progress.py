@@ -65,7 +65,7 @@ def test_a_live_line_on_a_terminal_before_jax_is_imported():
     assert any("reading a\\x1b[31m" in line for line in lines)
     assert len(lines) > 8
     assert "\x1b[31m" not in text
-    assert lines[-1] == "x: all right (done)\r\n"  # the live line has gone
+    assert lines[-1] == "x: valid (done)\r\n"  # the live line has gone
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_a_live_line_on_a_terminal_before_jax_is_imported():
 )
 def test_narrow_terminals(columns):
     text, _ = in_a_terminal(TERM="xterm", COLUMNS=columns)
-    assert text.endswith(progress.ERASE + "x: all right (done)\r\n")
+    assert text.endswith(progress.ERASE + "x: valid (done)\r\n")
 
 
 @pytest.mark.slow
@@ -84,7 +84,7 @@ def test_plain_lines_on_a_dumb_terminal_and_in_a_pipe():
     done = subprocess.run(
         [sys.executable, "-c", SLOW], capture_output=True, env=environment(), check=True
     )
-    assert done.stdout == b"x: all right (done)\n"
+    assert done.stdout == b"x: valid (done)\n"
     lines = done.stderr.decode().splitlines()
     assert 2 <= len(lines) <= 4
     assert all(line.startswith("jaxsat: reading a") for line in lines)
@@ -116,5 +116,5 @@ def test_progress_that_cannot_be_written_is_no_reason_to_fail():
             [sys.executable, "-c", SLOW], stdout=subprocess.PIPE, stderr=full,
             env=environment(), check=True,
         )  # fmt: skip
-    assert done.stdout == b"x: all right (done)\n"
+    assert done.stdout == b"x: valid (done)\n"
     assert time.monotonic() - begin > 3

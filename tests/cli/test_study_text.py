@@ -48,9 +48,9 @@ def test_only_what_matters_is_listed_and_noise_is_said_to_be():
     angle = 2 * np.arccos(np.abs(q[:, 0]))
     text = lines(angle + 0.1 * rng.random(200), omega=x, attitude=q)
     start = text.index(
-        "what the cost depends on: first-order index and rank correlation (95 % intervals)"
+        "sensitivity of the cost: first-order index and rank correlation (95 % intervals)"
     )
     assert text[start + 1].startswith("  attitude[angle] ")
     assert len(text) == start + 2  # nothing about settling, as all cases settle
     text = lines(rng.random(200), omega=x)
-    assert text[-1].endswith("depends on: nothing that so many cases can tell from chance")
+    assert text[-1].endswith("no significant dependence with this number of cases")

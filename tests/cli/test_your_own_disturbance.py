@@ -33,7 +33,7 @@ def blocks(kind):
 
 def test_its_scenario_is_all_right(command_line):
     status, out, err = command_line(*COMMANDS[0].split())
-    assert (status, out) == (0, "disturbed.toml: all right (A failed thruster in sunlight)\n"), err
+    assert (status, out) == (0, "disturbed.toml: valid (A failed thruster in sunlight)\n"), err
 
 
 @pytest.mark.slow
@@ -53,4 +53,4 @@ def test_commands_that_cannot_know_them_say_so(command_line):
     assert "actuators: must be left out for a bound" in err
     status, out, err = command_line("controllability", "disturbed.toml")
     assert status == 0, err
-    assert "Disturbances that are left out of it: panel." in out
+    assert "Disturbances not included: panel." in out

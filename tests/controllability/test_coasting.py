@@ -63,4 +63,4 @@ def test_two_wheels_beside_one_that_coasts():
     spun = dataclasses.replace(everything, momentum=np.array([0, 0, 0.1]))
     found = judge(INERTIA, spun.only([0, 1]))
     assert found.verdict == "uncontrollable"
-    assert "rest is held at no attitude" in verdict_sentence(found)
+    assert "rest is possible at no attitude" in verdict_sentence(found)

@@ -98,7 +98,7 @@ def assert_ended_as_told(process, store, status):
     _, error = process.communicate(timeout=30)
     how = {130: "interrupted", 143: "terminated"}[status]
     assert process.returncode == status
-    kept = "the chunks that are done are in"
+    kept = "the finished chunks are in"
     assert f"jaxsat: {how}; {kept} {store}; the same command resumes\n" in error
     assert not [noise for noise in ("Traceback", "leaked", "distributed") if noise in error]
 

@@ -109,7 +109,7 @@ def test_the_command_of_a_case_has_all_that_its_bits_depend_on():
 
 def test_an_empty_store_is_refused(tmp_path):
     write_store(tmp_path / "s", 10, 5, write=False)
-    with pytest.raises(OutputError, match="no case that is done"):
+    with pytest.raises(OutputError, match="no finished case"):
         report_page([tmp_path / "s"])
 
 
