@@ -1,4 +1,4 @@
-"""`jaxsat design` on the family of random spacecraft: a table and a figure (docs/family.md).
+"""`jaxsat design` on the family of random spacecraft: a table and a figure (docs/design.md).
 
     python benchmarks/design_family.py --out family-designed
 

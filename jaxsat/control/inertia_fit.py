@@ -101,7 +101,9 @@ class InertiaFit(eqx.Module):
         """J (kg m²) and the unit vector b."""
         prior = self.prior
         errors = jnp.clip(memory.errors, -BELIEVED * prior, BELIEVED * prior)
-        inertia = jnp.diag(self.moments) + jnp.sum(errors[:6, None, None] * BASIS, axis=0)
+        inertia = jnp.diag(self.moments) + jnp.sum(
+            errors[:6, None, None] * jnp.asarray(BASIS, errors.dtype), axis=0
+        )
         axis = self.axis + jnp.sum(errors[6:, None] * directions_across(self.axis), axis=0)
         return inertia, axis / jnp.sqrt(jnp.sum(axis**2))
 
@@ -135,8 +137,9 @@ class InertiaFit(eqx.Module):
     def _corrected(self, memory: InertiaMemory, period: RealScalar):
         """Errors and covariance after the three equations of an interval, one at a time."""
         change = memory.omega - memory.first
-        turned = jnp.sum(memory.squares[None, :, :, None] * BASIS[:, None, :, :], axis=2)
-        rows = jnp.sum(BASIS * change[None, None, :], axis=-1) + _antisymmetric(turned)
+        basis = jnp.asarray(BASIS, change.dtype)
+        turned = jnp.sum(memory.squares[None, :, :, None] * basis[:, None, :, :], axis=2)
+        rows = jnp.sum(basis * change[None, None, :], axis=-1) + _antisymmetric(turned)
         across = -directions_across(self.axis) * memory.impulse
         regressors = jnp.concatenate([rows, across])  # (8, 3)
         known = jnp.sum(self.moments[:, None] * rows[:3], axis=0) - self.axis * memory.impulse

@@ -76,8 +76,8 @@ class Relay(AbstractContinuousLoop):
     def integrating_factor(self, t):
         return None
 
-    def plant_state(self, state):
-        return self.motion(jnp.zeros(()), state).plant
+    def plant_state(self, t, state):
+        return self.motion(t, state).plant
 
 
 class Relays(AbstractCaseFactory):
