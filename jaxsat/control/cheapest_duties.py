@@ -87,7 +87,7 @@ def _cheapest(
 ) -> Float[Array, " m"]:
     """Compiled once, however often it is called."""
     price = table.price + jnp.where(failed, VIOLATION, 0.0)
-    nearby = torque + jnp.asarray(PERTURBATION) * jnp.sum(jnp.abs(torque))
+    nearby = torque + jnp.asarray(PERTURBATION, torque.dtype) * jnp.sum(jnp.abs(torque))
     most = PIVOTS_A_THRUSTER * table.size.shape[0]
 
     last = jax.lax.while_loop(
