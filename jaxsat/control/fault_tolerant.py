@@ -41,7 +41,7 @@ class TolerantMode(enum.IntEnum):
     STOPPING = 3
     SLEWING = 4
     OSCILLATING = 5
-    REGULATING = 6
+    HOLDING = 6
     DAMPING = 7
 
 
@@ -69,7 +69,7 @@ class TolerantMemory(NamedTuple):
 
 
 class SettlingLaws(eqx.Module):
-    """Laws of two torques, one for each plane that failures leave, all of one structure.
+    """Laws of two torques, one for each plane that failures leave.
 
     The arrays of `laws` have a leading axis. `of_set` (sets,) is the number of the law of each
     failed set, `directions` (laws, 3, 2) are the axes about which the laws command.
@@ -92,10 +92,9 @@ class FaultTolerant(AbstractSampledController):
     own commands, nothing else. Isolated thrusters are left out, and what they make all the time is
     fed forward. What is left decides: three axes go on under quaternion feedback; where torques of
     either sign are left in a plane, `settling` has the law of three slews in the normal form of
-    that plane; else rates are damped by whatever thruster takes energy out. `settling` holds laws
-    of up to two structures, those with a regulator and those without. During an alarm the suspect
-    and its rivals in turn give test pulses. Thrusters that have failed do every `PROBE_INTERVAL`,
-    so that one that works again is found.
+    that plane; else rates are damped by whatever thruster takes energy out. During an alarm the
+    suspect and its rivals in turn give test pulses. Thrusters that have failed do every
+    `PROBE_INTERVAL`, so that one that works again is found.
     """
 
     declaration: ClassVar[LawDeclaration] = FAULT_TOLERANT
@@ -105,8 +104,7 @@ class FaultTolerant(AbstractSampledController):
     diagnosis: Diagnosis
     reconfiguration: Reconfiguration
     rounding: PulseRounding
-    settling: tuple[SettlingLaws, ...]
-    group: Int[Array, " sets"]
+    settling: SettlingLaws | None
     period: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
@@ -119,7 +117,7 @@ class FaultTolerant(AbstractSampledController):
         return TolerantMemory(
             self.diagnosis.init(state.omega),
             self.healthy.init(state),
-            self.settling[0].at(jnp.array(0))[0].init(state) if self.settling else None,
+            None if self.settling is None else self.settling.at(jnp.array(0))[0].init(state),
             thrusters.modulation.init(thrusters.count),
             zero,
             zero,
@@ -141,10 +139,14 @@ class FaultTolerant(AbstractSampledController):
         constant = thrusters.torque @ condition.flow + condition.torque
         torque, healthy = self.healthy.step(t, state, memory.healthy)
         settling = memory.settling
-        if settling is not None:
+        if self.settling is not None:
             changed = (number != memory.ability.number) | (left != memory.ability.left)
             begins = (left == Left.PLANE) & changed
-            in_plane, settling = self._settled(t, state, number, begins, settling)
+            law, directions = self.settling.at(number)
+            begun = law.init(state)
+            settling = jax.tree.map(lambda new, old: jnp.where(begins, new, old), begun, settling)
+            command, settling = law.step(t, state, settling)
+            in_plane = directions @ command
             torque = jnp.where(left == Left.PLANE, in_plane, torque)
         three = left == Left.THREE_AXES
         owed = jnp.where(three, memory.owed, 0.0)
@@ -176,25 +178,6 @@ class FaultTolerant(AbstractSampledController):
             self._mode(diagnosis, left, settling),
         )
 
-    def _settled(self, t, state, number, begins, memory):
-        """The torque (N m) of the law of two torques of a failed set, and its memory."""
-
-        def by(laws: SettlingLaws):
-            def step(memory):
-                law, directions = laws.at(number)
-                memory = jax.tree.map(
-                    lambda new, old: jnp.where(begins, new, old), law.init(state), memory
-                )
-                command, memory = law.step(t, state, memory)
-                return directions @ command, memory
-
-            return step
-
-        if len(self.settling) == 1:
-            return by(self.settling[0])(memory)
-        first, second = map(by, self.settling)
-        return jax.lax.cond(self.group[number] == 0, first, second, memory)
-
     def _in_turn(self, diagnosis: DiagnosisMemory) -> Bool[Array, " m"]:
         """During an alarm the suspect and each of its rivals in turn are tested, one by one."""
         rivals = jnp.arange(diagnosis.rival.shape[0]) != diagnosis.suspect
@@ -223,8 +206,8 @@ class FaultTolerant(AbstractSampledController):
     def _mode(self, diagnosis: DiagnosisMemory, left, settling) -> Int[Array, ""]:
         failed = jnp.any(diagnosis.condition.failed)
         mode = jnp.where(failed, TolerantMode.REALLOCATED, TolerantMode.THREE_AXES)
-        if settling is not None:
-            phase = self.settling[0].laws.mode(settling)
+        if self.settling is not None:
+            phase = self.settling.laws.mode(settling)
             mode = jnp.where(left == Left.PLANE, FIRST_PHASE + phase, mode)
         mode = jnp.where(left == Left.LESS, TolerantMode.DAMPING, mode)
         return jnp.where(diagnosis.stage == Stage.ALARM, TolerantMode.ALARM, mode)

@@ -41,7 +41,7 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
     thrusters = cast(ThrusterContext, context.thrusters)
     torque = np.asarray(thrusters.model.torque)
     sets = failed_sets(torque)
-    sets, settling, group = _settling(values, context, torque, sets)
+    sets, settling = _settling(values, context, torque, sets)
     given = values["rate_noise_rad_s"]
     effect = np.asarray(context.model.spacecraft.inverse_inertia) @ torque
     least = LEAST_NOISE * values["period_s"] * float(np.sqrt(np.sum(effect**2, axis=0).max()))
@@ -58,7 +58,6 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
         reconfiguration=Reconfiguration.of(torque, thrusters.cost, sets),
         rounding=PulseRounding(effect, thrusters.pulse),
         settling=settling,
-        group=as_array(group),
         period=values["period_s"],
     )
 
@@ -68,42 +67,31 @@ def _settling(
     context: LawContext,
     torque: Float[np.ndarray, "3 m"],
     sets: tuple[FailedSet, ...],
-) -> tuple[tuple[FailedSet, ...], tuple[SettlingLaws, ...], np.ndarray]:
-    """The sets, laws of two torques by their structure, and which of these a set belongs to."""
-    made: dict[tuple, tuple[ThreeSlewSettling, np.ndarray] | None] = {}
-    laws: dict[Any, list[tuple[ThreeSlewSettling, np.ndarray]]] = {}
-    places: list[tuple[Any, int]] = []
-    known = []
+) -> tuple[tuple[FailedSet, ...], SettlingLaws | None]:
+    """The sets, and the laws of those that leave a plane; None where no set does."""
+    places: dict[tuple, int | None] = {}
+    laws: list[tuple[ThreeSlewSettling, np.ndarray]] = []
+    of_set, known = [], []
     for one in sets:
-        found = None
+        place = None
         if one.directions is not None:
             axes = _plane_axes(context, one.directions)
             limit = limit_about(np.delete(torque, one.failed, axis=1), axes)
             key = (*np.round(axes, DIGITS).ravel().tolist(), round(limit, DIGITS))
-            if key not in made:
-                made[key] = _law(values, context, axes, limit)
-            found = made[key]
-            if found is None:
+            if key not in places:
+                law = _law(values, context, axes, limit)
+                places[key] = None if law is None else len(laws)
+                laws += [] if law is None else [law]
+            place = places[key]
+            if place is None:
                 one = one._replace(left=Left.LESS, directions=None)
         known.append(one)
-        if found is None:
-            places.append((None, 0))
-            continue
-        alike = laws.setdefault(jax.tree.structure(found[0]), [])
-        if not any(found is other for other in alike):
-            alike.append(found)
-        number = next(n for n, other in enumerate(alike) if found is other)
-        places.append((jax.tree.structure(found[0]), number))
-    structures = list(laws)
-    of_set = as_array(np.array([number for _, number in places]))
-    settling = tuple(_stacked(laws[one], of_set) for one in structures)
-    group = [0 if one is None else structures.index(one) for one, _ in places]
-    return tuple(known), settling, np.array(group)
-
-
-def _stacked(found: list[tuple[ThreeSlewSettling, np.ndarray]], of_set) -> SettlingLaws:
-    laws = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(law for law, _ in found))
-    return SettlingLaws(laws, of_set, np.stack([directions for _, directions in found]))
+        of_set.append(place or 0)
+    if not laws:
+        return tuple(known), None
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(law for law, _ in laws))
+    directions = np.stack([directions for _, directions in laws])
+    return tuple(known), SettlingLaws(stacked, as_array(np.array(of_set)), directions)
 
 
 def _plane_axes(

@@ -16,8 +16,9 @@ from jaxtyping import Float
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.linear import lvlh_linearisation
 from jaxsat.environment import DipoleField
+from jaxsat.environment.orbit import EARTH_ROTATION
 
-DAY = 86164.1  # s, after which the Earth has turned once
+DAY = 2 * np.pi / EARTH_ROTATION  # s
 STEPS = 128  # an orbit
 DEGREE = np.pi / 180
 

@@ -71,7 +71,7 @@ def test_a_thruster_dies_and_two_torques_settle():
     alarm, isolated = (times[np.argmax(x)] for x in (mode == TolerantMode.ALARM, kind[:, 5] >= 0))
     assert 300 < alarm < isolated < alarm + 10
     assert alarm < 345  # the thruster is first needed to end the slew
-    assert {TolerantMode.SLEWING, TolerantMode.REGULATING} <= set(mode.astype(int).tolist())
+    assert {TolerantMode.SLEWING, TolerantMode.HOLDING} <= set(mode.astype(int).tolist())
     assert set(mode[kind[:, 5] >= 0].astype(int)) <= set(range(TolerantMode.STOPPING, 7))
     assert float(trajectory.assessment.settled_from) < 600
     changes = np.count_nonzero(np.diff(mode[mode != TolerantMode.ALARM]))
