@@ -57,6 +57,7 @@ def in_a_terminal(**more):
     return b"".join(parts).decode(), parts[0].decode()
 
 
+@pytest.mark.slow
 def test_a_live_line_on_a_terminal_before_jax_is_imported():
     text, first = in_a_terminal(TERM="xterm", COLUMNS="40", LINES="24", LC_ALL="C", NO_COLOR="1")
     assert first.startswith(progress.ERASE)
@@ -68,9 +69,8 @@ def test_a_live_line_on_a_terminal_before_jax_is_imported():
     assert lines[-1] == "x: valid (done)\r\n"  # the live line has gone
 
 
-@pytest.mark.parametrize(
-    "columns", ["many", *(pytest.param(one, marks=pytest.mark.slow) for one in ("1", "2", "0"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("columns", ["many", "1", "2", "0"])
 def test_narrow_terminals(columns):
     text, _ = in_a_terminal(TERM="xterm", COLUMNS=columns)
     assert text.endswith(progress.ERASE + "x: valid (done)\r\n")

@@ -89,6 +89,7 @@ def test_every_law_has_a_scenario_of_its_own(level, law):
     assert law in scenario.title
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "mode", "source"),
     [

@@ -21,6 +21,7 @@ def observe(observer, ripple, omega3):
     return observer.correct(ripple, AT_REST.at[2].set(omega3), jnp.array(PERIOD))
 
 
+@pytest.mark.slow
 def test_observer_poles():
     """The error of the sampled observer dies out as exp(-λ t), three times over."""
     observer = ripple_observer()

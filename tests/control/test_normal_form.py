@@ -48,6 +48,7 @@ def told(inertia, axes, omega, torque):
     return seen, jnp.append(acceleration, slow), made.reduced_inertia, made.lean
 
 
+@pytest.mark.slow
 def test_identity_on_random_bodies():
     """Against J⁻¹(Au - ω × Jω) of 2,000 random inertias, torque axes, rates and torques."""
     rng, count = np.random.default_rng(1), 2000

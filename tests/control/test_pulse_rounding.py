@@ -37,6 +37,7 @@ def test_the_rate_owed_is_below_a_pulse_however_long_it_goes_on():
     assert np.linalg.norm(drift) < 2 * pulse / (400 * PERIOD)
 
 
+@pytest.mark.slow
 def test_any_width_passes_and_failed_thrusters_give_none():
     duty = jnp.asarray(np.linspace(0.03, 0.9, 8))
     free = PulseRounding(EFFECT, np.zeros(8))

@@ -30,6 +30,7 @@ def at_rest(axis, angle):
     return PlantState(attitude, ExactOrbit(0.0011).frame_rate(attitude))
 
 
+@pytest.mark.slow
 def test_small_errors_are_damped_oscillations_about_any_axis():
     angle = 1e-3
     run = flown(at_rest([1, -2, 0.5], angle))

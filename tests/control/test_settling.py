@@ -80,6 +80,7 @@ def test_there_are_gains_for_the_limits_that_messages_name(table):
     assert tuple(table) == STEPS
 
 
+@pytest.mark.slow
 def test_modes_change_with_hysteresis():
     """The end game comes in below the inner thresholds and goes only beyond the outer ones."""
     controller = oscillatory_settling(body(), 5.0)

@@ -51,6 +51,7 @@ def slow_change(form, omega):
     return np.cross(inertia @ whole, whole)[2] / inertia[2, 2]
 
 
+@pytest.mark.slow
 def test_change_of_the_slow_rate_is_that_of_the_rigid_body():
     form = leaning_form()
     third = told(form, [0.0, 0.0, 0.0])

@@ -116,6 +116,7 @@ def scenarios(draw):
     }
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(data=scenarios())
 def test_dump_and_load_are_inverse(data, tmp_path_factory):

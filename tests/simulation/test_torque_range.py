@@ -64,10 +64,11 @@ def expected(every, delay):
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "delay", [0.2, *(pytest.param(one, marks=pytest.mark.slow) for one in (None, 0.0, PERIOD))]
 )
-@pytest.mark.parametrize("every", [2, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [2, 6])
 def test_the_range_is_that_of_every_hold(every, delay):
     run = flown(every, delay)
     told = np.stack([run.torque_range.least, run.torque_range.largest, run.torque_range.mean], 1)

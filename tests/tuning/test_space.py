@@ -147,6 +147,7 @@ def test_bad_cases_are_masked_bounded_and_counted():
     np.testing.assert_array_equal(nothing.gradient, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lbfgs", "cosine_decay_schedule", "polyak_sgd", "adma", "tree"])
 def test_only_optimisers_that_need_gradients_alone_are_taken(name):
     with pytest.raises(ValueError, match=f"`optimiser` must be .* but got '{name}'"):

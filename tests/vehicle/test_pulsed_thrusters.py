@@ -115,7 +115,7 @@ def commands_of(loop):
 BY_THE_SAMPLE = ("delayed", "intermittent", "turned")
 """Failures with two kinds of valves only, to save time."""
 
-QUICK = {("pwm", "late ramps"), ("dead", "at once")}
+QUICK = {("dead", "at once")}
 
 
 def combinations(first):
