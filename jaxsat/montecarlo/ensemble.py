@@ -130,8 +130,8 @@ class Study:
         drawn = {DRAWN + name: self._drawn(name) for name in self._dispersed}
         columns = columns_of(self.case_factory.loop)
         if self.failures is not None:
-            columns |= self.failures.columns()
-        columns |= drawn
+            columns = columns | self.failures.columns()
+        columns = columns | drawn
         if self.history is not None:
             for name, column in histories_of(self.case_factory.loop).items():
                 shape, dims = (self.history, *column.shape), (HISTORY_TIME, *column.dims)

@@ -73,7 +73,7 @@ def test_loops_without_have_no_column_for_them():
 def test_a_store_from_before_is_read_and_not_continued(tmp_path, monkeypatch):
     """It lacks what the study now has of every case, which the refusal names."""
     with monkeypatch.context() as before:
-        before.setattr("jaxsat.montecarlo.ensemble.columns_of", lambda loop: COLUMNS)
+        before.setattr("jaxsat.montecarlo.ensemble.columns_of", lambda loop: dict(COLUMNS))
         run_study(study(), tmp_path / "s.zarr", executor=Nobody())
     assert set(MORE).isdisjoint(open_study(tmp_path / "s.zarr"))
     told = r"another study \(columns\.propellant: null there, .* here; columns\.valve_openings: "
