@@ -3,7 +3,6 @@
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +13,9 @@ from jaxsat.export.contexts import Context, arrays_in, contexts, squeezed
 from jaxsat.export.expressions import Expression, literal
 from jaxsat.export.helpers import TYPES, helper
 from jaxsat.export.naming import Names, comment, docstring, identifier
+from jaxsat.export.printer import Printer
 from jaxsat.export.text import braced, dimensions, in_lines
+from jaxsat.export.unit import POINTERS, AbstractUnit, Printed
 from jaxsat.export.wishes import name_of
 
 LIBM = frozenset((
@@ -23,26 +24,8 @@ LIBM = frozenset((
 ))  # fmt: skip
 """Elementary functions that the C library may be taken for."""
 
-POINTERS = ("p", "in", "attitude", "seen", "now", "next", "out")
-"""The structures that functions may be given, in the order of their parameters."""
 
-
-@dataclass(frozen=True)
-class Printed:
-    """A function as it is called: which of its arrays are handed over, and how results come back:
-    "field" is written where it belongs, "value" returned, and "pointer" written for the caller.
-
-    `pointers` are the structures and `counts` the numbers that come before the arrays.
-    """
-
-    name: str
-    passed: Sequence[bool]
-    results: Sequence[str]
-    pointers: Sequence[str]
-    counts: Sequence[str] = ()
-
-
-class Unit:
+class Unit(AbstractUnit):
     """A C file while it is printed: the static functions and tables that its programs need.
 
     `contexts` are those of the functions of the stage that is printed; `types` of the pointers to
@@ -169,15 +152,13 @@ def _word(function: Function) -> str:
 
 
 def _elementary_text(unit: Unit, name: str, function: Function, trace: Trace) -> list[str]:
-    from jaxsat.export.printer import Printer
-
     unit.prepare(Context(function), trace)
     names = unit.scope()
     params = {p.number: Expression(names.new("xyzuvw"[i] if i < 6 else f"x_{i}"))
               for i, p in enumerate(function.params)}  # fmt: skip
-    body = Printer(unit, trace, params, names)
-    body.count(function.block, function.results)
-    body.block(function.block)
+    printer = Printer(unit, trace, function, names, params)
+    printer.block(function.block)
+    body = printer.body
     given = [f"{TYPES[p.dtype]} {params[p.number].text}" for p in function.params]
     if len(function.results) == 1:
         body.line(f"return {body.operand(function.results[0]).text};")
@@ -194,8 +175,6 @@ def python_function(
     unit: Unit, name: str, function: Function, trace: Trace, context: Context
 ) -> tuple[list[str], Printed]:
     """A function's lines, its head in one, and how it is called."""
-    from jaxsat.export.printer import Printer
-
     source = function.source
     shapes = ((), ()) if source is None else (source.params, source.results)
     names = unit.scope()
@@ -228,11 +207,11 @@ def python_function(
             else:
                 left.append((place, x))
     told = None if source is None else source.name.split(".<locals>")[0]
-    body = Printer(unit, trace, known, names, kept, told)
-    body.count(function.block, function.results)
+    printer = Printer(unit, trace, function, names, known, kept, told)
+    body = printer.body
     left += context.left
     body.lines += fills(left, kept.values())
-    body.block(function.block)
+    printer.block(function.block)
     zeroed = {place.split("[")[0] for place in _many_zeros(left)}
     for place, x in left:
         if not (_is_zero(x) and place.split("[")[0] in zeroed):
@@ -240,7 +219,7 @@ def python_function(
     for x in values:
         body.line(f"return {body.operand(x).text};")
     lines = body.text()
-    pointers = [one for one in POINTERS if one in unit.types and one in body.pointers(lines)]
+    pointers = [one for one in POINTERS if one in unit.types and one in printer.pointers(lines)]
     params = [unit.types[one] for one in pointers] + given
     kind = TYPES[values[0].dtype] if values else "void"
     head = f"static {kind} {name}({', '.join(params) or 'void'})"

@@ -1,13 +1,22 @@
 """How often a loop turns: flight code needs a bound that is known before."""
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from jaxsat.engine.native.ir import Loop, Operation, Scalar, Value
 
 
-def bound_of(step: Loop, makers: Mapping[int, Operation]) -> tuple[int, int, int, bool] | None:
-    """Of a loop that counts up to a constant: which param counts, from where, to where, and whether
-    that is its whole condition."""
+class Bound(NamedTuple):
+    """Of a loop that counts up: which param counts, where it ends (exclusive), and whether that is
+    the loop's whole condition."""
+
+    counter: int
+    end: int
+    is_whole: bool
+
+
+def bound_of(step: Loop, makers: Mapping[int, Operation]) -> Bound | None:
+    """The bound of a loop that counts up from a constant to another; None of any other."""
     for name in _conjuncts(step.active, makers):
         maker = makers.get(name)
         if maker is None or maker.name != "lt" or isinstance(maker.args[1], Value):
@@ -27,7 +36,7 @@ def bound_of(step: Loop, makers: Mapping[int, Operation]) -> tuple[int, int, int
             )
             if counts:
                 whole = isinstance(step.active, Value) and step.active.number == name
-                return i, int(before), int(maker.args[1]), whole  # pyright: ignore
+                return Bound(i, int(maker.args[1]), whole)  # pyright: ignore
     return None
 
 
