@@ -10,7 +10,7 @@ from jaxsat.export import templates
 from jaxsat.export.flight import CannotExport
 from jaxsat.export.harness import records_header, test_program, vectors_file
 from jaxsat.export.library import library_source
-from jaxsat.export.measure import Measured, measured
+from jaxsat.export.measure import SAMPLES, Measured, measured
 from jaxsat.export.naming import comment
 from jaxsat.export.program import FlightProgram, flight_program
 from jaxsat.export.readme import readme
@@ -83,7 +83,7 @@ def with_tests(
         "controller_records.h": records_header(program, intro),
         "test_controller.c": test_program(program, intro),
         "controller_library.c": library_source(program, intro),
-        "cortex_m.c": templates.CORTEX_M.replace("@START@", _start(program)),
+        "cortex_m.c": templates.CORTEX_M.replace("@SAMPLES@", str(SAMPLES)),
         "misra_deviations.txt": "".join(f"{rule}\n" for rule in templates.DEVIATIONS),
         "Makefile": templates.MAKEFILE.replace("@ULP@", "0" if not request.libm else "1e18"),
         "CMakeLists.txt": templates.CMAKE.replace("@ULP@", "0" if not request.libm else "1e18"),
@@ -126,17 +126,3 @@ def _record(request: Request, program: FlightProgram) -> str:
         **request.provenance,
     }
     return json.dumps(record, indent=2, ensure_ascii=False)
-
-
-def _start(program: FlightProgram) -> str:
-    """The first call of the measuring program."""
-    if program.estimates:
-        real = "float" if program.single else "double"
-        return "\n".join([
-            f"  static const {real} attitude[4] = {{1, 0, 0, 0}};",
-            "  in.attitude[0] = 1;",
-            "  controller_init(&controller_default_parameters, attitude, &in, &state);",
-        ])  # fmt: skip
-    quaternion = [one.name for one in program.structs["input"].fields if one.shape == (4,)]
-    first = [f"  in.{name}[0] = 1;" for name in quaternion[:1]]
-    return "\n".join([*first, "  controller_init(&controller_default_parameters, &in, &state);"])

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ARM, QEMU = "arm-none-eabi-gcc", "qemu-system-arm"
+SAMPLES = 256
+"""Samples of the test vectors of which the instructions are counted."""
+
 LONGEST = 120.0
 """Seconds that a compiler or an emulator may take."""
 
@@ -36,7 +39,7 @@ def measured(files: Mapping[str, bytes]) -> Measured:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, content in files.items():
-            if file.endswith((".c", ".h")):
+            if file.endswith((".c", ".h", ".bin")):
                 (folder / file).write_bytes(content)
         try:
             return _measured(folder, has_emulator=QEMU not in missing)

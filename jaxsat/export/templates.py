@@ -93,7 +93,7 @@ add_test(NAME vectors
 
 CORTEX_M = """\
 /* Start-up code for an emulated Cortex-M4 (mps2-an386), and how many instructions a step takes. */
-#include "controller.h"
+#include "controller_records.h"
 
 #include <stdio.h>
 
@@ -111,28 +111,43 @@ __attribute__((section(".vectors"), used)) static void (*const vectors[2])(void)
 
 /* The timer counts at 25 MHz; with -icount shift=0 an instruction takes one nanosecond. */
 #define INSTRUCTIONS_PER_TICK (40u)
-#define SAMPLES (20)
+#define SAMPLES (@SAMPLES@)
+#define GIVEN (CONTROLLER_INPUT_SIZE + CONTROLLER_STATE_SIZE)
 
 static controller_input in;
 static controller_state state;
 static controller_output out;
+static double head[4];
+static double row[GIVEN];
 
+/* Runs samples that are spread over the test vectors. */
 int main(void)
 {
   uint32_t most = 0u;
-@START@
+  FILE *file = fopen("test_vectors.bin", "rb");
+  if ((file == NULL) || (fread(head, sizeof(double), 4, file) != 4)) {
+    return 2;
+  }
   TIMER_RELOAD = 0xFFFFFFu;
   TIMER_VALUE = 0u;
   TIMER_CONTROL = 5u;
-  for (int sample = 0; sample < SAMPLES; sample++) {
+  for (long sample = 0; sample < SAMPLES; sample++) {
+    const long number = sample * (long)head[1] / SAMPLES;
+    const long place = 4 + number * (long)(head[2] + head[3]);
+    if ((fseek(file, place * (long)sizeof(double), SEEK_SET) != 0) ||
+        (fread(row, sizeof(double), GIVEN, file) != GIVEN)) {
+      return 2;
+    }
+    read_controller_input(row, &in);
+    read_controller_state(row + CONTROLLER_INPUT_SIZE, &state);
     const uint32_t before = TIMER_VALUE;
     controller_step(&controller_default_parameters, &in, &state, &out);
     const uint32_t ticks = (before - TIMER_VALUE) & 0xFFFFFFu;
     if (ticks > most) {
       most = ticks;
     }
-    in.sample++;
   }
+  fclose(file);
   printf("%lu instructions a step at most\\n", (unsigned long)(most * INSTRUCTIONS_PER_TICK));
   return 0;
 }
