@@ -7,7 +7,7 @@ import numpy as np
 from jaxsat.comparison import ComparisonRow
 from jaxsat.controller_design.explanation import Remedy
 from jaxsat.controller_design.result import ControllerDesign, Step, Verification
-from jaxsat.montecarlo import Interval, ends_text
+from jaxsat.montecarlo import Interval, ends_text, fraction_text
 from jaxsat.results.design_text import (
     ASSUMPTIONS,
     DESIGNED,
@@ -34,8 +34,8 @@ def headline(found: ControllerDesign) -> str:
         return f"Nothing to design. {why}"
     fraction = verification.settled
     first = (
-        f"{found.chosen.name} settles {_percent(fraction)} of {verification.summary.cases} unseen "
-        f"cases; wanted were {wanted} %"
+        f"{found.chosen.name} settles {fraction_text(fraction)} of "
+        f"{verification.summary.cases} unseen cases; wanted were {wanted} %"
     )
     if found.proven:
         return f"Reached: {first}. The whole interval is above."
@@ -118,7 +118,7 @@ def _cells(row: ComparisonRow) -> list[str]:
     return [
         row.setting.law,
         str(row.cases),
-        _percent(row.settled),
+        fraction_text(row.settled),
         _seconds(row.t50),
         _seconds(row.t90),
         f"{row.effort:.4g}",
@@ -129,7 +129,7 @@ def _cells(row: ComparisonRow) -> list[str]:
 def _verification(found: ControllerDesign, made: Verification) -> Iterator[str]:
     summary, seed = made.summary, found.settings.seeds.verification
     outcomes = ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
-    rows = [["cases", f"{summary.cases}: {outcomes}"], ["settled", _percent(made.settled)]]
+    rows = [["cases", f"{summary.cases}: {outcomes}"], ["settled", fraction_text(made.settled)]]
     for name, unit in (("settling_time", "s, of those that settle"), ("effort", "N m s")):
         for percent, entry in getattr(summary, name).items():
             label = f"{name.replace('_', ' ')}, {percent:g} % ({unit})"
@@ -195,10 +195,6 @@ def _items(lines: Sequence[str]) -> str:
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def _percent(value: Interval) -> str:
-    return f"{value.value:.2%} ({value.low:.2%} to {value.high:.2%})"
 
 
 def _seconds(value: Interval) -> str:
