@@ -52,9 +52,7 @@ def _excluded(table: DispersionTable) -> Iterator[Issue]:
     for one, other in EXCLUSIVE:
         if {one, other} <= table.distributions.keys():
             first, second = DISPERSIBLE[one].key, DISPERSIBLE[other].key
-            yield at(
-                f"dispersion.{second}", f"must be left out beside dispersion.{first}, got both"
-            )
+            yield at(f"dispersion.{second}", f"must be omitted with dispersion.{first}, got both")
 
 
 def _start_of_a_study(scenario: Scenario, names: set[str]) -> Iterator[Issue]:

@@ -137,7 +137,7 @@ def _names(scenario: Scenario) -> tuple[str, ...]:
 
 def _with_library(run: Run, path: Path) -> Run:
     if not isinstance(run.loop, SampledLoop):
-        raise ValueError("--controller: must go with a law that runs once a period.")
+        raise ValueError("--controller: must be given with a sampled law.")
     library = Library(path, run.loop, run.start)
     return dataclasses.replace(run, loop=with_library(run.loop, library))
 

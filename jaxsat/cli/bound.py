@@ -45,9 +45,9 @@ def bound(
 ) -> int:
     """Find how fast, or with how little effort, the scenario's start can be brought to rest.
 
-    An open-loop optimum to compare feedback laws with: thrusts known in advance take the
-    spacecraft exactly to rest in the orbit frame. It is the best of several starts of a local
-    search, not certified, and is flown again by an independent integrator.
+    An open-loop optimum as a reference for feedback laws: open-loop thrusts bring the spacecraft
+    exactly to rest in the orbit frame. It is the best of several starts of a local search, without
+    a proof of optimality, and verified by an independent integrator.
 
     Parameters
     ----------
@@ -55,23 +55,23 @@ def bound(
         A name from `jaxsat scenarios list`, or a TOML file, with a torque limit; its control law
         does not matter.
     objective
-        time, or effort, the integral of the sum of the torques' sizes.
+        time, or effort: the integral of the sum of the torques' magnitudes.
     target
-        attitude, for rest in the orbit frame, or rates, for no rotation in whatever attitude.
+        attitude: rest in the orbit frame; rates: no rotation, in any attitude.
     starts
         Random guesses from which the search begins.
     longest
-        Longest duration in seconds; that of the scenario if left out.
+        Longest duration in seconds; by default that of the scenario.
     seed
         Seed of the guesses.
     overrides
-        KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
+        KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     out
-        JSON file for the thrusts, the states and what was found; none if left out.
+        JSON file for the thrusts, the states and the result; by default none.
     overwrite
-        Replace that file if there is one.
+        Replace an existing file.
     quiet
-        Print nothing unless something is wrong.
+        Print only warnings and errors.
     """
     if out is not None:
         _refuse_existing(out, overwrite)

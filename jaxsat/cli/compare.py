@@ -79,9 +79,9 @@ def compare(
 ) -> int:
     """Compare the laws that steer three axes with two torques, the paper's included.
 
-    Every law flies the same cases: random starts and the paper's, the third rate free, under a
-    torque limit and dispersions. Prints one table and which law to take, and writes both with a
-    figure. Finished work is kept: the same command resumes an interrupted run.
+    All laws get the same cases: random starts and the paper's start, with a free third rate, a
+    torque limit and dispersions. Prints a table and the recommended law, and writes both with a
+    figure. The same command resumes an interrupted run.
 
     Parameters
     ----------
@@ -90,9 +90,9 @@ def compare(
     torque_limit
         Largest torque of each thruster in N m, or all for 1, 5 and 20; may be given several times.
     law
-        Laws to compare: three-slew, oscillatory, switching, three-axis, rate, all for these, a law
-        of one's own as module:Class, an installed law, or a scenario file, whose [control] is
-        taken; may be given several times.
+        Laws to compare: three-slew, oscillatory, switching, three-axis, rate, or all for these;
+        your own law as module:Class; an installed law; or a scenario file, of which [control] is
+        used. May be given several times.
     count
         Random starts for each law, limit and level.
     seed
@@ -102,25 +102,25 @@ def compare(
     engine
         As for `jaxsat montecarlo`.
     workers
-        Chunks computed at once; as many as processors if left out.
+        Threads, each of which computes one chunk; by default the number of processors.
     bounds
-        Starts of a search for the least time and the least effort from the paper's start under
-        each limit, open loop, as `jaxsat bound` does; 0 leaves it out.
+        Starts of the search for the minimum time and effort, as in `jaxsat bound`, from the paper's
+        start under each limit; 0 skips it.
     csv
-        File for a table of all cases, one row each: law, outcome, times, effort, final state and
-        what was drawn, in columns that name their units.
+        CSV file of all cases, one row each: law, outcome, times, effort, final state and drawn
+        values. Column names contain the units.
     report
-        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
-        the file that is named.
+        Also write a report, as `jaxsat report` does: report.html in the output folder, or the given
+        file.
     overwrite
-        Replace the files of --csv and --report; what is in the folder is resumed.
+        Replace the files of --csv and --report; results in the folder are resumed.
     yes
-        Begin even what takes more steps, memory or disk than jaxsat does unasked.
+        Start even if the work exceeds the limits of steps, memory or disk.
     elsewhere
-        Resume stores that were begun with other versions or on another processor, if the
-        program is the same.
+        Resume stores that were started with other versions or on another processor, if the program
+        is the same.
     quiet
-        Print nothing but mistakes.
+        Print only warnings and errors.
     """
     limits = _limits(torque_limit)
     if csv is not None:

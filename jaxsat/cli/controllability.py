@@ -52,21 +52,21 @@ def controllability(
     scenario
         A name from `jaxsat scenarios list`, or a TOML file.
     overrides
-        KEY=VALUE to put in place of what the scenario says, such as
-        spacecraft.failed_thrusters=[2,3]; may be given several times.
+        KEY=VALUE that replaces a value of the scenario, such as spacecraft.failed_thrusters=[2,3];
+        may be given several times.
     out
-        Folder to write tables, maps and the page to; nothing is written if left out.
+        Folder for tables, maps and the page; by default nothing is written.
     report
-        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
-        the file that is named.
+        Also write a report, as `jaxsat report` does: report.html in the output folder, or the given
+        file.
     overwrite
-        Replace the folder, or the file of --report, if jaxsat wrote it before.
+        Replace the folder, or the file of --report, if jaxsat wrote it.
     quiet
-        Print nothing unless something is wrong.
+        Print only warnings and errors.
     drift
         Also follow the drift: recurrence, and the energy claim (18). Takes a few seconds.
     tolerance
-        Margins below this are called borderline; take the relative error of your inertia.
+        Margins below this are called borderline; use the relative error of your inertia.
     """
     chosen = load_or_explain(scenario, overrides, "motion")
     if report is not False and out is None:

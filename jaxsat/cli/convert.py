@@ -32,22 +32,22 @@ def convert(
     run
         Folder that `jaxsat simulate` or `montecarlo --case` wrote, or its trajectory.nc.
     to
-        aem, quaternions over UTC as CCSDS 504.0-B defines them; csv, all signals, a column each.
+        aem: quaternions over UTC as defined by CCSDS 504.0-B; csv: all signals, one column each.
     out
-        File to write; that of the run with .aem or .csv if left out.
+        File to write; by default that of the run with .aem or .csv.
     epoch
-        UTC at the start of the run, such as 2026-03-20T12:00:00; for aem.
+        UTC at the start of the run, such as 2026-03-20T12:00:00; for AEM.
     frame
-        Reference frame of an aem: inertial (EME2000), by way of the angles of [orbit], or orbit
+        Reference frame of an AEM: inertial (EME2000), computed with the angles of [orbit], or orbit
         (LVLH: x along the velocity, z to the Earth's centre).
     object_name
-        OBJECT_NAME of an aem; the title of the scenario if left out.
+        OBJECT_NAME of an AEM; by default the title of the scenario.
     object_id
-        OBJECT_ID of an aem, such as 2026-001A; UNKNOWN if left out.
+        OBJECT_ID of an AEM, such as 2026-001A; by default UNKNOWN.
     overwrite
         Replace the file.
     quiet
-        Print nothing unless something is wrong.
+        Print only warnings and errors.
     """
     path = place("RUN", run)
     target = out or Path(f"{path.name if path.is_dir() else path.stem}.{to}")

@@ -71,54 +71,55 @@ def design(
 ) -> int:
     """Design a controller for a vehicle with failures, and verify it on cases never seen before.
 
-    Says what is left of the actuators and what attitude can be held, screens the laws that fit,
-    tunes the best, and verifies it. The folder gets designed.toml, ready for every command, a page,
-    a record and figures. The same command resumes an interrupted run. Exits with 1 where
-    the wanted fraction does not settle, or where there is nothing to design.
+    States which torques are left and which attitude can be held, screens the laws that fit, tunes
+    the best, and verifies it. Writes designed.toml, ready for every command, a page, a record and
+    figures. The same command resumes an interrupted run. Exits with 1 if the wanted fraction does
+    not settle, or if there is nothing to design.
 
     Parameters
     ----------
     scenario
-        A name from `jaxsat scenarios list`, or a TOML file, which need not have more than
-        [spacecraft]: what it leaves open is assumed, and told.
+        A name from `jaxsat scenarios list`, or a TOML file. [spacecraft] is enough: the command
+        assumes the rest and lists the assumptions.
     out
-        Folder to write to; jaxsat-NAME-designed in the current folder if left out.
+        Output folder; by default jaxsat-NAME-designed in the current folder.
     overrides
-        KEY=VALUE to put in place of what the scenario says, such as
-        spacecraft.failed_thrusters=[2]; may be given several times.
+        KEY=VALUE that replaces a value of the scenario, such as spacecraft.failed_thrusters=[2];
+        may be given several times.
     law
-        The law to design, or all for those that fit; that of the scenario if left out, and all if
-        it names none.
+        The law to design, or all for every law that fits; by default that of the scenario, or all
+        if it names none.
     settled
         Fraction of the cases that must settle.
     cases
-        Unseen cases of the verification; earlier steps take at most as many.
+        Unseen cases of the verification; earlier steps use at most this number.
     steps
-        Steps of the tuner; 0 leaves tuning out.
+        Steps of the tuner; 0 skips tuning.
     seed
-        Seed of the first step, those of the others follow; that of the scenario if left out.
+        Seed of the first step; the other steps use the following numbers. By default that of the
+        scenario.
     attitude
-        wanted, that of the orbit frame; nearest, where that cannot be held the nearest one that
-        can be, to which the body axes of designed.toml are turned.
+        wanted: that of the orbit frame; nearest: if that cannot be held, the nearest one that can,
+        to which the body axes of designed.toml are rotated.
     goal
-        quickest, the quickest law of those that settle most, its gains tuned; settled, the first
-        law that surely settles the wanted fraction, and tuning only where none does.
+        quickest: the fastest of the laws that settle most, with tuned gains; settled: the first law
+        proven to settle the wanted fraction, and tuning only if there is none.
     engine
         As for `jaxsat montecarlo`.
     workers
-        Chunks computed at once; as many as processors if left out.
+        Threads, each of which computes one chunk; by default the number of processors.
     report
-        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
-        the file that is named.
+        Also write a report, as `jaxsat report` does: report.html in the output folder, or the given
+        file.
     overwrite
-        Replace the file of --report; what is in the folder is resumed.
+        Replace the file of --report; results in the folder are resumed.
     yes
-        Begin even what takes more steps, memory or disk than jaxsat does unasked.
+        Start even if the work exceeds the limits of steps, memory or disk.
     elsewhere
-        Go on with a design that was begun with other versions or on another processor, if the
+        Resume a design that was started with other versions or on another processor, if the
         programs are the same.
     quiet
-        Print nothing unless something is wrong.
+        Print only warnings and errors.
     """
     vehicle = _vehicle(scenario, overrides)
     target = Path(f"jaxsat-{Path(scenario).stem}-designed") if out is None else out

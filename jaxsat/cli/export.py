@@ -31,26 +31,26 @@ def export(
 ) -> int:
     """Write the controller of a scenario as C99, with test vectors, a test program and build files.
 
-    The law must be one that runs once a period. Its estimator, the allocation and the modulation
-    go with it, plug-ins included.
+    The law must be a sampled law. The export includes its estimator, the allocation and the
+    modulation, also from plug-ins.
 
     Parameters
     ----------
     scenario
         A name from `jaxsat scenarios list`, or a TOML file.
     overrides
-        KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
+        KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     out
-        Folder to write to; jaxsat-NAME-flight in the current folder if left out.
+        Output folder; by default jaxsat-NAME-flight in the current folder.
     float_
-        Single precision in place of double.
+        Single precision instead of double.
     functions
-        own, elementary functions in the file, the same bits on every processor; libm, those of the
-        C library, shorter.
+        own: elementary functions in the file, with the same bits on every processor; libm: those of
+        the C library, less code.
     overwrite
-        Replace the folder if jaxsat wrote it before, what `make` and CMake built in it included.
+        Replace the folder if jaxsat wrote it, including the builds of `make` and CMake in it.
     quiet
-        Print nothing unless something is wrong.
+        Print only warnings and errors.
     """
     chosen = load_or_explain(scenario, overrides)
     target = Path(f"jaxsat-{Path(scenario).stem}-flight") if out is None else out

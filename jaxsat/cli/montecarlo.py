@@ -77,8 +77,7 @@ def montecarlo(
 ) -> int:
     """Simulate many dispersed copies of a scenario, as its [dispersion] table says.
 
-    An existing store of the same study is resumed, so the same command finishes an interrupted
-    run.
+    The same command resumes an interrupted run: an existing store of the same study is completed.
 
     Parameters
     ----------
@@ -87,60 +86,60 @@ def montecarlo(
     count
         Number of cases.
     seed
-        Seed of the study; that of the scenario if left out.
+        Seed of the study; by default that of the scenario.
     out
-        Zarr store of the results, jaxsat-NAME.zarr if left out; with --case a folder for the one
+        Zarr store of the results, by default jaxsat-NAME.zarr; with --case a folder for the
         trajectory.
     overrides
-        KEY=VALUE to put in place of what the scenario says, as for `jaxsat simulate`.
+        KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     engine
-        native, machine code made for the scenario, fastest; scan, a plain loop through XLA;
-        diffrax, the method of a single run; auto is native on a processor, and says so where it
-        cannot be.
+        native: machine code compiled for the scenario, fastest; scan: a plain loop in XLA; diffrax:
+        the method of a single run; auto: native on a CPU; it prints a line if it has to use scan.
     workers
-        Chunks computed at once, each in a thread, of each process where there are several; as
-        many as there are processors, or their share, if left out, and never more.
+        Threads of each process, each of which computes one chunk. The default, also the maximum, is
+        the number of processors, divided by the number of processes.
     processes
-        Processes of this machine to share the chunks out to, at most as many as processors; one
+        Processes on this machine that share the chunks, at most as many as processors; a process
         that dies is replaced.
     scheduler
-        Share the chunks out to the workers of this dask scheduler: an address such as
+        Distribute the chunks to the workers of this dask scheduler: an address such as
         tcp://host:8786, or the scheduler's JSON file.
     devices
-        Devices (accelerators) of this machine to share the chunks out to.
+        Devices (accelerators) of this machine that share the chunks.
     batch_size
-        Cases that go through the compiled loop together; results may depend on it in their last
-        bits.
+        Cases per pass of the compiled loop; the last bits of results may depend on it.
     chunk
-        Cases that are computed and written together; what suits the engine if left out.
+        Cases that are computed and written together; by default a number that suits the engine.
     until_ci
-        Stop once the settled fraction is known to within this, such as 0.5%.
+        Stop when the half width of the interval of the settled fraction is below this, such as
+        0.5%.
     case
-        Compute this case alone again and write its whole trajectory.
+        Recompute this case alone and write its whole trajectory.
     overwrite
-        Replace the files of --csv and --report, or with --case the folder if jaxsat wrote it
-        before; a store is resumed.
+        Replace the files of --csv and --report, or with --case the folder, if jaxsat wrote it; a
+        store is resumed.
     report
-        Write a report of the results too, as by `jaxsat report`: beside the store, .html in place
-        of .zarr, or the file that is named; with --case report.html in its folder.
+        Also write a report, as `jaxsat report` does: next to the store, with .html in place of
+        .zarr, or the given file; with --case report.html in its folder.
     figures
-        Folder for figures: settling times, where it settles, convergence, fans of attitude and
-        rates.
+        Folder for figures: settling times, where cases settle, convergence, fan charts of attitude
+        and rates.
     csv
-        File for a table of the cases, one row each: outcome, times, effort, final state and what
-        was drawn, in columns that name their units.
+        CSV file of the cases, one row each: outcome, times, effort, final state and drawn values.
+        Column names contain the units.
     history
-        Keep attitude, rates and torque of every case at so many instants, evenly over the horizon.
+        Save attitude, rates and torque of every case at this number of instants, evenly spaced over
+        the horizon.
     yes
-        Begin even what takes more steps, memory or disk than jaxsat does unasked.
+        Start even if the work exceeds the limits of steps, memory or disk.
     elsewhere
-        Resume a store that was begun with other versions or on another processor, if the
-        program is the same.
+        Resume a store that was started with other versions or on another processor, if the program
+        is the same.
     controller
-        Library that `make` built of `jaxsat export`: its C runs in the place of law and estimator,
-        in threads of this process.
+        Library that `make` built in the folder of `jaxsat export`: its C code replaces law and
+        estimator, in threads of this process.
     quiet
-        Print nothing unless something is wrong.
+        Print only warnings and errors.
     """
     stem = Path(scenario).stem
     if case is not None and figures is not None:
@@ -152,7 +151,9 @@ def montecarlo(
             "--overwrite: must be given with --case, --csv or --report; a store is resumed"
         )
     if controller is not None and (processes or scheduler or devices):
-        raise UserMistake("--controller: must go without --processes, --scheduler and --devices")
+        raise UserMistake(
+            "--controller: must be given without --processes, --scheduler and --devices"
+        )
     target = out or Path(f"jaxsat-{stem}{'.zarr' if case is None else f'-{case}'}")
     more = {"--figures": figures, "--csv": csv}
     places = [(option, place) for option, place in more.items() if place is not None]
@@ -192,7 +193,7 @@ def montecarlo(
     if study.remark is not None and not quiet:
         print_stderr(study.remark, "")
     if rule is not None and study.has_fixed_size:
-        raise UserMistake("--until-ci: must go with another design than latin-hypercube")
+        raise UserMistake("--until-ci: must be given with a design other than latin-hypercube")
     if case is not None:
         write_one_case(chosen, study, case, target, overwrite=overwrite, quiet=quiet)
         finish_report(planned, quiet=quiet)

@@ -23,8 +23,8 @@ def report(
 ) -> int:
     """Write one HTML file of results: verdict, 3-D replay, linked plots, tables, provenance.
 
-    The file needs no network. Several paths go into one file. Commands that write results do the
-    same for theirs with --report.
+    The file needs no network. Several paths go into one file. Commands that write results write a
+    report of them with --report.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def report(
     overwrite
         Replace the file.
     quiet
-        Print nothing unless something is wrong.
+        Print only warnings and errors.
     """
     if not paths:
         raise UserMistake("report: must be given at least one path, got none")

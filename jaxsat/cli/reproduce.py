@@ -39,14 +39,14 @@ def reproduce(
     Parameters
     ----------
     out
-        Folder to write to.
+        Output folder.
     report
-        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
-        the file that is named.
+        Also write a report, as `jaxsat report` does: report.html in the output folder, or the given
+        file.
     overwrite
-        Replace the folder, or the file of --report, if jaxsat wrote it before.
+        Replace the folder, or the file of --report, if jaxsat wrote it.
     quiet
-        Print nothing unless something is wrong.
+        Print only warnings and errors.
     """
     planned = planned_report(report, out, overwrite=overwrite)
 

@@ -69,17 +69,17 @@ def check(
     *files: str,
     overrides: Overrides = (),
 ) -> int:
-    """Check scenario files and tell every mistake in them.
+    """Check scenario files and report every error in them.
 
-    What is all right can be run: it has been built, with the dispersions of a study and the gains
-    to tune where the file has them.
+    A file without errors can be run: the check builds it, with the dispersions of a study and the
+    gains to tune if the file has them.
 
     Parameters
     ----------
     files
         TOML files, or names from the library.
     overrides
-        KEY=VALUE to put in place of what the files say, as for `jaxsat simulate`.
+        KEY=VALUE that replaces a value of the files, as for `jaxsat simulate`.
     """
     if not files:
         raise UserMistake("scenarios check: must be given at least one file, got none")

@@ -38,17 +38,17 @@ def simulate(
     scenario
         A name from `jaxsat scenarios list`, or a TOML file.
     overrides
-        KEY=VALUE to put in place of what the scenario says, such as control.k3=0.07; may be
-        given several times.
+        KEY=VALUE that replaces a value of the scenario, such as control.k3=0.07; may be given
+        several times.
     out
-        Folder to write to; jaxsat-NAME in the current folder if left out.
+        Output folder; by default jaxsat-NAME in the current folder.
     report
-        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
-        the file that is named.
+        Also write a report, as `jaxsat report` does: report.html in the output folder, or the given
+        file.
     overwrite
-        Replace the folder, or the file of --report, if jaxsat wrote it before.
+        Replace the folder, or the file of --report, if jaxsat wrote it.
     quiet
-        Print nothing unless something is wrong.
+        Print only warnings and errors.
     """
     chosen = load_or_explain(scenario, overrides)
     target = Path(f"jaxsat-{Path(scenario).stem}") if out is None else out

@@ -21,14 +21,13 @@ _PERCENTILES = {
 
 def summary_lines(summary: "Summary") -> list[str]:
     """What a study found, for a person."""
-    from jaxsat.montecarlo import ends_text
+    from jaxsat.montecarlo import ends_text, percent_texts
 
-    settled = summary.settled
+    settled, low, high = percent_texts(summary.settled)
     lines = [
         f"cases            {summary.cases}: "
         + ", ".join(f"{number} {name}" for name, number in summary.outcomes.items()),
-        f"settled          {settled.value:.2%} (95 % interval {settled.low:.2%} to "
-        f"{settled.high:.2%})",
+        f"settled          {settled} (95 % interval {low} to {high})",
     ]
     for name, (title, unit) in _PERCENTILES.items():
         parts = [
@@ -49,20 +48,16 @@ def recovery_lines(found: "RecoverySummary | None") -> Iterator[str]:
     """What came of failures in flight: by kind, the alarms without one, and the cases explained."""
     if found is None:
         return
-    from jaxsat.montecarlo import reason_words
+    from jaxsat.montecarlo import percent_texts, reason_words
 
     yield "recovered, by kind of failure (95 % intervals)"
     width = max(len(row.kind) for row in found.by_kind)
     for row in found.by_kind:
-        one, known = row.recovered, row.of_recoverable
-        line = (
-            f"  {row.kind:<{width}}  {row.settled} of {row.cases}, {one.low:.2%} to {one.high:.2%}"
-        )
-        if row.recoverable < row.cases and known is not None:
-            line += (
-                f"; {row.settled} of {row.recoverable} recoverable, "
-                f"{known.low:.2%} to {known.high:.2%}"
-            )
+        _, low, high = percent_texts(row.recovered)
+        line = f"  {row.kind:<{width}}  {row.settled} of {row.cases}, {low} to {high}"
+        if row.recoverable < row.cases and row.of_recoverable is not None:
+            _, low, high = percent_texts(row.of_recoverable)
+            line += f"; {row.settled} of {row.recoverable} recoverable, {low} to {high}"
         yield line + "".join(
             f"; {number} {reason_words(reason)}" for reason, number in row.reasons.items()
         )

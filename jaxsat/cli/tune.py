@@ -51,41 +51,41 @@ def tune(
 ) -> int:
     """Tune gains of a scenario's control law over its dispersions, as its [tuning] table says.
 
-    The folder gets tuned.toml, ready to run, a summary that begins with whether the gradients can
-    be trusted, the verdict on cases that were never tuned on, the history and figures. A run that
-    was interrupted is resumed by the same command and ends with the same numbers.
+    Writes tuned.toml, ready to run, a summary that begins with the check of the gradients, the
+    verdict on cases not used for tuning, the history and figures. The same command resumes an
+    interrupted run, with the same result.
 
     Parameters
     ----------
     scenario
         A name from `jaxsat scenarios list`, or a TOML file, with [dispersion] and [tuning] tables.
     out
-        Folder to write to; jaxsat-NAME-tuned in the current folder if left out.
+        Output folder; by default jaxsat-NAME-tuned in the current folder.
     overrides
-        KEY=VALUE to put in place of what the scenario says, such as tuning.steps=20; may be given
+        KEY=VALUE that replaces a value of the scenario, such as tuning.steps=20; may be given
         several times.
     engine
-        native, machine code made for the program; scan, a plain loop under XLA; diffrax, the
-        method of a single run; auto is native where that can be, else scan.
+        native: machine code compiled for the program; scan: a plain loop in XLA; diffrax: the
+        method of a single run; auto: native if possible, else scan.
     workers
-        Threads that share a batch out; as many as processors if left out.
+        Threads that share a batch; by default the number of processors.
     batch_size
-        Cases that go through the compiled loop together.
+        Cases per pass of the compiled loop.
     baselines
-        Afterwards spend as many trajectories, or what [tuning] says, on Nelder-Mead, random
-        search, CMA-ES and BFGS.
+        Then run Nelder-Mead, random search, CMA-ES and BFGS with the same number of trajectories,
+        or the number in [tuning].
     report
-        Write a report of the results too, as by `jaxsat report`: report.html in their folder, or
-        the file that is named.
+        Also write a report, as `jaxsat report` does: report.html in the output folder, or the given
+        file.
     overwrite
-        Replace the file of --report; what is in the folder is resumed.
+        Replace the file of --report; results in the folder are resumed.
     yes
-        Begin even what takes more steps, memory or disk than jaxsat does unasked.
+        Start even if the work exceeds the limits of steps, memory or disk.
     elsewhere
-        Resume a run that was begun with other versions or on another processor, if the
-        program is the same.
+        Resume a run that was started with other versions or on another processor, if the program is
+        the same.
     quiet
-        Print nothing unless something is wrong.
+        Print only warnings and errors.
     """
     chosen = load_or_explain(scenario, overrides, "study")
     use_double_precision()

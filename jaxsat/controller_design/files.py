@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING
 
 import jaxsat
 from jaxsat.controller_design.explanation import drawn_numbers
-from jaxsat.controller_design.page import DESIGNED, design_comment, design_page, headline
+from jaxsat.controller_design.page import design_comment, design_page, headline
 from jaxsat.controller_design.result import ControllerDesign, Step
 from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.results import ResumableFolder, provenance
+from jaxsat.results.design_text import DESIGNED
 from jaxsat.scenario import dump
 
 if TYPE_CHECKING:
@@ -63,7 +64,9 @@ def _laws_figure(found: ControllerDesign) -> "Figure":
         panels[key] = {row.setting.law: row.settling_times for row in step.rows}
         assert found.scenario is not None
         horizons[key] = found.scenario.simulation.duration_s
-    return settling_comparison(panels, horizons, f"{found.original.title}: laws on the way")
+    return settling_comparison(
+        panels, horizons, f"{found.original.title}: screening and validation"
+    )
 
 
 def _mapped(found: ControllerDesign) -> "dict[str, DrawnNumber]":

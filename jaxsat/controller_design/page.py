@@ -7,14 +7,21 @@ import numpy as np
 from jaxsat.comparison import ComparisonRow
 from jaxsat.controller_design.explanation import Remedy
 from jaxsat.controller_design.result import ControllerDesign, Step, Verification
-from jaxsat.controller_design.tuning import TUNED
-from jaxsat.montecarlo import Interval, ends_text
+from jaxsat.montecarlo import Interval, ends_text, fraction_text
+from jaxsat.results.design_text import (
+    ASSUMPTIONS,
+    DESIGNED,
+    IN_COMMON,
+    LAWS_NOT_FITTING,
+    REMEDIES,
+    REMEDIES_NOTE,
+    UNSETTLED_CASES,
+    tuning_text,
+)
 from jaxsat.text import clean, markdown
 
 SHOWN_CASES = 20
 """Failing cases that are listed; design.json has all."""
-
-DESIGNED = "designed.toml"
 
 
 def headline(found: ControllerDesign) -> str:
@@ -27,8 +34,8 @@ def headline(found: ControllerDesign) -> str:
         return f"Nothing to design. {why}"
     fraction = verification.settled
     first = (
-        f"{found.chosen.name} settles {_percent(fraction)} of {verification.summary.cases} unseen "
-        f"cases; wanted were {wanted} %"
+        f"{found.chosen.name} settles {fraction_text(fraction)} of "
+        f"{verification.summary.cases} unseen cases; wanted were {wanted} %"
     )
     if found.proven:
         return f"Reached: {first}. The whole interval is above."
@@ -41,19 +48,19 @@ def headline(found: ControllerDesign) -> str:
 
 
 def design_page(found: ControllerDesign) -> str:
-    """Markdown: the verdict, what is left, the way, the verification, and what would help."""
+    """Markdown: verdict, what is left, choice of the law, verification, and what would help."""
     blocks = [f"# Design: {markdown(found.original.title)}", f"**{headline(found)}**"]
     if found.misses_attitude:
         blocks.append(f"**{found.misses_attitude}**")
     blocks += ["## What is left", _items(found.verdict.lines())]
     if found.assumed:
-        blocks += ["## What was assumed", "The scenario does not say, so:", _items(found.assumed)]
+        blocks += [f"## {ASSUMPTIONS}", _items(found.assumed)]
     if found.left_out:
-        blocks += ["## Laws that do not fit", _items(found.left_out)]
+        blocks += [f"## {LAWS_NOT_FITTING}", _items(found.left_out)]
     if found.cautions:
         blocks += ["## Beyond what the laws are verified on", _items(found.cautions)]
     if found.screening is not None:
-        blocks += ["## The way", *_way(found)]
+        blocks += ["## Choice of the law", *_choice(found)]
     if found.verification is not None:
         blocks += ["## Verification", *_verification(found, found.verification)]
     return "\n\n".join(blocks) + "\n"
@@ -72,7 +79,7 @@ def design_comment(found: ControllerDesign, version: str) -> str:
         f"-n {found.settings.cases}`.",
     ]
     if found.assumed:
-        lines += ["Assumed, as the vehicle's file does not say:"]
+        lines += [f"{ASSUMPTIONS}:"]
         lines += [f"  {line}" for line in found.assumed]
     if found.settings.attitude == "nearest" and not found.verdict.holds and found.verdict.turn:
         lines.append(
@@ -83,27 +90,20 @@ def design_comment(found: ControllerDesign, version: str) -> str:
     return "".join(f"# {line}\n" for line in lines)
 
 
-def _way(found: ControllerDesign) -> Iterator[str]:
+def _choice(found: ControllerDesign) -> Iterator[str]:
     assert found.screening is not None
     assert found.chosen is not None
     seeds = found.settings.seeds
     yield f"Screening, seed {seeds.screening}:"
     yield from _step(found.screening)
-    if found.tuned is not None:
-        state = found.tuned.state
-        yield (
-            f"Tuning of {found.tuned.candidate.name.removesuffix(TUNED)}, seed {seeds.tuning}: "
-            f"{state.step} steps, loss on its own validation cases from "
-            f"{found.tuned.loss_before:.4g} to {state.best_loss:.4g}"
-            f"{'.' if found.tuned.improved else ': nothing better was found.'}"
-        )
-    elif found.not_tuned is not None:
-        yield f"Tuning was left out: {found.not_tuned}."
+    tuning = found.tuning_data()
+    if tuning is not None:
+        yield tuning_text(tuning)
     if found.validation is not None:
         yield f"Validation, seed {seeds.validation}:"
         yield from _step(found.validation)
     gains = ", ".join(f"{key} = {_gain(value)}" for key, value in found.gains.items())
-    yield f"Taken: **{found.chosen.name}**{f' with {gains}' if gains else ''}."
+    yield f"Chosen: **{found.chosen.name}**{f' with {gains}' if gains else ''}."
 
 
 def _step(step: Step) -> Iterator[str]:
@@ -118,7 +118,7 @@ def _cells(row: ComparisonRow) -> list[str]:
     return [
         row.setting.law,
         str(row.cases),
-        _percent(row.settled),
+        fraction_text(row.settled),
         _seconds(row.t50),
         _seconds(row.t90),
         f"{row.effort:.4g}",
@@ -129,7 +129,7 @@ def _cells(row: ComparisonRow) -> list[str]:
 def _verification(found: ControllerDesign, made: Verification) -> Iterator[str]:
     summary, seed = made.summary, found.settings.seeds.verification
     outcomes = ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
-    rows = [["cases", f"{summary.cases}: {outcomes}"], ["settled", _percent(made.settled)]]
+    rows = [["cases", f"{summary.cases}: {outcomes}"], ["settled", fraction_text(made.settled)]]
     for name, unit in (("settling_time", "s, of those that settle"), ("effort", "N m s")):
         for percent, entry in getattr(summary, name).items():
             label = f"{name.replace('_', ' ')}, {percent:g} % ({unit})"
@@ -141,7 +141,7 @@ def _verification(found: ControllerDesign, made: Verification) -> Iterator[str]:
     )
     if not made.failing:
         return
-    yield "## Cases that do not settle"
+    yield f"## {UNSETTLED_CASES}"
     listed = ", ".join(map(str, made.failing[:SHOWN_CASES]))
     more = len(made.failing) - SHOWN_CASES
     yield (
@@ -150,7 +150,7 @@ def _verification(found: ControllerDesign, made: Verification) -> Iterator[str]:
     )
     if found.outcome == "reached":
         return
-    yield "### What they have in common"
+    yield f"### {IN_COMMON}"
     if made.separations:
         head = ["number", "share explained", "failing: 10, 50, 90 %", "settled: 10, 50, 90 %"]
         yield _table(
@@ -161,12 +161,12 @@ def _verification(found: ControllerDesign, made: Verification) -> Iterator[str]:
             ],
         )
     else:
-        yield "Nothing that was drawn tells them from the others more than chance would."
-    yield "### What would help"
+        yield "No drawn number separates them from the others by more than chance."
+    yield f"### {REMEDIES}"
     if made.limit is not None:
         yield f"**What limits it: with {made.limit.change} {_helped(made.limit)} settle.**"
         yield from _cause(found, made.limit.change)
-    yield "The failing cases flown again, each with one thing changed:"
+    yield REMEDIES_NOTE
     yield _table(
         ["change", "settle then"],
         [[one.change, f"{_helped(one)} ({one.settled / one.flown:.0%})"] for one in made.remedies],
@@ -195,10 +195,6 @@ def _items(lines: Sequence[str]) -> str:
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def _percent(value: Interval) -> str:
-    return f"{value.value:.2%} ({value.low:.2%} to {value.high:.2%})"
 
 
 def _seconds(value: Interval) -> str:

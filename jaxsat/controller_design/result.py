@@ -161,14 +161,15 @@ class ControllerDesign:
             "left_out": list(self.left_out),
             "cautions": list(self.cautions),
             "screening": self.screening and self.screening.as_data(),
-            "tuning": self._tuning_data(),
+            "tuning": self.tuning_data(),
             "validation": self.validation and self.validation.as_data(),
             "chosen": self.chosen and self.chosen.name,
             "gains": self.gains,
             "verification": self.verification and _verification_data(self.verification),
         }
 
-    def _tuning_data(self) -> dict[str, Any] | None:
+    def tuning_data(self) -> dict[str, Any] | None:
+        """What tuning gave, or why it was skipped, as plain data; None without a candidate."""
         if self.tuned is None:
             return {"left_out": self.not_tuned} if self.not_tuned else None
         state = self.tuned.state

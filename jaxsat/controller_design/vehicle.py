@@ -90,8 +90,8 @@ def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
     """The verdict on the actuators that work at the start."""
     if scenario.magnetorquer:
         raise UnsuitableVehicle(
-            "magnetorquer must be left out: a controller is designed for thrusters and wheels, and "
-            "what magnetorquers can do is not judged"
+            "magnetorquer must be omitted: jaxsat designs controllers for thrusters and wheels, "
+            "and its controllability analysis does not cover magnetorquers"
         )
     actuators, working = all_actuators(scenario)
     left = actuators.only(working)
@@ -143,9 +143,9 @@ def _in_flight(scenario: Scenario) -> tuple[str, ...]:
         return ()
     drawn = [name for name in DRAWN_FAILURES if getattr(scenario.dispersion, name, None)]
     listed = ", ".join(f"{one.of} {one.kind} at {one.at_s:g} s" for one in scenario.failure)
-    how = f", of which every case draws {', '.join(drawn)}" if drawn else ""
+    how = f"; every case draws {', '.join(drawn)}" if drawn else ""
     return (
-        f"Failures in flight ({listed}{how}) are flown in every case, and the law is not told of "
-        "them. The verdict and the laws are those of the actuators that work at the start; for a "
-        "law that knows a failure, give it as `failed`.",
+        f"Failures in flight ({listed}{how}) act in every case, and the law has no knowledge of "
+        "them. The verdict and the laws are for the actuators that work at the start. To design "
+        "for a known failure, give it as `failed`.",
     )

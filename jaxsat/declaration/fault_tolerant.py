@@ -54,7 +54,7 @@ FAULT_TOLERANT = LawDeclaration(
         ),
         number(
             "rate_noise_rad_s",
-            "Standard deviation of the rates that the law is told; left out, that of the sensors",
+            "Standard deviation of the rates that the law receives; by default that of the sensors",
             "rad/s",
             above=0,
             at_most=1,

@@ -37,7 +37,7 @@ ONE_TORQUE = LawDeclaration(
         ),
         number(
             "rate_gain",
-            "Gain on the momentum about the torque axis; left out, from the torque limit",
+            "Gain on the momentum about the torque axis; by default from the torque limit",
             "1/s",
             above=0,
             default=None,

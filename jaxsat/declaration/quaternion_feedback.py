@@ -17,7 +17,7 @@ QUATERNION_FEEDBACK = LawDeclaration(
         number("damping", "Their damping ratio", "1", above=0, default=1.0, tunable="damping"),
         number(
             "max_rate_rad_s",
-            "Largest rate of a slew relative to the orbit frame; left out, there is none",
+            "Largest rate of a slew relative to the orbit frame; by default none",
             "rad/s",
             above=0,
             default=None,

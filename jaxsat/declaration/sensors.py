@@ -100,7 +100,7 @@ GYRO_KEYS = (
     ),
     number(
         "limit_rad_s",
-        "Largest rate that an axis can tell; left out, there is none",
+        "Largest rate that an axis can tell; by default none",
         "rad/s",
         at_least=RATE_RANGE.low,
         at_most=RATE_RANGE.high,
@@ -151,7 +151,7 @@ TRACKER_KEYS = (
     ),
     number(
         "rate_limit_rad_s",
-        "Largest size of ω at which there are measurements; left out, there is none",
+        "Largest size of ω at which there are measurements; by default none",
         "rad/s",
         at_least=RATE_RANGE.low,
         at_most=RATE_RANGE.high,
@@ -159,7 +159,7 @@ TRACKER_KEYS = (
     ),
     number(
         "outage_start_s",
-        "Time at which an outage begins, in which nothing is measured; left out, there is none",
+        "Time at which an outage begins, in which nothing is measured; by default none",
         "s",
         at_least=0,
         at_most=SECONDS.high,

@@ -33,14 +33,14 @@ _COMMON_KEYS = (
     ),
     number(
         "ripple_frequency_rad_s",
-        "Frequency of d3 that the controller believes; left out, that of the disturbance",
+        "Frequency of d3 that the controller believes; by default that of the disturbance",
         "rad/s",
         above=0,
         default=None,
     ),
     number(
         "ripple_amplitude_N_m",
-        "Amplitude of d3 that the controller expects; left out, that of the disturbance",
+        "Amplitude of d3 that the controller expects; by default that of the disturbance",
         "N m",
         at_least=0,
         default=None,

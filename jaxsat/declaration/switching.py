@@ -61,7 +61,7 @@ _KEYS = (
     ),
     number(
         SLOPE_LIMITS[0],
-        "Bounds of the rate law's reference derivative; left out, torque limit / J_i",
+        "Bounds of the rate law's reference derivative; by default torque limit / J_i",
         "rad/s²",
         above=0,
         size=2,
@@ -69,7 +69,7 @@ _KEYS = (
     ),
     number(
         SLOPE_LIMITS[1],
-        "Bounds of the three-axis law's reference derivative; left out, 5 torque limit / J_i",
+        "Bounds of the three-axis law's reference derivative; by default 5 torque limit / J_i",
         "rad/s²",
         above=0,
         size=2,

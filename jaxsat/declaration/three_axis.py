@@ -25,7 +25,7 @@ THREE_AXIS_OPTIONS = (
     switch("internal_model", "Whether the internal model of the disturbance, in (42), is on", True),
     number(
         "internal_model_frequency_rad_s",
-        "Frequencies of the internal model; left out, those of the disturbance about x and y",
+        "Frequencies of the internal model; by default those of the disturbance about x and y",
         "rad/s",
         at_least=KNOWN_FREQUENCY.low,
         at_most=KNOWN_FREQUENCY.high,

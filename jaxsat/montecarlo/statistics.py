@@ -125,6 +125,21 @@ def _of_sorted(values: np.ndarray, percent: float) -> float:
     return float(low + share * (high - low)) if np.isfinite(high) else float(high)
 
 
+def percent_texts(found: Interval) -> tuple[str, str, str]:
+    """A fraction and the ends of its interval, "99.90%"; digits enough to tell the ends apart."""
+    width, digits = 100 * (found.high - found.low), 2
+    while digits < 6 and 0 < width < 10 ** (1 - digits):
+        digits += 1
+    value, low, high = (f"{one:.{digits}%}" for one in found)
+    return value, low, high
+
+
+def fraction_text(found: Interval) -> str:
+    """A fraction with its interval, "99.90% (99.64% to 99.97%)"."""
+    value, low, high = percent_texts(found)
+    return f"{value} ({low} to {high})"
+
+
 def ends_text(found: Interval, form: str = ".4g") -> str:
     """The ends of an interval in words, "1 to 2"; "over 1" where the upper end is open."""
     low, high = (format(end, form) for end in found[1:])

@@ -29,7 +29,7 @@ class Lines:
 class Table:
     """Rows that a reader can sort by any column; numbers are right-aligned and sort as numbers.
 
-    `code` names the columns that hold commands.
+    `code` names the columns that hold commands; `command` is one for the whole table.
     """
 
     block: ClassVar[str] = "table"
@@ -38,6 +38,7 @@ class Table:
     rows: Sequence[Sequence[Cell]]
     note: str = ""
     code: frozenset[str] = frozenset()
+    command: str = ""
 
 
 class Key(NamedTuple):

@@ -25,8 +25,17 @@ from jaxsat.page.reading import form_explained, read_lines, read_record, record_
 from jaxsat.page.run import scenario_facts
 from jaxsat.page.study_charts import convergence_chart, settled_by_chart, settling_times_chart
 from jaxsat.results import study_columns
+from jaxsat.results.design_text import (
+    ASSUMPTIONS,
+    DESIGNED,
+    IN_COMMON,
+    LAWS_NOT_FITTING,
+    REMEDIES,
+    REMEDIES_NOTE,
+    UNSETTLED_CASES,
+    tuning_text,
+)
 
-DESIGNED = "designed.toml"
 MOST_CASES = 25
 """Failing cases that are listed."""
 
@@ -81,12 +90,12 @@ def _blocks(folder: Path, record: Mapping[str, Any], tables: Mapping[str, Any]) 
         for row in record[step]["rows"]
     ]
     if rows:
-        yield Table("Laws on the way", ["step", *LAW_COLUMNS], rows, LAWS_NOTE)
+        yield Table("Laws in screening and validation", ["step", *LAW_COLUMNS], rows, LAWS_NOTE)
     taken = [f"{step.capitalize()}: {record[step]['reason']}." for step in STEPS if record[step]]
     lines = {
-        "Why this law": [*taken, *_tuning(record["tuning"])],
-        "Assumptions, where the file gives no value": record["assumed"],
-        "Laws that do not fit": record["left_out"],
+        "Why this law": [*taken, *([tuning_text(record["tuning"])] if record["tuning"] else [])],
+        ASSUMPTIONS: record["assumed"],
+        LAWS_NOT_FITTING: record["left_out"],
     }
     for title, told in lines.items():
         if told:
@@ -98,18 +107,6 @@ def _gain(value: Any) -> list[Any]:
     if isinstance(value, (list, tuple)):
         return [", ".join(number(one) for one in value)]
     return [value]
-
-
-def _tuning(tuning: Mapping[str, Any] | None) -> list[str]:
-    if tuning is None:
-        return []
-    if "left_out" in tuning:
-        return [f"Tuning was skipped: {tuning['left_out']}."]
-    before, after = (number(tuning[f"loss_{when}"]) for when in ("before", "after"))
-    return [
-        f"Tuning of {tuning['candidate']}: {tuning['steps']} steps, loss on validation cases from "
-        f"{before} to {after}."
-    ]
 
 
 def _charts(folder: Path, record: Mapping[str, Any]) -> Iterator[Chart]:
@@ -137,7 +134,7 @@ def _failing(record: Mapping[str, Any]) -> Iterator[Block]:
     left = len(found["failing_cases"]) - len(rows)
     note = "The command computes the case again with its whole trajectory."
     note += f" {left} more are in design.json." if left else ""
-    yield Table("Cases that do not settle", ["case", "command"], rows, note, frozenset({"command"}))
+    yield Table(UNSETTLED_CASES, ["case", "command"], rows, note, frozenset({"command"}))
     if found["separations"]:
         columns = ["number", "share explained"]
         columns += [
@@ -147,8 +144,7 @@ def _failing(record: Mapping[str, Any]) -> Iterator[Block]:
             [one["name"], one["share"], *one["failing"], *one["settled"]]
             for one in found["separations"]
         ]
-        yield Table("What they have in common", columns, rows)
+        yield Table(IN_COMMON, columns, rows)
     if found["remedies"]:
         rows = [[one["change"], one["settled"], one["flown"]] for one in found["remedies"]]
-        note = "The failing cases simulated again, each time with one change."
-        yield Table("What would help", ["change", "settle then", "of"], rows, note)
+        yield Table(REMEDIES, ["change", "settle then", "of"], rows, REMEDIES_NOTE)

@@ -1,6 +1,6 @@
 """Recovery from failures in flight, on the page of a study."""
 
-from jaxsat.montecarlo import KindRecovery, RecoverySummary, ends_text, reason_words
+from jaxsat.montecarlo import Interval, KindRecovery, RecoverySummary, percent_texts, reason_words
 from jaxsat.page.content import Cell, Table, number
 
 SHOWN = 200
@@ -12,8 +12,8 @@ def recovery_line(found: RecoverySummary) -> str:
     total = found.by_kind[-1]
     text = f"Recovered: {total.settled:,} of {total.recoverable:,} recoverable cases"
     if total.of_recoverable is not None:
-        one = total.of_recoverable
-        text += f" ({one.value:.2%}, 95 % interval {one.low:.2%} to {one.high:.2%})"
+        fraction, low, high = percent_texts(total.of_recoverable)
+        text += f" ({fraction}, 95 % interval {low} to {high})"
     if found.false_alarms is None:
         return f"{text}."
     hours = number(found.healthy_time / 3600)
@@ -26,7 +26,7 @@ def recovery_tables(found: RecoverySummary | None) -> list[Table]:
         return []
     reasons = list(dict.fromkeys(reason for row in found.by_kind for reason in row.reasons))
     columns = ["failure", "cases", "recovered", "fraction", "95 % interval", "recoverable",
-               "fraction of recoverable", "its interval"]  # fmt: skip
+               "fraction of recoverable", "95 % interval of it"]  # fmt: skip
     rows = [[*_fractions(row), *(row.reasons.get(one, 0) for one in reasons)]
             for row in found.by_kind]  # fmt: skip
     tables = [Table("Recovery by kind of failure", [*columns, *map(reason_words, reasons)], rows)]
@@ -45,11 +45,16 @@ def _fractions(row: KindRecovery) -> list[Cell]:
         row.cases,
         row.settled,
         row.recovered.value,
-        ends_text(row.recovered, ".2%"),
+        _ends(row.recovered),
         row.recoverable,
         None if known is None else known.value,
-        "" if known is None else ends_text(known, ".2%"),
+        "" if known is None else _ends(known),
     ]
+
+
+def _ends(found: Interval) -> str:
+    _, low, high = percent_texts(found)
+    return f"{low} to {high}"
 
 
 def _diagnosis(told: list[KindRecovery]) -> Table:

@@ -1,16 +1,25 @@
 """The section of a study: how many cases settle, when, sensitivities, and the worst."""
 
+import dataclasses
 import hashlib
 import json
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
-from jaxsat.montecarlo import Sensitivity, Summary, ends_text, numbers_of, summarise
+from jaxsat.engine.adaptive import Tolerance
+from jaxsat.montecarlo import (
+    Sensitivity,
+    Summary,
+    ends_text,
+    numbers_of,
+    percent_texts,
+    summarise,
+)
 from jaxsat.page.content import Charts, Facts, Listing, Section, Table, Verdict, number
 from jaxsat.page.recovery import recovery_line, recovery_tables
 from jaxsat.page.run import scenario_facts
@@ -68,10 +77,10 @@ def study_section(path: Path) -> Section:
 
 def study_verdict(summary: Summary) -> Verdict:
     """The settled fraction with its interval, settling times, and how the others ended."""
-    found = summary.settled
-    interval = f"95 % interval {found.low:.2%} to {found.high:.2%}"
-    text = f"{found.value:.2%} of {summary.cases:,} cases settle ({interval})."
-    more = ["Ends: " + ", ".join(f"{n:,} {name}" for name, n in summary.outcomes.items()) + "."]
+    fraction, low, high = percent_texts(summary.settled)
+    interval = f"95 % interval {low} to {high}"
+    text = f"{fraction} of {summary.cases:,} cases settle ({interval})."
+    more = ["Outcomes: " + ", ".join(f"{n:,} {name}" for name, n in summary.outcomes.items()) + "."]
     if summary.settling_time:
         parts = [
             f"{percent:g} %: {number(t.value)} s" for percent, t in summary.settling_time.items()
@@ -137,16 +146,17 @@ def _percentiles(summary: Summary) -> Table:
             rows.append(
                 [f"{name.replace('_', ' ')} ({unit})", percent, found.value, ends_text(found)]
             )
-    return Table("Percentiles", ["of", "percent", "value", "95 % interval"], rows)
+    return Table("Percentiles", ["quantity", "percentile", "value", "95 % interval"], rows)
 
 
 def _rankings(summary: Summary) -> list[Table]:
     """Sensitivities of settling and cost."""
     rankings = {"settling": summary.settling_sensitivity, "the cost": summary.cost_sensitivity}
-    columns = ["quantity", "first-order index", "interval", "rank correlation", "its interval"]
-    note = (
-        "The 95 % intervals hold simultaneously. Quantities that do not matter are not significant."
-    )
+    columns = [
+        *("quantity", "first-order index", "interval of the index"),
+        *("rank correlation", "interval of the correlation", "significant"),
+    ]
+    note = "The 95 % intervals hold simultaneously."
     found = []
     for name, ranking in rankings.items():
         rows = [
@@ -163,29 +173,32 @@ def _rankings(summary: Summary) -> list[Table]:
         ]
         if rows:
             title = f"Sensitivity of {name}"
-            found.append(Table(title, [*columns, "matters"], rows, note))
+            found.append(Table(title, columns, rows, note))
     return found
 
 
 def _worst(study: Any, summary: Summary, identity: Mapping[str, Any], known: bool) -> Table:
-    """The worst cases with what was drawn and the command that computes each again."""
+    """The worst cases with what was drawn, and the command that computes the first again."""
     table = case_table(study.isel(case=summary.worst))
     drawn = [name for name in table if str(name).startswith("drawn_")]
     told = [name for name in table if str(name) not in drawn]
     shown = [name for name in told if not str(name).startswith(("quaternion", "w1", "w2", "z_"))]
     shown.sort(key=lambda name: name not in ("outcome", "settling_time_s"))
-    columns = ["case", *(["command"] if known else []), *map(str, shown), *map(str, drawn)]
+    columns = ["case", *map(str, shown), *map(str, drawn)]
     rows = []
     for case, row in table.iterrows():
-        command = [case_command(identity, int(str(case)), summary.cases)] if known else []
         values = [row[name] for name in (*shown, *drawn)]
         cells = [value if isinstance(value, str) else _cell(value) for value in values]
-        rows.append([int(str(case)), *command, *cells])
-    note = (
-        "Failed ones first, then those that do not settle, then the slow. Save the scenario below "
-        f"as {FILE}; the command computes the case again with its whole trajectory."
+        rows.append([int(str(case)), *cells])
+    note = "Failed cases first, then unsettled cases, then the slowest."
+    if not known:
+        return Table("Worst cases", columns, rows, note)
+    note += (
+        f" To compute a case again with its whole trajectory, save the scenario below as {FILE} "
+        "and run this command with the number of the case:"
     )
-    return Table("Worst cases", columns, rows, note if known else "", frozenset({"command"}))
+    command = case_command(identity, summary.worst[0], summary.cases)
+    return Table("Worst cases", columns, rows, note, command=command)
 
 
 def _cell(value: Any) -> float | None:
@@ -203,6 +216,16 @@ def case_command(identity: Mapping[str, Any], case: int, count: int) -> str:
     return shlex.join([*words, "--case", str(case)])
 
 
+def _engine(identity: Mapping[str, Any]) -> Iterator[str]:
+    """What says how an engine integrates, every number with its name."""
+    for key, value in identity.items():
+        if key == "tolerance":
+            names = [one.name for one in dataclasses.fields(Tolerance)]
+            yield from (f"{name} {one:g}" for name, one in zip(names, value, strict=True))
+        else:
+            yield f"{key} {value}"
+
+
 def _provenance(identity: Mapping[str, Any], runs: list[dict[str, Any]], path: Path) -> Facts:
     """What made a store: program, seed, versions and machines of every time it was continued."""
     text = json.dumps(identity["scenario"], sort_keys=True)
@@ -211,8 +234,8 @@ def _provenance(identity: Mapping[str, Any], runs: list[dict[str, Any]], path: P
         "scenario (SHA-256)": hashlib.sha256(text.encode()).hexdigest(),
         "program": str(identity.get("program", {}).get("operations", "")),
         "seed": str(identity["seed"]),
-        "design": str(identity["design"]),
-        "engine": ", ".join(f"{key} {value}" for key, value in identity["engine"].items()),
+        "sampling": str(identity["design"]).lower(),
+        "engine": ", ".join(_engine(identity["engine"])),
     }
     for place, run in enumerate(runs, 1):
         versions = ", ".join(f"{name} {version}" for name, version in run["versions"].items())

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from bokeh.models import ColumnDataSource, HoverTool
 
-from jaxsat.montecarlo import wilson
+from jaxsat.montecarlo import percent_texts, wilson
 from jaxsat.page.charts import INK, INK_FILL, legend, new_figure, plain, stroke_of
 from jaxsat.page.content import Chart
 from jaxsat.page.decimation import kept_samples
@@ -28,7 +28,7 @@ def settled_by_chart(times: np.ndarray) -> Chart | None:
     at = np.unique(np.quantile(good, np.linspace(0, 1, POINTS), method="inverted_cdf"))
     fractions = [wilson(int(n), len(times)) for n in np.searchsorted(good, at, side="right")]
     middle = f"half of all cases by {np.quantile(times, 0.5, method='inverted_cdf'):.4g} s"
-    told = f"{fractions[-1].value:.2%} of the cases settle, {middle}."
+    told = f"{percent_texts(fractions[-1])[0]} of the cases settle, {middle}."
     title = "Fraction settled by a time, with its 95 % Wilson interval"
     return _banded(title, told, at, np.array(fractions), ("time (s)", "fraction"), ("s", ""), True)
 
@@ -61,10 +61,10 @@ def convergence_chart(times: np.ndarray) -> Chart:
     """The settled fraction as cases come in, with Wilson's interval."""
     settled = np.cumsum(np.isfinite(times))
     at = np.unique(np.geomspace(1, len(times), POINTS).astype(int))
-    fractions = np.array([wilson(int(settled[n - 1]), int(n)) for n in at])
-    told = f"After {len(times):,} cases {fractions[-1, 0]:.2%}."
+    found = [wilson(int(settled[n - 1]), int(n)) for n in at]
+    told = f"After {len(times):,} cases {percent_texts(found[-1])[0]}."
     title = "Fraction settled over the number of cases, with its 95 % Wilson interval"
-    return _banded(title, told, at, fractions, ("cases", "fraction"), ("", ""), False)
+    return _banded(title, told, at, np.array(found), ("cases", "fraction"), ("", ""), False)
 
 
 def success_chart(label: str, values: np.ndarray, settled: np.ndarray, unit: str) -> Chart | None:
@@ -98,7 +98,7 @@ def settling_over_chart(
     points = np.array([np.quantile(there[1][one], [0.5, 0.1, 0.9]) for one in parts])
     told = f"Medians from {points[:, 0].min():.4g} to {points[:, 0].max():.4g} s."
     title = f"Settling time over {label}: median, 10 % and 90 % points of those that settle"
-    axes = (_axis(label, unit), "s")
+    axes = (_axis(label, unit), "settling time (s)")
     return _banded(title, told, middles, points, axes, (unit, "s"), False, points=True)
 
 
@@ -174,7 +174,7 @@ def _banded(
     form = "{%.5g}"
     rows = [
         (axes[0].partition(" (")[0], f"@x{form} {units[0]}".rstrip()),
-        (axes[1], f"@y{form} {units[1]}".rstrip()),
+        (axes[1].partition(" (")[0], f"@y{form} {units[1]}".rstrip()),
         ("range", f"@low{form} to @high{form} {units[1]}".rstrip()),
     ]
     _hover(made, line, rows)

@@ -43,8 +43,8 @@ def _start_cautions(scenario: Scenario) -> list[Issue]:
     if quaternion is None or not is_upside_down(quaternion):
         return []
     message = (
-        "should not be upside down, where w is without bound and z unknown: what is told of them "
-        f"there is NaN, got {shown(quaternion)}"
+        "should not be upside down, where w is infinite and z undefined: their signals are NaN "
+        f"there, got {shown(quaternion)}"
     )
     return [Issue(("initial", "quaternion"), message)]
 

@@ -84,7 +84,7 @@ def _one_orbit(rate, altitude):
     if rate is None and altitude is None:
         yield at("orbit.rate_rad_s", "must be given in rad/s, or altitude_km, got neither", True)
     if rate is not None and altitude is not None:
-        yield at("orbit.altitude_km", f"must not be given beside rate_rad_s, got {shown(altitude)}")
+        yield at("orbit.altitude_km", f"must not be given with rate_rad_s, got {shown(altitude)}")
 
 
 RATE_AT_GROUND = 0.00124
@@ -121,14 +121,14 @@ def _one_attitude(w, z, quaternion):
         for name, value in (("w", w), ("z_rad", z)):
             if value is not None:
                 yield at(
-                    f"initial.{name}", f"must not be given beside quaternion, got {shown(value)}"
+                    f"initial.{name}", f"must not be given with quaternion, got {shown(value)}"
                 )
     elif w is None and z is None:
         yield at("initial.w", "must be given with z_rad, or quaternion, got neither", True)
     elif w is None:
-        yield at("initial.w", "must be given beside z_rad, got nothing", True)
+        yield at("initial.w", "must be given with z_rad, got nothing", True)
     elif z is None:
-        yield at("initial.z_rad", "must be given in rad beside w, got nothing", True)
+        yield at("initial.z_rad", "must be given in rad with w, got nothing", True)
 
 
 @rule("initial.w", "initial.omega_rad_s", "initial.z_rad")

@@ -16,7 +16,7 @@ from jaxsat.scenario.tables import Relation
 
 
 class ModelTable(Table):
-    """`[control.model]`: what the controller believes; left out, it equals the plant."""
+    """`[control.model]`: what the controller believes; by default it equals the plant."""
 
     inertia_kg_m2: Inertia | None = quantity(
         "Inertia that the controller believes, in either form of spacecraft.inertia_kg_m2",

@@ -71,7 +71,7 @@ def _convert(
             continue
         place = (*location, name)
         if radians in table:
-            message = f"must not be given beside {radians}, got {shown(table[name])}"
+            message = f"must not be given with {radians}, got {shown(table[name])}"
             found.issues.append(Issue(place, message, ((*location, radians),)))
             del table[name]
         else:

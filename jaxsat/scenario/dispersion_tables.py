@@ -40,7 +40,7 @@ class DistributionTable(Table):
     high: NumberOrList | None = choice("Largest value", None)
     mean: NumberOrList | None = choice("Mean, before truncation", None)
     sigma: NumberOrList | None = choice("Standard deviation, before truncation", None)
-    values: Numbers | None = choice("Values of which each component takes one", None)
+    values: Numbers | None = choice("Values from which each component is drawn", None)
     weights: Numbers | None = choice("Weights of the values", None)
 
     @model_validator(mode="after")

@@ -66,7 +66,7 @@ def _amounts(number, one, wanted):
         message = f"must be given {what}, got nothing"
         yield Issue(("failure", number, wanted[-1]), message, (), True)
     elif len(set(given) & set(wanted)) > 1:
-        message = f"must not be given beside {wanted[0]} {what}"
+        message = f"must not be given with {wanted[0]} {what}"
         yield Issue(("failure", number, wanted[-1]), message)
 
 
@@ -93,7 +93,9 @@ def _stuck_torques_have_a_size(failures, limit, thrusters):
         ideal = not thrusters and one.part == "thruster"
         if ideal and limit is None and one.kind.startswith("stuck"):
             message = f'must not be "{one.kind}" without spacecraft.torque_limit_N_m'
-            yield Issue(("failure", number, "kind"), f"{message}, of which it is a part")
+            yield Issue(
+                ("failure", number, "kind"), f"{message}: the stuck torque is a fraction of it"
+            )
 
 
 @rule("failure", "control.law")
@@ -111,7 +113,7 @@ def _failures_suit_the_law(failures, law):
 @rule("failure", "actuators.kind")
 def _failures_are_those_of_jaxsats_own_actuators(failures, kind):
     if failures:
-        yield Issue(("failure",), f"must not be given beside actuators.kind = {shown(kind)}")
+        yield Issue(("failure",), f"must not be given with actuators.kind = {shown(kind)}")
 
 
 @rule("failure", "control.law", "simulation.solver.steps", "simulation.solver.step_s")

@@ -43,13 +43,13 @@ def _something_is_left(magnetorquers, wheels, thrusters, axes):
 @rule("magnetorquer", "spacecraft.third_rate")
 def _magnetorquers_leave_the_third_rate_free(magnetorquers, third_rate):
     if magnetorquers and third_rate == "held":
-        yield at("spacecraft.third_rate", 'must be "free" beside [[magnetorquer]], got "held"')
+        yield at("spacecraft.third_rate", 'must be "free" with [[magnetorquer]], got "held"')
 
 
 @rule("magnetorquer", "actuators.kind")
 def _magnetorquers_go_with_jaxsats_own_actuators(magnetorquers, kind):
     if magnetorquers:
-        yield at("actuators", f"must not be given beside [[magnetorquer]], got {shown(kind)}")
+        yield at("actuators", f"must not be given with [[magnetorquer]], got {shown(kind)}")
 
 
 @rule("unloading.time_constant_s", "magnetorquer", "wheel")

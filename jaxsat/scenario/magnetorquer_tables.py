@@ -10,7 +10,7 @@ from jaxsat.scenario.thruster_tables import Direction
 class MagnetorquerTable(Table):
     """`[[magnetorquer]]`: one magnetorquer, a coil or rod."""
 
-    name: Line | None = choice("A name of its own; left out, it goes by its number from 1", None)
+    name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
     axis: Direction = quantity("Direction of its dipole, body axes", "1")
     dipole_limit_A_m2: Annotated[Number, within(DIPOLE_LIMIT)] = quantity(
         "Largest dipole, either way", "A m²"

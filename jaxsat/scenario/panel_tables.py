@@ -42,4 +42,4 @@ def _panels_stand_for_the_constant_areas(values):
             yield Issue(("panel", number, "diffuse"), f"{message}, got {shown(one.diffuse)}")
     for key, default in ONE_COEFFICIENT.items():
         if values["panel"] and values[key] != default:
-            yield at(key, f"must be left out beside [[panel]], got {shown(values[key])}")
+            yield at(key, f"must be omitted with [[panel]], got {shown(values[key])}")

@@ -69,7 +69,8 @@ class Scenario(Table):
         (),
     )
     unloading: UnloadingTable | None = choice(
-        "How magnetorquers take momentum out of wheels; left out, as by default", None
+        "How magnetorquers take momentum out of wheels; by default its keys have their defaults",
+        None,
     )
     panel: Annotated[tuple[PanelTable, ...], Len(0, 1000)] = choice(
         "Flat plates that sunlight strikes, and air where disturbance.drag_density_kg_m3 is above "
@@ -78,7 +79,7 @@ class Scenario(Table):
     )
     modulation: ModulationTable | None = choice("How [[thruster]] are pulsed", None)
     failure: Annotated[tuple[FailureTable, ...], Len(0, 100)] = choice(
-        "What fails in flight, without the law being told", ()
+        "Failures in flight, of which the law has no knowledge", ()
     )
     initial: InitialTable = choice("The state at the start")
     control: ControlTable = choice("The control law")
@@ -86,7 +87,9 @@ class Scenario(Table):
     sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
     gyro: GyroTable | None = choice("Rate gyros of a sampled law", None)
     star_tracker: StarTrackerTable | None = choice("Star tracker of a sampled law", None)
-    estimator: EstimatorOfAKind | None = choice("What the law is told of both", None)
+    estimator: EstimatorOfAKind | None = choice(
+        "Estimator that gives the law attitude and rates from both", None
+    )
     dispersion: DispersionTable | None = choice("What a Monte-Carlo study disperses", None)
     tuning: TuningTable | None = choice("Which gains are tuned, and how", None)
 

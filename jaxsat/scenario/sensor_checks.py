@@ -19,13 +19,13 @@ MAX_LATENCY = 1000
 @rule("gyro", "star_tracker.latency_s")
 def _tracker_has_a_gyro(gyro, latency):
     del gyro, latency
-    yield at("gyro", "must be given beside [star_tracker], got nothing", True)
+    yield at("gyro", "must be given with [star_tracker], got nothing", True)
 
 
 @rule("star_tracker", "gyro.limit_rad_s")
 def _gyro_has_a_tracker(tracker, limit):
     del tracker, limit
-    yield at("star_tracker", "must be given beside [gyro], got nothing", True)
+    yield at("star_tracker", "must be given with [gyro], got nothing", True)
 
 
 @rule("gyro", "star_tracker", "estimator.kind")
@@ -41,7 +41,7 @@ def _other_noise(name: str) -> None:
     def _check(noise, limit):
         del limit
         if noise > 0:
-            message = f"must be left out beside [gyro] and [star_tracker], got {shown(noise)}"
+            message = f"must be omitted with [gyro] and [star_tracker], got {shown(noise)}"
             yield at(f"sampling.{name}", message)
 
 
@@ -75,7 +75,7 @@ def _an_outage_has_begin_and_length(start, length):
     if (start is None) != (length is None):
         names = ("outage_start_s", "outage_s")
         lacking, other = names if start is None else names[::-1]
-        yield at(f"star_tracker.{lacking}", f"must be given beside {other}, got nothing", True)
+        yield at(f"star_tracker.{lacking}", f"must be given with {other}, got nothing", True)
 
 
 @rule("star_tracker.boresight")

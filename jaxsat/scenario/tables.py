@@ -63,8 +63,8 @@ class SpacecraftTable(Table):
         quantity("Numbers, from 1, of the thrusters that have failed", "1", ())
     )
     torque_limit_N_m: Annotated[Number, within(TORQUE_LIMIT)] | None = quantity(
-        "Largest torque of each thruster; left out, it is unlimited. Of [[thruster]], what the law "
-        "asks for about each axis; left out, what they can make",
+        "Largest torque of each thruster; by default unlimited. With [[thruster]], the largest "
+        "command about each axis; by default what the thrusters can make",
         "N m",
         None,
     )
@@ -124,7 +124,7 @@ class InitialTable(Table):
 
 
 class SolverTable(Table):
-    """`[simulation.solver]`: how the loop is integrated; left out, what suits the loop."""
+    """`[simulation.solver]`: how the loop is integrated; by default what suits the loop."""
 
     name: SolverName | None = choice("Explicit Runge-Kutta solver of diffrax", None)
     steps: Literal["adaptive", "fixed"] | None = choice(

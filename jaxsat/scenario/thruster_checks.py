@@ -39,7 +39,7 @@ def _one_kind_of_thruster(thrusters, axes, failed, wheels, magnetorquers):
         return
     for name, value in (("thruster_torque_axes", axes), ("failed_thrusters", failed or None)):
         if value is not None:
-            message = f"must not be given beside [[thruster]], got {shown(value)}"
+            message = f"must not be given with [[thruster]], got {shown(value)}"
             yield at(f"spacecraft.{name}", message)
 
 
@@ -97,7 +97,7 @@ def _a_law_that_commands_duties_has_thrusters_alone(thrusters, wheels, law):
 @rule("thruster", "actuators.kind")
 def _one_kind_of_actuators(thrusters, kind):
     if thrusters:
-        yield at("actuators", f"must not be given beside [[thruster]], got {shown(kind)}")
+        yield at("actuators", f"must not be given with [[thruster]], got {shown(kind)}")
 
 
 def _whole(thrusters) -> bool:

@@ -48,7 +48,7 @@ Time = Annotated[Number, Ge(0), Le(SECONDS.high)]
 class ThrusterTable(Table):
     """`[[thruster]]`: one thruster, by its place and force or by its torque."""
 
-    name: Line | None = choice("A name of its own; left out, it goes by its number from 1", None)
+    name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
     position_m: Position3 | None = quantity(
         "Where it sits, from the centre of mass, body axes", "m", None
     )
@@ -70,7 +70,7 @@ class ThrusterTable(Table):
     rise_time_s: Time = quantity("Time from no thrust to full thrust, on a straight line", "s", 0.0)
     fall_time_s: Time = quantity("Time from full thrust to none, on a straight line", "s", 0.0)
     specific_impulse_s: Annotated[Number, within(SPECIFIC_IMPULSE)] | None = quantity(
-        "Specific impulse; left out, its propellant is not counted", "s", None
+        "Specific impulse; by default its propellant is not counted", "s", None
     )
     failed: Switch = choice("Whether it has failed before the start, and the law knows it", False)
 

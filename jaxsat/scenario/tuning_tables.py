@@ -44,8 +44,8 @@ class CostTable(Table):
         0.0,
     )
     recovery: Positive | None = quantity(
-        "In place of all that: a case counts as the time from its first failure until it is "
-        "settled, over the horizon, and as this if it never is",
+        "Replaces all other terms: the cost of a case is the time from its first failure until it "
+        "is settled, over the horizon, or this value if it never settles",
         "1",
         None,
     )
@@ -72,7 +72,7 @@ class TuningTable(Table):
     )
     level: Unit = quantity("α of cvar, the worst 1 - α counting, or the quantile", "1", 0.9)
     tail_scale: Positive | None = quantity(
-        "s: a cost C counts as s log(1 + C/s); left out, as it is", "1", None
+        "s: a cost C is replaced by s log(1 + C/s); by default it is not", "1", None
     )
     optimiser: Line = choice(
         'Optimiser by its name in optax; or "cma-es", which takes no derivatives and has `starts` '
@@ -103,10 +103,10 @@ class TuningTable(Table):
         "Random points tried first, of which the best become starts; 0 takes the first", "1", 32
     )
     screening_cases: Count | None = quantity(
-        "Cases on which they are tried; left out, those of the first step", "1", None
+        "Cases on which they are tried; by default those of the first step", "1", None
     )
     horizon_s: Annotated[tuple[Positive, ...], Len(1, 100)] | None = quantity(
-        "Horizons, each for an equal share of the steps; left out, the whole duration", "s", None
+        "Horizons, each for an equal share of the steps; by default the whole duration", "s", None
     )
     halve_at: Annotated[tuple[Annotated[Whole, Ge(1), Le(10**6)], ...], Len(0, 100)] = quantity(
         "Steps after which the worse half of the starts is given up", "1", ()
@@ -121,7 +121,7 @@ class TuningTable(Table):
     receipt_cases: Count = quantity("Cases on which gradients are checked", "1", 16)
     held_out_cases: Count = quantity("Cases of the verdict", "1", 1024)
     held_out_seed: Annotated[Whole, Ge(0), Le(2**63 - 1)] | None = quantity(
-        "Seed of the verdict's cases; left out, simulation.seed + 1", "1", None
+        "Seed of the verdict's cases; by default simulation.seed + 1", "1", None
     )
     false_alarm_interval_s: Positive = quantity(
         "Least mean time between false alarms of a law that diagnoses its thrusters, by the "
@@ -133,14 +133,14 @@ class TuningTable(Table):
         "The verdict counts cases whose cost exceeds this", "1", None
     )
     target_loss: Positive | None = quantity(
-        "Loss on the validation cases at which a run ends after its first step; left out, all "
+        "Loss on the validation cases at which a run ends after its first step; by default all "
         "steps are taken",
         "1",
         None,
     )
     baseline_cases: Count | None = quantity(
-        "Cases of a round of the baselines; left out, as many as of a step", "1", None
+        "Cases of a round of the baselines; by default as many as of a step", "1", None
     )
     baseline_trajectories: Count | None = quantity(
-        "Trajectories of a baseline; left out, as many as the descent took", "1", None
+        "Trajectories of a baseline; by default as many as the descent took", "1", None
     )

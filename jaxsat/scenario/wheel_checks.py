@@ -46,14 +46,14 @@ def _wheels_leave_the_third_rate_free(wheels, third_rate):
     if wheels and third_rate == "held":
         yield at(
             "spacecraft.third_rate",
-            'must be "free" beside [[wheel]], whose momenta keep it as they do, got "held"',
+            'must be "free" with [[wheel]], whose momenta determine it, got "held"',
         )
 
 
 @rule("wheel", "actuators")
 def _wheels_go_with_jaxsats_own_actuators(wheels, actuators):
     if wheels and actuators is not None:
-        yield at("actuators", "must not be given beside [[wheel]]")
+        yield at("actuators", "must not be given with [[wheel]]")
 
 
 @rule(

@@ -13,13 +13,13 @@ from jaxsat.scenario.thruster_tables import Direction
 class WheelTable(Table):
     """`[[wheel]]`: one reaction wheel."""
 
-    name: Line | None = choice("A name of its own; left out, it goes by its number from 1", None)
+    name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
     axis: Direction = quantity("Direction of its axis, body axes", "1")
     torque_limit_N_m: Annotated[Number, within(TORQUE_LIMIT)] | None = quantity(
-        "Largest torque of its motor; left out, it is unlimited", "N m", None
+        "Largest torque of its motor; by default unlimited", "N m", None
     )
     momentum_limit_N_m_s: Annotated[Number, within(WHEEL_MOMENTUM)] | None = quantity(
-        "Largest momentum relative to the body; left out, it is unlimited", "N m s", None
+        "Largest momentum relative to the body; by default unlimited", "N m s", None
     )
     momentum_N_m_s: Annotated[Number, within(TORQUE)] = quantity(
         "Momentum relative to the body at the start", "N m s", 0.0

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from jaxsat.montecarlo import Interval, ends_text
+from jaxsat.montecarlo import Interval, ends_text, fraction_text
 from jaxsat.text import markdown
 from jaxsat.tuning.baselines import BaselineResult, missing_packages
 from jaxsat.tuning.receipt import GradientCheck, Receipt
@@ -71,7 +71,7 @@ def _verdict(verdict: TuningVerdict) -> str:
     }
     rows = [
         ["cases", *(str(entry.summary.cases) for entry in columns.values())],
-        ["settled", *(_percent(entry.summary.settled) for entry in columns.values())],
+        ["settled", *(fraction_text(entry.summary.settled) for entry in columns.values())],
     ]
     for percent in (50.0, 90.0):
         row = [f"settling time of those, {percent:g} % (s)"]
@@ -80,7 +80,7 @@ def _verdict(verdict: TuningVerdict) -> str:
         ["effort, median (N m s)", *(_at(e.summary.effort, 50.0) for e in columns.values())]
     )
     rows.append(["mean cost of those that end", *(_number(e.cost) for e in columns.values())])
-    rows.append(["failed", *(_percent(entry.failed) for entry in columns.values())])
+    rows.append(["failed", *(fraction_text(entry.failed) for entry in columns.values())])
     if verdict.before.alarming is not None:
         rows.append(["failed or above the alarm", *(_alarm(e) for e in columns.values())])
     rows.append(["objective", *(f"{entry.loss:.5g}" for entry in columns.values())])
@@ -108,8 +108,8 @@ def _baselines(found: Sequence[BaselineResult]) -> str:
                 f"{entry.loss:.5g}",
                 f"{entry.evaluation.loss:.5g}",
                 _number(entry.evaluation.cost),
-                _percent(summary.settled),
-                _percent(entry.evaluation.failed),
+                fraction_text(summary.settled),
+                fraction_text(entry.evaluation.failed),
                 _alarm(entry.evaluation),
             ]
         )
@@ -178,10 +178,6 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _percent(value: Interval) -> str:
-    return f"{value.value:.2%} ({value.low:.2%} to {value.high:.2%})"
-
-
 def _number(value: Interval) -> str:
     return f"{value.value:.4g} ({ends_text(value)})"
 
@@ -191,4 +187,4 @@ def _at(percentiles: dict[float, Interval], percent: float) -> str:
 
 
 def _alarm(evaluation: GainEvaluation) -> str:
-    return "-" if evaluation.alarming is None else _percent(evaluation.alarming)
+    return "-" if evaluation.alarming is None else fraction_text(evaluation.alarming)

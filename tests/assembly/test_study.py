@@ -48,7 +48,7 @@ def test_quantities_that_exclude_each_other_are_refused(one, other):
         drawn[one] = {"distribution": "random-attitude"}
     first, second = DISPERSIBLE[one].key, DISPERSIBLE[other].key
     changes = [f"dispersion.{DISPERSIBLE[name].key}={toml_value(drawn[name])}" for name in drawn]
-    with pytest.raises(ScenarioError, match=f"dispersion.{second}: must be left out beside "
+    with pytest.raises(ScenarioError, match=f"dispersion.{second}: must be omitted with "
                                             f"dispersion.{first}, got both"):  # fmt: skip
         load("switching", changes, purpose="study")
 

@@ -76,7 +76,7 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
         ([*SHORT, "--until-ci", "half"], "--until-ci: must be a half width"),
         (
             [*SHORT, "--set", "dispersion.design=latin-hypercube", "--until-ci", "1%"],
-            "--until-ci: must go with another design",
+            "--until-ci: must be given with a design other than",
         ),
         ([*SHORT, "-n", "0"], "-n: must be a whole number from 1"),
         ([*SHORT, "--seed", "-1"], "--seed: must be a whole number from 0"),

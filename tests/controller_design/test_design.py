@@ -9,11 +9,12 @@ import jaxsat
 from jaxsat.comparison import ComparisonSetting, choose_law, comparison_row
 from jaxsat.controller_design import steps
 from jaxsat.controller_design.candidates import Candidate
-from jaxsat.controller_design.page import DESIGNED, design_page, headline
+from jaxsat.controller_design.page import design_page, headline
 from jaxsat.controller_design.result import Step
 from jaxsat.controller_design.settings import DesignSettings
 from jaxsat.controller_design.studies import Studies
 from jaxsat.results import ResumableFolder
+from jaxsat.results.design_text import DESIGNED
 
 ONE_TORQUE = ["spacecraft.failed_thrusters=[2, 3]"]
 TINY = {"cases": 12, "steps": 1}

@@ -152,8 +152,8 @@ def test_a_scenario_has_panels_in_place_of_constant_areas(tmp_path):
     ("changes", "said"),
     [
         ([PANEL.replace("0.2}", "0.4}")], "must be at most 1 with specular"),
-        ([PANEL, "disturbance.drag_area_m2=2.0"], "must be left out beside"),
-        ([PANEL, "disturbance.solar_area_m2=2.0"], "must be left out beside"),
+        ([PANEL, "disturbance.drag_area_m2=2.0"], "must be omitted with"),
+        ([PANEL, "disturbance.solar_area_m2=2.0"], "must be omitted with"),
         ([PANEL, "disturbance.sun_direction=[0, 0, 0]"], "must be a direction"),
         ([PANEL.replace("[0.0,0.0,-2.0]", "[0.0,0.0,0.0]")], "must be a direction"),
         (["orbit.rate_rad_s=0.0", "disturbance.eclipses=true"], "above the ground"),

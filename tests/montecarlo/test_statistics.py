@@ -12,6 +12,7 @@ from jaxsat.montecarlo import (
     ends_text,
     first_order_index,
     numbers_of,
+    percent_texts,
     percentile,
     sensitivity,
     wilson,
@@ -75,6 +76,12 @@ def test_open_ends_are_told():
     assert ends_text(Interval(1.0, -np.inf, 2.0)) == "up to 2"
     assert ends_text(Interval(1.0, 0.5, 2.0)) == "0.5 to 2"
     assert ends_text(percentile(np.array([3.0]), 50.0)) == "no bound known"
+
+
+def test_percents_have_digits_enough_to_tell_the_ends_of_the_interval_apart():
+    assert percent_texts(wilson(1998, 2000)) == ("99.90%", "99.64%", "99.97%")
+    assert percent_texts(wilson(100_000, 100_000)) == ("100.0000%", "99.9962%", "100.0000%")
+    assert percent_texts(Interval(0.0, 0.0, 0.0)) == ("0.00%", "0.00%", "0.00%")
 
 
 def test_first_order_indices_of_ishigami():

@@ -95,6 +95,11 @@ def test_a_page_has_no_errors_no_requests_and_no_barriers(opened, page, scheme):
     assert complaints == []
 
 
+def test_a_page_prints_alike_from_both_colour_schemes(opened, page):
+    light, dark = (len(opened(page, color_scheme=one)[0].pdf()) for one in ("light", "dark"))
+    assert light == pytest.approx(dark, rel=1e-3)
+
+
 def test_the_slider_turns_the_body_as_it_was_saved(opened, page):
     run = run_dataset()
     shown, complaints = opened(page)

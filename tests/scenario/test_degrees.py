@@ -68,7 +68,7 @@ def test_a_file_in_degrees_is_the_one_in_radians(tmp_path):
 
 def test_both_spellings_are_refused_with_key_and_line(tmp_path):
     text = mistakes(written(tmp_path, initial="z_rad = 0.5\nz_deg = 30\nomega_deg_s = [1, 1, 1]"))
-    assert "mine.toml:11: key initial.z_deg: must not be given beside z_rad, got 30" in text
+    assert "mine.toml:11: key initial.z_deg: must not be given with z_rad, got 30" in text
 
 
 @pytest.mark.parametrize(

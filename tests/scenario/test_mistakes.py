@@ -59,7 +59,7 @@ BROKEN = [
     ("rate_rad_s = 0.0011\n[dist", "[dist", [
         (11, "orbit.rate_rad_s", "must be given in rad/s, or altitude_km, got neither")]),
     ("rate_rad_s = 0.0011\n[dist", "rate_rad_s = 0.0011\naltitude_km = 400\n[dist", [
-        (13, "orbit.altitude_km", "must not be given beside rate_rad_s, got 400")]),
+        (13, "orbit.altitude_km", "must not be given with rate_rad_s, got 400")]),
     ("rate_rad_s = 0.0011\n[dist", "rate_rad_s = inf\n[dist", [
         (12, "orbit.rate_rad_s", "must be a finite number in rad/s, got inf")]),
     ("rate_rad_s = 0.0011\n[dist", 'rate_rad_s = 0.0011\nrelation = "small angle"\n[dist', [
@@ -69,13 +69,13 @@ BROKEN = [
     ("frequency_rad_s = [0.7, 0.8, 0.1]", "gravity_gradient = 1", [
         (14, "disturbance.gravity_gradient", "must be true or false, got 1"),
         (19, "control.internal_model_frequency_rad_s", "must be given in rad/s")]),
-    ("w = [-1.0, 1.0]\n", "", [(15, "initial.w", "must be given beside z_rad")]),
-    ("z_rad = 1.27\n", "", [(15, "initial.z_rad", "must be given in rad beside w")]),
+    ("w = [-1.0, 1.0]\n", "", [(15, "initial.w", "must be given with z_rad")]),
+    ("z_rad = 1.27\n", "", [(15, "initial.z_rad", "must be given in rad with w")]),
     ("w = [-1.0, 1.0]\nz_rad = 1.27\n", "", [
         (15, "initial.w", "must be given with z_rad, or quaternion, got neither")]),
     ("z_rad = 1.27", "z_rad = 1.27\nquaternion = [1, 0, 0, 0]", [
-        (16, "initial.w", "must not be given beside quaternion, got [-1.0, 1.0]"),
-        (17, "initial.z_rad", "must not be given beside quaternion, got 1.27")]),
+        (16, "initial.w", "must not be given with quaternion, got [-1.0, 1.0]"),
+        (17, "initial.z_rad", "must not be given with quaternion, got 1.27")]),
     ("w = [-1.0, 1.0]\nz_rad = 1.27", "quaternion = [1, 0, 0, 0.1]", [
         (16, "initial.quaternion", "unit length to 1e-6, got length 1.00498756; divide")]),
     ("w = [-1.0, 1.0]\nz_rad = 1.27", "quaternion = [0, 1, 0, 0]", [
@@ -153,7 +153,7 @@ BROKEN_SWITCHING = [
     ("quaternion = [1, 0, 0, 0]", "quaternion = [0, 0.6, 0.8, 0]", [
         (9, "initial.quaternion", 'control.law = "switching" works in are singular')]),
     ("altitude_km = 400", "altitude_km = 400\nrate_rad_s = 0.001", [
-        (7, "orbit.altitude_km", "must not be given beside rate_rad_s")]),
+        (7, "orbit.altitude_km", "must not be given with rate_rad_s")]),
     ("internal_model = false", "", [
         (11, "control.internal_model_frequency_rad_s", "must be given in rad/s")]),
 ]  # fmt: skip

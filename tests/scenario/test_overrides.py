@@ -79,7 +79,7 @@ def test_one_form_displaces_the_other():
 
 def test_both_forms_by_hand_still_exclude_each_other():
     (found,) = problems("paper-rate", "orbit.altitude_km=400", "orbit.rate_rad_s=0.001")
-    assert "key orbit.altitude_km: must not be given beside rate_rad_s" in found
+    assert "key orbit.altitude_km: must not be given with rate_rad_s" in found
 
 
 @pytest.mark.parametrize(

@@ -37,8 +37,8 @@ BOTH = GYRO + TRACKER
 @pytest.mark.parametrize(
     ("text", "key", "message"),
     [
-        (GYRO, "star_tracker", "must be given beside [gyro], got nothing"),
-        (TRACKER, "gyro", "must be given beside [star_tracker], got nothing"),
+        (GYRO, "star_tracker", "must be given with [gyro], got nothing"),
+        (TRACKER, "gyro", "must be given with [star_tracker], got nothing"),
         ("[estimator]\nkind = 'mekf'", "estimator", "must belong to [gyro] and [star_tracker]"),
         (
             BOTH + "[estimator]\nkind = 'ukf'",
@@ -63,7 +63,7 @@ BOTH = GYRO + TRACKER
         (
             BOTH + "outage_s = 3",
             "star_tracker.outage_start_s",
-            "must be given beside outage_s, got nothing",
+            "must be given with outage_s, got nothing",
         ),
         (
             BOTH.replace("[0, 3, 4]", "[0, 0, 0]"),
@@ -78,7 +78,7 @@ BOTH = GYRO + TRACKER
         (
             BOTH + "[sampling]\nattitude_noise_rad = 1e-5",
             "sampling.attitude_noise_rad",
-            "must be left out beside [gyro] and [star_tracker], got 1e-05",
+            "must be omitted with [gyro] and [star_tracker], got 1e-05",
         ),
     ],
 )

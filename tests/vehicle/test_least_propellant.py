@@ -12,7 +12,7 @@ from oracle import pulses
 
 
 @pytest.mark.slow
-def test_duties_are_those_of_the_simplex_method():
+def test_duties_cost_and_give_what_those_of_the_simplex_method_do():
     rng = np.random.default_rng(20260101)
     compared = 0
     for _ in range(12):
@@ -27,7 +27,7 @@ def test_duties_are_those_of_the_simplex_method():
         for wanted, duties in zip(commands, found, strict=True):
             best = pulses.least_propellant(torque, cost, wanted)
             np.testing.assert_allclose(cost @ duties, cost @ best, rtol=1e-9)
-            np.testing.assert_allclose(torque @ duties, torque @ best, atol=1e-9)
+            np.testing.assert_allclose(torque @ duties, torque @ best, rtol=0, atol=1e-9)
             assert duties.min() >= 0
             assert np.count_nonzero(duties) <= table.firing
             compared += 1

@@ -90,7 +90,7 @@ def lower(b: Builder, closed: ClosedJaxpr, arrays: Sequence[Elements]) -> list[E
 def lower_open(
     b: Builder, jaxpr: Jaxpr, constants: Sequence[Elements], arrays: Sequence[Elements]
 ) -> list[Elements]:
-    """The outputs of a jaxpr whose constants are given beside it."""
+    """The outputs of a jaxpr whose constants are given with it."""
     known = dict(zip(jaxpr.constvars, constants, strict=True))
     known.update(zip(jaxpr.invars, arrays, strict=True))
 

@@ -34,12 +34,24 @@ function paintPlots(dark) {
   }
 }
 
+// Bokeh takes colours over and paints in later frames; the browser prints before them.
+function finishPlots() {
+  if (plots() === null) return;
+  for (const view of Bokeh.index.roots) {
+    for (const one of view.computed_renderer_views ?? []) {
+      one.glyph?.set_visuals(one.model.data_source, one.all_indices);
+    }
+    view.repaint?.();
+  }
+}
+
 const darkMode = matchMedia("(prefers-color-scheme: dark)");
 const printing = matchMedia("print");
 
 function repaint() {
   const dark = darkMode.matches && !printing.matches;
   paintPlots(dark);
+  if (printing.matches) finishPlots();
   for (const replay of replays) replay.paint();
 }
 
