@@ -10,7 +10,7 @@ from jaxsat.export import templates
 from jaxsat.export.flight import CannotExport
 from jaxsat.export.harness import records_header, test_program, vectors_file
 from jaxsat.export.library import library_source
-from jaxsat.export.measure import SAMPLES, Measured, measured
+from jaxsat.export.measure import Measured, measured
 from jaxsat.export.naming import comment
 from jaxsat.export.program import FlightProgram, flight_program
 from jaxsat.export.readme import readme
@@ -83,7 +83,7 @@ def with_tests(
         "controller_records.h": records_header(program, intro),
         "test_controller.c": test_program(program, intro),
         "controller_library.c": library_source(program, intro),
-        "cortex_m.c": templates.CORTEX_M.replace("@SAMPLES@", str(SAMPLES)),
+        "cortex_m.c": templates.CORTEX_M,
         "misra_deviations.txt": "".join(f"{rule}\n" for rule in templates.DEVIATIONS),
         "Makefile": templates.MAKEFILE.replace("@ULP@", "0" if not request.libm else "1e18"),
         "CMakeLists.txt": templates.CMAKE.replace("@ULP@", "0" if not request.libm else "1e18"),

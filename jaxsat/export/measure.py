@@ -9,9 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ARM, QEMU = "arm-none-eabi-gcc", "qemu-system-arm"
-SAMPLES = 256
-"""Samples of the test vectors of which the instructions are counted."""
-
 LONGEST = 120.0
 """Seconds that a compiler or an emulator may take."""
 
@@ -20,7 +17,8 @@ _FLAGS = "-mcpu=cortex-m4 -mthumb -O2 -std=c99 -ffp-contract=off --specs=rdimon.
 
 @dataclass(frozen=True)
 class Measured:
-    """On a Cortex-M4: bytes of stack and of code and constants, instructions of a step at most.
+    """On a Cortex-M4: bytes of stack and of code and constants, instructions of a step, the most over the
+    test vectors.
 
     None is what could not be measured, for which `why` is the reason.
     """

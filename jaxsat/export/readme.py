@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jaxsat.export.measure import SAMPLES, Measured
+from jaxsat.export.measure import Measured
 from jaxsat.export.program import FlightProgram
 from jaxsat.export.templates import DEVIATIONS
 from jaxsat.export.vectors import EDGES, Vectors
@@ -123,9 +123,8 @@ def _period(program: FlightProgram) -> str:
 
 
 def _measurement(numbers: Measured) -> str:
-    counted = f"instructions of a step, the most of {SAMPLES} samples of the test vectors"
     rows = {
-        counted: numbers.instructions,
+        "instructions of a step, the most over the test vectors": numbers.instructions,
         "bytes of stack at most": numbers.stack,
         "bytes of code and constants": numbers.code,
     }
