@@ -17,8 +17,7 @@ _FLAGS = "-mcpu=cortex-m4 -mthumb -O2 -std=c99 -ffp-contract=off --specs=rdimon.
 
 @dataclass(frozen=True)
 class Measured:
-    """On a Cortex-M4: bytes of stack and of code and constants, instructions of a step, the most over the
-    test vectors.
+    """On a Cortex-M4: bytes of stack, of code and constants, and instructions of a step at most.
 
     None is what could not be measured, for which `why` is the reason.
     """
