@@ -5,6 +5,9 @@ from jaxsat.assembly.errors import (
 from jaxsat.assembly.load import (
     load as load,
 )
+from jaxsat.assembly.replay import (
+    replay_case as replay_case,
+)
 from jaxsat.assembly.run import (
     Run as Run,
     build as build,

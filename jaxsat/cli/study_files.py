@@ -154,36 +154,14 @@ def replayed(
     scenario: "Scenario", study: "Study", number: int
 ) -> tuple["xr.Dataset", Sequence[str]]:
     """The trajectory of one case as a dataset, and what was drawn for it as lines."""
-    import jax
-    import jax.numpy as jnp
-
+    from jaxsat.assembly.replay import replay_case
     from jaxsat.declaration.quantities import DISPERSIBLE
-    from jaxsat.results import trajectory_dataset
-    from jaxsat.scenario import dump
-    from jaxsat.scenario.laws import find_law, known_law
-    from jaxsat.simulation import Assessment, Trajectory
 
-    replay = study.replay(number)
-    steps = jnp.array(len(replay.times) - 1)
-    signals = jax.tree.map(jnp.asarray, replay.signals)
-    code = jnp.asarray(replay.outputs.code)
-    settled, unknown = jnp.asarray(replay.outputs.settling_time), jnp.asarray(jnp.nan)
-    law = known_law(scenario.control.law)
-    attitude = law is None or law.declaration.regulates_attitude
-    assessment = Assessment(settled, unknown) if attitude else Assessment(unknown, settled)
-    times, ranges = jnp.asarray(replay.times), signals.torque_range
-    trajectory = Trajectory(times, signals, None, code, steps, assessment, ranges)
-    dataset = trajectory_dataset(
-        trajectory,
-        title=scenario.title,
-        scenario=dump(scenario),
-        modes=getattr(find_law(scenario.control.law).controller, "modes", None),
-        seed=study.design.seed,
-    )
-    dataset.attrs["case"] = number
+    dataset = replay_case(scenario, study, number)
     lines = []
-    for name, values in replay.outputs.drawn.items():
-        dataset.attrs[f"drawn_{name}"] = [float(value) for value in values]
-        shown = ", ".join(f"{float(value):.6g}" for value in values)
+    for key, values in dataset.attrs.items():
+        if not key.startswith("drawn_"):
+            continue
+        name, shown = key.removeprefix("drawn_"), ", ".join(f"{value:.6g}" for value in values)
         lines.append(f"{name:<24} {shown} {DISPERSIBLE[name].unit.replace('1', '')}".rstrip())
     return dataset, lines

@@ -42,12 +42,16 @@ class Condition(NamedTuple):
 
 
 class ResidualMemory(NamedTuple):
-    """The filtered rate (rad/s), its variance, and each thruster's signatures in it (rad/s)."""
+    """The filtered rate (rad/s), its variance, and each thruster's signatures in it (rad/s).
+
+    `late` (s) is on-time of each failed thruster that was missing and may still come late.
+    """
 
     rate: Float[Array, "3"]
     variance: RealScalar
     loss: Float[Array, "3 m"]
     flow: Float[Array, "3 m"]
+    late: Float[Array, " m"]
     started: Bool[Array, ""]
 
 
@@ -73,7 +77,8 @@ class ResidualFilter(eqx.Module):
 
     `model` is the plant as the law believes it, `rate_noise` (rad/s) the standard deviation of an
     estimated rate. Torques of thrusters, and gyroscopic ones, are believed to be wrong by the part
-    `uncertainty` of themselves.
+    `uncertainty` of themselves. What a failed thruster does not make when it is commanded may come
+    late. For some samples its effect is in doubt, and is not taken for a failure of another.
     """
 
     model: RigidBody
@@ -88,7 +93,7 @@ class ResidualFilter(eqx.Module):
     def init(self, omega: Float[Array, "3"]) -> ResidualMemory:
         """Nothing measured yet."""
         none = jnp.zeros((3, self.thrusters.count), omega.dtype)
-        return ResidualMemory(omega, self.rate_noise**2, none, none, jnp.array(False))
+        return ResidualMemory(omega, self.rate_noise**2, none, none, none[0], jnp.array(False))
 
     def restarted(self, memory: ResidualMemory, when: Bool[Array, ""]) -> ResidualMemory:
         """As before the first sample where `when` holds."""
@@ -129,6 +134,8 @@ class ResidualFilter(eqx.Module):
             jnp.where(started, left * predicted, noise),
             left * loss,
             left * steady,
+            jnp.where(condition.failed, left * memory.late + change_of_loss, 0.0),
             jnp.array(True),
         )
-        return Residual(innovation, variance, loss, steady), following
+        late = jnp.sum((effect * memory.late[None]) ** 2)
+        return Residual(innovation, variance + late, loss, steady), following

@@ -13,7 +13,7 @@ GREYS = ("1.0", "0.72", "0.86", "0.94")
 """Of the phases, light ones beside dark ones."""
 
 NARROW = 0.07
-"""A phase below this part of the time has its name beside it."""
+"""A phase below this part of the time has its name above, a second one to the right."""
 
 
 def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
@@ -71,15 +71,17 @@ def phases(dataset: xr.Dataset) -> list[tuple[float, float, str]]:
 def _draw_phases(dataset: xr.Dataset, axes: Axes) -> None:
     found = phases(dataset)
     whole = found[-1][1] - found[0][0]
+    before = False
     for number, (begin, end, name) in enumerate(found):
         axes.axvspan(begin, end, color=GREYS[number % len(GREYS)], linewidth=0, zorder=0)
         narrow = end - begin < NARROW * whole
+        side, before = "left" if before else "right", narrow
         axes.text(
             (begin + end) / 2,
             1.01 if narrow else 0.97,
             name if not narrow else name.replace("\n", " "),
             transform=axes.get_xaxis_transform(),
-            horizontalalignment="right" if narrow else "center",
+            horizontalalignment=side if narrow else "center",
             verticalalignment="bottom" if narrow else "top",
             fontweight="bold",
             fontsize="small",

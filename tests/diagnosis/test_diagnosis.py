@@ -128,6 +128,21 @@ def test_two_thrusters_that_fail_one_after_the_other_are_both_isolated():
 
 
 @pytest.mark.slow
+def test_thrust_that_comes_late_is_not_taken_for_the_failure_of_another_thruster():
+    """A valve late by one period: its thruster is isolated, and no other in half an hour."""
+    rng = np.random.default_rng(22)
+    samples, begin, late, runs = 9000, 40, 2, 8
+    on_time = commanded(rng, samples, rate=0.01)
+    made = on_time.copy()
+    made[begin:, late] = on_time[begin - 1 : -1, late]
+    noise = rng.standard_normal((runs, samples, 3))
+    each = jax.jit(jax.vmap(lambda error: followed(diagnosis(), on_time, made, error)))
+    failed = np.asarray(each(noise)[1])
+    assert failed[:, -1, late].all()
+    assert not np.delete(failed, late, axis=2).any()
+
+
+@pytest.mark.slow
 def test_false_alarms_come_as_seldom_as_the_closed_form_says():
     """Of the tests of flow, which run at every sample: the mean run L, from 1 - e^(-n/L)."""
     threshold, samples, runs = 3.0, 400, 1000
