@@ -108,7 +108,8 @@ def reason_words(reason: Recovery) -> str:
 def summarise_recovery(dataset: Mapping[Any, Any], done: np.ndarray) -> RecoverySummary | None:
     """What the cases at the places `done` say; None for a study without failures in flight.
 
-    `dataset` is that of `open_study`, or columns by name.
+    `dataset` is that of `open_study`, or columns by name. Parts of a vehicle are numbered where the
+    columns are plain arrays, which lack their names.
     """
     if "recovery" not in dataset:
         return None
@@ -119,7 +120,7 @@ def summarise_recovery(dataset: Mapping[Any, Any], done: np.ndarray) -> Recovery
     if len(rows) > 1:
         rows.append(_of_kind(ALL, found))
     healthy = np.minimum(found["failure_time"].min(axis=1), found["ended_at"])
-    names = flags_of(dataset["failed_part"])
+    names = flags_of(dataset["failed_part"]) or _numbered(found)
     lost = np.flatnonzero(found["recovery"] != Recovery.RECOVERED)
     return RecoverySummary(
         rows,
@@ -130,6 +131,12 @@ def summarise_recovery(dataset: Mapping[Any, Any], done: np.ndarray) -> Recovery
         int(found["false_alarms"].sum()) if "false_alarms" in found else None,
         float(healthy.sum()),
     )
+
+
+def _numbered(found: Mapping[str, np.ndarray]) -> tuple[str, ...]:
+    isolated = found.get("isolated_kind")
+    count = found["failed_part"].max() + 1 if isolated is None else isolated.shape[1]
+    return tuple(f"part {number + 1}" for number in range(count))
 
 
 def explanations(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Iterator[str]:

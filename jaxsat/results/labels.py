@@ -20,11 +20,11 @@ SETTLED, UNSETTLED = "settled", "unsettled"
 def flags_of(column: Any) -> tuple[str, ...]:
     """What the codes of a column stand for, from 0 on; empty for one that has none.
 
-    The column is one of `open_study` or of `study_columns`.
+    The column is one of `open_study` or of `study_columns`, or a plain array, which has none.
     """
     if hasattr(column, "column"):
         return column.column.flags
-    meanings = column.attrs.get("flag_meanings", "")
+    meanings = getattr(column, "attrs", {}).get("flag_meanings", "")
     return tuple(meaning.replace("_", " ") for meaning in meanings.split())
 
 

@@ -75,6 +75,14 @@ def test_every_unrecovered_case_is_explained_in_a_line():
     assert "not controllable; no alarm; isolated: nothing" in second.text
 
 
+def test_parts_are_numbered_in_columns_without_their_names():
+    plain = {name: np.array(values) for name, values in BY_HAND.items()}
+    first, second = summarise_recovery(plain, np.arange(4)).unrecovered
+    assert "part 2 stuck at 0.25 at 20 s" in first.text
+    assert "isolated: part 1 as dead at 27 s" in first.text
+    assert "part 2 dead at 90 s" in second.text
+
+
 def test_terminal_and_page_tell_the_same_numbers():
     told = summarise_recovery(by_hand(), np.arange(4))
     lines = "\n".join(recovery_lines(told))
