@@ -122,7 +122,7 @@ MISTAKES = [
     ('kind = "leaking"', 'kind = "runaway"', "kind", "must be one of dead, degraded, stuck-on"),
     ('kind = "stopped"', 'kind = "degraded"', "fraction", "must be given for a failure of kind"),
     ("friction_N_m = 2\n", "", "friction_N_m", 'must be given for a failure of kind "friction-up"'),
-    ("friction_N_m = 2\n", "friction_N_m = 2\nfactor = 2\n", "friction_N_m", "beside factor"),
+    ("friction_N_m = 2\n", "friction_N_m = 2\nfactor = 2\n", "friction_N_m", "with factor"),
     ("friction_N_m = 2\n", "fraction = 0.5\nfactor = 2\n", "fraction", "must not be given"),
     ("coulomb_friction_N_m = 0.1\n", "", "factor", "left out where wheel 2 has no friction"),
     (TWO, 'of = "wheel 2"\nat_s = 6\nkind = "runaway"\n', "torque_limit", 'by "runaway"'),
