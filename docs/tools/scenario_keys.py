@@ -70,6 +70,7 @@ def _table(properties: Mapping[str, Any], required: Any) -> list[str]:
     for key, entry in properties.items():
         unit = entry.get("unit", "")
         about = entry.get("description", "").removesuffix(f" ({unit})")
+        about = about.removesuffix(" (no unit)")
         default = "required" if key in required else _default(entry)
         cells = [f"`{key}`", unit, _allowed(entry), default, about]
         rows.append(
@@ -82,26 +83,35 @@ def _table(properties: Mapping[str, Any], required: Any) -> list[str]:
 
 def _default(entry: Mapping[str, Any]) -> str:
     value = entry.get("default")
-    text = (
-        {None: "none", True: "true", False: "false"}.get(value, str(value))
-        if not isinstance(value, (list, dict))
-        else str(value)
-    )
+    if value is None:
+        return "none"
+    text = str(value).lower() if isinstance(value, bool) else str(value)
     return text if len(text) <= MAX_DEFAULT else "see below"
 
 
 def _allowed(entry: Mapping[str, Any]) -> str:
     """Type and range in a few words."""
-    if "anyOf" in entry:
-        parts = [_allowed(one) for one in entry["anyOf"] if one.get("type") != "null"]
-        return " or ".join(dict.fromkeys(part for part in parts if part))
+    for several in ("anyOf", "oneOf"):
+        if several in entry:
+            parts = [_allowed(one) for one in entry[several] if one.get("type") != "null"]
+            return " or ".join(dict.fromkeys(part for part in parts if part))
     if "enum" in entry:
         return ", ".join(f"`{one}`" for one in entry["enum"])
     if "const" in entry:
         return f"`{entry['const']}`"
+    if entry.get("type") == "array":
+        return _list(entry)
     ends = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
     limits = [f"{sign} {entry[key]:.6g}" for key, sign in ends.items() if key in entry]
-    kind = {"array": "list", "boolean": "true or false", "object": "table"}.get(
+    kind = {"boolean": "true or false", "object": "table"}.get(
         entry.get("type", ""), entry.get("type", "table" if "$ref" in entry else "")
     )
     return ", ".join([kind, *limits]) if kind else ", ".join(limits)
+
+
+def _list(entry: Mapping[str, Any]) -> str:
+    """How long a list is, and what is in it."""
+    inside = _allowed(entry.get("items", {}))
+    least, most = entry.get("minItems", 0), entry.get("maxItems")
+    size = "" if least != most else f" of {most}"
+    return f"list{size}: {inside}" if inside else f"list{size}"

@@ -28,7 +28,7 @@ ONE_TORQUE = LawDeclaration(
         ),
         number(
             "exponent",
-            "Of |y| in x along a brake, above 1",
+            "Exponent p of a brake, |y| falls as x^p",
             "1",
             above=1,
             at_most=10,

@@ -127,14 +127,16 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
                 "s",
             ),
             DispersibleQuantity(
-                "tracker_rate_limit", "size of ω above which the star tracker is blind", "rad/s"
+                "tracker_rate_limit",
+                "magnitude of ω above which the star tracker is blind",
+                "rad/s",
             ),
             DispersibleQuantity("tracker_outage_start", "begin of the star tracker's outage", "s"),
             DispersibleQuantity("tracker_outage", "length of the star tracker's outage", "s"),
             DispersibleQuantity(
                 "failure_time",
-                "when each [[failure]] strikes, here and below those of thrusters before those of "
-                "wheels, and those before those of magnetorquers",
+                "time at which each [[failure]] strikes; those of thrusters come first, then those "
+                "of wheels, then those of magnetorquers, here and below",
                 "s",
             ),
             DispersibleQuantity(

@@ -76,13 +76,18 @@ _OSCILLATION_KEYS = (
         "rad/s",
         f"{_OSCILLATOR}.largest_amplitude",
     ),
-    _gain("ratio", "How the oscillation is shared out, r", "1", f"{_OSCILLATOR}.ratio"),
+    _gain(
+        "ratio",
+        "Ratio r of the two amplitudes of the oscillation at the most, h / ρ²",
+        "1",
+        f"{_OSCILLATOR}.ratio",
+    ),
 )
 
 OSCILLATORY = LawDeclaration(
     summary="oscillate about the driven axes until all is small, then hold.\n\n"
-    "Gains that are left out are those tuned for torque limits of 1, 5 and 20 N m, interpolated in "
-    "between",
+    "By default, gains follow from inertia, torque limit and control period: dimensionless gains, "
+    "interpolated between three tuned sets",
     keys=(
         *_OSCILLATION_KEYS,
         _gain("k3", "Gain of the slow motion about the third axis", "1/s", f"{_DEMAND}.k3"),
@@ -96,8 +101,8 @@ OSCILLATORY = LawDeclaration(
 
 THREE_SLEW = LawDeclaration(
     summary="stop, three slews about the driven axes, oscillate, hold.\n\n"
-    "Gains that are left out are those tuned for torque limits of 1, 5 and 20 N m, interpolated in "
-    "between",
+    "By default, gains follow from inertia, torque limit and control period: dimensionless gains, "
+    "interpolated between three tuned sets",
     keys=(
         _gain(
             "stopping_share",
