@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float
+from jaxsat.quotients import reciprocal
 
 
 def skew(v: Float[Array, "3"]) -> Float[Array, "3 3"]:
@@ -142,7 +143,7 @@ class Quaternion(AbstractAttitude):
             + 2 * vector[:, None] * vector[None, :]
             - 2 * scalar * skew(vector)
         )
-        return DCM(c / norm2)
+        return DCM(c * reciprocal(norm2))
 
     def as_quaternion(self) -> "Quaternion":
         """Itself, at unit length."""
@@ -152,14 +153,14 @@ class Quaternion(AbstractAttitude):
         """The same attitude as (w, z) with z in [-π, π]; NaN exactly upside down."""
         q0, q1, q2, q3 = self.q
         norm2 = q0**2 + q3**2  # cos²(tilt / 2)
-        w = jnp.stack([q1 * q0 + q2 * q3, q2 * q0 - q1 * q3]) / norm2
+        w = jnp.stack([q1 * q0 + q2 * q3, q2 * q0 - q1 * q3]) * reciprocal(norm2)
         sign = jnp.where(q0 < 0, -1.0, 1.0)  # q and -q are the same attitude
         z = 2 * jnp.arctan2(sign * q3, sign * q0)
         return WZ(w, jnp.where(norm2 > 0, z, jnp.nan))
 
     def normalised(self) -> "Quaternion":
         """Scaled to unit length."""
-        return Quaternion(self.q / jnp.sqrt(jnp.sum(self.q**2)))
+        return Quaternion(self.q * reciprocal(jnp.sqrt(jnp.sum(self.q**2))))
 
 
 class DCM(AbstractAttitude):

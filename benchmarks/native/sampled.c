@@ -4,9 +4,8 @@
  * period; then one step of Bogacki and Shampine's third order with the torque held.
  *
  * What a hand can do that a compiler must not: alpha alone (the law's beta is zero), symmetric
- * covariances, least squares and what follows from them only at the samples that use them, one of
- * the two oscillators for each lane, sines and cosines of the turn and of the axes without the
- * angles, no check of the memories for numbers that are too large.
+ * covariances, one of the two oscillators for each lane, sines and cosines of the turn and of the
+ * axes without the angles, no check of the memories for numbers that are too large.
  *
  * With PULSED the torque is not held: four of six thrusters that push make it by pulses, and the
  * first makes less from a failure on.

@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
+from jaxsat.quotients import reciprocal
 
 RealScalar = Float[Array, ""]
 
@@ -60,11 +61,24 @@ class ThirdAxis(NamedTuple):
         return jnp.sum(self.products * _products(omega))
 
 
+class Belief(NamedTuple):
+    """What follows from the fitted errors alone, see `ThirdAxis`.
+
+    It is made anew only where these have changed, as it takes roots and angles.
+    """
+
+    coupling: RealScalar
+    axes: Float[Array, "2"]
+    turn: Float[Array, "3"]
+    drift: RealScalar
+
+
 class EstimatorMemory(NamedTuple):
-    """Memories of the observer and the fit, each `None` without one, and the last rates."""
+    """Memories of observer and fit and its belief, each `None` without one; the last rates."""
 
     ripple: PyTree
     fit: Fit | None
+    belief: Belief | None
     omega: Float[Array, "3"]
     started: Bool[Array, ""]
 
@@ -85,9 +99,16 @@ class ThirdAxisEstimator(eqx.Module):
         return EstimatorMemory(
             None if self.observer is None else self.observer.init(omega[2]),
             None if self.least_squares is None else self.least_squares.init(omega),
+            None if self.least_squares is None else self._no_belief(omega),
             omega,
             jnp.array(False),
         )
+
+    @staticmethod
+    def _no_belief(omega: Float[Array, "3"]) -> Belief:
+        """Before the first sample, which makes one."""
+        zero = jnp.zeros_like(omega[0])
+        return Belief(zero, jnp.zeros_like(omega[:2]), jnp.zeros_like(omega), zero)
 
     def forget_ripple(self, memory: EstimatorMemory, when: Bool[Array, ""]) -> EstimatorMemory:
         """The disturbance estimate set back to zero where `when` holds."""
@@ -101,7 +122,8 @@ class ThirdAxisEstimator(eqx.Module):
         """One sample: what to believe now of (p1, p2, s), and the next memory; `period` in s."""
         c, started = self.form.coupling, memory.started
         factors = self.form.other_products.at[0].add(c)
-        memory = jax.tree.map(lambda x, y: jnp.where(started, x, y), memory, self.init(omega))
+        first = self.init(omega)._replace(belief=memory.belief)
+        memory = jax.tree.map(lambda x, y: jnp.where(started, x, y), memory, first)
         span = jnp.where(started, period, 0.0)
         products = span * _mean_products(memory.omega, omega)
         errors = jnp.zeros(8, omega.dtype) if memory.fit is None else memory.fit.estimate
@@ -109,40 +131,62 @@ class ThirdAxisEstimator(eqx.Module):
         if self.observer is not None:
             known = jnp.concatenate([(omega - memory.omega)[:2], products])
             change = jnp.sum(factors * products) + jnp.sum(known * errors)
-            ripple = self.observer.advance(ripple, omega, change, span)
+            # By the period, not the span: sine and cosine are then the same for all cases.
+            advanced = self.observer.advance(ripple, omega, change, period)
+            ripple = jax.tree.map(lambda x, y: jnp.where(started, x, y), advanced, ripple)
             ripple = self.observer.correct(ripple, omega, period)
         if self.least_squares is not None and fit is not None:
             fit = self.least_squares.update(fit, omega, products, factors)
-            errors = fit.estimate
-        following = EstimatorMemory(ripple, fit, omega, jnp.array(True))
-        return self._believed(omega, ripple, errors, factors), following
+            errors, old = fit.estimate, memory.belief
+            of_errors = factors + errors[2:]
+            belief = jax.lax.cond(fit.samples == 0, lambda: self._belief(of_errors), lambda: old)
+            following = EstimatorMemory(ripple, fit, belief, omega, jnp.array(True))
+        else:
+            belief = self._belief(factors)
+            following = EstimatorMemory(ripple, None, None, omega, jnp.array(True))
+        return self._third_axis(omega, ripple, errors, factors, belief), following
 
-    def _believed(self, omega, ripple, errors, factors) -> ThirdAxis:
-        zero, c = jnp.zeros_like(omega[2]), factors[0]
-        known = ThirdRate(omega[2], zero, zero)
-        if self.observer is not None:
-            known = self.observer.believed(ripple, omega[2])
-        products = factors + errors[2:]
+    def _belief(self, products: Float[Array, "6"]) -> Belief:
+        c = self.form.coupling
         angle = jnp.arctan2(-2 * products[1], products[0]) / 2
         coupling = jnp.sqrt(products[0] ** 2 + 4 * products[1] ** 2)
         if self.least_squares is not None:  # else the model's own value, however small
             coupling = jnp.maximum(coupling, jnp.minimum(MIN_COUPLING, MIN_SHARE * jnp.abs(c)))
         turn = self._balance(products)
+        drift = jnp.sum(products * _products(self._at_rest(turn)[1]))
+        return Belief(coupling, jnp.stack([jnp.cos(angle), jnp.sin(angle)]), turn, drift)
+
+    def _at_rest(self, turn: Float[Array, "3"]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        """`orbit_rate` and `rest` of `ThirdAxis`, a `turn` (rad) from the orbit frame."""
         orbit_rate = self.form.orbit_rate
         orbit_rate = orbit_rate - jnp.cross(turn, orbit_rate)
-        rest = self.form.slow(orbit_rate)
+        return orbit_rate, self.form.slow(orbit_rate)
+
+    def _third_axis(
+        self,
+        omega: Float[Array, "3"],
+        ripple: PyTree,
+        errors: Float[Array, "8"],
+        factors: Float[Array, "6"],
+        belief: Belief,
+    ) -> ThirdAxis:
+        zero = jnp.zeros_like(omega[2])
+        known = ThirdRate(omega[2], zero, zero)
+        if self.observer is not None:
+            known = self.observer.believed(ripple, omega[2])
+        orbit_rate, rest = self._at_rest(belief.turn)
         return ThirdAxis(
             known.rate - rest[2] - jnp.sum(errors[:2] * (omega - rest)[:2]),
             self.form.lean + errors[:2],
-            coupling,
-            jnp.stack([jnp.cos(angle), jnp.sin(angle)]),
+            belief.coupling,
+            belief.axes,
             known.rate_ripple,
             known.turn_ripple,
-            products,
-            turn,
+            factors + errors[2:],
+            belief.turn,
             orbit_rate,
             rest,
-            jnp.sum(products * _products(rest)),
+            belief.drift,
         )
 
     def _balance(self, products: Float[Array, "6"]) -> Float[Array, "3"]:
@@ -151,7 +195,7 @@ class ThirdAxisEstimator(eqx.Module):
         drift, slope = jax.value_and_grad(lambda rates: jnp.sum(products * _products(rates)))(rest)
         along = slope.at[:2].add(-lean * slope[2])  # by the orbit frame's rate along (x, y, n)
         by_turn = jnp.cross(along, self.form.orbit_rate)
-        turn = -drift * by_turn / (jnp.sum(by_turn**2) + STILL)
+        turn = -drift * reciprocal(jnp.sum(by_turn**2) + STILL) * by_turn
         size = jnp.sqrt(jnp.sum(turn**2) + STILL)
         return turn * jnp.minimum(MOST_TURN / size, 1.0)
 
@@ -160,7 +204,7 @@ def _mean_products(before: Float[Array, "3"], after: Float[Array, "3"]) -> Float
     """Means of the six products over a period in which the rates change linearly."""
     middle = (before + after) / 2
     # Simpson's rule, exact for squares of straight lines.
-    return (_products(before) + 4 * _products(middle) + _products(after)) / 6
+    return (_products(before) + 4 * _products(middle) + _products(after)) * (1 / 6)
 
 
 def _products(omega: Float[Array, "3"]) -> Float[Array, "6"]:

@@ -12,7 +12,7 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
-from jaxsat.control.rate_tracking import clipped
+from jaxsat.control.rate_tracking import clipped, tracking_torque
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState
@@ -118,28 +118,17 @@ class FineStage(eqx.Module):
         deceleration = jnp.maximum(SURE_SHARE * most - jnp.abs(third.drift), LEAST_SHARE * most)
         excess = state.omega - third.rest
         late = self.handover(memory.late, tilt, slow, excess, deceleration, third.turn[2])
-        early_way, late_way = (
-            _oscillated(oscillator, clock, state, tilt, slow, third)
-            for oscillator in (self.oscillator, self.end_game)
-        )
-        torque, reference, wanted = jax.tree.map(
-            lambda one, other: jnp.where(late, one, other), late_way, early_way
-        )
-        return torque, reference, FineMemory(wanted, late)
+        early, quiet = self.oscillator, self.end_game
 
+        def chosen(of_quiet, of_early):
+            return jax.tree.map(lambda one, other: jnp.where(late, one, other), of_quiet, of_early)
 
-def _oscillated(
-    oscillator: Oscillator,
-    clock: RealScalar,
-    state: NormalState,
-    tilt: Tilt,
-    slow: Slow,
-    third: ThirdAxis,
-) -> tuple[Float[Array, "2"], Float[Array, "2"], Oscillation]:
-    """Torque (N m), rates asked for (rad/s) and oscillation of one oscillator."""
-    wanted = oscillator.oscillation(slow, third)
-    tracking = oscillator.tracking(clock, state, tilt, wanted)
-    return oscillator.torque(state.omega, tracking), tracking.rate, wanted
+        # Choosing what is small lets the two share the rest, roots and quotients above all.
+        wanted = chosen(quiet.request(slow, third), early.request(slow, third)).granted(third.axes)
+        tracking = chosen(*(one.tracking(clock, state, tilt, wanted) for one in (quiet, early)))
+        gain = jnp.where(late, quiet.rate_gain, early.rate_gain)
+        torque = tracking_torque(early.form, state.omega, tracking.rate, tracking.derivative, gain)
+        return torque, tracking.rate, FineMemory(wanted, late)
 
 
 class OscillatorySettlingMemory(NamedTuple):

@@ -3,10 +3,12 @@
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.quotients import reciprocal
 
 RealScalar = Float[Array, ""]
 
@@ -66,19 +68,24 @@ class RecursiveLeastSquares(eqx.Module):
     ) -> Fit:
         """One sample more; `products` are the six integrals since the last sample.
 
-        `factors` are the six of the model's own Q, which the estimate is added to.
+        `factors` are the six of the model's own Q, which the estimate is added to. A sample after
+        which `samples` is zero has ended an interval, or begun the first.
         """
-        products, count = fit.products + products, fit.samples + 1
+        fit = fit._replace(products=fit.products + products, samples=fit.samples + 1)
+        full = fit.samples >= self.samples
+        return jax.lax.cond(full, lambda: self._corrected(fit, omega, factors), lambda: fit)
+
+    def _corrected(self, fit: Fit, omega: Float[Array, "3"], factors: Float[Array, "6"]) -> Fit:
+        """With the interval that ends now, at the beginning of the next one."""
         change = omega - fit.first_omega
-        regressor = jnp.concatenate([change[:2], products])
+        regressor = jnp.concatenate([change[:2], fit.products])
         projected = jnp.sum(fit.covariance * regressor[None, :], axis=1)
-        gain = projected / (self.noise**2 + jnp.sum(regressor * projected))
-        residual = change[2] - jnp.sum(factors * products) - jnp.sum(regressor * fit.estimate)
-        full = count >= self.samples
+        gain = projected * reciprocal(self.noise**2 + jnp.sum(regressor * projected))
+        residual = change[2] - jnp.sum(factors * fit.products) - jnp.sum(regressor * fit.estimate)
         return Fit(
-            fit.estimate + jnp.where(full, gain * residual, 0.0),
-            fit.covariance - jnp.where(full, gain[:, None] * projected[None, :], 0.0),
-            jnp.where(full, omega, fit.first_omega),
-            jnp.where(full, 0.0, products),
-            jnp.where(full, 0, count),
+            fit.estimate + gain * residual,
+            fit.covariance - gain[:, None] * projected[None, :],
+            omega,
+            jnp.zeros_like(fit.products),
+            jnp.zeros_like(fit.samples),
         )

@@ -17,6 +17,7 @@ from jaxsat.attitude import Quaternion
 from jaxsat.checks import as_float
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.inertia import normal_axes
+from jaxsat.quotients import reciprocal
 
 RealScalar = Float[Array, ""]
 
@@ -43,8 +44,8 @@ class NormalState(NamedTuple):
         half, q = turn / 2, self.attitude.q
         scalar = q[0] + jnp.sum(half * q[1:])
         vector = q[1:] - q[0] * half - jnp.cross(half, q[1:])
-        size = jnp.sqrt(1 + jnp.sum(half**2))
-        return self._replace(attitude=Quaternion(jnp.concatenate([scalar[None], vector]) / size))
+        scale = reciprocal(jnp.sqrt(1 + jnp.sum(half**2)))
+        return self._replace(attitude=Quaternion(jnp.concatenate([scalar[None], vector]) * scale))
 
 
 class NormalForm(eqx.Module):

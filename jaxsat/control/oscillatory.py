@@ -24,6 +24,7 @@ from jaxsat.control.rate_tracking import clipped, tracking_torque
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState
+from jaxsat.quotients import reciprocal
 
 RealScalar = Float[Array, ""]
 
@@ -70,7 +71,7 @@ class MorinSamson(AbstractDemand):
         """α = -(2 / c)(k3² ẑ + 2ζ k3 s), β = 0, of ẑ what is beyond `rest`."""
         del frequency
         wanted = self.k3**2 * beyond(turn, self.rest) + 2 * self.damping * self.k3 * rate
-        alpha = -2 / coupling * wanted
+        alpha = -2 * reciprocal(coupling) * wanted
         return alpha, jnp.zeros_like(alpha)
 
 
@@ -95,7 +96,8 @@ class TwoChannel(AbstractDemand):
         """α = -(2 / c) k3 s, β = 2ν (kz ẑ + s), of ẑ what is beyond `rest`, and s only there."""
         excess = beyond(turn, self.rest)
         share = jnp.where(self.rest > 0, jnp.abs(excess) / (jnp.abs(excess) + self.rest + TINY), 1)
-        return -2 / coupling * self.k3 * rate, 2 * frequency * (self.kz * excess + share * rate)
+        alpha = -2 * reciprocal(coupling) * self.k3 * rate
+        return alpha, 2 * frequency * (self.kz * excess + share * rate)
 
 
 class Oscillation(NamedTuple):
@@ -108,6 +110,30 @@ class Oscillation(NamedTuple):
     beta: RealScalar
     amplitude: RealScalar
     axes: Float[Array, "2"]
+
+
+class Request(NamedTuple):
+    """What a demand asks for, and what is granted of it; squares of rates but for the last two.
+
+    `alpha` and `beta` are asked for, `dead` is the (α, β) that a slow rate of the dead zone would
+    ask for, `most` the largest h; ρ = √(h `share`) + `least`.
+    """
+
+    alpha: RealScalar
+    beta: RealScalar
+    dead: tuple[RealScalar, RealScalar]
+    most: RealScalar
+    share: RealScalar
+    least: RealScalar
+
+    def granted(self, axes: Float[Array, "2"]) -> Oscillation:
+        """What is asked for beyond the dead zone, scaled down so that h is at most `most`."""
+        size = _size(self.alpha, self.beta, self.least)
+        left = _size(*self.dead, self.least)
+        granted = jnp.clip(size - left, self.least**2, self.most)
+        scale = granted / size
+        amplitude = jnp.sqrt(granted * self.share) + self.least
+        return Oscillation(scale * self.alpha, scale * self.beta, amplitude, axes)
 
 
 class Slow(NamedTuple):
@@ -171,34 +197,31 @@ class Oscillator(eqx.Module):
         o1, o2, _ = third.orbit_rate
         e1, e2 = along(axes, o1 * turn_cos + o2 * turn_sin, o2 * turn_cos - o1 * turn_sin)
         phi, theta = along(axes, tilt.phi, tilt.theta)
-        swing1, swing2 = rho * sine, (alpha * sine + beta * cosine) / rho
+        swing1, swing2 = rho * sine, (alpha * sine + beta * cosine) * reciprocal(rho)
 
         rate = third.rate - third.rate_ripple
         rate = rate - c * (phi * e2 + theta * e1)
-        rate = rate + c / (4 * nu) * (alpha * sin2 + beta * cos2)
+        inverse = reciprocal(nu)
+        rate = rate + c / 4 * inverse * (alpha * sin2 + beta * cos2)
 
         turn = tilt.turn - third.lean[0] * tilt.phi - third.lean[1] * tilt.theta
         turn = turn - third.turn_ripple
-        turn = turn + ((1 + c) * e2 * swing1 - (1 - c) * e1 * swing2) / nu**2
-        turn = turn - c / (8 * nu**2) * (alpha * cos2 - beta * sin2)
+        turn = turn + ((1 + c) * e2 * swing1 - (1 - c) * e1 * swing2) * inverse**2
+        turn = turn - c / 8 * inverse**2 * (alpha * cos2 - beta * sin2)
         return Slow(rate, turn)
 
-    def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
-        """What the demand asks for beyond the dead zone, scaled down so that h <= r ρm².
-
-        With what takes the drift away.
-        """
+    def request(self, slow: Slow, third: ThirdAxis) -> Request:
+        """What the demand asks for, with what takes the drift away."""
         alpha, beta = self.demand(slow.rate, slow.turn, third.coupling, self.frequency)
-        alpha = alpha - 2 / third.coupling * third.drift
-        least = self._no_amplitude
-        size = _size(alpha, beta, least)
+        alpha = alpha - 2 * reciprocal(third.coupling) * third.drift
         still = jnp.zeros_like(slow.turn)
-        left = _size(*self.demand(self.dead_zone, still, third.coupling, self.frequency), least)
+        dead = self.demand(self.dead_zone, still, third.coupling, self.frequency)
         most = self.ratio * self.largest_amplitude**2
-        granted = jnp.clip(size - left, least**2, most)
-        scale = granted / size
-        amplitude = jnp.sqrt(granted / self.ratio) + least
-        return Oscillation(scale * alpha, scale * beta, amplitude, third.axes)
+        return Request(alpha, beta, dead, most, reciprocal(self.ratio), self._no_amplitude)
+
+    def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
+        """What is granted of the request."""
+        return self.request(slow, third).granted(third.axes)
 
     def tracking(
         self, clock: RealScalar, state: NormalState, tilt: Tilt, wanted: Oscillation
@@ -207,9 +230,11 @@ class Oscillator(eqx.Module):
         nu, k, (alpha, beta, rho, axes) = self.frequency, self.tilt_gain, wanted
         sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
         frame = state.frame_rate[:2]
-        swing = turned(axes, rho * sine, (alpha * sine + beta * cosine) / rho)
-        swing_rate = nu * turned(axes, rho * cosine, (alpha * cosine - beta * sine) / rho)
-        swing_tilt = turned(axes, -rho * cosine, (beta * sine - alpha * cosine) / rho) / nu
+        inverse = reciprocal(rho)
+        swing = turned(axes, rho * sine, (alpha * sine + beta * cosine) * inverse)
+        # d/dt of the swing over ν, and -ν times its integral
+        quadrature = turned(axes, rho * cosine, (alpha * cosine - beta * sine) * inverse)
+        swing_rate, swing_tilt = nu * quadrature, -quadrature * reciprocal(nu)
         pull = k * (jnp.stack([tilt.phi, tilt.theta]) - swing_tilt)
         derivative = swing_rate - k * (state.omega[:2] - frame - swing)
         return Tracking(frame - pull + swing, derivative)

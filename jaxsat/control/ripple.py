@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.quotients import reciprocal
 
 RealScalar = Float[Array, ""]
 
@@ -187,19 +188,11 @@ class RippleFilter(AbstractRippleEstimator):
     ) -> RippleBelief:
         """The mean moves by `change`, the ripple turns by Ω `period`, and both grow less sure."""
         cos, sin = jnp.cos(self.frequency * period), jnp.sin(self.frequency * period)
-        one, zero = jnp.ones_like(cos), jnp.zeros_like(cos)
-        turn = jnp.stack(
-            [
-                jnp.stack([one, zero, zero]),
-                jnp.stack([zero, cos, -sin]),
-                jnp.stack([zero, sin, cos]),
-            ]
-        )
         model_error = self.product_error * (omega[0] ** 2 + omega[1] ** 2)
         spread = period * jnp.stack([model_error**2, self.drift**2, self.drift**2])
-        state = jnp.sum(turn * memory.state[None, :], axis=1).at[0].add(change)
-        covariance = turn @ memory.covariance @ turn.T + jnp.diag(spread)
-        return RippleBelief(state, covariance)
+        state = _turned(memory.state, cos, sin).at[0].add(change)
+        covariance = _turned(_turned(memory.covariance, cos, sin).T, cos, sin)
+        return RippleBelief(state, covariance + jnp.diag(spread))
 
     def correct(
         self, memory: RippleBelief, omega: Float[Array, "3"], period: RealScalar
@@ -209,7 +202,7 @@ class RippleFilter(AbstractRippleEstimator):
         size = omega[0] ** 2 + omega[1] ** 2
         seen = memory.covariance[0] + memory.covariance[1]
         variance = seen[0] + seen[1] + self.noise**2 + self.lean_error**2 * size
-        gain = seen / variance
+        gain = seen * reciprocal(variance)
         error = omega[2] - memory.state[0] - memory.state[1]
         covariance = memory.covariance - gain[:, None] * seen[None, :]
         return RippleBelief(memory.state + gain * error, covariance)
@@ -224,3 +217,9 @@ class RippleFilter(AbstractRippleEstimator):
         """Nothing to do: the covariance knows what the last phase was worth."""
         del when
         return memory
+
+
+def _turned(rows: Float[Array, "3 *n"], cos: RealScalar, sin: RealScalar) -> Float[Array, "3 *n"]:
+    """The second and third row turned: ripple and quadrature."""
+    first, second, third = rows
+    return jnp.stack([first, cos * second - sin * third, sin * second + cos * third])

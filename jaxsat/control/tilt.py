@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.attitude import AbstractAttitude
+from jaxsat.quotients import reciprocal
 
 
 class Tilt(NamedTuple):
@@ -26,7 +27,8 @@ def tilt_of(attitude: AbstractAttitude) -> Tilt:
     q0, q1, q2, q3 = attitude.as_quaternion().q
     upright = jnp.sqrt(q0**2 + q3**2)
     safe = jnp.maximum(upright, 1e-12)  # cos(tilt / 2)
-    sine1, sine2 = (q0 * q1 + q2 * q3) / safe, (q0 * q2 - q1 * q3) / safe
+    inverse = reciprocal(safe)
+    sine1, sine2 = (q0 * q1 + q2 * q3) * inverse, (q0 * q2 - q1 * q3) * inverse
     sign = jnp.where(q0 < 0, -1.0, 1.0)
     turn = 2 * jnp.arctan2(sign * q3, sign * q0)
-    return Tilt(2 * sine1, 2 * sine2, turn, jnp.sqrt(q1**2 + q2**2) / safe)
+    return Tilt(2 * sine1, 2 * sine2, turn, jnp.sqrt(q1**2 + q2**2) * inverse)

@@ -165,6 +165,11 @@ def test_estimate_of_leaning_axes_and_products_of_inertia():
     update = jax.jit(lambda m, w: estimator.update(w, m, jnp.array(PERIOD)))
     for omega in run.y.T:
         third, memory = update(memory, jnp.array(omega))
+        # What follows from the errors is never older than these.
+        along, across = np.asarray(third.products)[:2]
+        assert float(third.coupling) == pytest.approx(max(np.hypot(along, 2 * across), 0.2 * C))
+        angle = np.arctan2(*np.asarray(third.axes)[::-1])
+        assert 2 * angle == pytest.approx(np.arctan2(-2 * across, along))
     effect = inverse @ axes
     lean = effect[2] @ np.linalg.inv(effect[:2])
     np.testing.assert_allclose(third.lean, lean, atol=1e-4)
