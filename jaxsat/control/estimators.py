@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
-from jaxsat.control.normal_form import NormalForm
+from jaxsat.control.normal_form import NormalForm, leaned
 from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
 from jaxsat.quotients import reciprocal
 
@@ -120,47 +120,49 @@ class ThirdAxisEstimator(eqx.Module):
         self, omega: Float[Array, "3"], memory: EstimatorMemory, period: RealScalar
     ) -> tuple[ThirdAxis, EstimatorMemory]:
         """One sample: what to believe now of (p1, p2, s), and the next memory; `period` in s."""
-        c, started = self.form.coupling, memory.started
+        c, lean, started = self.form.coupling, self.form.lean, memory.started
         factors = self.form.other_products.at[0].add(c)
-        first = self.init(omega)._replace(belief=memory.belief)
-        memory = jax.tree.map(lambda x, y: jnp.where(started, x, y), memory, first)
-        span = jnp.where(started, period, 0.0)
-        products = span * _mean_products(memory.omega, omega)
+        last = jnp.where(started, memory.omega, omega)
+        products = _integrated_products(last, omega, jnp.where(started, period, 0.0))
         errors = jnp.zeros(8, omega.dtype) if memory.fit is None else memory.fit.estimate
         ripple, fit = memory.ripple, memory.fit
         if self.observer is not None:
-            known = jnp.concatenate([(omega - memory.omega)[:2], products])
+            known = jnp.concatenate([(omega - last)[:2], products])
             change = jnp.sum(factors * products) + jnp.sum(known * errors)
             # By the period, not the span: sine and cosine are then the same for all cases.
             advanced = self.observer.advance(ripple, omega, change, period)
-            ripple = jax.tree.map(lambda x, y: jnp.where(started, x, y), advanced, ripple)
+            first = self.observer.init(omega[2])
+            ripple = jax.tree.map(lambda x, y: jnp.where(started, x, y), advanced, first)
             ripple = self.observer.correct(ripple, omega, period)
         if self.least_squares is not None and fit is not None:
+            fit = fit._replace(first_omega=jnp.where(started, fit.first_omega, omega))
             fit = self.least_squares.update(fit, omega, products, factors)
             errors, old = fit.estimate, memory.belief
             of_errors = factors + errors[2:]
-            belief = jax.lax.cond(fit.samples == 0, lambda: self._belief(of_errors), lambda: old)
+            belief = jax.lax.cond(
+                fit.samples == 0, lambda: self._belief(of_errors, c, lean), lambda: old
+            )
             following = EstimatorMemory(ripple, fit, belief, omega, jnp.array(True))
         else:
-            belief = self._belief(factors)
+            belief = self._belief(factors, c, lean)
             following = EstimatorMemory(ripple, None, None, omega, jnp.array(True))
-        return self._third_axis(omega, ripple, errors, factors, belief), following
+        return self._third_axis(omega, ripple, errors, factors, lean, belief), following
 
-    def _belief(self, products: Float[Array, "6"]) -> Belief:
-        c = self.form.coupling
-        angle = jnp.arctan2(-2 * products[1], products[0]) / 2
-        coupling = jnp.sqrt(products[0] ** 2 + 4 * products[1] ** 2)
+    def _belief(
+        self, products: Float[Array, "6"], c: RealScalar, lean: Float[Array, "2"]
+    ) -> Belief:
+        """From the factors of ds/dt believed; `c` and `lean` are the model's own."""
+        coupling, axes = _main_axes(products[0], products[1])
         if self.least_squares is not None:  # else the model's own value, however small
             coupling = jnp.maximum(coupling, jnp.minimum(MIN_COUPLING, MIN_SHARE * jnp.abs(c)))
-        turn = self._balance(products)
-        drift = jnp.sum(products * _products(self._at_rest(turn)[1]))
-        return Belief(coupling, jnp.stack([jnp.cos(angle), jnp.sin(angle)]), turn, drift)
+        turn = self._balance(products, lean)
+        drift = jnp.sum(products * _products(leaned(self._orbit_rate(turn), lean)))
+        return Belief(coupling, axes, turn, drift)
 
-    def _at_rest(self, turn: Float[Array, "3"]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-        """`orbit_rate` and `rest` of `ThirdAxis`, a `turn` (rad) from the orbit frame."""
+    def _orbit_rate(self, turn: Float[Array, "3"]) -> Float[Array, "3"]:
+        """`orbit_rate` of `ThirdAxis`, a `turn` (rad) from the orbit frame."""
         orbit_rate = self.form.orbit_rate
-        orbit_rate = orbit_rate - jnp.cross(turn, orbit_rate)
-        return orbit_rate, self.form.slow(orbit_rate)
+        return orbit_rate - jnp.cross(turn, orbit_rate)
 
     def _third_axis(
         self,
@@ -168,16 +170,18 @@ class ThirdAxisEstimator(eqx.Module):
         ripple: PyTree,
         errors: Float[Array, "8"],
         factors: Float[Array, "6"],
+        lean: Float[Array, "2"],
         belief: Belief,
     ) -> ThirdAxis:
         zero = jnp.zeros_like(omega[2])
         known = ThirdRate(omega[2], zero, zero)
         if self.observer is not None:
             known = self.observer.believed(ripple, omega[2])
-        orbit_rate, rest = self._at_rest(belief.turn)
+        orbit_rate = self._orbit_rate(belief.turn)
+        rest = leaned(orbit_rate, lean)
         return ThirdAxis(
             known.rate - rest[2] - jnp.sum(errors[:2] * (omega - rest)[:2]),
-            self.form.lean + errors[:2],
+            lean + errors[:2],
             belief.coupling,
             belief.axes,
             known.rate_ripple,
@@ -189,9 +193,9 @@ class ThirdAxisEstimator(eqx.Module):
             belief.drift,
         )
 
-    def _balance(self, products: Float[Array, "6"]) -> Float[Array, "3"]:
+    def _balance(self, products: Float[Array, "6"], lean: Float[Array, "2"]) -> Float[Array, "3"]:
         """The least turn (rad) from the orbit frame to where s stays, but at most `MOST_TURN`."""
-        rest, lean = self.form.rest, self.form.lean
+        rest = leaned(self.form.orbit_rate, lean)
         drift, slope = jax.value_and_grad(lambda rates: jnp.sum(products * _products(rates)))(rest)
         along = slope.at[:2].add(-lean * slope[2])  # by the orbit frame's rate along (x, y, n)
         by_turn = jnp.cross(along, self.form.orbit_rate)
@@ -200,11 +204,24 @@ class ThirdAxisEstimator(eqx.Module):
         return turn * jnp.minimum(MOST_TURN / size, 1.0)
 
 
-def _mean_products(before: Float[Array, "3"], after: Float[Array, "3"]) -> Float[Array, "6"]:
-    """Means of the six products over a period in which the rates change linearly."""
-    middle = (before + after) / 2
-    # Simpson's rule, exact for squares of straight lines.
-    return (_products(before) + 4 * _products(middle) + _products(after)) * (1 / 6)
+def _main_axes(a: RealScalar, b: RealScalar) -> tuple[RealScalar, Float[Array, "2"]]:
+    """`coupling` and `axes` of `ThirdAxis`: half of the angle of (a, -2b), by its half-angles."""
+    along = jnp.abs(a) + STILL
+    coupling = jnp.sqrt(along**2 + 4 * b**2)
+    large = jnp.sqrt((1 + along / coupling) / 2)
+    small = -b * reciprocal(coupling * large)
+    side = jnp.where(b >= 0, -1.0, 1.0)
+    axes = jnp.where(a < 0, jnp.stack([side * small, side * large]), jnp.stack([large, small]))
+    return coupling, axes
+
+
+def _integrated_products(
+    before: Float[Array, "3"], after: Float[Array, "3"], span: RealScalar
+) -> Float[Array, "6"]:
+    """Integrals of the six products over a span (s) in which the rates change linearly."""
+    # Simpson's rule, exact for squares of straight lines; the middle counts four times, as does the
+    # square of twice its rates.
+    return (_products(before) + _products(before + after) + _products(after)) * (span / 6)
 
 
 def _products(omega: Float[Array, "3"]) -> Float[Array, "6"]:

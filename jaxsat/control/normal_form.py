@@ -120,7 +120,7 @@ class NormalForm(eqx.Module):
 
     def slow(self, rate: Float[Array, "3"]) -> Float[Array, "3"]:
         """(p1, p2, s) of an angular velocity along (x, y, n), rad/s."""
-        return rate.at[2].add(-jnp.sum(self.lean * rate[:2]))
+        return leaned(rate, self.lean)
 
     def seen(self, state: PlantState) -> NormalState:
         """A state of the plant in this frame."""
@@ -150,3 +150,8 @@ class NormalForm(eqx.Module):
     def command(self, torque: Float[Array, "2"]) -> Float[Array, "2"]:
         """A torque about x and y as the two torques to command, N m."""
         return self.to_command @ torque
+
+
+def leaned(rate: Float[Array, "3"], lean: Float[Array, "2"]) -> Float[Array, "3"]:
+    """(p1, p2, s) of an angular velocity along (x, y, n), rad/s, by `NormalForm.lean`."""
+    return rate.at[2].add(-jnp.sum(lean * rate[:2]))

@@ -39,6 +39,7 @@ from jaxsat.engine.settling import settled_along_step
 from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import stop_gradient
+from jaxsat.simulation.solve import all_within
 
 SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
 
@@ -217,7 +218,7 @@ def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progres
 def _accepted(tolerance, ode, before: Progress, moved: Progress, needed, accepted) -> Progress:
     """Further on, where it was, or ended."""
     limit = ode.program.state_limit
-    good = jnp.all(jnp.abs(ode.error_controlled(moved.state.state)[:-1]) < limit)  # NaN fails it
+    good = all_within(ode.error_controlled(moved.state.state)[:-1], limit)
     steps = before.steps + needed
     code = jnp.where(accepted & ~good, int(Outcome.STATE_LIMIT), before.code)
     out = needed & (code == int(Outcome.SUCCESS)) & (steps >= tolerance.max_steps)

@@ -37,7 +37,7 @@ class Program(eqx.Module):
     """One trajectory from zero to the end, and what is to be known of it.
 
     The state is observed every `interval` seconds, `intervals` times after the start: that is
-    where settling, the peak rate and divergence (an entry beyond `state_limit`) are judged.
+    where settling, the peak rate and divergence (a norm of `state_limit`) are judged.
     A sampled loop is observed at its samples.
     """
 

@@ -128,8 +128,9 @@ def _monitor(loop: AbstractContinuousLoop, tolerances: Tolerances) -> Monitor:
 
 
 def all_within(state: PyTree, limit: Float[Array, ""]) -> Array:
-    """Whether every entry is a number below the limit (NaN fails the comparison)."""
-    return jnp.all(jnp.stack([jnp.all(jnp.abs(x) < limit) for x in jax.tree.leaves(state)]))
+    """Whether the Euclidean norm of all floating-point entries is a number below the limit."""
+    numbers = [x for x in jax.tree.leaves(state) if jnp.issubdtype(x.dtype, jnp.floating)]
+    return sum(jnp.sum(x**2) for x in numbers) < limit**2  # which fails for NaN, too
 
 
 def _blank_unreached(values: Array) -> Array:
