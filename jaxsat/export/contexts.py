@@ -153,10 +153,10 @@ def _keep(context: Context, kept: Mapping[int, str], outs, made, shape: tuple[in
     texts = [kept.get(out.number) for out in outs]
     if any(text is None for text in texts) or (shape and base_of(texts, shape) is None):
         return False
-    params = context.known
+    given = {param.number for param in context.function.params}
     for x, text in zip(made, texts, strict=True):
         assert text is not None
-        if isinstance(x, Value) and x.number not in context.kept and x.number not in params:
+        if isinstance(x, Value) and x.number not in context.kept and x.number not in given:
             context.kept[x.number] = text
         else:
             context.left.append((text, x))

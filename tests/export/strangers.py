@@ -1,4 +1,4 @@
-"""Two laws written after docs/your-own-law.md by one who has not read the exporter."""
+"""Laws written after docs/your-own-law.md by one who has not read the exporter."""
 
 import enum
 from typing import ClassVar, NamedTuple
@@ -160,3 +160,39 @@ class Moody(AbstractSampledController):
         command = jax.lax.cond(lasted > 5.0, lambda x: x - torque, lambda x: x - early, command)
         since = jnp.where(mode == memory.mode, memory.since, t)
         return command, Memory(mode, since, torque, command, phase, omega)
+
+
+class PartlyNew(AbstractSampledController):
+    """Damps the rates, the third one filtered: it remembers an array of which one entry is new."""
+
+    declaration = LawDeclaration(
+        summary="damping with a filtered third rate",
+        keys=(
+            number("period_s", "Time between samples", "s", above=0, default=0.5),
+            number("kd", "Gain on the rates", "N m s", above=0, tunable=True),
+        ),
+        torques=3,
+    )
+
+    model: RigidBody
+    kd: jax.Array
+    period: jax.Array
+
+    @classmethod
+    def from_table(cls, values, context):
+        return cls(context.model, *(jnp.asarray(values[name]) for name in ("kd", "period_s")))
+
+    def init(self, state):
+        return jnp.zeros(3)
+
+    def step(self, t, state, memory):
+        rate = _third_filtered(self.model.relative_rate(state), memory)
+        return -self.kd * rate, rate
+
+
+def _third_filtered(rate, before):
+    """The first two rates pass through; long enough to be a function of its own."""
+    third = rate[2]
+    for k in range(25):
+        third = third - 0.05 * (third - before[2]) / (1.0 + k * third**2)
+    return rate.at[2].set(third)

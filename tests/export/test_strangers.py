@@ -36,7 +36,7 @@ law = "strangers:@LAW@"
 duration_s = 100
 """
 
-LAWS = {"RecedingRiccati": "weight = 50", "Moody": "kp = 0.3\nkd = 2.0"}
+LAWS = {"RecedingRiccati": "weight = 50", "Moody": "kp = 0.3\nkd = 2.0", "PartlyNew": "kd = 2.0"}
 
 SAMPLED = (
     "one-torque-damping", "oscillatory-dispersed", "pulsed-two-torque", "switching",
