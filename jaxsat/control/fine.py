@@ -1,5 +1,6 @@
 """The fine stage: a large oscillation until all is small, then a small one that stays."""
 
+import dataclasses
 import enum
 from typing import ClassVar, NamedTuple
 
@@ -11,14 +12,16 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.normal_form import NormalForm, NormalState
-from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
-from jaxsat.control.rate_tracking import clipped, tracking_torque
+from jaxsat.control.oscillatory import MorinSamson, Oscillation, Oscillator, Slow
+from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
+HOLDING_TURN = 0.01
+"""Turn (rad) at which the end game asks for its largest amplitude."""
 
 SURE_SHARE, LEAST_SHARE = 0.7, 0.2
 """Of the end game's largest ds/dt: what can be relied on, as the orbit takes some of it, and the
@@ -90,16 +93,34 @@ class FineMemory(NamedTuple):
 
 
 class FineStage(eqx.Module):
-    """Oscillator and end game, an oscillator with smaller rates, with the hand-over between them.
+    """Oscillator and end game, with the hand-over between them.
 
+    The end game is the same oscillation with amplitudes up to `holding_amplitude` (rad/s).
     `fade_lean` takes the correction of the turn for leaning axes away as the tilt grows, by the
     factor max(0, 1 - |w|²).
     """
 
     oscillator: Oscillator
-    end_game: Oscillator
+    holding_amplitude: RealScalar = eqx.field(converter=as_float)
     handover: Handover
     fade_lean: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self):
+        require_positive("holding_amplitude", self.holding_amplitude)
+
+    @property
+    def end_game(self) -> Oscillator:
+        """The oscillator that holds: its demand is critically damped and at its largest at
+        `HOLDING_TURN`."""
+        form, amplitude = self.oscillator.form, self.holding_amplitude
+        most = form.coupling * amplitude**2 / 2  # of |ds/dt|, rad/s²
+        return dataclasses.replace(
+            self.oscillator,
+            demand=MorinSamson(jnp.sqrt(most / HOLDING_TURN), 1.0),
+            largest_amplitude=amplitude,
+            ratio=1.0,
+            dead_zone=0.0,
+        )
 
     def init(self, omega: Float[Array, "3"]) -> FineMemory:
         """At rest, oscillating."""
@@ -114,7 +135,7 @@ class FineStage(eqx.Module):
         if self.fade_lean:
             third = third._replace(lean=third.lean * jnp.maximum(0.0, 1 - tilt.size**2))
         slow = self.oscillator.slow(clock, tilt, third, memory.oscillation)
-        most = third.coupling * self.end_game.largest_amplitude**2 / 2
+        most = third.coupling * self.holding_amplitude**2 / 2
         deceleration = jnp.maximum(SURE_SHARE * most - jnp.abs(third.drift), LEAST_SHARE * most)
         excess = state.omega - third.rest
         late = self.handover(memory.late, tilt, slow, excess, deceleration, third.turn[2])
@@ -125,10 +146,8 @@ class FineStage(eqx.Module):
 
         # Choosing what is small lets the two share the rest, roots and quotients above all.
         wanted = chosen(quiet.request(slow, third), early.request(slow, third)).granted(third.axes)
-        tracking = chosen(*(one.tracking(clock, state, tilt, wanted) for one in (quiet, early)))
-        gain = jnp.where(late, quiet.rate_gain, early.rate_gain)
-        torque = tracking_torque(early.form, state.omega, tracking.rate, tracking.derivative, gain)
-        return torque, tracking.rate, FineMemory(wanted, late)
+        tracking = early.tracking(clock, state, tilt, wanted)
+        return early.torque(state.omega, tracking), tracking.rate, FineMemory(wanted, late)
 
 
 class OscillatorySettlingMemory(NamedTuple):

@@ -8,7 +8,6 @@ nearest. What is known of the periodic d3 goes into the ripple estimator.
 """
 
 import bisect
-import dataclasses
 import math
 from collections.abc import Mapping
 from typing import TypeVar
@@ -22,7 +21,7 @@ from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import BODY_XY, NormalForm
-from jaxsat.control.oscillatory import MorinSamson, Oscillator, TwoChannel
+from jaxsat.control.oscillatory import AbstractDemand, MorinSamson, Oscillator, TwoChannel
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter
 from jaxsat.control.scaling import Scaling, in_seconds
 from jaxsat.control.slews import SlewPlanner
@@ -48,9 +47,6 @@ DEAD_ZONE = 1e-6
 QUIET_AMPLITUDE, QUIET_RATE, HOLDING_SHARE = 4.5e-5, 4.2e-3, 0.45
 """Largest amplitude of the end game: rad per `fine_time` but no more than so much over τ, or this
 share of the orbit rate if that is more, as a drift at rest is a number times its square."""
-
-QUIET_ANGLE = 0.01
-"""Turn (rad) at which the end game asks for its largest amplitude."""
 
 RIPPLE, RIPPLE_FREQUENCY = 3e-6, 0.01
 """Least ripple of ω3 that the filter expects, and its frequency where none is known; rad per
@@ -185,7 +181,12 @@ def _gains(table: Mapping[float, Gains], scaling: Scaling) -> Gains:
 
 
 def _fine_stage(
-    form: NormalForm, demand, gains: FineGains, scaling: Scaling, *, fade_lean: bool
+    form: NormalForm,
+    demand: AbstractDemand,
+    gains: FineGains,
+    scaling: Scaling,
+    *,
+    fade_lean: bool,
 ) -> FineStage:
     unit = scaling.fine_time
     oscillator = Oscillator(
@@ -198,23 +199,14 @@ def _fine_stage(
         ratio=gains.ratio,
         dead_zone=DEAD_ZONE / unit,
     )
-    handover = Handover(gains.enter_rate)
-    return FineStage(oscillator, _end_game(oscillator, scaling), handover, fade_lean)
+    amplitude = _holding_amplitude(form, scaling)
+    return FineStage(oscillator, amplitude, Handover(gains.enter_rate), fade_lean)
 
 
-def _end_game(oscillator: Oscillator, scaling: Scaling) -> Oscillator:
-    """The oscillation that is small enough to stay."""
-    form = oscillator.form
+def _holding_amplitude(form: NormalForm, scaling: Scaling) -> float:
+    """The largest amplitude of the end game, rad/s."""
     amplitude = min(QUIET_AMPLITUDE / scaling.fine_time, QUIET_RATE / scaling.time)
-    amplitude = max(amplitude, HOLDING_SHARE * abs(float(form.model.orbit.rate)))
-    most = float(form.coupling) * amplitude**2 / 2  # of |ds/dt|, rad/s²
-    return dataclasses.replace(
-        oscillator,
-        demand=MorinSamson(math.sqrt(most / QUIET_ANGLE), 1.0),
-        largest_amplitude=amplitude,
-        ratio=1.0,
-        dead_zone=0.0,
-    )
+    return max(amplitude, HOLDING_SHARE * abs(float(form.model.orbit.rate)))
 
 
 def _estimator(

@@ -6,7 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxsat
 from control.cases import ORBIT_RATE, actuators, body, paper_disturbance
+from jaxsat.assembly.run import build_loop
 from jaxsat.attitude import WZ
 from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.control.fine import FineMode
@@ -96,6 +98,29 @@ def test_modes_change_with_hysteresis():
     assert mode(0.031, False) == FineMode.OSCILLATING
     assert mode(0.044, True) == FineMode.HOLDING
     assert mode(0.046, True) == FineMode.OSCILLATING
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(MAKERS))
+def test_the_end_game_oscillates_at_the_frequency_that_is_given(name):
+    """It shares the phase by which the ripple of the oscillation is removed."""
+    given = [f"control.law={name}", "control.frequency_rad_s=0.3"]
+    controller = build_loop(jaxsat.load("acceptance-nominal", given)).controller
+    step = eqx.filter_jit(controller.step)
+    state = PlantState(WZ([1e-3, 2e-3], 0.01).as_quaternion(), [0.0, -ORBIT_RATE, 2e-5])
+    memory = controller.init(state)
+    memory = memory._replace(fine=memory.fine._replace(late=jnp.array(True)))
+    if name == "three-slew":
+        memory = memory._replace(phase=jnp.array(Phase.OSCILLATING))
+
+    def torque(clock):
+        command, after = step(jnp.array(clock), state, memory)
+        assert controller.mode(after) == FineMode.HOLDING
+        return np.asarray(command)
+
+    period = 2 * np.pi / 0.3
+    np.testing.assert_allclose(torque(7.0 + period), torque(7.0), rtol=1e-9)
+    assert np.abs(torque(7.0 + period / 2) - torque(7.0)).max() > 1e-3 * np.abs(torque(7.0)).max()
 
 
 @pytest.mark.slow
