@@ -79,14 +79,16 @@ def oscillatory_settling(
     period: float = TUNED_PERIOD,
     ripple: AbstractRippleEstimator | None = None,
     directions: Float[np.ndarray, "3 2"] = BODY_XY,
+    holding_amplitude: float | None = None,
 ) -> OscillatorySettling:
     """The Morin-Samson law and the end game.
 
     `model` is what the controller believes of the plant. `observe` tells whether it estimates the
     ripple of d3 (by `ripple`, `ripple_filter(model, ...)` unless given), `estimate` whether it
     estimates the errors of axes and inertia. The two torques are about the orthonormal
-    `directions`. Raises `ValueError` for a torque limit that is not positive and finite, and for
-    S1 = S2, where nothing moves the third axis.
+    `directions`; `holding_amplitude` (rad/s) is the largest of the end game. Raises `ValueError`
+    for a torque limit that is not positive and finite, and for S1 = S2, where nothing moves the
+    third axis.
     """
     form = NormalForm.of(model, directions)
     scaling = _scaling(form, torque_limit, period)
@@ -95,7 +97,7 @@ def oscillatory_settling(
     demand = MorinSamson(**gains.demand._replace(k3=gains.demand.k3 * math.sqrt(share))._asdict())
     ripple = (ripple or ripple_filter(form, torque_limit, period=period)) if observe else None
     return OscillatorySettling(
-        fine=_fine_stage(form, demand, gains, scaling, fade_lean=False),
+        fine=_fine_stage(form, demand, gains, scaling, holding_amplitude, fade_lean=False),
         estimator=_estimator(form, estimate, ripple, scaling),
         torque_limit=torque_limit,
         period=period,
@@ -111,6 +113,7 @@ def three_slew_settling(
     period: float = TUNED_PERIOD,
     ripple: AbstractRippleEstimator | None = None,
     directions: Float[np.ndarray, "3 2"] = BODY_XY,
+    holding_amplitude: float | None = None,
 ) -> ThreeSlewSettling:
     """Rate law, three slews, two-channel law and end game; arguments as above."""
     form = NormalForm.of(model, directions)
@@ -121,7 +124,7 @@ def three_slew_settling(
     return ThreeSlewSettling(
         rate_law=FiniteTimeRate(form, torque_limit, **approach.rate_law._asdict()),
         planner=SlewPlanner(form, torque_limit, **approach.slews._asdict()),
-        fine=_fine_stage(form, demand, gains, scaling, fade_lean=True),
+        fine=_fine_stage(form, demand, gains, scaling, holding_amplitude, fade_lean=True),
         estimator=_estimator(form, estimate, ripple, scaling),
         torque_limit=torque_limit,
         stopped_rate=approach.stopped_rate,
@@ -185,6 +188,7 @@ def _fine_stage(
     demand: AbstractDemand,
     gains: FineGains,
     scaling: Scaling,
+    holding_amplitude: float | None,
     *,
     fade_lean: bool,
 ) -> FineStage:
@@ -199,8 +203,9 @@ def _fine_stage(
         ratio=gains.ratio,
         dead_zone=DEAD_ZONE / unit,
     )
-    amplitude = _holding_amplitude(form, scaling)
-    return FineStage(oscillator, amplitude, Handover(gains.enter_rate), fade_lean)
+    if holding_amplitude is None:
+        holding_amplitude = _holding_amplitude(form, scaling)
+    return FineStage(oscillator, holding_amplitude, Handover(gains.enter_rate), fade_lean)
 
 
 def _holding_amplitude(form: NormalForm, scaling: Scaling) -> float:

@@ -16,7 +16,7 @@ from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.presets import oscillatory_settling, ripple_filter, three_slew_settling
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.declaration.law import LawDeclaration
-from jaxsat.declaration.settling import OSCILLATORY, THREE_SLEW
+from jaxsat.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, THREE_SLEW
 
 
 def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> OscillatorySettling:
@@ -72,6 +72,7 @@ def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawCon
             period=values["period_s"],
             ripple=ripple,
             directions=directions,
+            holding_amplitude=values.get(HOLDING_AMPLITUDE),
         )
     except ValueError as error:
         first, second, _ = np.asarray(form.moments)

@@ -10,8 +10,11 @@ import numpy as np
 from pydantic import ValidationError
 
 from jaxsat.assembly.run import build, build_loop
+from jaxsat.control import OscillatorySettling, ThreeSlewSettling
 from jaxsat.controller_design.reading import ALL
 from jaxsat.controller_design.vehicle import Scale, VehicleVerdict, scale_of
+from jaxsat.declaration.settling import HOLDING_AMPLITUDE
+from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.scenario import Scenario, ScenarioWarning
@@ -57,6 +60,9 @@ LAWS_LEFT: Mapping[str, tuple[str, ...]] = {
 
 WHEEL_LAWS = ("three-axis",)
 """Laws for two wheels without momentum."""
+
+RATE_SHARE, TILT_SHARE = 0.85, 0.5
+"""Of the tolerances of settling: what a large end game takes of the rate's and of the tilt's."""
 
 POWERS = {"rad/s": 1, "1/s": 1, "N m s": 1, "N m": 2}
 """By unit of a gain: the power of √T with which it goes when the torque does, for the same motion
@@ -125,7 +131,7 @@ def with_scaled_gains(scenario: Scenario, factor: float) -> dict[str, Any]:
     for key in law.declaration.keys if law else ():
         power = POWERS.get(getattr(key, "unit", ""), 0)
         value = table.get(key.name)
-        is_rate = key.name.endswith("_rad_s") and "ripple" not in key.name
+        is_rate = key.name.endswith("_rad_s") and not key.name.startswith(("ripple", "holding"))
         if value is None or not power or not (key.tunable or (is_rate and key.unit == "rad/s")):
             continue
         scale = math.sqrt(factor) ** power
@@ -133,6 +139,28 @@ def with_scaled_gains(scenario: Scenario, factor: float) -> dict[str, Any]:
             tuple(scale * one for one in value) if isinstance(value, tuple) else scale * value
         )
     return table
+
+
+def with_larger_end_game(candidate: Candidate) -> Candidate | None:
+    """The candidate with an end game as large as the tolerances of settling allow.
+
+    A larger oscillation stops a larger drift about the third axis, such as an error of the inertia
+    gives in orbit. None where the candidate's own is as large, is given, or there is none.
+    """
+    control, law = candidate.scenario.control, controller_of(build_loop(candidate.scenario))
+    settles = isinstance(law, OscillatorySettling | ThreeSlewSettling)
+    if not settles or getattr(control, HOLDING_AMPLITUDE) is not None:
+        return None
+    held = law.fine.end_game
+    limits = Tolerances()
+    # Two rates of this amplitude in phase; |w| of the tilt is half the angle.
+    rate, tilt = limits.relative_rate / math.sqrt(2), limits.w * math.sqrt(2) * held.frequency
+    amplitude = float(f"{min(RATE_SHARE * float(rate), TILT_SHARE * float(tilt)):.3g}")
+    if amplitude <= held.largest_amplitude:
+        return None
+    control = control.model_copy(update={HOLDING_AMPLITUDE: amplitude})
+    scenario = candidate.scenario.model_copy(update={"control": control})
+    return Candidate(f"{candidate.name}, larger end game", scenario)
 
 
 Maker = Callable[[Scale], dict[str, Any]]

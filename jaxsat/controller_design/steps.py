@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from jaxsat.controller_design.candidates import (
     Candidate,
     Fitting,
     fitting_candidates,
+    with_larger_end_game,
     written_out,
 )
 from jaxsat.controller_design.completion import completed
@@ -30,6 +31,16 @@ from jaxsat.montecarlo import WhenDecided, summarise
 from jaxsat.results import OutputError
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.tuning_tables import TuningTable
+
+Flown = tuple[Candidate, Columns]
+
+
+class Screening(NamedTuple):
+    """What the screening found: all candidates, and the one that is enough, if any."""
+
+    step: Step
+    candidates: tuple[Candidate, ...]
+    enough: Candidate | None
 
 
 @dataclass(frozen=True)
@@ -54,13 +65,13 @@ class DesignRun:
             self.studies.remark(f"warning: {caution}")
         if not fitting.candidates:
             return found
-        screening, enough = self._screening(fitting.candidates)
-        names = {one.name: one for one in fitting.candidates}
-        best = enough or names[screening.verdict.law or fitting.candidates[0].name]
+        screening, candidates, enough = self._screening(fitting.candidates)
+        names = {one.name: one for one in candidates}
+        best = enough or names[screening.verdict.law or candidates[0].name]
         tuned, not_tuned, contenders = None, None, (best,)
         if enough is None:
             tuned, not_tuned = self._tuned(screening, best)
-            contenders = _contenders(fitting.candidates, screening, tuned)
+            contenders = _contenders(candidates, screening, tuned)
         else:
             not_tuned = f"{best.name} surely settles the wanted fraction"
         chosen, validation = best, None
@@ -69,10 +80,11 @@ class DesignRun:
             by_name = {one.name: one for one in contenders}
             chosen = by_name[validation.verdict.law or best.name]
         chosen = Candidate(chosen.name, self._ready(chosen))
-        others = tuple(one for one in fitting.candidates if one.name != chosen.name)
+        others = tuple(one for one in candidates if one.name != chosen.name)
         verification = self._verification(chosen, others, verdict)
         return replace(
             found,
+            candidates=candidates,
             chosen=chosen,
             screening=screening,
             tuned=tuned,
@@ -101,26 +113,45 @@ class DesignRun:
         fitting = fitting_candidates(scenario, verdict, self.settings.law, complete)
         return fitting, assumed[0] if assumed else ()
 
-    def _screening(self, candidates: tuple[Candidate, ...]) -> tuple[Step, Candidate | None]:
-        """The candidates on the same cases, and the first that is enough where one is asked for."""
-        if self.settings.goal == "quickest":
-            return self._step("screening", 2, candidates), None
-        rule, flown = WhenDecided(self.settings.settled), []
+    def _screening(self, fitting: tuple[Candidate, ...]) -> Screening:
+        """The candidates on the same cases, and the first that is enough where one is asked for.
+
+        Where none settles the wanted fraction, each flies once more with a larger end game.
+        """
+        known, (flown, enough) = fitting, self._screened(fitting)
+        if not enough:
+            larger = tuple(filter(None, map(with_larger_end_game, fitting)))
+            more, enough = self._screened(larger)
+            known, flown = (*fitting, *larger), flown + more
+        first = enough[0] if enough and self.settings.goal == "settled" else None
+        return Screening(self._compared("screening", flown), known, first)
+
+    def _screened(self, candidates: tuple[Candidate, ...]) -> tuple[list[Flown], list[Candidate]]:
+        """What was flown, and which of it settles the wanted fraction.
+
+        Where settling is the goal, up to the first that surely does.
+        """
+        surely = self.settings.goal == "settled"
+        rule = WhenDecided(self.settings.settled) if surely else None
+        flown, enough = [], []
         for one, columns in self._flown("screening", 2, candidates, rule):
             flown.append((one, columns))
             settled = row_of("screening", 1.0, one.name, columns).settled
-            if settled.low >= self.settings.settled:
-                return self._compared("screening", flown), one
-        return self._compared("screening", flown), None
+            if (settled.low if surely else settled.value) >= self.settings.settled:
+                enough.append(one)
+                if surely:
+                    break
+        return flown, enough
 
     def _step(self, step: str, number: int, candidates: tuple[Candidate, ...]) -> Step:
         """The candidates on the same cases."""
         return self._compared(step, list(self._flown(step, number, candidates)))
 
-    def _compared(self, step: str, flown: list[tuple[Candidate, Columns]]) -> Step:
+    def _compared(self, step: str, flown: list[Flown]) -> Step:
         """The candidates on the cases that all of them flew, under one torque limit.
 
-        The quickest is taken of those that settle the wanted fraction, the surest where none does.
+        The quickest is taken of those that settle the wanted fraction; the surest where none does,
+        or where settling is the goal.
         """
         torque = scale_of(flown[0][0].scenario).torque
         count = min(len(columns["settling_time"]) for _, columns in flown)
@@ -128,7 +159,9 @@ class DesignRun:
             row_of(step, torque, one.name, {key: values[:count] for key, values in columns.items()})
             for one, columns in flown
         )
-        wanted = min(self.settings.settled, max(row.settled.value for row in rows))
+        wanted = max(row.settled.value for row in rows)
+        if self.settings.goal == "quickest":
+            wanted = min(self.settings.settled, wanted)
         return Step(rows, choose_law([row for row in rows if row.settled.value >= wanted]))
 
     def _flown(
@@ -137,7 +170,7 @@ class DesignRun:
         number: int,
         candidates: tuple[Candidate, ...],
         rule: WhenDecided | None = None,
-    ) -> Iterator[tuple[Candidate, Columns]]:
+    ) -> Iterator[Flown]:
         """Every candidate with its columns, flown when asked for."""
         count = getattr(self.settings, f"{step}_cases")
         seed = getattr(self.settings.seeds, step)

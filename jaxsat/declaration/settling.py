@@ -17,6 +17,9 @@ TUNED_PERIOD = 0.1
 TUNED_LIMITS = (1.0, 5.0, 20.0)
 """Torque limits (N m) for which the gains are tuned."""
 
+HOLDING_AMPLITUDE = "holding_amplitude_rad_s"
+"""Key of the amplitude of the end game."""
+
 
 def equivalent_limit(moments: Sequence[float], torque_limit: float) -> float:
     """The limit (N m) that turns the body of the tuned gains as fast as `torque_limit` this one.
@@ -43,6 +46,14 @@ _COMMON_KEYS = (
         "Amplitude of d3 that the controller expects; by default that of the disturbance",
         "N m",
         at_least=0,
+        default=None,
+    ),
+    number(
+        HOLDING_AMPLITUDE,
+        "Largest amplitude of the oscillation in the end game; by default a function of inertia, "
+        "torque limit, period and orbit rate",
+        "rad/s",
+        above=0,
         default=None,
     ),
     switch(

@@ -121,10 +121,37 @@ def test_the_screening_for_a_settled_fraction_ends_with_the_first_law_that_has_i
     settings = DesignSettings("all", goal="settled")
     run = steps.DesignRun(scenario, settings, studies)
     candidates = tuple(Candidate(name, scenario) for name in fractions)
-    screening, enough = run._screening(candidates)
+    screening = run._screening(candidates)
     assert asked == flown
-    assert enough == candidates[len(flown) - 1]
-    assert len(screening.rows) == len(flown)
+    assert screening.enough == candidates[len(flown) - 1]
+    assert len(screening.step.rows) == len(flown)
+
+
+@pytest.mark.parametrize("goal", ["settled", "quickest"])
+def test_where_none_settles_enough_each_flies_again_with_a_larger_end_game(
+    monkeypatch, studies, goal
+):
+    asked = []
+
+    def columns(self, what, name, scenario, count, seed, until):
+        asked.append(name.removeprefix("screening-"))
+        settled = count if asked[-1] == "a, larger" else int(0.9 * count)
+        times = np.concatenate([np.full(settled, 9.0), np.full(count - settled, np.inf)])
+        return {"settling_time": times, "effort": np.ones(count), "peak_rate": np.ones(count)}
+
+    def larger(one):
+        return None if one.name == "b" else Candidate(f"{one.name}, larger", one.scenario)
+
+    monkeypatch.setattr(Studies, "columns", columns)
+    monkeypatch.setattr(steps, "with_larger_end_game", larger)
+    scenario = jaxsat.load("two-torque-free", purpose="text")
+    run = steps.DesignRun(scenario, DesignSettings("all", goal=goal), studies)
+    screening = run._screening(tuple(Candidate(name, scenario) for name in "abc"))
+    every = ["a", "b", "c", "a, larger", "c, larger"]
+    assert asked == (every if goal == "quickest" else every[:4])
+    assert [one.name for one in screening.candidates] == every
+    assert screening.step.verdict.law == "a, larger"
+    assert (screening.enough is not None) == (goal == "settled")
 
 
 def test_what_settles_the_wanted_fraction_comes_before_what_is_quick(studies):
@@ -147,6 +174,8 @@ def test_what_settles_the_wanted_fraction_comes_before_what_is_quick(studies):
     assert taken([0.99, 0.995]) == "0"
     assert taken([0.97, 0.98]) == "1"
     assert taken([0.0, 0.0]) is None
+    run = steps.DesignRun(scenario, DesignSettings("all", goal="settled"), studies)
+    assert taken([0.99, 0.995]) == "1"
 
 
 @pytest.mark.slow

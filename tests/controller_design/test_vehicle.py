@@ -1,15 +1,19 @@
 """What is left of a vehicle, what a file may leave out, and what is filled in without dimension."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import jaxsat
 from jaxsat.allocation import torque_directions
+from jaxsat.assembly.run import build_loop
+from jaxsat.control.oscillatory import Slow
 from jaxsat.controller_design.candidates import (
     GAINS,
     Candidate,
     fitting_candidates,
+    with_larger_end_game,
     with_scaled_gains,
     written_out,
 )
@@ -20,6 +24,7 @@ from jaxsat.controller_design.turned import turned
 from jaxsat.controller_design.vehicle import scale_of, vehicle_verdict
 from jaxsat.inertia import normal_axes
 from jaxsat.montecarlo import number_at
+from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.holding import missing_torque
 from jaxsat.scenario.layout import believed_axes
@@ -194,3 +199,34 @@ def test_every_gain_that_can_be_tuned_is_written_out_and_changes_nothing():
     one, other = (jaxsat.build(each).loop.controller for each in (scenario, made))
     for place in Candidate("", made).tunable.values():
         assert number_at(other, place) == number_at(one, place)
+
+
+def test_a_larger_end_game_is_as_large_as_the_tolerances_of_settling_allow():
+    """The rates asked for over a period, and the tilt that they make: 0.85e-3 rad/s at most."""
+    candidate = Candidate("any", jaxsat.load("acceptance-hard", ["control.law=oscillatory"]))
+    larger = with_larger_end_game(candidate)
+    assert larger is not None
+    law, before = (controller_of(build_loop(one.scenario)) for one in (larger, candidate))
+    game = law.fine.end_game
+    omega = jnp.zeros(3)
+    third, _ = law.estimator.update(omega, law.estimator.init(omega), law.period)
+    alpha, beta, rho, _ = game.oscillation(Slow(jnp.array(0.0), jnp.array(1.0)), third)
+    phase = np.linspace(0, 2 * np.pi, 100)
+    second = (alpha * np.sin(phase) + beta * np.cos(phase)) / rho
+    rate = np.hypot(rho * np.sin(phase), second).max()
+    assert rate == pytest.approx(0.85e-3, rel=5e-3)
+    assert rate / game.frequency / 2 < 0.025  # |w|
+    assert game.largest_amplitude > before.fine.end_game.largest_amplitude
+    assert with_larger_end_game(larger) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("acceptance-hard", ["spacecraft.torque_limit_N_m=20", "control.period_s=0.05"]),
+        ("cubesat-12u", []),
+    ],
+    ids=["large already", "another law"],
+)
+def test_there_is_no_larger_end_game(name, changes):
+    assert with_larger_end_game(Candidate("any", jaxsat.load(name, changes))) is None
