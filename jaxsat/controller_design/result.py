@@ -107,12 +107,11 @@ class ControllerDesign:
     @property
     def cautions(self) -> tuple[str, ...]:
         """Where the vehicle lies beyond what the laws are verified on."""
-        told = (
+        return tuple(
             f"{'.'.join(map(str, issue.location))} {issue.message}"
             for one in self.candidates
             for issue in domain_cautions(one.scenario)
         )
-        return tuple(dict.fromkeys(told))
 
     @property
     def scenario(self) -> Scenario | None:

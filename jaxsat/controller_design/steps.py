@@ -75,16 +75,15 @@ class DesignRun:
         else:
             not_tuned = f"{best.name} surely settles the wanted fraction"
         chosen, validation = best, None
-        if len(contenders) > 1:
-            validation = self._step("validation", 4, contenders)
-            by_name = {one.name: one for one in contenders}
-            chosen = by_name[validation.verdict.law or best.name]
+        if len(contenders) > 1 or self.settings.goal == "quickest":
+            validation, contenders = self._validation(contenders)
+            names |= {one.name: one for one in contenders}
+            chosen = names[validation.verdict.law or best.name]
         chosen = Candidate(chosen.name, self._ready(chosen))
-        others = tuple(one for one in candidates if one.name != chosen.name)
+        others = tuple(one for name, one in names.items() if name != chosen.name)
         verification = self._verification(chosen, others, verdict)
         return replace(
             found,
-            candidates=candidates,
             chosen=chosen,
             screening=screening,
             tuned=tuned,
@@ -116,32 +115,43 @@ class DesignRun:
     def _screening(self, fitting: tuple[Candidate, ...]) -> Screening:
         """The candidates on the same cases, and the first that is enough where one is asked for.
 
-        Where none settles the wanted fraction, each flies once more with a larger end game.
+        Where settling is the goal and none surely settles the wanted fraction, each flies once more
+        with a larger end game.
         """
+        if self.settings.goal == "quickest":
+            return Screening(self._step("screening", 2, fitting), fitting, None)
         known, (flown, enough) = fitting, self._screened(fitting)
         if not enough:
             larger = tuple(filter(None, map(with_larger_end_game, fitting)))
             more, enough = self._screened(larger)
             known, flown = (*fitting, *larger), flown + more
-        first = enough[0] if enough and self.settings.goal == "settled" else None
-        return Screening(self._compared("screening", flown), known, first)
+        return Screening(self._compared("screening", flown), known, enough)
 
-    def _screened(self, candidates: tuple[Candidate, ...]) -> tuple[list[Flown], list[Candidate]]:
-        """What was flown, and which of it settles the wanted fraction.
-
-        Where settling is the goal, up to the first that surely does.
-        """
-        surely = self.settings.goal == "settled"
-        rule = WhenDecided(self.settings.settled) if surely else None
-        flown, enough = [], []
+    def _screened(self, candidates: tuple[Candidate, ...]) -> tuple[list[Flown], Candidate | None]:
+        """What was flown up to the first that surely settles the wanted fraction, and that one."""
+        rule, flown = WhenDecided(self.settings.settled), []
         for one, columns in self._flown("screening", 2, candidates, rule):
             flown.append((one, columns))
-            settled = row_of("screening", 1.0, one.name, columns).settled
-            if (settled.low if surely else settled.value) >= self.settings.settled:
-                enough.append(one)
-                if surely:
-                    break
-        return flown, enough
+            if self._sure(one, columns):
+                return flown, one
+        return flown, None
+
+    def _sure(self, one: Candidate, columns: Columns) -> bool:
+        """Whether the whole interval of the settled fraction is above the wanted one."""
+        return row_of("", 1.0, one.name, columns).settled.low >= self.settings.settled
+
+    def _validation(self, contenders: tuple[Candidate, ...]) -> tuple[Step, tuple[Candidate, ...]]:
+        """The contenders on the same cases, and all that flew there.
+
+        Where none surely settles the wanted fraction, each flies once more with a larger end game,
+        as in the screening where settling is the goal.
+        """
+        flown = list(self._flown("validation", 4, contenders))
+        if self.settings.goal == "quickest" and not any(self._sure(*one) for one in flown):
+            larger = tuple(filter(None, map(with_larger_end_game, contenders)))
+            flown += self._flown("validation", 4, larger)
+            contenders = (*contenders, *larger)
+        return self._compared("validation", flown), contenders
 
     def _step(self, step: str, number: int, candidates: tuple[Candidate, ...]) -> Step:
         """The candidates on the same cases."""

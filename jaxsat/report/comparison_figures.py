@@ -12,6 +12,9 @@ from jaxsat.report.style import SETTINGS, escape_mathematics, line_of, set_title
 EARLIEST = 10.0
 """Seconds at which the logarithmic time axes begin; nothing that tumbles settles before."""
 
+LEGEND_WIDTH, LEGEND_HANDLE = 105, 8
+"""Of the legend, and of a line in it, in characters."""
+
 
 def settling_comparison(
     panels: Mapping[tuple[str, float], Mapping[str, np.ndarray]],
@@ -48,7 +51,9 @@ def settling_comparison(
         axis.set_xlabel("time (s)")
     drawn = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in axes.flat]
     lines = {label: handle for pairs in drawn for handle, label in pairs}
-    figure.legend([*lines.values()], [*lines], loc="outside lower center", ncols=min(5, len(lines)))
+    fitting = LEGEND_WIDTH // (max(map(len, lines)) + LEGEND_HANDLE)
+    columns = max(1, min(5, len(lines), fitting))
+    figure.legend([*lines.values()], [*lines], loc="outside lower center", ncols=columns)
     return figure
 
 

@@ -32,6 +32,7 @@ def family_figure(rows: Sequence[Mapping[str, Any]], wanted: float) -> Figure:
         "those below the required fraction, by most effective remedy", fontsize=8, loc="left"
     )
     lower.set_xlabel("spacecraft, sorted")
+    lower.xaxis.get_major_locator().set_params(integer=True)
     return figure
 
 

@@ -127,15 +127,16 @@ def test_the_screening_for_a_settled_fraction_ends_with_the_first_law_that_has_i
     assert len(screening.step.rows) == len(flown)
 
 
-@pytest.mark.parametrize("goal", ["settled", "quickest"])
-def test_where_none_settles_enough_each_flies_again_with_a_larger_end_game(
-    monkeypatch, studies, goal
+@pytest.mark.parametrize("step", ["screening", "validation"])
+def test_where_none_surely_settles_enough_each_flies_again_with_a_larger_end_game(
+    monkeypatch, studies, step
 ):
-    asked = []
+    """In the screening where settling is the goal, up to the first that is sure."""
+    asked, sure = [], "a, larger"
 
     def columns(self, what, name, scenario, count, seed, until):
-        asked.append(name.removeprefix("screening-"))
-        settled = count if asked[-1] == "a, larger" else int(0.9 * count)
+        asked.append(name.removeprefix(f"{step}-"))
+        settled = count if asked[-1] == sure else int(0.99 * count)
         times = np.concatenate([np.full(settled, 9.0), np.full(count - settled, np.inf)])
         return {"settling_time": times, "effort": np.ones(count), "peak_rate": np.ones(count)}
 
@@ -145,13 +146,29 @@ def test_where_none_settles_enough_each_flies_again_with_a_larger_end_game(
     monkeypatch.setattr(Studies, "columns", columns)
     monkeypatch.setattr(steps, "with_larger_end_game", larger)
     scenario = jaxsat.load("two-torque-free", purpose="text")
-    run = steps.DesignRun(scenario, DesignSettings("all", goal=goal), studies)
-    screening = run._screening(tuple(Candidate(name, scenario) for name in "abc"))
+    settings = DesignSettings("all", goal="settled" if step == "screening" else "quickest")
+    run = steps.DesignRun(scenario, settings, studies)
+    given = tuple(Candidate(name, scenario) for name in "abc")
     every = ["a", "b", "c", "a, larger", "c, larger"]
-    assert asked == (every if goal == "quickest" else every[:4])
-    assert [one.name for one in screening.candidates] == every
-    assert screening.step.verdict.law == "a, larger"
-    assert (screening.enough is not None) == (goal == "settled")
+    if step == "screening":
+        made, known, enough = run._screening(given)
+        assert asked == every[:4]
+        assert enough is not None
+        assert enough.name == sure
+    else:
+        made, known = run._validation(given)
+        assert asked == every
+    assert [one.name for one in known] == every
+    assert made.verdict.law == sure
+
+    asked.clear()
+    sure = "a"
+    if step == "screening":
+        assert run._screening(given).candidates == given
+        assert asked == ["a"]
+    else:
+        assert run._validation(given)[1] == given
+        assert asked == ["a", "b", "c"]
 
 
 def test_what_settles_the_wanted_fraction_comes_before_what_is_quick(studies):
