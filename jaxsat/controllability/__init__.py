@@ -74,7 +74,7 @@ from jaxsat.controllability.recurrence import (
     drift_trajectory,
     recurrence,
 )
-from jaxsat.controllability.torque_ranges import judge_ranges, torque_reserve
+from jaxsat.controllability.torque_ranges import judge_ranges, opposing_share, torque_reserve
 from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set
 from jaxsat.controllability.wording import verdict_sentence
 
@@ -131,6 +131,7 @@ __all__ = [
     "momentum_level_set",
     "net_force",
     "one_thruster_condition",
+    "opposing_share",
     "pack",
     "physical_inertias",
     "rank_at_state",

@@ -3,7 +3,8 @@
 Thruster k makes the torque τ_k l_k with low_k <= l_k <= high_k. The torques that can be made are a
 zonotope. Where zero is inside it torques of every direction are left. Where zero is on its boundary
 the thrusters move about a balance Σ τ_k l_k = 0, in which each can do more, less, or both: those
-are the columns that decide. Where zero is outside nothing opposes the constant torque.
+are the columns that decide. Where zero is outside nothing opposes the constant torque. Nor does
+anything where a balance takes some thruster's whole range: with a little less of it there is none.
 """
 
 import itertools
@@ -42,6 +43,38 @@ def torque_reserve(
     return float(reach.min())
 
 
+def opposing_share(
+    torques: Float[np.ndarray, "3 m"],
+    low: Float[np.ndarray, " m"],
+    high: Float[np.ndarray, " m"],
+) -> float:
+    """The share of their range that thrusters need to balance the constant torque of all.
+
+    `torques` in N m at level 1; the constant torque is that of the levels nearest to zero. The
+    share is that of the thruster with the most of it, the least possible: zero without a constant
+    torque, above 1 where the ranges do not suffice, infinite where no share does.
+    """
+    least = np.clip(0.0, low, high)
+    constant = torques @ least
+    size = np.abs(torques).max(initial=1e-300)
+    if np.all(np.abs(constant) <= TOLERANCE * size):
+        return 0.0
+    from scipy.optimize import linprog  # takes its time, and most studies have no use for it
+
+    count = len(low)
+    parts = np.concatenate([torques * (high - least), torques * (low - least)], axis=1)
+    within = np.concatenate([np.eye(count), np.eye(count), -np.ones((count, 1))], axis=1)
+    found = linprog(
+        np.eye(2 * count + 1)[-1],
+        A_ub=within,
+        b_ub=np.zeros(count),
+        A_eq=np.concatenate([parts, np.zeros((3, 1))], axis=1) / size,
+        b_eq=-constant / size,
+        bounds=(0, None),
+    )
+    return float(found.fun) if found.status == 0 else np.inf
+
+
 def judge_ranges(
     inertia: Numbers,
     actuators: ActuatorSet,
@@ -51,8 +84,12 @@ def judge_ranges(
     """Judge thrusters that are held between two levels each, and all wheels.
 
     `actuators` are the thrusters at level 1, whose own signs are not asked; those with equal levels
-    make a constant torque. None where nothing opposes that. Raises ValueError as `judge` does.
+    make a constant torque. None where nothing opposes that, or others only with their whole range
+    (`opposing_share`): thrusters that are a little weaker would not. Raises ValueError as `judge`
+    does.
     """
+    if opposing_share(actuators.torques, low, high) > 1 - LEVEL_ROUNDING:
+        return None
     moves = _moves(actuators.torques, low, high)
     if moves is None:
         return None

@@ -140,7 +140,7 @@ class FailureRecovery:
     ) -> dict[str, np.ndarray]:
         """These columns of cases of which the other columns and what was drawn are known."""
         struck = self._struck(drawn, len(found["code"]))
-        left = torques_left(self.loop, self.momentum, struck)
+        left = torques_left(self.loop, self.momentum, struck, drawn.get("torque_gain"))
         codes = {"torques_left": left, "recovery": self._recovery({**found, **struck}, left)}
         return {name: struck[name] for name in self.columns() if name in struck} | codes
 

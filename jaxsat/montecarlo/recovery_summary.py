@@ -41,7 +41,7 @@ _LEFT = {
     TorquesLeft.BY_DRIFT: "controllable by drift alone, which no law uses",
     TorquesLeft.SOME_ATTITUDES: "two wheels with momentum are left, which hold some attitudes",
     TorquesLeft.TOO_FEW: "too few torques are left: not controllable",
-    TorquesLeft.UNOPPOSED_TORQUE: "nothing left opposes the torque that a failed thruster makes",
+    TorquesLeft.UNOPPOSED_TORQUE: "nothing opposes the torque of a failed thruster with a margin",
     TorquesLeft.NOT_DECIDED: "what is left is not decided",
 }
 

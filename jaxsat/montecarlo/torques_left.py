@@ -42,19 +42,26 @@ UNRECOVERABLE = tuple(TorquesLeft(code) for code in range(2, 6))
 
 
 def torques_left(
-    loop: AbstractLoop, momentum: Float[np.ndarray, "3"], struck: Mapping[str, np.ndarray]
+    loop: AbstractLoop,
+    momentum: Float[np.ndarray, "3"],
+    struck: Mapping[str, np.ndarray],
+    gain: Float[np.ndarray, "cases m"] | None = None,
 ) -> Int[np.ndarray, " cases"]:
     """The `TorquesLeft` of every case with the failures `struck`; cases alike are judged once.
 
-    The torques of the nominal loop decide: dispersed ones that are not quite parallel are no more
-    of them. `momentum` (N m s) is that of body and wheels at the start.
+    Where failed thrusters make a constant torque, it counts how strong each thruster of a case is:
+    relative to the nominal one by 1 + `gain`. Otherwise the torques of the nominal loop decide:
+    dispersed ones that are not quite parallel are no more of them. `momentum` (N m s) is that of
+    body and wheels at the start.
     """
     torques, low, high = _levels(loop, struck)
     wheels = _wheels_left(loop, struck)
     known: dict[bytes, int] = {}
     found = np.zeros(len(low), int)
     for case in range(len(low)):
-        one = (torques[case], low[case], high[case])
+        steady = bool(np.any((low[case] > 0) | (high[case] < 0)))
+        strength = 1.0 if gain is None or not steady else 1 + gain[case]
+        one = (strength * torques[case], low[case], high[case])
         least = SAME_TORQUE * np.abs(one[0]).max(initial=0.0)
         if torque_reserve(*one) > least > 0:
             continue

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jaxsat.controllability import actuator_set, judge_ranges, torque_cone, torque_reserve
+from jaxsat.controllability import (
+    actuator_set,
+    judge_ranges,
+    opposing_share,
+    torque_cone,
+    torque_reserve,
+)
 
 INERTIA = (0.3, 0.55, 0.62)
 PAIRS = np.kron(np.diag([1.0, 2.0, 0.5]), [1, -1])
@@ -47,7 +53,7 @@ def test_the_reserve_is_the_least_reach_over_all_directions():
     assert 2 <= inside <= 10
 
 
-@pytest.mark.parametrize(("failed", "level"), [(0, 0.0), (3, 1.0), (5, 1.0), (2, 0.4)])
+@pytest.mark.parametrize(("failed", "level"), [(0, 0.0), (3, 0.0), (5, 0.97), (2, 0.4)])
 def test_pairs_with_one_held_leave_what_the_corners_of_all_torques_span(failed, level):
     low, high = np.zeros(6), np.ones(6)
     low[failed] = high[failed] = level
@@ -72,6 +78,37 @@ def test_random_ranges_agree_with_the_corners():
             corners = torques @ np.array(list(itertools.product(*zip(low, high, strict=True)))).T
             cone = torque_cone(corners, np.zeros(corners.shape[1], bool))
             assert judgement.cone.two_sided == cone.two_sided == 3
+
+
+@pytest.mark.parametrize(("failed", "level"), [(3, 1.0), (5, 0.97), (2, 0.4), (0, 0.0)])
+def test_of_a_pair_one_opposes_the_other_with_the_same_share(failed, level):
+    low, high = np.zeros(6), np.ones(6)
+    low[failed] = high[failed] = level
+    assert opposing_share(PAIRS, low, high) == pytest.approx(level)
+    stronger = PAIRS * np.where(np.arange(6) == failed, 1.0, 1.25)
+    assert opposing_share(stronger, low, high) == pytest.approx(level / 1.25)
+    judgement = judge_ranges(INERTIA, actuator_set(PAIRS), low, high)
+    assert (judgement is None) == (level == 1)
+
+
+def test_ranges_with_a_little_less_than_the_share_do_not_balance():
+    finite = 0
+    for seed in range(20):
+        torques, low, high = drawn(300 + seed, 5)
+        share = opposing_share(torques, low, high)
+        if not 0 < share < np.inf:
+            continue
+        finite += 1
+        for part, balances in ((0.999 * share, False), (1.001 * share, True)):
+            bounds = list(zip(low, low + part * (high - low), strict=True))
+            found = linprog(np.zeros(5), A_eq=torques, b_eq=np.zeros(3), bounds=bounds)
+            assert (found.x is not None) == balances
+    assert finite >= 5
+
+
+def test_a_constant_torque_across_all_others_has_no_share():
+    low = np.array([0.0, 0, 0, 0, 1])
+    assert opposing_share(PAIRS[:, :5], low, np.ones(5)) == np.inf
 
 
 def test_nothing_opposes_a_thruster_stuck_on_that_is_alone_on_its_side():

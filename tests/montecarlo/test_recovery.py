@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
 from jaxsat.assembly.study import build_study
 from jaxsat.cli.study_text import recovery_lines
 from jaxsat.montecarlo import Recovery, TorquesLeft, run_study, summarise, wilson
 from jaxsat.montecarlo.failure_codes import FAILURES
 from jaxsat.montecarlo.recovery_summary import summarise_recovery
+from jaxsat.montecarlo.torques_left import torques_left
 from jaxsat.page.recovery import recovery_line, recovery_tables
 from jaxsat.results import open_study, save_case_table
 
@@ -132,15 +134,36 @@ def test_a_study_stores_what_its_replays_show(six, tmp_path):
     struck = found["failure_time"].values[:, 0] <= 60
     np.testing.assert_array_equal(found["failure_kind"].values[:, 0] > 0, struck)
     kind, left = found["failure_kind"].values[struck, 0], found["torques_left"].values[struck]
-    gone = np.isin(kind, [FAILURES.index(name) for name in ("dead", "stuck on")])
-    np.testing.assert_array_equal(left == TorquesLeft.TWO_TORQUES, gone)
-    np.testing.assert_array_equal(left == TorquesLeft.THREE_AXES, ~gone)
+    dead, open_ = (kind == FAILURES.index(name) for name in ("dead", "stuck on"))
+    np.testing.assert_array_equal(left == TorquesLeft.TWO_TORQUES, dead)
+    np.testing.assert_array_equal(left == TorquesLeft.UNOPPOSED_TORQUE, open_)
+    np.testing.assert_array_equal(left == TorquesLeft.THREE_AXES, ~(dead | open_))
+    assert dead.any()
+    assert open_.any()
     save_case_table(tmp_path / "s.zarr", tmp_path / "s.csv")
     with (tmp_path / "s.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert {row["failure_kind_1"] for row in rows} <= set(FAILURES)
     assert all(row["failed_part_1"].startswith("thruster ") for row in rows)
     assert sum(row.cases for row in summarise(found).recovery.by_kind[:-1]) == 16
+
+
+@pytest.mark.slow
+def test_the_strength_of_each_thruster_decides_what_opposes_one_that_is_stuck_on():
+    """Of a pair of opposite thrusters the second is stuck on; the first is stronger, or weaker."""
+    loop = build(load("thruster-dies")).loop
+    struck = {
+        "failure_kind": np.full((3, 1), FAILURES.index("stuck on")),
+        "failed_part": np.ones((3, 1), int),
+        "failure_amount": np.full((3, 1), np.nan),
+    }
+    gain = np.zeros((3, 6))
+    gain[:, 0] = [0.05, 0.0, -0.05]
+    found = torques_left(loop, np.zeros(3), struck, gain)
+    unopposed = TorquesLeft.UNOPPOSED_TORQUE
+    np.testing.assert_array_equal(found, [TorquesLeft.THREE_AXES, unopposed, unopposed])
+    dead = struck | {"failure_kind": np.full((3, 1), FAILURES.index("dead"))}
+    assert np.all(torques_left(loop, np.zeros(3), dead, gain) == TorquesLeft.TWO_TORQUES)
 
 
 @pytest.mark.slow
