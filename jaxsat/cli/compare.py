@@ -1,8 +1,8 @@
-"""`jaxsat compare`: laws for two torques and a free third rate on the acceptance set."""
+"""`jaxsat compare`: laws on the acceptance set, or in any scenario."""
 
 import json
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -16,6 +16,7 @@ from jaxsat.cli.options import (
     Flag,
     OptionalPath,
     OutputPath,
+    Overrides,
     Report,
     Seed,
     StartsOrNone,
@@ -23,11 +24,10 @@ from jaxsat.cli.options import (
     mistake,
 )
 from jaxsat.cli.places import refuse_nested
-from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
+from jaxsat.cli.scenario_comparison import Options, compare_in_scenario, remarks, told
 from jaxsat.cli.study_executors import chosen_executor, study_problems
 from jaxsat.cli.study_files import refuse_csv, tell_repair
-from jaxsat.cli.study_text import progress_text
 from jaxsat.cli.terminal import (
     SUCCESS,
     Terminated,
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
         ComparisonSetting,
         ComparisonVerdict,
     )
-    from jaxsat.montecarlo import StudyProgress, Work
+    from jaxsat.montecarlo import Work
     from jaxsat.results import ResumableFolder
 
 Level = Literal["nominal", "mc", "hard", "all"]
@@ -60,7 +60,10 @@ MIN_LIMIT, MAX_LIMIT = 0.01, 1000.0
 
 
 def compare(
+    scenario: str | None = None,
+    /,
     *,
+    overrides: Overrides = (),
     level: Annotated[tuple[Level, ...], Parameter(negative="")] = ("hard",),
     torque_limit: Annotated[tuple[str, ...], Parameter(negative="")] = ("5",),
     law: Annotated[tuple[str, ...], Parameter(negative="")] = ("all",),
@@ -77,14 +80,20 @@ def compare(
     elsewhere: Flag = False,
     quiet: Flag = False,
 ) -> int:
-    """Compare the laws that steer three axes with two torques, the paper's included.
+    """Compare laws on the same cases: those of a scenario, or of the acceptance set.
 
-    All laws get the same cases: random starts and the paper's start, with a free third rate, a
-    torque limit and dispersions. Prints a table and the recommended law, and writes both with a
-    figure. The same command resumes an interrupted run.
+    With a scenario every --law flies its dispersed cases, failures in flight included. Without one
+    the laws steer three axes with two torques, the paper's included: random starts and the paper's
+    start, with a free third rate, a torque limit and dispersions. Prints a table and the
+    recommended law, and writes both with figures. The same command resumes an interrupted run.
 
     Parameters
     ----------
+    scenario
+        A name from `jaxsat scenarios list`, or a TOML file, with a [dispersion] table; without one
+        the acceptance set.
+    overrides
+        KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     level
         Dispersions: nominal, mc, hard or all; may be given several times.
     torque_limit
@@ -92,7 +101,7 @@ def compare(
     law
         Laws to compare: three-slew, oscillatory, switching, three-axis, rate, or all for these;
         your own law as module:Class; an installed law; or a scenario file, of which [control] is
-        used. May be given several times.
+        used. With a scenario any laws that suit it. May be given several times.
     count
         Random starts for each law, limit and level.
     seed
@@ -122,6 +131,20 @@ def compare(
     quiet
         Print only warnings and errors.
     """
+    given = (level, torque_limit, bounds, csv) != (("hard",), ("5",), 0, None)
+    if scenario is not None:
+        if given:
+            only = "--level, --torque-limit, --bounds and --csv"
+            raise UserMistake(f"{only}: must be given without a scenario")
+        if overwrite and report is False:
+            raise UserMistake("--overwrite: must be given with --report; a comparison is resumed")
+        planned = planned_report(report, out, overwrite=overwrite)
+        options = Options(law, count, seed, out, engine, workers, yes, elsewhere, quiet)
+        compare_in_scenario(scenario, overrides, options)
+        finish_report(planned, quiet=quiet)
+        return SUCCESS
+    if overrides:
+        raise UserMistake("--set: must be given with a scenario")
     limits = _limits(torque_limit)
     if csv is not None:
         refuse_nested(("--csv", csv), ("--out", out))
@@ -142,7 +165,7 @@ def compare(
     require_approval([_work(one, count) for one in settings], out, yes=yes, quiet=quiet)
     executor = chosen_executor(workers, None, None, None)
     run = ComparisonRun(
-        count, seed, out, engine, executor, elsewhere, _told, _remarks(quiet), tell_repair
+        count, seed, out, engine, executor, elsewhere, told, remarks(quiet), tell_repair
     )
     try:
         with study_problems():
@@ -171,22 +194,6 @@ def _run(run: "ComparisonRun", settings: Sequence["ComparisonSetting"]) -> "Comp
         return interruptibly(lambda: run.run(settings))
     except UnsuitableSetting as error:
         raise UserMistake(str(error)) from None
-
-
-def _told(what: str, progress: "StudyProgress | None") -> None:
-    show_progress(f"{what}: {'compiling' if progress is None else progress_text(progress)}")
-
-
-def _remarks(quiet: bool) -> Callable[[str], None]:
-    """Tells each remark once."""
-    told: set[str] = set()
-
-    def remark(text: str) -> None:
-        if text not in told and not quiet:
-            print_stderr(text, "")
-        told.add(text)
-
-    return remark
 
 
 def _work(setting: "ComparisonSetting", count: int) -> "Work":
@@ -262,10 +269,10 @@ def _write(
         "bounds_from_papers_start": list(least),
         **provenance(),
     }
-    panels: dict[tuple[str, float], dict[str, Any]] = {}
+    panels: dict[tuple[str, float | None], dict[str, Any]] = {}
     for row in rows:
         panels.setdefault(row.setting[:2], {})[row.setting.law] = row.settling_times
-    horizons = {key: horizon(key[1]) for key in panels}
+    horizons = {row.setting[:2]: horizon(row.setting.torque_limit) for row in rows}
     title = "Three axes with two torques, third rate free"
     text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     figures = {"comparison": settling_comparison(panels, horizons, title)}

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jaxsat.comparison import ComparisonRow, ComparisonVerdict
+    from jaxsat.comparison import ComparisonRow, ComparisonVerdict, ScenarioComparison
 
 HEADINGS = (
     "N m",
@@ -20,12 +20,15 @@ HEADINGS = (
     "paper's start (s)",
 )
 
+NOT_IN_SCENARIO = ("N m", "level", "paper's start (s)")
+"""Headings that only the acceptance set has."""
+
 
 def comparison_lines(
     rows: Sequence["ComparisonRow"], verdicts: Sequence["ComparisonVerdict"]
 ) -> list[str]:
     """The table of all rows, and which law to take at each limit and level."""
-    lines = _aligned([list(HEADINGS), *map(_cells, rows)])
+    lines = _aligned([list(HEADINGS), *map(_cells, rows)], left=(1, 2))
     lines.append(
         f"{rows[0].cases} random starts each; t50 and t90: half and 90 % of all cases have settled "
         "(95 % interval, of the number of cases below it); median effort, largest rate"
@@ -37,12 +40,48 @@ def comparison_lines(
     return lines
 
 
-def _aligned(lines: Sequence[Sequence[str]]) -> list[str]:
-    """Columns of equal width, the names of level and law to the left and numbers to the right."""
+def scenario_lines(found: "ScenarioComparison") -> list[str]:
+    """The table of the laws in a scenario, what recovered by kind of failure, and which to take."""
+    shown = [place for place, name in enumerate(HEADINGS) if name not in NOT_IN_SCENARIO]
+    cells = [[_cells(row)[place] for place in shown] for row in found.rows]
+    lines = _aligned([[HEADINGS[place] for place in shown], *cells], left=(0,))
+    lines.append(
+        f"the same {found.rows[0].cases} cases each; t50 and t90: half and 90 % of all cases have "
+        "settled (95 % interval, of the number of cases below it); median effort, largest rate"
+    )
+    lines += _recovered(found)
+    one = found.verdict
+    taken = "take none" if one.law is None else f"take {one.law}"
+    return [*lines, f"{taken}. {one.reason[0].upper()}{one.reason[1:]}."]
+
+
+def _recovered(found: "ScenarioComparison") -> list[str]:
+    """A row for every kind of failure and a column for every law; nothing without failures."""
+    from jaxsat.montecarlo import percent_texts
+
+    told = [
+        (row.setting.law, {one.kind: one for one in recovery.by_kind})
+        for row, recovery in zip(found.rows, found.recoveries, strict=True)
+        if recovery is not None
+    ]
+    if not told:
+        return []
+    table = [["failure", "cases", "recoverable", *(f"{law}: recovered" for law, _ in told)]]
+    for kind, first in told[0][1].items():
+        cells = [kind, str(first.cases), str(max(one[kind].recoverable for _, one in told))]
+        for _, one in told:
+            _, low, high = percent_texts(one[kind].recovered)
+            cells.append(f"{one[kind].settled} ({low} to {high})")
+        table.append(cells)
+    return _aligned(table, left=(0,))
+
+
+def _aligned(lines: Sequence[Sequence[str]], left: Sequence[int]) -> list[str]:
+    """Columns of equal width, names to the `left` and numbers to the right."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return [
         "  ".join(
-            cell.ljust(width) if place in (1, 2) else cell.rjust(width)
+            cell.ljust(width) if place in left else cell.rjust(width)
             for place, (cell, width) in enumerate(zip(line, widths, strict=True))
         ).rstrip()
         for line in lines
@@ -52,17 +91,22 @@ def _aligned(lines: Sequence[Sequence[str]]) -> list[str]:
 def _cells(row: "ComparisonRow") -> list[str]:
     settled = row.settled
     return [
-        f"{row.setting.torque_limit:g}",
-        row.setting.level,
-        row.setting.law,
+        *_setting_cells(row.setting),
         f"{settled.value:.1%}",
         f"{settled.low:.1%} to {settled.high:.1%}",
         _interval(row.t50),
         _interval(row.t90),
-        _number(row.effort, ".0f"),
+        _number(row.effort, ".4g"),
         _number(row.peak_rate, ".2g"),
         _number(row.paper_start, ".0f"),
     ]
+
+
+def _setting_cells(setting) -> list[str]:
+    law = [setting.law]
+    if hasattr(setting, "torque_limit"):
+        return [f"{setting.torque_limit:g}", setting.level, *law]
+    return ["", "", *law]
 
 
 def _interval(found) -> str:

@@ -1,4 +1,4 @@
-"""Laws for two torques and a free third rate, compared on one set of cases."""
+"""Laws compared on one set of cases: for two torques and a free third rate, or in any scenario."""
 
 from jaxsat.comparison.acceptance import (
     LAWS,
@@ -8,6 +8,13 @@ from jaxsat.comparison.acceptance import (
     ComparisonSetting,
     comparison_scenario,
     horizon,
+)
+from jaxsat.comparison.in_scenario import (
+    ScenarioComparison,
+    ScenarioVerdict,
+    compare_in_scenario,
+    scenario_store,
+    scenario_under,
 )
 from jaxsat.comparison.run import (
     Comparison,
@@ -22,6 +29,7 @@ from jaxsat.comparison.studies import Start, comparison_study
 from jaxsat.comparison.verdict import (
     ComparisonRow,
     ComparisonVerdict,
+    ScenarioSetting,
     choose_law,
     choose_laws,
     comparison_row,
@@ -38,17 +46,23 @@ __all__ = [
     "ComparisonRun",
     "ComparisonSetting",
     "ComparisonVerdict",
+    "ScenarioComparison",
+    "ScenarioSetting",
+    "ScenarioVerdict",
     "Start",
     "UnsuitableSetting",
     "choose_law",
     "choose_laws",
     "compare",
+    "compare_in_scenario",
     "comparison_row",
     "comparison_scenario",
     "comparison_settings",
     "comparison_study",
     "horizon",
     "require_suitable",
+    "scenario_store",
+    "scenario_under",
     "settles_fewer",
     "store_of",
 ]

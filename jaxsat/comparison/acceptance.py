@@ -99,11 +99,15 @@ def comparison_scenario(setting: ComparisonSetting) -> Scenario:
     data["title"] = f"{base.title}: {setting.law}, {setting.torque_limit:g} N m"
     data["control"] = _control(setting.law)
     _require_sampled(setting.law, str(data["control"].get("law")))
+    return validated(data, f"{base.title}: {setting.law}")
+
+
+def validated(data: Mapping[str, Any], source: str) -> Scenario:
+    """The scenario of these tables; raises `ScenarioError` with every problem of the `source`."""
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
         issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
-        source = f"{base.title}: {setting.law}"
         raise ScenarioError(
             [Problem(source, issue.message, key_of(issue.location)) for issue in issues]
         ) from None

@@ -17,7 +17,7 @@ from jaxsat.comparison.acceptance import LAWS, ComparisonSetting, comparison_sce
 from jaxsat.comparison.studies import Start, comparison_study
 from jaxsat.comparison.verdict import ComparisonRow, ComparisonVerdict, choose_laws, comparison_row
 from jaxsat.errors import JaxsatError
-from jaxsat.montecarlo import AbstractExecutor, StudyProgress, run_study
+from jaxsat.montecarlo import AbstractExecutor, Study, StudyProgress, run_study
 from jaxsat.results import ResumableFolder, case_table, open_study, study_columns
 
 if TYPE_CHECKING:
@@ -136,12 +136,15 @@ class ComparisonRun:
             study = comparison_study(setting, start, count, self.seed, engine=self.engine, **single)
         except ValueError as error:
             raise UnsuitableSetting(str(error)) from error
-        if study.remark is not None:
-            self.remark(study.remark)
         level, limit, law = setting
         what = f"{law}, {limit:g} N m, {level}, {start.value} start"
+        return self.columns(study, what, store_of(self.folder, setting, start))
+
+    def columns(self, study: Study, what: str, store: Path) -> dict[str, np.ndarray]:
+        """The `COLUMNS` of a study, which is run as far as its store lacks cases."""
+        if study.remark is not None:
+            self.remark(study.remark)
         self.report(what, None)
-        store = store_of(self.folder, setting, start)
         run_study(
             study,
             store,
@@ -151,7 +154,7 @@ class ComparisonRun:
             elsewhere=self.elsewhere,
         )
         columns = study_columns(store)
-        return {name: np.asarray(columns[name][:count]) for name in COLUMNS}
+        return {name: np.asarray(columns[name][: study.count]) for name in COLUMNS}
 
     def table(self, settings: Iterable[ComparisonSetting]) -> "pd.DataFrame":
         """All cases that were run, a row each: law, level, torque limit, start, and `case_table`.
@@ -174,8 +177,12 @@ class ComparisonRun:
 def store_of(folder: Path, setting: ComparisonSetting, start: Start) -> Path:
     """The store of one study in the folder of a comparison."""
     level, limit, law = setting
-    name = re.sub(r"[^\w.-]+", "-", law)  # of a module or a file
-    return folder / STUDIES / f"{level}-{limit:g}-{name}-{start.value}.zarr"
+    return folder / STUDIES / f"{level}-{limit:g}-{file_name(law)}-{start.value}.zarr"
+
+
+def file_name(law: str) -> str:
+    """Of a law, which may be a module or a file."""
+    return re.sub(r"[^\w.-]+", "-", law)
 
 
 def _several(given: Any) -> tuple:

@@ -10,8 +10,15 @@ from jaxsat.comparison.acceptance import ComparisonSetting
 from jaxsat.montecarlo import LEVEL, Interval, percentile, wilson
 
 
+class ScenarioSetting(NamedTuple):
+    """A law in a scenario, by its title."""
+
+    scenario: str
+    law: str
+
+
 class ComparisonRow(NamedTuple):
-    """One law on the acceptance set.
+    """One law on the acceptance set, or in a scenario.
 
     `settled` is a fraction with Wilson's interval. `t50` and `t90` (s) are the times within which
     half and nine tenths of *all* cases settle, infinite where fewer do; so is the upper end of an
@@ -20,7 +27,7 @@ class ComparisonRow(NamedTuple):
     largest, `paper_start` (s) the settling time from the paper's initial state, infinite if never.
     """
 
-    setting: ComparisonSetting
+    setting: Any  # a ComparisonSetting or a ScenarioSetting
     cases: int
     settled: Interval
     t50: Interval
@@ -52,7 +59,9 @@ class ComparisonVerdict(NamedTuple):
 
 
 def comparison_row(
-    setting: ComparisonSetting, random: Mapping[str, Any], paper: Mapping[str, Any] | None = None
+    setting: ComparisonSetting | ScenarioSetting,
+    random: Mapping[str, Any],
+    paper: Mapping[str, Any] | None = None,
 ) -> ComparisonRow:
     """The row of one law from the columns of its studies; `paper` may be left out."""
     times = np.asarray(random["settling_time"], float)
@@ -79,15 +88,20 @@ def choose_law(rows: Sequence[ComparisonRow]) -> ComparisonVerdict:
     others the one with the least median is taken, the tail (t90) deciding between equals. Raises
     `ValueError` for rows of different numbers of cases.
     """
+    level, limit, _ = rows[0].setting
+    return ComparisonVerdict(level, limit, *chosen_law(rows))
+
+
+def chosen_law(rows: Sequence[ComparisonRow]) -> tuple[str | None, str]:
+    """The law to take among rows with the same cases, and why; as `choose_law`."""
     if len({row.cases for row in rows}) > 1:
         raise ValueError("The rows must have the same cases, but got different numbers of them.")
-    level, limit, _ = rows[0].setting
     surest = max(rows, key=lambda row: (row.settled.value, -row.t50.value))
     if surest.settled.value == 0:
-        return ComparisonVerdict(level, limit, None, "no law settled a single case")
+        return None, "no law settled a single case"
     sure = [row for row in rows if not settles_fewer(row, surest)]
     best = min(sure, key=lambda row: (row.t50.value, row.t90.value, -row.settled.value))
-    return ComparisonVerdict(level, limit, best.setting.law, _reason(best, surest, sure, rows))
+    return best.setting.law, _reason(best, surest, sure, rows)
 
 
 def choose_laws(rows: Iterable[ComparisonRow]) -> list[ComparisonVerdict]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jaxsat.comparison import ComparisonSetting, Start, store_of
+from jaxsat.comparison import ComparisonSetting, Start, scenario_store, store_of
 from jaxsat.page.charts import MOST_LINES
 from jaxsat.page.content import Chart, Charts, Facts, Listing, Section, Table, Verdict, number
 from jaxsat.page.reading import form_explained, read_lines, read_record, record_provenance
@@ -117,9 +117,11 @@ def comparison_section(folder: Path) -> Section:
     with form_explained(folder):
         verdicts = [_law_words(one) for one in record["verdicts"]]
         table = _laws(record["rows"])
+        recovered = _recovered(record["rows"])
         bounds = _bounds(record.get("bounds_from_papers_start", ()))
     blocks = [
         table,
+        *recovered,
         Charts("Settling", _settled_by_law(folder, record["rows"])),
         *bounds,
         record_provenance(record),
@@ -129,19 +131,23 @@ def comparison_section(folder: Path) -> Section:
 
 
 def _law_words(verdict: Mapping[str, Any]) -> str:
-    where = f"{verdict['level']}, {verdict['torque_limit']:g} N m"
+    where = _where(verdict)
     taken = f"take {verdict['law']}" if verdict["law"] else "no law to take"
     return f"{where}: {taken}; {verdict['reason']}."
 
 
 def _laws(rows: list[Mapping[str, Any]]) -> Table:
     """A row for every law, limit and level."""
-    columns = {
-        "level": lambda row: row["level"],
-        "limit (N m)": lambda row: row["torque_limit"],
-        **LAW_COLUMNS,
-        "paper's start by (s)": lambda row: row["paper_start_settled_s"],
-    }
+    columns = (
+        LAW_COLUMNS
+        if rows and "scenario" in rows[0]
+        else {
+            "level": lambda row: row["level"],
+            "limit (N m)": lambda row: row["torque_limit"],
+            **LAW_COLUMNS,
+            "paper's start by (s)": lambda row: row["paper_start_settled_s"],
+        }
+    )
     cells = [[read(row) for read in columns.values()] for row in rows]
     return Table("Laws", list(columns), cells, LAWS_NOTE)
 
@@ -150,8 +156,8 @@ def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
     """The fraction settled by a time, a line for each law, from the stores that are there."""
     charts: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {}
     for row in rows:
-        where = f"{row['level']}, {row['torque_limit']:g} N m"
-        store = store_of(folder, _setting(row), Start.RANDOM)
+        where = _where(row)
+        store = _store(folder, row)
         if (store / "zarr.json").is_file():
             times = np.asarray(study_columns(store)["settling_time"])
             good = np.sort(times[np.isfinite(times)])
@@ -165,8 +171,31 @@ def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
     ]
 
 
-def _setting(row: Mapping[str, Any]) -> ComparisonSetting:
-    return ComparisonSetting(row["level"], row["torque_limit"], row["law"])
+def _where(row: Mapping[str, Any]) -> str:
+    """The scenario of a row or verdict, or its place in the acceptance set."""
+    if "scenario" in row:
+        return str(row["scenario"])
+    return f"{row['level']}, {row['torque_limit']:g} N m"
+
+
+def _store(folder: Path, row: Mapping[str, Any]) -> Path:
+    if "scenario" in row:
+        return scenario_store(folder, row["law"])
+    setting = ComparisonSetting(row["level"], row["torque_limit"], row["law"])
+    return store_of(folder, setting, Start.RANDOM)
+
+
+def _recovered(rows: list[Mapping[str, Any]]) -> list[Table]:
+    """Of failures in flight: a row for every law and kind."""
+    columns = ["law", "failure", "cases", "recovered", "fraction", "low", "high", "recoverable"]
+    cells = [
+        [row["law"], kind, one["cases"], one["recovered"], *one["fraction"].values(),
+         one["recoverable"]]
+        for row in rows
+        for kind, one in row.get("recovered", {}).items()
+    ]  # fmt: skip
+    note = "Fractions of all cases, with 95 % Wilson intervals."
+    return [Table("Recovered by kind of failure", columns, cells, note)] if cells else []
 
 
 def _bounds(found: Any) -> list[Table]:

@@ -1,0 +1,41 @@
+"""`jaxsat compare SCENARIO`: the same failures under every law."""
+
+import json
+
+import numpy as np
+import pytest
+
+from jaxsat.comparison import scenario_store
+from jaxsat.page.batches import comparison_section
+from jaxsat.page.content import Table
+from jaxsat.results import open_study
+
+LAWS = ("quaternion-feedback", "fault-tolerant")
+
+
+@pytest.mark.slow
+def test_the_same_failures_strike_under_every_law(command_line, tmp_path):
+    command = ["failures-12u", "--set", "simulation.duration_s=60", "--seed", "7", "-n", "4"]
+    command += ["--set", "dispersion.failure_time_s={distribution='uniform', low=5, high=40}"]
+    laws = [part for law in LAWS for part in ("--law", law)]
+    status, out, err = command_line("compare", *command, *laws, "--out", "c")
+    assert status == 0, err
+    studies = [open_study(scenario_store(tmp_path / "c", law)) for law in LAWS]
+    for name in ("failure_time", "failed_part", "failure_kind", "failure_amount", "torques_left"):
+        np.testing.assert_array_equal(*(one[name].values for one in studies), err_msg=name)
+    assert "detection_time" not in studies[0]
+    assert "detection_time" in studies[1]
+    record = json.loads((tmp_path / "c" / "comparison.json").read_text())
+    assert [row["law"] for row in record["rows"]] == list(LAWS)
+    for row, study in zip(record["rows"], studies, strict=True):
+        settled = int(np.isfinite(study["settling_time"].values).sum())
+        assert row["recovered"]["all"]["recovered"] == settled
+        assert row["recovered"]["all"]["cases"] == 4
+    assert "quaternion-feedback: recovered" in out
+    assert (tmp_path / "c" / "recovered.png").is_file()
+    section = comparison_section(tmp_path / "c")
+    laws_table, recovered = (block for block in section.blocks if isinstance(block, Table))
+    assert [row[0] for row in laws_table.rows] == list(LAWS)
+    assert {row[1] for row in recovered.rows if row[0] == LAWS[0]} == set(
+        record["rows"][0]["recovered"]
+    )
