@@ -132,7 +132,10 @@ class FaultTolerant(AbstractSampledController):
     ) -> tuple[Float[Array, " m"], TolerantMemory]:
         """The duty of each thruster."""
         thrusters, period = self.diagnosis.filter.thrusters, self.period
-        diagnosis = self.diagnosis.step(state.omega, memory.on_time, period, memory.diagnosis)
+        needed = self.reconfiguration.needed(memory.diagnosis.condition.failed)
+        diagnosis = self.diagnosis.step(
+            state.omega, memory.on_time, period, memory.diagnosis, needed
+        )
         condition = diagnosis.condition
         ability = self.reconfiguration.find(condition, memory.ability)
         number, left, limit = ability
@@ -187,7 +190,8 @@ class FaultTolerant(AbstractSampledController):
         test = sample // TEST_PERIODS
         turn = place == test // 2 % jnp.maximum(jnp.sum(rivals), 1)
         suspected = ~rivals & diagnosis.rival
-        tested = jnp.where(test % 2 == 0, suspected, rivals & turn)
+        alone = ~jnp.any(rivals)
+        tested = jnp.where((test % 2 == 0) | alone, suspected, rivals & turn)
         now = (diagnosis.stage == Stage.ALARM) & (sample % TEST_PERIODS == 0) & (test > 0)
         return now & tested
 

@@ -1,8 +1,10 @@
 """How the law that diagnoses its thrusters is built of a table."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any, cast
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -115,6 +117,9 @@ def _law(
     }
     own = context._replace(torque_axes=axes, torque_limit=limit)
     try:
-        return build_three_slew(table, own), torque_directions(axes)
+        law = build_three_slew(table, own)
     except UnsuitableModel:
         return None
+    patient = dataclasses.replace(law.fine.handover, patient=True)
+    law = eqx.tree_at(lambda one: one.fine.handover, law, patient)
+    return law, torque_directions(axes)

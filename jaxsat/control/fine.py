@@ -42,6 +42,9 @@ class Handover(eqx.Module):
     slow rate are below `enter_angle`, the same turns from the wanted attitude are below
     `enter_turn`, and |p1|, |p2| less their values at rest below `enter_rate`; it hands back when
     |w| exceeds `leave_tilt` or one of the turns from the wanted attitude `leave_turn` (rad, rad/s).
+    If it is `patient`, the turn where the slow rate will have stopped does not count for that: a
+    torque about n above what the end game can balance moves the turn slowly, and each hand-back
+    takes rates far above those of the end game.
     """
 
     enter_rate: RealScalar = eqx.field(converter=as_float)
@@ -49,6 +52,7 @@ class Handover(eqx.Module):
     enter_turn: RealScalar = eqx.field(converter=as_float, default=0.04)
     leave_tilt: RealScalar = eqx.field(converter=as_float, default=0.04)
     leave_turn: RealScalar = eqx.field(converter=as_float, default=0.045)
+    patient: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         for name in ("enter_rate", "enter_angle", "enter_turn", "leave_tilt", "leave_turn"):
@@ -81,7 +85,8 @@ class Handover(eqx.Module):
             & (jnp.abs(excess[0]) < self.enter_rate)
             & (jnp.abs(excess[1]) < self.enter_rate)
         )
-        leave = (tilt.size > self.leave_tilt) | (from_wanted > self.leave_turn)
+        turned = jnp.abs(slow.turn + held) if self.patient else from_wanted
+        leave = (tilt.size > self.leave_tilt) | (turned > self.leave_turn)
         return jnp.where(late, ~leave, enter)
 
 

@@ -19,7 +19,7 @@ from jaxsat.allocation import (
 )
 from jaxsat.checks import as_array, as_float
 from jaxsat.control.cheapest_duties import CheapestDuties
-from jaxsat.diagnosis import Condition
+from jaxsat.diagnosis import WEAK, Condition
 
 RealScalar = Float[Array, ""]
 
@@ -44,9 +44,6 @@ SMALL = 1e-6
 SPARE, LEAST_SPARE = 0.1, 0.02
 """Of the largest torque about each axis: what must be left both ways where three axes are left only
 by what failed thrusters make, if else a plane is left, and if even less is."""
-
-WEAK = 0.1
-"""A thruster that makes less of its thrust counts as dead."""
 
 
 class Left(enum.IntEnum):
@@ -179,6 +176,15 @@ class Reconfiguration(eqx.Module):
         known = (count <= MOST_FAILED) & (number >= 0)
         number = jnp.where(known, number, 0)
         return number, jnp.where(known, self.left[number], -1)
+
+    def needed(self, failed: Bool[Array, " m"]) -> Bool[Array, " m"]:
+        """The thrusters without which less than three axes is left, or a set without a table."""
+        place = jnp.arange(failed.shape[0])
+        first = jnp.min(jnp.where(failed, place, failed.shape[0]))
+        last = jnp.max(jnp.where(failed, place, -1))
+        number = self.number[jnp.minimum(first, place), jnp.maximum(last, place)]
+        known = (jnp.sum(failed) < MOST_FAILED) & (number >= 0)
+        return ~failed & ~(known & (self.left[jnp.maximum(number, 0)] == Left.THREE_AXES))
 
     def _spans(
         self, limit: Float[Array, " m"], steady: Float[Array, "3"], spare: RealScalar

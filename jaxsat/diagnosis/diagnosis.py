@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
-from jaxsat.diagnosis.isolation import DiagnosedKind, Evidence, explanation
+from jaxsat.diagnosis.isolation import PENALTY, DiagnosedKind, Evidence, explanation
 from jaxsat.diagnosis.residual import Condition, Residual, ResidualFilter, ResidualMemory
 
 RealScalar = Float[Array, ""]
@@ -19,6 +19,12 @@ LEAST_SIGNAL = 0.5
 
 LEAST_INFORMATION, MOST_PERIODS = 25.0, 15
 """About the loss of a thruster before it is judged: that of a test pulse, or so many periods."""
+
+WEAK = 0.1
+"""A thruster that makes less of its thrust counts as dead."""
+
+TOLD_APART = 2 * PENALTY / WEAK**2
+"""Information about the loss of a thruster that tells a dead one from a `WEAK` one."""
 
 TEST_SIGMAS = 6.0
 """Effect of a test pulse on the rate, over the noise of a rate."""
@@ -126,8 +132,13 @@ class Diagnosis(eqx.Module):
         on_time: Float[Array, " m"],
         period: RealScalar,
         memory: DiagnosisMemory,
+        needed: Bool[Array, " m"] | None = None,
     ) -> DiagnosisMemory:
-        """One sample: `omega` (rad/s) is estimated, `on_time` (s) was commanded since the last."""
+        """One sample: `omega` (rad/s) is estimated, `on_time` (s) was commanded since the last.
+
+        Of those that are `needed` a dead one is told from a `WEAK` one before it is given up.
+        """
+        needed = jnp.zeros_like(memory.condition.failed) if needed is None else needed
         condition = memory.condition
         residual, filtered = self.filter.step(omega, on_time, condition, period, memory.residual)
         statistic = self._statistic(residual, memory)
@@ -139,6 +150,8 @@ class Diagnosis(eqx.Module):
         age = memory.age + period
         late = age > self.patience * period
         tested = (found.tested > LEAST_INFORMATION) | (age > MOST_PERIODS * period)
+        flows = found.kind > DiagnosedKind.DEGRADED
+        tested = tested & (flows | ~needed[found.thruster] | (found.tested > TOLD_APART))
         sure = (found.margin > self.margin) & tested
         verdict = alarmed & (found.score > self.margin) & (sure | late)
         over = alarmed & (verdict | late)

@@ -8,6 +8,7 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
+from jaxsat.assembly.study import build_study
 from jaxsat.control.fault_tolerant import TolerantMode
 from jaxsat.diagnosis import DiagnosedKind
 from jaxsat.dynamics import PlantState
@@ -69,13 +70,32 @@ def test_a_thruster_dies_and_two_torques_settle():
     (found,) = np.unique(np.argwhere(kind >= 0)[:, 1])
     assert (found, kind[-1, found]) == (5, DiagnosedKind.DEAD)
     alarm, isolated = (times[np.argmax(x)] for x in (mode == TolerantMode.ALARM, kind[:, 5] >= 0))
-    assert 300 < alarm < isolated < alarm + 10
+    assert 300 < alarm < isolated < alarm + 15
     assert alarm < 345  # the thruster is first needed to end the slew
     assert {TolerantMode.SLEWING, TolerantMode.HOLDING} <= set(mode.astype(int).tolist())
     assert set(mode[kind[:, 5] >= 0].astype(int)) <= set(range(TolerantMode.STOPPING, 7))
-    assert float(trajectory.assessment.settled_from) < 600
+    assert float(trajectory.assessment.settled_from) < 700
     changes = np.count_nonzero(np.diff(mode[mode != TolerantMode.ALARM]))
     assert changes < 10  # no chatter
+
+
+@pytest.mark.slow
+def test_a_weak_thruster_that_three_axes_need_is_used_and_not_given_up():
+    """Of six thrusters one makes 12 to 35 % of its thrust: not dead, and no plane is left."""
+    changes = [
+        "simulation.duration_s=900",
+        "dispersion.failure_time_s={distribution='uniform', low=20, high=300}",
+        "dispersion.failed_thruster={distribution='uniform', low=-0.5, high=5.5}",
+        "dispersion.failure_kind={distribution='discrete', values=[1], weights=[1]}",
+        "dispersion.failure_amount={distribution='uniform', low=0.12, high=0.35}",
+        "dispersion.attitude={distribution='random-attitude'}",
+        "dispersion.torque_gain={distribution='uniform', low=-0.05, high=0.05}",
+    ]
+    found = build_study(load("thruster-dies", changes), 24, seed=3).values(np.arange(24))
+    verdict = found["isolated_kind"].max(axis=1)
+    assert np.all((verdict == 0) | (verdict == 1 + DiagnosedKind.DEGRADED))
+    assert np.count_nonzero(verdict) > 12
+    assert np.all(np.isfinite(found["settling_time"]))
 
 
 @pytest.mark.parametrize(

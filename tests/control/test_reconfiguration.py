@@ -140,6 +140,20 @@ def test_a_weak_thruster_is_used_only_where_it_is_needed():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("torque", [canted()[0], pairs()])
+def test_a_thruster_is_needed_where_less_than_three_axes_is_left_without_it(torque):
+    made, count = tables(torque), torque.shape[1]
+    for gone in ((), (1,), (0, 3)):
+        failed = np.isin(np.arange(count), gone)
+        found = np.asarray(made.needed(jnp.asarray(failed)))
+        for one in np.flatnonzero(~failed):
+            tabled = len(gone) < 2
+            left = what_is_left(torque, tuple(sorted((*gone, int(one))))).left
+            assert found[one] == (not tabled or left != Left.THREE_AXES)
+        assert not found[failed].any()
+
+
+@pytest.mark.slow
 def test_what_is_left_does_not_go_to_and_fro_about_a_limit():
     """It takes half of what it took to count as three axes until it does not any more."""
     last = np.arange(6) == 5
