@@ -8,8 +8,12 @@ The names for users are those of `__init__.pyi`, each imported when it is first 
 import ast
 import importlib
 import importlib.util
+import time
 from pathlib import Path
 from typing import Any
+
+IMPORTED_NS = time.time_ns()
+"""When this was imported, before all other modules of the package."""
 
 __version__ = "0.1.0"
 

@@ -124,3 +124,4 @@ from jaxsat.vehicle import (
 )
 
 __version__: str
+IMPORTED_NS: int

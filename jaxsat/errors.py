@@ -1,4 +1,4 @@
-"""The class that all errors of jaxsat derive from, and that of a wrong argument."""
+"""The class that all errors of jaxsat derive from, and those that need no other import."""
 
 
 class JaxsatError(Exception):
@@ -42,3 +42,7 @@ class ArgumentError(JaxsatError, ValueError):
         """The text as above."""
         found = "" if self.got is None else f", but got {self.got}"
         return f"Argument `{self.argument}` {self.rule}{found}."
+
+
+class LibraryError(JaxsatError):
+    """A library of flight code that is none, or that belongs to another controller."""

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_float
+from jaxsat.quotients import reciprocal
 from jaxsat.ranges import SETTLED_RATE
 
 SETTLED_BEFORE = 0.9
@@ -26,7 +27,7 @@ class Tolerances(eqx.Module):
 
 def wrap_angle(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """An angle brought into [-π, π), rad."""
-    return angle - 2 * jnp.pi * jnp.floor(angle / (2 * jnp.pi) + 0.5)
+    return angle - 2 * jnp.pi * jnp.floor(angle * (0.5 / jnp.pi) + 0.5)
 
 
 def excess(
@@ -38,7 +39,8 @@ def excess(
     """|w|, |z| (wrapped) and |ω_r| in parts of their tolerances, less 1: negative inside them."""
     sizes = (_length(w), jnp.abs(wrap_angle(z)), _length(relative_rate))
     limits = (tolerances.w, tolerances.z, tolerances.relative_rate)
-    return jnp.stack([size / limit - 1 for size, limit in zip(sizes, limits, strict=True)], axis=-1)
+    parts = [size * reciprocal(limit) for size, limit in zip(sizes, limits, strict=True)]
+    return jnp.stack(parts, axis=-1) - 1
 
 
 def within(

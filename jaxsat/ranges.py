@@ -32,6 +32,9 @@ WHEEL_MOMENTUM = Range(1e-9, 1e9)
 FRICTION = Range(0.0, 1e6)
 """Of a wheel, N m or N m s."""
 
+WHEEL_NOISE = Range(0.0, 1e6)
+"""Of a tachometer, N m s."""
+
 FREQUENCY = Range(-1e6, 1e6)
 """Of a periodic torque, rad/s; of either sign as it is printed."""
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.checks import as_float, concrete
+from jaxsat.quotients import reciprocal
 
 Width = Float[Array, ""] | None
 """How far a corner is rounded; None where it is left as printed."""
@@ -45,7 +46,7 @@ def sat(
     straight = bound - span
     size = jnp.abs(x)
     excess = jnp.maximum(size - straight, 0)
-    rounded = span * jnp.tanh(excess / jnp.where(span > 0, span, 1.0))
+    rounded = span * jnp.tanh(excess * reciprocal(jnp.where(span > 0, span, 1.0)))
     return jnp.sign(x) * (jnp.minimum(size, straight) + rounded)
 
 

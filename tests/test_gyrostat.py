@@ -95,8 +95,8 @@ def test_the_papers_law_on_two_wheels_without_momentum_is_its_run_with_the_third
     loop = ContinuousLoop(body, law, ActuatorsWithWheels.of(axes, 2))
     found = simulate(loop, start, times, method=method).signals
     for name in ("w", "z", "omega", "torque"):
-        np.testing.assert_allclose(
-            getattr(found, name), getattr(expected.signals, name), rtol=0, atol=1e-9
+        np.testing.assert_allclose(  # relative: |w| is 12 where the third axes point apart
+            getattr(found, name), getattr(expected.signals, name), rtol=1e-9, atol=1e-9
         )
     assert np.abs(found.omega[:, 2]).max() < 1e-15
     assert np.abs(found.w[-1]).max() < 0.3 * np.abs(found.w[0]).max()

@@ -11,8 +11,11 @@ Run = Callable[[], np.ndarray | None]
 """Does the whole work again; gives what `work.final_state` gives, or None where it does another."""
 
 
-TOLERANCES = (1e-6, 3e-7, 1e-7, 3e-8, 1e-8, 3e-9, 1e-9, 1e-10)
-"""The settings of all whose steps are adaptive, relative and absolute."""
+TOLERANCES = tuple(10 ** (-6 - quarter / 4) for quarter in range(29))
+"""The settings of all whose steps are adaptive, relative and absolute: 1e-6 to 1e-13."""
+
+LAWS = ("sharp", "smooth")
+"""The printed sat of the work's law, and a tanh in its place."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,8 @@ class Contender:
 
     `prepare` makes a run for a study's first cases with one of the `settings`, which go from loose
     to tight: the loosest that is accurate enough takes part. `most` is the largest number of cases
-    that it is asked to do, `why` the reason; `note` says in what its work differs.
+    that it is asked to do, `why` the reason; `note` says in what its work differs. It takes part
+    under its `laws`.
     """
 
     name: str
@@ -30,3 +34,4 @@ class Contender:
     most: int = 10**9
     why: str = "where a turn would take minutes"
     note: str = ""
+    laws: tuple[str, ...] = LAWS

@@ -5,19 +5,20 @@ import jax
 import jax.numpy as jnp
 
 from contenders.contender import TOLERANCES, Contender, Run
-from contenders.work import final_state, rate, starts
+from contenders.work import final_state, is_smooth, rate, starts
 from jaxsat.montecarlo import Study
 
 
 def solved(study: Study, count: int, solver, steps, first_step: float | None = None) -> Run:
     """A solver of diffrax with the steps of this controller."""
+    smooth = is_smooth(study)
     duration = float(study.program.duration)
 
     @jax.jit
     @jax.vmap
     def run(y, *torque):
         solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(lambda t, y, args: rate(t, y, *args)),
+            diffrax.ODETerm(lambda t, y, args: rate(t, y, *args, smooth)),
             solver,
             t0=0.0,
             t1=duration,
@@ -30,7 +31,7 @@ def solved(study: Study, count: int, solver, steps, first_step: float | None = N
         return jnp.asarray(solution.ys)[-1]
 
     inputs = starts(study, count)
-    return lambda: final_state(run(*inputs))
+    return lambda: final_state(run(*inputs), smooth)
 
 
 def tsit5(study: Study, count: int, tolerance: float) -> Run:

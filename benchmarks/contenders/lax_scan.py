@@ -1,15 +1,20 @@
 """A `lax.scan` written by hand: RK4 with equal steps, what a person in a hurry would write."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 
 from contenders.contender import Contender, Run
-from contenders.work import final_state, rate, starts
+from contenders.work import final_state, is_smooth, starts
+from contenders.work import rate as rate_of
 from jaxsat.montecarlo import Study
 
 
 def rk4(study: Study, count: int, step: float) -> Run:
     """Every case in one vmapped scan."""
+    smooth = is_smooth(study)
+    rate = functools.partial(rate_of, smooth=smooth)
     steps = round(float(study.program.duration) / step)
 
     @jax.jit
@@ -26,7 +31,7 @@ def rk4(study: Study, count: int, step: float) -> Run:
         return jax.lax.scan(body, y, jnp.arange(steps))[0]
 
     inputs = starts(study, count)
-    return lambda: final_state(run(*inputs))
+    return lambda: final_state(run(*inputs), smooth)
 
 
 def contenders() -> list[Contender]:

@@ -1,13 +1,12 @@
 """A loop in numba: Dormand and Prince's 5(4) with steps of each case's own, cases in parallel."""
 
 import functools
-import importlib.util
 import math
 
 import numpy as np
 
 from contenders.contender import TOLERANCES, Contender, Run
-from contenders.work import J1, J2, K3, K4, MU, SIZE, WIDTH2, A, final_state, starts
+from contenders.work import J1, J2, K3, K4, MU, SIZE, WIDTH2, A, final_state, is_smooth, starts
 from jaxsat.montecarlo import Study
 
 TIMES = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
@@ -35,51 +34,61 @@ def parameters(inputs) -> np.ndarray:
     return np.concatenate([np.asarray(entry)[:, :2] for entry in inputs[1:]], axis=1)
 
 
-def _rate(t, y, torque, slope):
-    """`work.rate` number by number, into `slope`."""
-    w1, w2, z, e1, e2, p1, p2, v1, v2 = y[0], y[1], y[2], y[3], y[4], y[5], y[6], y[7], y[8]
-    square = w1 * w1 + w2 * w2
-    below, whole = square + WIDTH2, 1.0 + square
-    q = z / below
-    s1, s2 = q * w2, -q * w1
-    r1 = -K3 * w1 / whole + MU * min(max(s1, -A), A) + e1
-    r2 = -K3 * w2 / whole + MU * min(max(s2, -A), A) + e2
-    dw1 = (1 + w1 * w1 - w2 * w2) * r1 / 2 + w1 * w2 * r2
-    dw2 = (1 - w1 * w1 + w2 * w2) * r2 / 2 + w1 * w2 * r1
-    dz = w1 * r2 - w2 * r1
-    dsquare = 2 * (w1 * dw1 + w2 * dw2)
-    dq = (dz - q * dsquare) / below
-    slope1 = -K3 * (dw1 - w1 * dsquare / whole) / whole
-    slope2 = -K3 * (dw2 - w2 * dsquare / whole) / whole
-    if abs(s1) < A:
-        slope1 += MU * (dq * w2 + q * dw2)
-    if abs(s2) < A:
-        slope2 -= MU * (dq * w1 + q * dw1)
-    f1 = -w1 * whole + w2 * z - K4 * e1 - K4 * v1
-    f2 = -w2 * whole - w1 * z - K4 * e2 - K4 * v2
-    u1, u2 = f1 + J1 * slope1, f2 + J2 * slope2
-    slope[0], slope[1], slope[2] = dw1, dw2, dz
-    slope[3] = (f1 + torque[0] * math.sin(torque[2] * t + torque[4])) / J1
-    slope[4] = (f2 + torque[1] * math.sin(torque[3] * t + torque[5])) / J2
-    slope[5], slope[6] = v1, v2
-    slope[7], slope[8] = e1 - torque[2] ** 2 * p1, e2 - torque[3] ** 2 * p2
-    slope[9] = square + z * z + 100 * (r1 * r1 + r2 * r2) + 1e-3 * (u1 * u1 + u2 * u2)
+def _sharp(x):
+    """sat(x) and its slope."""
+    return min(max(x, -A), A), 1.0 if abs(x) < A else 0.0
+
+
+def _smooth(x):
+    """The same with the corners rounded."""
+    bounded = math.tanh(x / A)
+    return A * bounded, 1 - bounded * bounded
 
 
 @functools.cache
-def compiled_rate():
+def compiled_rate(smooth: bool):
     """The right-hand side in machine code."""
     import numba
 
-    return numba.njit(_rate)
+    saturated = numba.njit(_smooth if smooth else _sharp)
+
+    @numba.njit
+    def rate(t, y, torque, slope):
+        """`work.rate` number by number, into `slope`."""
+        w1, w2, z, e1, e2, p1, p2, v1, v2 = y[0], y[1], y[2], y[3], y[4], y[5], y[6], y[7], y[8]
+        square = w1 * w1 + w2 * w2
+        below, whole = square + WIDTH2, 1.0 + square
+        q = z / below
+        bounded1, inside1 = saturated(q * w2)
+        bounded2, inside2 = saturated(-q * w1)
+        r1 = -K3 * w1 / whole + MU * bounded1 + e1
+        r2 = -K3 * w2 / whole + MU * bounded2 + e2
+        dw1 = (1 + w1 * w1 - w2 * w2) * r1 / 2 + w1 * w2 * r2
+        dw2 = (1 - w1 * w1 + w2 * w2) * r2 / 2 + w1 * w2 * r1
+        dz = w1 * r2 - w2 * r1
+        dsquare = 2 * (w1 * dw1 + w2 * dw2)
+        dq = (dz - q * dsquare) / below
+        slope1 = -K3 * (dw1 - w1 * dsquare / whole) / whole + MU * inside1 * (dq * w2 + q * dw2)
+        slope2 = -K3 * (dw2 - w2 * dsquare / whole) / whole - MU * inside2 * (dq * w1 + q * dw1)
+        f1 = -w1 * whole + w2 * z - K4 * e1 - K4 * v1
+        f2 = -w2 * whole - w1 * z - K4 * e2 - K4 * v2
+        u1, u2 = f1 + J1 * slope1, f2 + J2 * slope2
+        slope[0], slope[1], slope[2] = dw1, dw2, dz
+        slope[3] = (f1 + torque[0] * math.sin(torque[2] * t + torque[4])) / J1
+        slope[4] = (f2 + torque[1] * math.sin(torque[3] * t + torque[5])) / J2
+        slope[5], slope[6] = v1, v2
+        slope[7], slope[8] = e1 - torque[2] ** 2 * p1, e2 - torque[3] ** 2 * p2
+        slope[9] = square + z * z + 100 * (r1 * r1 + r2 * r2) + 1e-3 * (u1 * u1 + u2 * u2)
+
+    return rate
 
 
 @functools.cache
-def compiled_loop():
+def compiled_loop(smooth: bool):
     """The loop over cases in machine code, shared out to all processors."""
     import numba
 
-    rate = compiled_rate()
+    rate = compiled_rate(smooth)
 
     @numba.njit(fastmath={"contract"})
     def attempt(t, y, torque, step, k, inner, after, tolerance):
@@ -131,12 +140,11 @@ def adaptive(study: Study, count: int, tolerance: float) -> Run:
     inputs = starts(study, count)
     y, torque = np.asarray(inputs[0]), parameters(inputs)
     duration = float(study.program.duration)
-    loop = compiled_loop()
-    return lambda: final_state(loop(y, torque, duration, tolerance))
+    smooth = is_smooth(study)
+    loop = compiled_loop(smooth)
+    return lambda: final_state(loop(y, torque, duration, tolerance), smooth)
 
 
 def contenders() -> list[Contender]:
-    """The loop, where there is numba."""
-    if importlib.util.find_spec("numba") is None:
-        return []
+    """The loop."""
     return [Contender("numba by hand, Dopri5 adaptive", TOLERANCES, adaptive)]

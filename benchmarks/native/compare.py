@@ -147,7 +147,7 @@ def report(title: str, runs: dict[str, Callable], count: int, rounds: int) -> No
 def compare(options: argparse.Namespace) -> None:
     """All tables."""
     count, duration = options.cases, options.duration
-    study = made_study(count, duration)
+    study = made_study(count, duration, "sharp")
     steps = (LIMITS, 1.0, round(duration), SUBSTEPS)
     fixed, both = FixedSteps(*steps), FixedSteps(*steps, gradient=True)
     engine = NativeEngine(FixedStepper(RK4(), SUBSTEPS), workers=1)

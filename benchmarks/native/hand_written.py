@@ -96,7 +96,7 @@ def _by_powers(solver: diffrax.Tsit5) -> np.ndarray:
     """Weights of the stages in the powers 1 to 4 of the dense output, one row each."""
     output, whole = dense_output(solver), solver.tableau.b_sol
     each = list(np.eye(len(whole)))  # one stage's rate alone
-    return np.array(output.powers(output.growth(np.ones(()), each, np.array(whole))))
+    return np.array(output.coefficients(output.increments(np.ones(()), each, np.array(whole))))
 
 
 def tableau_header() -> str:

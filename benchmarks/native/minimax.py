@@ -96,6 +96,7 @@ _EIGHTH = mp.tan(mp.pi / 8) ** 2 * mp.mpf("1.001")
 
 FITS = {
     "SINE": (_of_square(mp.sin, 1), (0, _QUARTER**2), 6),
+    "HALF_TURN": (_of_square(mp.sin, 1), (0, (mp.pi / 2 * mp.mpf("1.001")) ** 2), 8),
     "COSINE": (_cosine, (0, _QUARTER**2), 6),
     "HALF_TANGENT": (_of_square(mp.tan, 1), (0, (_QUARTER / 2) ** 2), 10),
     "EXPONENTIAL": (_exponential, (-_HALF_LN2, _HALF_LN2), 11),
@@ -103,7 +104,6 @@ FITS = {
     "LOGARITHM_REST": (_logarithm_rest, (0, _LOG_END), 8),
     "ARCTANGENT": (_of_square(mp.atan, 1), (0, _EIGHTH), 11),
     "ARCSINE": (_of_square(mp.asin, 1), (0, mp.mpf("0.2501")), 13),
-    "TANGENT_HYPERBOLIC": (_of_square(mp.tanh, 1), (0, mp.mpf("0.55") ** 2), 11),
     "SINE_HYPERBOLIC": (_of_square(mp.sinh, 1), (0, 1), 8),
     "ARC_SINE_HYPERBOLIC": (_of_square(mp.asinh, 1), (0, mp.mpf("0.2501")), 13),
     "ARC_COSINE_HYPERBOLIC": (_arc_cosine, (0, mp.mpf("0.5001")), 13),

@@ -25,6 +25,7 @@ from jaxsat.vehicle import (
     NoThrusters,
     PulsedActuatorsWithWheels,
     Thrusters,
+    WheelDrives,
 )
 
 
@@ -33,7 +34,10 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
 
     Or what the scenario has in place of thrusters that make that torque exactly.
     """
-    torques = find_law(scenario.control.law).declaration.torques
+    declaration = find_law(scenario.control.law).declaration
+    torques = declaration.torques
+    if declaration.commands_wheels:
+        return WheelDrives()
     if scenario.wheel and torques:
         return _with_wheels(scenario, torques)
     if scenario.thruster:

@@ -8,6 +8,7 @@ from jaxsat.assembly.errors import BuildError
 from jaxsat.assembly.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.assembly.plugin_trial import broken
 from jaxsat.assembly.pulsed_thrusters import thruster_context
+from jaxsat.assembly.wheels import wheel_context
 from jaxsat.checks import as_float
 from jaxsat.control import (
     AbstractController,
@@ -46,6 +47,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         disturbance.frequency_rad_s,
         believed_axes(scenario),
         thruster_context(scenario),
+        wheel_context(scenario),
     )
     try:
         made = law.from_table(values, context)

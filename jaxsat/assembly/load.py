@@ -7,7 +7,7 @@ from typing import Literal
 from jaxsat.scenario import Scenario, read
 from jaxsat.scenario.errors import Issue
 
-Purpose = Literal["text", "motion", "run", "study"]
+Purpose = Literal["text", "motion", "run", "study", "tuning"]
 """What a scenario is loaded for; see `load`."""
 
 
@@ -17,8 +17,9 @@ def load(
     """The scenario of that name in the library, or of that TOML file, with overrides.
 
     It is read as by `jaxsat.scenario.read`, and can be built for the `purpose`: "run", for which
-    everything is looked at; "study", for which the dispersions must also be such as the loop has,
-    and the gains to tune; "motion", without the control law; "text", for which nothing is built.
+    everything is looked at; "study", for which the dispersions must also be such as the loop has;
+    "tuning", for which also the gains to tune; "motion", without the control law; "text", for which
+    nothing is built.
     Raises `ScenarioError` with every problem at once; warns with `ScenarioWarning` of what is
     allowed but likely a mistake. JAX is imported once all keys are right.
     """
@@ -30,6 +31,8 @@ def load(
             return []
         from jaxsat.assembly.trial import what_cannot_be_built
 
-        return what_cannot_be_built(scenario, law=law, study=purpose == "study")
+        return what_cannot_be_built(
+            scenario, law=law, study=purpose in ("study", "tuning"), tuning=purpose == "tuning"
+        )
 
     return read(name_or_path, overrides, law=law, trial=trial)

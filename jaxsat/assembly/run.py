@@ -5,7 +5,6 @@ import enum
 from dataclasses import dataclass
 from typing import Any, cast
 
-import diffrax
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -16,7 +15,7 @@ from jaxsat.assembly.magnetorquers import build_steering
 from jaxsat.assembly.navigation import build_navigation
 from jaxsat.assembly.plant import build_plant
 from jaxsat.assembly.plugin_trial import require_runs
-from jaxsat.assembly.wheels import wheel_momentum
+from jaxsat.assembly.wheels import build_tachometers, wheel_momentum
 from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.checks import as_array, as_float
 from jaxsat.control import (
@@ -49,18 +48,8 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import MIN_STEP
+from jaxsat.solvers import NamedSolver
 from jaxsat.vehicle import AbstractActuators, Sensors
-
-SOLVERS: dict[str, type[diffrax.AbstractSolver]] = {
-    "euler": diffrax.Euler,
-    "midpoint": diffrax.Midpoint,
-    "heun": diffrax.Heun,
-    "ralston": diffrax.Ralston,
-    "bosh3": diffrax.Bosh3,
-    "tsit5": diffrax.Tsit5,
-    "dopri5": diffrax.Dopri5,
-    "dopri8": diffrax.Dopri8,
-}
 
 
 @dataclass(frozen=True)
@@ -136,8 +125,17 @@ def _closed(
         navigation = build_navigation(scenario)
         actuators = build_actuators(scenario)
         magnetic = None if plant.field is None else build_steering(scenario, plant.field)
+        tachometers = build_tachometers(scenario)
         return SampledLoop(
-            plant, controller, actuators, substeps, sensors, delay, navigation, magnetic
+            plant,
+            controller,
+            actuators,
+            substeps,
+            sensors,
+            delay,
+            navigation,
+            magnetic,
+            tachometers,
         )
     if uses_error_coordinates(flattened(scenario)):
         return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
@@ -200,7 +198,7 @@ def build_method(scenario: Scenario, loop: AbstractLoop) -> Method:
 
 
 def _method(table: SolverTable, loop: AbstractLoop) -> Method:
-    solver = SOLVERS[table.name]() if table.name else None
+    solver = NamedSolver(table.name) if table.name else None
     if table.steps == "fixed" or table.step_s is not None:
         return fixed(cast(float, table.step_s), solver)
     given = {

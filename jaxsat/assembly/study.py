@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from jaxsat.assembly.plant import orbit_rate
-from jaxsat.assembly.run import SOLVERS, Run, build
+from jaxsat.assembly.run import Run, build
 from jaxsat.checks import as_float, require_counts
 from jaxsat.engine import (
     AbstractEngine,
@@ -23,7 +23,6 @@ from jaxsat.engine import (
     native_obstacle,
     program_of,
 )
-from jaxsat.export import Library, with_library
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import (
     AbstractDesign,
@@ -47,6 +46,7 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
 from jaxsat.scenario.thruster_tables import names_of, signs
 from jaxsat.simulation import ContinuousLoop, SampledLoop
+from jaxsat.solvers import NamedSolver
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
 """Those with a dense output of their own, on which switches are located; and what the tolerance,
@@ -138,6 +138,8 @@ def _names(scenario: Scenario) -> tuple[str, ...]:
 def _with_library(run: Run, path: Path) -> Run:
     if not isinstance(run.loop, SampledLoop):
         raise ValueError("--controller: must be given with a sampled law.")
+    from jaxsat.export import Library, with_library  # whose imports take their time
+
     library = Library(path, run.loop, run.start)
     return dataclasses.replace(run, loop=with_library(run.loop, library))
 
@@ -216,10 +218,10 @@ def _engine(
     method = solver.name or ("dopri8" if adaptive else "tsit5")
     if adaptive:
         tolerance = _tolerance(solver, ADAPTIVE_SOLVERS.get(method))
-        stepper = AdaptiveStepper(SOLVERS[method](), tolerance)
+        stepper = AdaptiveStepper(NamedSolver(method), tolerance)
     else:
         substeps = round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP))
-        stepper = FixedStepper(SOLVERS[method](), max(1, substeps))
+        stepper = FixedStepper(NamedSolver(method), max(1, substeps))
     remark = None
     if name == "native" or (name == "auto" and jax.default_backend() == "cpu"):
         obstacle = native_obstacle(stepper, *work)

@@ -15,6 +15,7 @@ from jaxsat.assembly.study import EngineName, build_study, tolerances_of
 from jaxsat.assembly.tuning_forms import in_one_form, refined, throttled, with_control
 from jaxsat.checks import as_float
 from jaxsat.control.fault_tolerant import FaultTolerant
+from jaxsat.control.fault_tolerant_wheels import FaultTolerantWheels
 from jaxsat.diagnosis import average_run_length
 from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
 from jaxsat.engine.native import CannotLower, NativeEngine, process_obstacle
@@ -232,10 +233,11 @@ def _false_alarm_penalty(
     ever lower. None for a law without these tests.
     """
     controller = controller_of(build_loop(scenario))
-    if not isinstance(controller, FaultTolerant):
+    if not isinstance(controller, FaultTolerant | FaultTolerantWheels):
         return None
     diagnosis, period = controller.diagnosis, float(np.asarray(controller.period))
-    tests = 2 * diagnosis.filter.thrusters.count
+    watch = diagnosis.filter
+    tests = (1 + len(watch.hypotheses.tests)) * watch.count
     least = math.log(table.false_alarm_interval_s / period * tests)
 
     def penalty(values: Values) -> np.ndarray:

@@ -1,13 +1,18 @@
 """From a scenario to its wheels."""
 
+import equinox as eqx
 import numpy as np
 from jaxtyping import Array
 
 from jaxsat.checks import as_array
+from jaxsat.control.context import WheelContext
+from jaxsat.declaration.sensors import DELAY
+from jaxsat.noise import key_of_seed
+from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.thruster_tables import FailureTable, number_of
 from jaxsat.scenario.wheel_tables import WheelTable, wheel_axes
-from jaxsat.vehicle import WheelFailureKind, WheelFailures, Wheels
+from jaxsat.vehicle import Tachometers, WheelFailureKind, WheelFailures, Wheels
 
 
 def build_wheels(scenario: Scenario) -> Wheels | None:
@@ -28,6 +33,28 @@ def build_wheels(scenario: Scenario) -> Wheels | None:
         _unless_zero(tables, "coulomb_friction_N_m"),
         _failures(scenario),
     )
+
+
+def wheel_context(scenario: Scenario) -> WheelContext | None:
+    """What a law that commands each wheel is told of them; None for others."""
+    if not find_law(scenario.control.law).declaration.commands_wheels:
+        return None
+    wheels = build_wheels(scenario)
+    assert wheels is not None  # a rule of the scenario
+    delay = 0.0 if scenario.sampling is None else getattr(scenario.sampling, DELAY.name)
+    failed = np.array([one.failed for one in scenario.wheel])
+    known = eqx.tree_at(lambda x: x.failures, wheels, None, is_leaf=lambda x: x is None)
+    return WheelContext(known, failed, _tachometer_noise(scenario), delay)
+
+
+def build_tachometers(scenario: Scenario) -> Tachometers | None:
+    """Those of a sampled law; None where all are exact."""
+    noise = _tachometer_noise(scenario)
+    return Tachometers(noise, key_of_seed(scenario.simulation.seed)) if noise.any() else None
+
+
+def _tachometer_noise(scenario: Scenario) -> np.ndarray:
+    return np.array([one.tachometer_noise_N_m_s for one in scenario.wheel])
 
 
 def _failures(scenario: Scenario) -> WheelFailures | None:

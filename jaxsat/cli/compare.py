@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from jaxsat.cli.comparison_bounds import least_bounds
-from jaxsat.cli.comparison_text import comparison_lines, least_text
+from jaxsat.cli.comparison_text import comparison_lines, least_text, least_time_text
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.options import (
     Cases,
@@ -100,8 +100,9 @@ def compare(
         Largest torque of each thruster in N m, or all for 1, 5 and 20; may be given several times.
     law
         Laws to compare: three-slew, oscillatory, switching, three-axis, rate, or all for these;
-        your own law as module:Class; an installed law; or a scenario file, of which [control] is
-        used. With a scenario any laws that suit it. May be given several times.
+        planned, which takes longer than they do; your own law as module:Class; an installed law; or
+        a scenario file, of which [control] is used. With a scenario any laws that suit it. May be
+        given several times.
     count
         Random starts for each law, limit and level.
     seed
@@ -155,7 +156,7 @@ def compare(
         )
     planned = planned_report(report, out, overwrite=overwrite)
     use_double_precision()
-    from jaxsat.comparison import LAWS, LEVELS, ComparisonRun, comparison_settings
+    from jaxsat.comparison import LAWS, LEVELS, ComparisonRun, comparison_settings, least_times
     from jaxsat.results import ResumableFolder, save_file
 
     others = dict.fromkeys(one for one in law if one not in (*LAWS, "all"))
@@ -180,7 +181,8 @@ def compare(
         kept = f"the results so far are in {out}; the same command resumes"
         raise type(stop)(kept) from None
     if not quiet:
-        for line in (*comparison_lines(rows, verdicts), *map(least_text, least)):
+        of_starts = map(least_time_text, least_times(rows, seed))
+        for line in (*comparison_lines(rows, verdicts), *of_starts, *map(least_text, least)):
             print_stdout(line)
         print_stdout(f"written to {out}{f' and {csv}' if csv else ''}")
     finish_report(planned, quiet=quiet)
@@ -256,7 +258,7 @@ def _write(
     least: Sequence[dict[str, Any]],
     seed: int,
 ) -> None:
-    from jaxsat.comparison import horizon
+    from jaxsat.comparison import horizon, least_times
     from jaxsat.report.comparison_figures import settling_comparison
     from jaxsat.report.saving import save_figures
     from jaxsat.results import provenance
@@ -267,6 +269,10 @@ def _write(
         "rows": [row.as_data() for row in rows],
         "verdicts": [one._asdict() for one in verdicts],
         "bounds_from_papers_start": list(least),
+        "median_least_times": [
+            {"torque_limit": one.torque_limit, "seconds": one.median}
+            for one in least_times(rows, seed)
+        ],
         **provenance(),
     }
     panels: dict[tuple[str, float | None], dict[str, Any]] = {}

@@ -5,7 +5,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jaxsat.comparison import ComparisonRow, ComparisonVerdict, ScenarioComparison
+    from jaxsat.comparison import (
+        ComparisonRow,
+        ComparisonVerdict,
+        LeastTime,
+        ScenarioComparison,
+    )
 
 HEADINGS = (
     "N m",
@@ -38,6 +43,20 @@ def comparison_lines(
         taken = "take none" if one.law is None else f"take {one.law}"
         lines.append(f"{where}: {taken}. {one.reason[0].upper()}{one.reason[1:]}.")
     return lines
+
+
+def least_time_text(found: "LeastTime") -> str:
+    """By how many times the laws exceed the least times of the same starts."""
+    ratios = [
+        f"{law} {ratio:.2f} ({level})"
+        for (level, law), ratio in found.ratios.items()
+        if math.isfinite(ratio)
+    ]
+    over = f"; t50 over it: {', '.join(ratios)}" if ratios else ""
+    return (
+        f"{found.torque_limit:g} N m, open loop from the same starts without dispersions: median "
+        f"least time {found.median:.1f} s (best found, not certified){over}"
+    )
 
 
 def scenario_lines(found: "ScenarioComparison") -> list[str]:

@@ -43,6 +43,7 @@ from jaxsat.cli.terminal import (
     print_stdout,
 )
 from jaxsat.cli.work import require_approval
+from jaxsat.errors import LibraryError
 
 if TYPE_CHECKING:
     from jaxsat.montecarlo import AbstractExecutor, StopRule, Study, Summary
@@ -167,8 +168,6 @@ def montecarlo(
         try_folder(lambda: figures_folder(figures))
     rule = None if until_ci is None else _stop_rule(until_ci)
     use_double_precision()
-    from jaxsat.export import LibraryError
-
     try:
         from jaxsat.assembly.study import build_study
         from jaxsat.montecarlo import study_work

@@ -122,7 +122,7 @@ def _write(
     record = {"command": command_line(), "seed": seed, **found.as_data(), **provenance()}
     title = scenario.title
     times = {row.setting.law: row.settling_times for row in found.rows}
-    panel: tuple[str, float | None] = ("same cases", None)
+    panel: tuple[str, float | None] = ("the same cases under every law", None)
     horizons: dict[tuple[str, float | None], float] = {panel: scenario.simulation.duration_s}
     figures = {"comparison": settling_comparison({panel: times}, horizons, title)}
     recovered = {row["law"]: row["recovered"] for row in record["rows"] if "recovered" in row}

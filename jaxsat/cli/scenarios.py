@@ -87,7 +87,7 @@ def check(
     status = SUCCESS
     for file in files:
         try:
-            scenario = load_or_explain(file, overrides, "study")
+            scenario = load_or_explain(file, overrides, "tuning")
         except UserMistake as mistake:
             print_mistake(mistake)
             status = USER_MISTAKE

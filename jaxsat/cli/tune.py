@@ -87,7 +87,7 @@ def tune(
     quiet
         Print only warnings and errors.
     """
-    chosen = load_or_explain(scenario, overrides, "study")
+    chosen = load_or_explain(scenario, overrides, "tuning")
     use_double_precision()
     target = Path(f"jaxsat-{Path(scenario).stem}-tuned") if out is None else out
     planned = planned_report(report, target, overwrite=overwrite)

@@ -33,6 +33,11 @@ LAWS: Mapping[str, str] = MappingProxyType(
 )
 """What each law does. The last three are the paper's, sampled like the others."""
 
+MORE_LAWS: Mapping[str, str] = MappingProxyType(
+    {"planned": "plan the quickest manoeuvre in flight, follow it, hold"}
+)
+"""Laws that are compared only if they are named, as they take long to compute."""
+
 _HORIZONS = {1.0: 2000.0, 5.0: 1200.0, 20.0: 1000.0}
 LIMITS = tuple(_HORIZONS)
 """Torque limits in N m."""
@@ -73,18 +78,20 @@ def comparison_scenario(setting: ComparisonSetting) -> Scenario:
 
     The paper's laws run as the others do: ten times a second on what the sensors say, their torque
     held, dω_d/dt by a backward difference. A switching law that never switches is the three-axis or
-    the rate law alone. Besides those of `LAWS` the law may be one that does not come with jaxsat,
-    with the defaults of its keys, or the name of a scenario file, whose `[control]` is taken.
+    the rate law alone. Besides those of `LAWS` and `MORE_LAWS` the law may be one that does not
+    come with jaxsat, with the defaults of its keys, or the name of a scenario file, whose
+    `[control]` is taken.
     Raises `ValueError` for a level or law that there is not, and `ScenarioError` for a torque limit
     that no scenario can have and for a law that does not suit the set.
     """
     if setting.level not in LEVELS:
         levels = ", ".join(LEVELS)
         raise ValueError(f"Argument `level` must be one of {levels}, but got {setting.level}.")
-    if not (setting.law in LAWS or is_plugin(setting.law) or setting.law.endswith(FILE)):
+    known = (*LAWS, *MORE_LAWS)
+    if not (setting.law in known or is_plugin(setting.law) or setting.law.endswith(FILE)):
         raise ValueError(
-            f"Argument `law` must be one of {', '.join(LAWS)}, an installed law, a law of the form "
-            f'"module:Class" or the name of a {FILE} file, but got {setting.law}.'
+            f"Argument `law` must be one of {', '.join(known)}, an installed law, a law of the "
+            f'form "module:Class" or the name of a {FILE} file, but got {setting.law}.'
         )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ScenarioWarning)  # the table tells of untuned limits once
@@ -127,11 +134,11 @@ def _require_sampled(name: str, law: str) -> None:
 def _control(law: str) -> dict[str, Any]:
     if law.endswith(FILE):
         return load(law, purpose="text").control.model_dump(exclude_none=True)
-    if law not in LAWS:
+    if law not in (*LAWS, *MORE_LAWS):
         if ":" in law:
             add_folders([str(Path.cwd())])
         return {"law": law}
-    if law in ("three-slew", "oscillatory"):
+    if law in ("three-slew", "oscillatory", *MORE_LAWS):
         return {"law": law, "period_s": PERIOD}
     tuned = load("switching").control.model_dump(exclude_none=True)
     if law == "switching":

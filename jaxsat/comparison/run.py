@@ -58,12 +58,12 @@ def compare(
 ) -> Comparison:
     """Compare laws on `count` cases of the acceptance set at each level and torque limit (N m).
 
-    A law is one of `jaxsat.comparison.LAWS`, `"module:Class"`, an installed law, or a scenario file
-    whose `[control]` is taken; a level is "nominal", "mc" or "hard". With `out` the studies are
-    kept in that folder, as by `jaxsat compare`, and the same call resumes them. `engine`,
-    `executor` and `elsewhere` are those of a study. Raises `ValueError` for a level, a law or an
-    engine that there is not or that does not suit, `ScenarioError` for a torque limit that no
-    scenario can have, and `OutputError` for a folder that cannot be used.
+    A law is one of `jaxsat.comparison.LAWS` or `MORE_LAWS`, `"module:Class"`, an installed law, or
+    a scenario file whose `[control]` is taken; a level is "nominal", "mc" or "hard". With `out` the
+    studies are kept in that folder, as by `jaxsat compare`, and the same call resumes them.
+    `engine`, `executor` and `elsewhere` are those of a study. Raises `ValueError` for a level, a
+    law or an engine that there is not or that does not suit, `ScenarioError` for a torque limit
+    that no scenario can have, and `OutputError` for a folder that cannot be used.
     """
     settings = comparison_settings(_several(laws), _several(level), _several(torque_limit))
     require_suitable(settings)

@@ -3,11 +3,12 @@
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxsat.diagnosis import ThrusterModel
 from jaxsat.dynamics import RigidBody
 from jaxsat.errors import JaxsatError
+from jaxsat.vehicle import Wheels
 
 
 class ThrusterContext(NamedTuple):
@@ -24,14 +25,28 @@ class ThrusterContext(NamedTuple):
     pulse: Float[np.ndarray, " m"]
 
 
+class WheelContext(NamedTuple):
+    """What a law that commands the torque of each wheel is told of them.
+
+    `wheels` have the limits and the friction that are declared, and no failures in flight. `failed`
+    tells which had failed before the start. `momentum_noise` (N m s) is the standard deviation of
+    each tachometer, zero where they are exact. Commands act `delay` (s) late.
+    """
+
+    wheels: Wheels
+    failed: Bool[np.ndarray, " m"]
+    momentum_noise: Float[np.ndarray, " m"]
+    delay: float
+
+
 class LawContext(NamedTuple):
     """What a scenario tells a law besides the law's own keys.
 
     `model` is what the controller believes of the plant, with the disturbance that it measures.
     `torque_limit` (N m) is that of each thruster, None if unlimited. The periodic disturbance has
     `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z. The unit
-    columns of `torque_axes` are the torque axes of the working thrusters. `thrusters` is None for
-    laws that command torques.
+    columns of `torque_axes` are the torque axes of the working thrusters. `thrusters` is None but
+    for laws that command their duties, `wheels` but for those that command the torque of each.
     """
 
     model: RigidBody
@@ -40,6 +55,7 @@ class LawContext(NamedTuple):
     disturbance_frequency: tuple[float, ...]
     torque_axes: Float[np.ndarray, "3 m"] = np.eye(3)[:, :2]
     thrusters: ThrusterContext | None = None
+    wheels: WheelContext | None = None
 
 
 class UnsuitableModel(JaxsatError, ValueError):

@@ -27,7 +27,7 @@ MOST_TURN = 0.02
 """rad: how far the laws go from an attitude that cannot be held. Settled means within 0.05."""
 
 STILL = 1e-30
-"""(1/s²)²; keeps the quotient of two zeros finite."""
+"""Added to what may be zero, in the unit of its sum: keeps the quotient of two zeros finite."""
 
 
 class ThirdAxis(NamedTuple):
@@ -58,13 +58,13 @@ class ThirdAxis(NamedTuple):
 
     def change(self, omega: Float[Array, "3"]) -> RealScalar:
         """ds/dt (rad/s²) at the rates (p1, p2, s), rad/s."""
-        return jnp.sum(self.products * _products(omega))
+        return jnp.sum(self.products * products_of(omega))
 
 
 class Belief(NamedTuple):
     """What follows from the fitted errors alone, see `ThirdAxis`.
 
-    It is made anew only where these have changed, as it takes roots and angles.
+    It is made anew only where these have changed, as it takes roots and quotients.
     """
 
     coupling: RealScalar
@@ -87,12 +87,14 @@ class ThirdAxisEstimator(eqx.Module):
     """Observer and fit together; without either the third axis is what the model says it is.
 
     The observer predicts the measured ω3 with the fitted errors in it, so that a new estimate
-    does not look like a disturbance.
+    does not look like a disturbance. A drift at rest within ± `balanced` (rad/s²), unless that is
+    None, is no reason to leave the wanted attitude.
     """
 
     form: NormalForm
     observer: AbstractRippleEstimator | None
     least_squares: RecursiveLeastSquares | None
+    balanced: RealScalar | None = None
 
     def init(self, omega: Float[Array, "3"]) -> EstimatorMemory:
         """Nothing known yet but (p1, p2, s), rad/s."""
@@ -123,7 +125,7 @@ class ThirdAxisEstimator(eqx.Module):
         c, lean, started = self.form.coupling, self.form.lean, memory.started
         factors = self.form.other_products.at[0].add(c)
         last = jnp.where(started, memory.omega, omega)
-        products = _integrated_products(last, omega, jnp.where(started, period, 0.0))
+        products = integrated_products(last, omega, jnp.where(started, period, 0.0))
         errors = jnp.zeros(8, omega.dtype) if memory.fit is None else memory.fit.estimate
         ripple, fit = memory.ripple, memory.fit
         if self.observer is not None:
@@ -156,7 +158,7 @@ class ThirdAxisEstimator(eqx.Module):
         if self.least_squares is not None:  # else the model's own value, however small
             coupling = jnp.maximum(coupling, jnp.minimum(MIN_COUPLING, MIN_SHARE * jnp.abs(c)))
         turn = self._balance(products, lean)
-        drift = jnp.sum(products * _products(leaned(self._orbit_rate(turn), lean)))
+        drift = jnp.sum(products * products_of(leaned(self._orbit_rate(turn), lean)))
         return Belief(coupling, axes, turn, drift)
 
     def _orbit_rate(self, turn: Float[Array, "3"]) -> Float[Array, "3"]:
@@ -190,15 +192,18 @@ class ThirdAxisEstimator(eqx.Module):
             belief.turn,
             orbit_rate,
             rest,
-            belief.drift,
+            belief.drift if known.steady is None else belief.drift + known.steady,
         )
 
     def _balance(self, products: Float[Array, "6"], lean: Float[Array, "2"]) -> Float[Array, "3"]:
         """The least turn (rad) from the orbit frame to where s stays, but at most `MOST_TURN`."""
         rest = leaned(self.form.orbit_rate, lean)
-        drift, slope = jax.value_and_grad(lambda rates: jnp.sum(products * _products(rates)))(rest)
+        change = jax.value_and_grad(lambda rates: jnp.sum(products * products_of(rates)))
+        drift, slope = change(rest)
         along = slope.at[:2].add(-lean * slope[2])  # by the orbit frame's rate along (x, y, n)
         by_turn = jnp.cross(along, self.form.orbit_rate)
+        if self.balanced is not None:
+            drift = drift - jnp.clip(drift, -self.balanced, self.balanced)
         turn = -drift * reciprocal(jnp.sum(by_turn**2) + STILL) * by_turn
         size = jnp.sqrt(jnp.sum(turn**2) + STILL)
         return turn * jnp.minimum(MOST_TURN / size, 1.0)
@@ -215,15 +220,16 @@ def _main_axes(a: RealScalar, b: RealScalar) -> tuple[RealScalar, Float[Array, "
     return coupling, axes
 
 
-def _integrated_products(
+def integrated_products(
     before: Float[Array, "3"], after: Float[Array, "3"], span: RealScalar
 ) -> Float[Array, "6"]:
     """Integrals of the six products over a span (s) in which the rates change linearly."""
     # Simpson's rule, exact for squares of straight lines; the middle counts four times, as does the
     # square of twice its rates.
-    return (_products(before) + _products(before + after) + _products(after)) * (span / 6)
+    return (products_of(before) + products_of(before + after) + products_of(after)) * (span / 6)
 
 
-def _products(omega: Float[Array, "3"]) -> Float[Array, "6"]:
+def products_of(omega: Float[Array, "3"]) -> Float[Array, "6"]:
+    """p1 p2, p1² - p2², p2 s, p1 s, p1² + p2² and s², of which ds/dt is a sum."""
     x, y, z = omega
     return jnp.stack([x * y, x**2 - y**2, y * z, x * z, x**2 + y**2, z**2])

@@ -1,7 +1,7 @@
 """A law that diagnoses its thrusters and flies by what is left of them."""
 
 import enum
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -16,7 +16,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.fault_tolerant import FAULT_TOLERANT
-from jaxsat.diagnosis import Diagnosis, DiagnosisMemory, Stage
+from jaxsat.diagnosis import Diagnosis, DiagnosisMemory, ResidualFilter, Stage, ThrusterModel
 from jaxsat.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
@@ -110,9 +110,14 @@ class FaultTolerant(AbstractSampledController):
     def __check_init__(self):
         require_positive("period", self.period)
 
+    @property
+    def thrusters(self) -> ThrusterModel:
+        """What the law believes of its thrusters."""
+        return cast(ResidualFilter, self.diagnosis.filter).thrusters
+
     def init(self, state: PlantState) -> TolerantMemory:
         """All thrusters work."""
-        thrusters = self.diagnosis.filter.thrusters
+        thrusters = self.thrusters
         zero = jnp.zeros(thrusters.count, state.omega.dtype)
         return TolerantMemory(
             self.diagnosis.init(state.omega),
@@ -131,7 +136,7 @@ class FaultTolerant(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: TolerantMemory
     ) -> tuple[Float[Array, " m"], TolerantMemory]:
         """The duty of each thruster."""
-        thrusters, period = self.diagnosis.filter.thrusters, self.period
+        thrusters, period = self.thrusters, self.period
         needed = self.reconfiguration.needed(memory.diagnosis.condition.failed)
         diagnosis = self.diagnosis.step(
             state.omega, memory.on_time, period, memory.diagnosis, needed
@@ -165,7 +170,7 @@ class FaultTolerant(AbstractSampledController):
         due = (probe >= interval) & (diagnosis.stage == Stage.QUIET)
         tested = (self.diagnosis.may_return(diagnosis) & due) | self._in_turn(diagnosis)
         duty = jnp.where(
-            tested, jnp.maximum(duty, self.diagnosis.test_duty(period, diagnosis)), duty
+            tested, jnp.maximum(duty, self.diagnosis.test_command(period, diagnosis)), duty
         )
         on_time, spill, modulation = thrusters.on_times(duty, memory.modulation, period)
         return duty, TolerantMemory(
@@ -203,7 +208,7 @@ class FaultTolerant(AbstractSampledController):
         inverse = self.healthy.model.spacecraft.inverse_inertia
         inertia = 1 / jnp.sum(units * (inverse @ units), axis=0)
         rate = -jnp.sum(units * state.omega[:, None], axis=0)
-        above = jnp.maximum(rate - QUIET_SIGMAS * self.diagnosis.filter.rate_noise, 0.0)
+        above = jnp.maximum(rate - QUIET_SIGMAS * self.diagnosis.filter.noise, 0.0)
         pull = 2 * self.healthy.damping * self.healthy.natural_frequency
         return jnp.minimum(pull * inertia * above / size, 1.0)
 

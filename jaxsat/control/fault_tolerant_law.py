@@ -1,10 +1,8 @@
 """How the law that diagnoses its thrusters is built of a table."""
 
-import dataclasses
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +12,7 @@ from jaxsat.allocation import torque_directions
 from jaxsat.checks import as_array
 from jaxsat.control.context import LawContext, ThrusterContext, UnsuitableModel
 from jaxsat.control.fault_tolerant import FaultTolerant, SettlingLaws
+from jaxsat.control.presets import coasting
 from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.reconfiguration import (
@@ -35,6 +34,13 @@ DIGITS = 9
 """Of planes and limits that count as the same."""
 
 
+class Steps(NamedTuple):
+    """The largest rate (rad/s) that a least pulse changes, and the noise of measured rates."""
+
+    pulse: float
+    noise: float
+
+
 def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> FaultTolerant:
     """The law of a table, with the tables of all that may fail.
 
@@ -42,13 +48,20 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
     """
     thrusters = cast(ThrusterContext, context.thrusters)
     torque = np.asarray(thrusters.model.torque)
-    sets = failed_sets(torque)
-    sets, settling = _settling(values, context, torque, sets)
-    given = values["rate_noise_rad_s"]
     effect = np.asarray(context.model.spacecraft.inverse_inertia) @ torque
-    least = LEAST_NOISE * values["period_s"] * float(np.sqrt(np.sum(effect**2, axis=0).max()))
+    sizes = np.sqrt(np.sum(effect**2, axis=0))
+    least = LEAST_NOISE * values["period_s"] * float(sizes.max())
+    given = values["rate_noise_rad_s"]
     noise = max(thrusters.rate_noise, least) if given is None else given
-    residual = ResidualFilter(context.model, thrusters.model, noise, values["torque_uncertainty"])
+    pulse = float(np.max(sizes * thrusters.pulse))
+    sets = failed_sets(torque)
+    sets, settling = _settling(values, context, torque, sets, Steps(pulse, noise))
+    residual = ResidualFilter(
+        model=context.model,
+        thrusters=thrusters.model,
+        rate_noise=noise,
+        uncertainty=values["torque_uncertainty"],
+    )
     return FaultTolerant(
         healthy=QuaternionFeedback.from_table(values, context),
         diagnosis=Diagnosis(
@@ -69,6 +82,7 @@ def _settling(
     context: LawContext,
     torque: Float[np.ndarray, "3 m"],
     sets: tuple[FailedSet, ...],
+    steps: Steps,
 ) -> tuple[tuple[FailedSet, ...], SettlingLaws | None]:
     """The sets, and the laws of those that leave a plane; None where no set does."""
     places: dict[tuple, int | None] = {}
@@ -81,7 +95,7 @@ def _settling(
             limit = limit_about(np.delete(torque, one.failed, axis=1), axes)
             key = (*np.round(axes, DIGITS).ravel().tolist(), round(limit, DIGITS))
             if key not in places:
-                law = _law(values, context, axes, limit)
+                law = _law(values, context, axes, limit, steps)
                 places[key] = None if law is None else len(laws)
                 laws += [] if law is None else [law]
             place = places[key]
@@ -105,7 +119,7 @@ def _plane_axes(
 
 
 def _law(
-    values: Mapping[str, Any], context: LawContext, axes: np.ndarray, limit: float
+    values: Mapping[str, Any], context: LawContext, axes: np.ndarray, limit: float, steps: Steps
 ) -> tuple[ThreeSlewSettling, np.ndarray] | None:
     """The law of three slews about two axes, and those about which it commands."""
     table = {
@@ -120,6 +134,4 @@ def _law(
         law = build_three_slew(table, own)
     except UnsuitableModel:
         return None
-    patient = dataclasses.replace(law.fine.handover, patient=True)
-    law = eqx.tree_at(lambda one: one.fine.handover, law, patient)
-    return law, torque_directions(axes)
+    return coasting(law, steps.pulse, steps.noise), torque_directions(axes)

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.control.coasting import ENOUGH, NEAR_AIM, Coast, Hold
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.oscillatory import MorinSamson, Oscillation, Oscillator, Slow
@@ -35,6 +36,35 @@ class FineMode(enum.IntEnum):
     HOLDING = 4
 
 
+class RippleSlack(eqx.Module):
+    """What of a slow rate counts for nothing, as it may be ripple that is not known yet.
+
+    `enter` (rad/s) when the end game takes over; when it hands back at first `stay`, and less and
+    less until the time `known` (s), when the ripple is.
+    """
+
+    enter: RealScalar = eqx.field(converter=as_float)
+    stay: RealScalar = eqx.field(converter=as_float)
+    known: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        for name in ("enter", "stay", "known"):
+            require_positive(name, getattr(self, name))
+
+    def to_enter(self, slow: Slow) -> Slow:
+        """What the end game takes over by."""
+        return _less(slow, self.enter)
+
+    def to_stay(self, slow: Slow, clock: RealScalar | float) -> Slow:
+        """What it hands back by, `clock` (s) after the beginning of the stage."""
+        return _less(slow, self.stay * jnp.clip(1 - clock / self.known, 0.0, 1.0))
+
+
+def _less(slow: Slow, slack: RealScalar) -> Slow:
+    size = jnp.maximum(jnp.abs(slow.rate) - slack, 0.0)
+    return Slow(jnp.sign(slow.rate) * size, slow.turn)
+
+
 class Handover(eqx.Module):
     """When the end game takes over and when it hands back.
 
@@ -42,9 +72,10 @@ class Handover(eqx.Module):
     slow rate are below `enter_angle`, the same turns from the wanted attitude are below
     `enter_turn`, and |p1|, |p2| less their values at rest below `enter_rate`; it hands back when
     |w| exceeds `leave_tilt` or one of the turns from the wanted attitude `leave_turn` (rad, rad/s).
-    If it is `patient`, the turn where the slow rate will have stopped does not count for that: a
-    torque about n above what the end game can balance moves the turn slowly, and each hand-back
-    takes rates far above those of the end game.
+    If it `coasts`, a hold begins against a drift that the end game cannot balance, and ends only
+    when the turn itself exceeds `leave_turn` (see `Coast`): each hand-back takes rates far above
+    those of the end game. The first one is judged, as it begins before the drift is known.
+    `slack` is what of the slow rate counts for nothing, None for nothing of it.
     """
 
     enter_rate: RealScalar = eqx.field(converter=as_float)
@@ -52,7 +83,8 @@ class Handover(eqx.Module):
     enter_turn: RealScalar = eqx.field(converter=as_float, default=0.04)
     leave_tilt: RealScalar = eqx.field(converter=as_float, default=0.04)
     leave_turn: RealScalar = eqx.field(converter=as_float, default=0.045)
-    patient: bool = eqx.field(static=True, default=False)
+    coasts: bool = eqx.field(static=True, default=False)
+    slack: RippleSlack | None = None
 
     def __check_init__(self):
         for name in ("enter_rate", "enter_angle", "enter_turn", "leave_tilt", "leave_turn"):
@@ -66,18 +98,27 @@ class Handover(eqx.Module):
         excess: Float[Array, "3"],
         deceleration: RealScalar,
         held: RealScalar,
+        coast: Coast | None = None,
+        clock: RealScalar | float = 0.0,
     ) -> Bool[Array, ""]:
         """Whether the end game is to work now, given whether it did.
 
         `excess` is (p1, p2, s) less its value at rest (rad/s), `deceleration` that of the slow rate
         of which the end game is capable (rad/s²), `held` the turn about n from the wanted attitude
-        to the one that is held (rad), from which the slow turn counts.
+        to the one that is held (rad), from which the slow turn counts, and `clock` the time since
+        the stage began (s).
         """
-        stopping = slow.rate * jnp.abs(slow.rate) / (2 * deceleration)
-        from_held, from_wanted = (
-            jnp.maximum(jnp.abs(turn), jnp.abs(turn + stopping))
-            for turn in (slow.turn, slow.turn + held)
-        )
+        begun = lasting = slow
+        if self.slack is not None:
+            begun, lasting = self.slack.to_enter(slow), self.slack.to_stay(slow, clock)
+        from_held, from_wanted = _farthest(begun, held, deceleration)
+        leave = _farthest(lasting, held, deceleration)[1] > self.leave_turn
+        wanted = Slow(slow.rate, slow.turn + held)
+        if coast is not None:
+            short = jnp.where(coast.drifts, ~coast.lasts(wanted, self.leave_turn, ENOUGH), leave)
+            leave = (jnp.abs(wanted.turn) > self.leave_turn) | (short & coast.judged)
+            from_held, from_wanted = _farthest(slow, held, coast.deceleration(deceleration))
+            from_held = jnp.where(coast.drifts, 0.0, from_held)
         enter = (
             (tilt.size < self.enter_angle)
             & (from_held < self.enter_angle)
@@ -85,16 +126,32 @@ class Handover(eqx.Module):
             & (jnp.abs(excess[0]) < self.enter_rate)
             & (jnp.abs(excess[1]) < self.enter_rate)
         )
-        turned = jnp.abs(slow.turn + held) if self.patient else from_wanted
-        leave = (tilt.size > self.leave_tilt) | (turned > self.leave_turn)
+        if coast is not None:
+            enter = enter & coast.lasts(wanted, self.leave_turn, NEAR_AIM)
+        leave = leave | (tilt.size > self.leave_tilt)
         return jnp.where(late, ~leave, enter)
 
 
+def _farthest(
+    slow: Slow, held: RealScalar, deceleration: RealScalar
+) -> tuple[RealScalar, RealScalar]:
+    """The larger of the turn now and when the slow rate is stopped, from the attitude that is held
+    and from the wanted one."""
+    stopping = slow.rate * jnp.abs(slow.rate) / (2 * deceleration)
+    from_held, from_wanted = (
+        jnp.maximum(jnp.abs(turn), jnp.abs(turn + stopping))
+        for turn in (slow.turn, slow.turn + held)
+    )
+    return from_held, from_wanted
+
+
 class FineMemory(NamedTuple):
-    """The oscillation asked for last, and whether the end game works."""
+    """The oscillation asked for last, whether the end game works, and its `Hold`, `None` where
+    holds do not coast."""
 
     oscillation: Oscillation
     late: Bool[Array, ""]
+    hold: Hold | None
 
 
 class FineStage(eqx.Module):
@@ -129,7 +186,8 @@ class FineStage(eqx.Module):
 
     def init(self, omega: Float[Array, "3"]) -> FineMemory:
         """At rest, oscillating."""
-        return FineMemory(self.oscillator.init(omega), jnp.array(False))
+        hold = Hold.none(omega) if self.handover.coasts else None
+        return FineMemory(self.oscillator.init(omega), jnp.array(False), hold)
 
     def step(
         self, clock: RealScalar, state: NormalState, third: ThirdAxis, memory: FineMemory
@@ -141,18 +199,38 @@ class FineStage(eqx.Module):
             third = third._replace(lean=third.lean * jnp.maximum(0.0, 1 - tilt.size**2))
         slow = self.oscillator.slow(clock, tilt, third, memory.oscillation)
         most = third.coupling * self.holding_amplitude**2 / 2
-        deceleration = jnp.maximum(SURE_SHARE * most - jnp.abs(third.drift), LEAST_SHARE * most)
+        sure = SURE_SHARE * most
+        along = jnp.abs(third.drift)
+        if memory.hold is not None:
+            along = jnp.sign(slow.rate) * third.drift
+        deceleration = jnp.maximum(sure - along, LEAST_SHARE * most)
         excess = state.omega - third.rest
-        late = self.handover(memory.late, tilt, slow, excess, deceleration, third.turn[2])
+        coast, hold = None, memory.hold
+        if hold is not None:
+            coast = Coast.of(hold, clock, self.oscillator.frequency, third.drift, sure)
+        late = self.handover(
+            memory.late, tilt, slow, excess, deceleration, third.turn[2], coast, clock
+        )
         early, quiet = self.oscillator, self.end_game
-
-        def chosen(of_quiet, of_early):
-            return jax.tree.map(lambda one, other: jnp.where(late, one, other), of_quiet, of_early)
+        aim, slow_late, third_late = None, slow, third
+        if hold is not None and coast is not None:
+            hold = hold.after(late & ~memory.late, clock, coast)
+            from_wanted = Slow(slow.rate, slow.turn + third.turn[2])
+            aim = coast.aim(from_wanted.turn)
+            slow_late = choose(coast.drifts, coast.opposed(from_wanted, HOLDING_TURN), slow)
+            third_late = third._replace(drift=jnp.where(coast.drifts, 0.0, third.drift))
 
         # Choosing what is small lets the two share the rest, roots and quotients above all.
-        wanted = chosen(quiet.request(slow, third), early.request(slow, third)).granted(third.axes)
+        quiet_request = quiet.request(slow_late, third_late)
+        asked = choose(late, quiet_request, early.request(slow, third, aim))
+        wanted = asked.granted(third.axes)
         tracking = early.tracking(clock, state, tilt, wanted)
-        return early.torque(state.omega, tracking), tracking.rate, FineMemory(wanted, late)
+        return early.torque(state.omega, tracking), tracking.rate, FineMemory(wanted, late, hold)
+
+
+def choose(when: Bool[Array, ""], one, other):
+    """Of two trees alike, one `when` that holds, else the other."""
+    return jax.tree.map(lambda x, y: jnp.where(when, x, y), one, other)
 
 
 class OscillatorySettlingMemory(NamedTuple):

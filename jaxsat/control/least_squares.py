@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.quotients import reciprocal
+from jaxsat.symmetric import Symmetric
 
 RealScalar = Float[Array, ""]
 
@@ -20,7 +21,7 @@ class Fit(NamedTuple):
     """Estimate (ε1, ε2, and six of Q), its covariance, and the sums of the present interval."""
 
     estimate: Float[Array, "8"]
-    covariance: Float[Array, "8 8"]
+    covariance: Symmetric
     first_omega: Float[Array, "3"]
     products: Float[Array, "6"]
     samples: Int[Array, ""]
@@ -53,7 +54,7 @@ class RecursiveLeastSquares(eqx.Module):
         """No error known yet."""
         return Fit(
             jnp.zeros(8, omega.dtype),
-            jnp.diag(self.prior**2).astype(omega.dtype),
+            Symmetric(jnp.diag(self.prior**2).astype(omega.dtype)),
             omega,
             jnp.zeros(6, omega.dtype),
             jnp.array(-1),  # the first sample only begins the first interval
@@ -79,12 +80,13 @@ class RecursiveLeastSquares(eqx.Module):
         """With the interval that ends now, at the beginning of the next one."""
         change = omega - fit.first_omega
         regressor = jnp.concatenate([change[:2], fit.products])
-        projected = jnp.sum(fit.covariance * regressor[None, :], axis=1)
-        gain = projected * reciprocal(self.noise**2 + jnp.sum(regressor * projected))
+        covariance = fit.covariance.matrix
+        projected = jnp.sum(covariance * regressor[None, :], axis=1)
+        inverse = reciprocal(self.noise**2 + jnp.sum(regressor * projected))
         residual = change[2] - jnp.sum(factors * fit.products) - jnp.sum(regressor * fit.estimate)
         return Fit(
-            fit.estimate + gain * residual,
-            fit.covariance - gain[:, None] * projected[None, :],
+            fit.estimate + projected * (inverse * residual),
+            Symmetric(covariance - inverse * (projected[:, None] * projected[None, :])),
             omega,
             jnp.zeros_like(fit.products),
             jnp.zeros_like(fit.samples),

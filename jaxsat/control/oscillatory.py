@@ -210,9 +210,11 @@ class Oscillator(eqx.Module):
         turn = turn - c / 8 * inverse**2 * (alpha * cos2 - beta * sin2)
         return Slow(rate, turn)
 
-    def request(self, slow: Slow, third: ThirdAxis) -> Request:
-        """What the demand asks for, with what takes the drift away."""
-        alpha, beta = self.demand(slow.rate, slow.turn, third.coupling, self.frequency)
+    def request(self, slow: Slow, third: ThirdAxis, aim: RealScalar | None = None) -> Request:
+        """What the demand asks for, with what takes the drift away; `aim` (rad/s) is the slow rate
+        to reach in place of none."""
+        excess = slow.rate if aim is None else slow.rate - aim
+        alpha, beta = self.demand(excess, slow.turn, third.coupling, self.frequency)
         alpha = alpha - 2 * reciprocal(third.coupling) * third.drift
         still = jnp.zeros_like(slow.turn)
         dead = self.demand(self.dead_zone, still, third.coupling, self.frequency)

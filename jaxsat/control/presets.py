@@ -8,21 +8,25 @@ nearest. What is known of the periodic d3 goes into the ripple estimator.
 """
 
 import bisect
+import dataclasses
 import math
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import TypeVar, cast
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.checks import as_float
 from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import BODY_XY, NormalForm
 from jaxsat.control.oscillatory import AbstractDemand, MorinSamson, Oscillator, TwoChannel
-from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter
+from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, Steady
 from jaxsat.control.scaling import Scaling, in_seconds
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
@@ -58,6 +62,18 @@ RIPPLE_SHARE = 0.9375
 RATE_NOISE, RIPPLE_DRIFT, PRODUCT_ERROR = 1e-6, 6.32455532e-08, 0.0316227766
 """Of the ripple filter: rad per `fine_time` for the noise, for the drift also per √`fine_time`, and
 times √`fine_time` for the error of products."""
+
+STEADY, STEADY_DRIFT, CALM = 5e-9, 4e-12, 4.0
+"""Acceleration by a constant torque that the ripple filter expects, and how fast it may change:
+rad per `fine_time`², and per its 5/2nd power; learnt at rates below so many amplitudes of the end
+game."""
+
+PULSE_SHARE, LEAST_QUIET = 0.2, 0.5
+"""The amplitude of the end game is smaller by the first share of a pulse's rate, but at least the
+second of itself: pulses and hold together stay within the tolerance of the rate."""
+
+BALANCED = 0.35
+"""Of the end game's largest ds/dt: a drift at rest for which the attitude is not changed."""
 
 PATIENCE, SLOW_RATE = 15.0, 0.2
 """Of the supervisor, times τ and over τ: how long no phase is stayed in in vain, and the |s| that
@@ -158,6 +174,31 @@ def ripple_filter(
         drift=RIPPLE_DRIFT / unit**1.5,
         product_error=PRODUCT_ERROR * math.sqrt(unit),
     )
+
+
+def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSettling:
+    """The same law with an estimate of the constant torque about n, and holds that begin against
+    it where the end game cannot balance it.
+
+    The end game leaves room for the rate (rad/s) that the least `pulse` of a thruster changes. The
+    estimate expects at least the `noise` (rad/s) that the measured rates have.
+    """
+    unit = _scaling(law.form, float(law.torque_limit), float(law.period)).fine_time
+    amplitude = law.fine.holding_amplitude
+    known = STEADY / unit**2, STEADY_DRIFT / unit**2.5, CALM * amplitude
+    ripple = cast(RippleFilter, law.estimator.observer)
+    observer = dataclasses.replace(
+        ripple, steady=Steady(*map(as_float, known)), noise=jnp.maximum(ripple.noise, noise)
+    )
+    amplitude = jnp.maximum(amplitude - PULSE_SHARE * pulse, LEAST_QUIET * amplitude)
+    fine = dataclasses.replace(
+        law.fine,
+        handover=dataclasses.replace(law.fine.handover, coasts=True),
+        holding_amplitude=amplitude,
+    )
+    balanced = BALANCED * law.form.coupling * amplitude**2 / 2
+    estimator = dataclasses.replace(law.estimator, observer=observer, balanced=balanced)
+    return eqx.tree_at(lambda one: (one.estimator, one.fine), law, (estimator, fine))
 
 
 Gains = TypeVar("Gains", bound=tuple)

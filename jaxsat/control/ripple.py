@@ -17,12 +17,20 @@ from jaxsat.quotients import reciprocal
 RealScalar = Float[Array, ""]
 
 
+SURE_SIGMAS = 4.0
+"""A steady acceleration is believed from so many standard deviations."""
+
+
 class ThirdRate(NamedTuple):
-    """ω3 (rad/s), and the zero-mean ripples of ω3 (rad/s) and of z (rad) within it."""
+    """ω3 (rad/s), and the zero-mean ripples of ω3 (rad/s) and of z (rad) within it.
+
+    `steady` (rad/s²) is what a constant torque makes of dω3/dt, `None` if it is not estimated.
+    """
 
     rate: RealScalar
     rate_ripple: RealScalar
     turn_ripple: RealScalar
+    steady: RealScalar | None = None
 
 
 class AbstractRippleEstimator(eqx.Module):
@@ -142,10 +150,25 @@ class RippleObserver(AbstractRippleEstimator):
 
 
 class RippleBelief(NamedTuple):
-    """Mean of ω3, the ripple and its quadrature, all rad/s, and their covariance."""
+    """Mean of ω3, the ripple and its quadrature, all rad/s, and their covariance.
 
-    state: Float[Array, "3"]
-    covariance: Float[Array, "3 3"]
+    A fourth state, if there is one, is the steady acceleration (rad/s²).
+    """
+
+    state: Float[Array, " states"]
+    covariance: Float[Array, "states states"]
+
+
+class Steady(NamedTuple):
+    """What is known of the acceleration by a constant torque.
+
+    Its expected `size` (rad/s²), how fast it may change, `drift` (rad/s² per √s), and above which
+    ω1 or ω2, `rate_limit` (rad/s), nothing is learnt of it: the errors of c ω1 ω2 are not random.
+    """
+
+    size: RealScalar
+    drift: RealScalar
+    rate_limit: RealScalar
 
 
 class RippleFilter(AbstractRippleEstimator):
@@ -156,7 +179,7 @@ class RippleFilter(AbstractRippleEstimator):
     predicted ω3 is trusted to `product_error` |ω|², `lean_error` |ω| (without unit). `frequency`
     is Ω (rad/s), `noise` the sensor's (rad/s), `amplitude` the ripple's expected size (rad/s), and
     `drift` the rate at which the ripple may change by itself (rad/s per √s), which lets a frequency
-    nearby be followed.
+    nearby be followed. With `steady` it estimates the acceleration by a constant torque as well.
     """
 
     frequency: RealScalar = eqx.field(converter=as_float)
@@ -165,6 +188,7 @@ class RippleFilter(AbstractRippleEstimator):
     drift: RealScalar = eqx.field(converter=as_float)
     product_error: RealScalar = eqx.field(converter=as_float)
     lean_error: RealScalar = eqx.field(converter=as_float, default=0.003)
+    steady: Steady | None = None
 
     def __check_init__(self):
         require_positive("frequency", self.frequency)
@@ -181,18 +205,27 @@ class RippleFilter(AbstractRippleEstimator):
                 jnp.stack([zero, zero, size + zero]),
             ]
         )
-        return RippleBelief(jnp.stack([omega3, zero, zero]), covariance)
+        state = jnp.stack([omega3, zero, zero])
+        if self.steady is None:
+            return RippleBelief(state, covariance)
+        covariance = jnp.pad(covariance, (0, 1)).at[3, 3].set(self.steady.size**2)
+        return RippleBelief(jnp.append(state, 0.0), covariance)
 
     def advance(
         self, memory: RippleBelief, omega: Float[Array, "3"], change: RealScalar, period: RealScalar
     ) -> RippleBelief:
-        """The mean moves by `change`, the ripple turns by Ω `period`, and both grow less sure."""
+        """The mean moves by `change`, the ripple turns by Ω `period`, and all grow less sure."""
         cos, sin = jnp.cos(self.frequency * period), jnp.sin(self.frequency * period)
         model_error = self.product_error * (omega[0] ** 2 + omega[1] ** 2)
-        spread = period * jnp.stack([model_error**2, self.drift**2, self.drift**2])
-        state = _turned(memory.state, cos, sin).at[0].add(change)
-        covariance = _turned(_turned(memory.covariance, cos, sin).T, cos, sin)
-        return RippleBelief(state, covariance + jnp.diag(spread))
+        spread = [model_error**2, self.drift**2, self.drift**2]
+        state = _moved(memory.state, cos, sin, period).at[0].add(change)
+        covariance = _moved(_moved(memory.covariance, cos, sin, period).T, cos, sin, period)
+        if self.steady is not None:
+            spread.append(self.steady.drift**2)
+            calm = jnp.maximum(jnp.abs(omega[0]), jnp.abs(omega[1])) < self.steady.rate_limit
+            alone = covariance.at[3, :3].set(0.0).at[:3, 3].set(0.0)
+            covariance = jnp.where(calm, covariance, alone)
+        return RippleBelief(state, covariance + jnp.diag(period * jnp.stack(spread)))
 
     def correct(
         self, memory: RippleBelief, omega: Float[Array, "3"], period: RealScalar
@@ -210,8 +243,12 @@ class RippleFilter(AbstractRippleEstimator):
     def believed(self, memory: RippleBelief, omega3: RealScalar) -> ThirdRate:
         """The filtered ω3; the ripple's integral is its quadrature over Ω."""
         del omega3
-        mean, ripple, quadrature = memory.state
-        return ThirdRate(mean + ripple, ripple, quadrature / self.frequency)
+        mean, ripple, quadrature = memory.state[:3]
+        steady = None
+        if self.steady is not None:
+            known = memory.state[3] ** 2 > SURE_SIGMAS**2 * memory.covariance[3, 3]
+            steady = jnp.where(known, memory.state[3], 0.0)
+        return ThirdRate(mean + ripple, ripple, quadrature / self.frequency, steady)
 
     def forget(self, memory: RippleBelief, when: Bool[Array, ""]) -> RippleBelief:
         """Nothing to do: the covariance knows what the last phase was worth."""
@@ -219,7 +256,11 @@ class RippleFilter(AbstractRippleEstimator):
         return memory
 
 
-def _turned(rows: Float[Array, "3 *n"], cos: RealScalar, sin: RealScalar) -> Float[Array, "3 *n"]:
-    """The second and third row turned: ripple and quadrature."""
-    first, second, third = rows
-    return jnp.stack([first, cos * second - sin * third, sin * second + cos * third])
+def _moved(
+    rows: Float[Array, "states *n"], cos: RealScalar, sin: RealScalar, period: RealScalar
+) -> Float[Array, "states *n"]:
+    """The second and third row turned: ripple and quadrature; the fourth moves the first."""
+    first, second, third, *steady = rows
+    for acceleration in steady:
+        first = first + period * acceleration
+    return jnp.stack([first, cos * second - sin * third, sin * second + cos * third, *steady])

@@ -13,10 +13,11 @@ from jaxsat.checks import as_float
 from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.normal_form import NormalForm
+from jaxsat.control.planned import PlannedSettling, planned_settling
 from jaxsat.control.presets import oscillatory_settling, ripple_filter, three_slew_settling
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.declaration.law import LawDeclaration
-from jaxsat.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, THREE_SLEW
+from jaxsat.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, PLANNED, THREE_SLEW
 
 
 def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> OscillatorySettling:
@@ -29,6 +30,12 @@ def build_three_slew(values: Mapping[str, Any], context: LawContext) -> ThreeSle
     return _with_gains(_built(three_slew_settling, values, context), THREE_SLEW, values)
 
 
+def build_planned(values: Mapping[str, Any], context: LawContext) -> PlannedSettling:
+    """The law that plans, of a table; raises as `build_oscillatory` does."""
+    settling = _built(three_slew_settling, values, context)
+    return _with_gains(planned_settling(settling), PLANNED, values)
+
+
 def _ripple_about(normal: Float[np.ndarray, "3"], context: LawContext) -> tuple[float, float]:
     """Amplitude (N m) and frequency (rad/s) of the periodic torque with the most ripple about n."""
     amplitudes = np.abs(normal * np.array(context.disturbance_amplitude)).tolist()
@@ -38,7 +45,7 @@ def _ripple_about(normal: Float[np.ndarray, "3"], context: LawContext) -> tuple[
     return amplitudes[most], frequencies[most]
 
 
-Made = TypeVar("Made", OscillatorySettling, ThreeSlewSettling)
+Made = TypeVar("Made", OscillatorySettling, ThreeSlewSettling, PlannedSettling)
 
 
 def _with_gains(law: Made, declaration: LawDeclaration, values: Mapping[str, Any]) -> Made:

@@ -4,13 +4,12 @@ import enum
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.fine import FineMemory, FineMode, FineStage
+from jaxsat.control.fine import FineMemory, FineMode, FineStage, choose
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.rate_tracking import clipped
@@ -101,18 +100,25 @@ class ThreeSlewSettling(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: SettlingMemory
     ) -> tuple[Float[Array, "2"], SettlingMemory]:
         """Estimate, choose the phase, run the three parts and take the one whose turn it is."""
+        return self.in_phase(t, state, memory, jnp.zeros_like(memory.phase))
+
+    def in_phase(
+        self, t: RealScalar, state: PlantState, memory: SettlingMemory, given: Int[Array, ""]
+    ) -> tuple[Float[Array, "2"], SettlingMemory]:
+        """As `step`, in a phase that is given; 0 where it is chosen."""
         seen = self.form.seen(state)
         third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
         seen = seen.relative_to(third.turn)
         slewing = self.planner.advance(t, seen, memory.slewing, self.period)
-        phase = self._phase(t, memory, seen, third, slewing)
+        chosen = self._phase(t, memory, seen, third, slewing)
+        phase = jnp.where(given > 0, given, chosen)
         begun = phase != memory.phase
         begins_fine = begun & (phase == Phase.OSCILLATING)
         estimator = self.estimator.forget_ripple(estimator, begun & (phase != Phase.SLEWING))
         plan = self.planner.plan(t, seen)
-        slewing = _choose(begun & (phase == Phase.SLEWING), plan, slewing)
-        signs = _choose(begun & (phase == Phase.STOPPING), self.rate_law.init(state), memory.signs)
-        fine = _choose(begins_fine, self.fine.init(seen.omega), memory.fine)
+        slewing = choose(begun & (phase == Phase.SLEWING), plan, slewing)
+        signs = choose(begun & (phase == Phase.STOPPING), self.rate_law.init(state), memory.signs)
+        fine = choose(begins_fine, self.fine.init(seen.omega), memory.fine)
         since = jnp.where(begun, t, memory.since)
 
         signs = self.rate_law.signs(third, seen.omega, signs)
@@ -164,10 +170,6 @@ class ThreeSlewSettling(AbstractSampledController):
         after_fine = jnp.where(lost, Phase.STOPPING, Phase.OSCILLATING)
         chosen = jnp.where(phase == Phase.SLEWING, after_slewing, after_fine)
         return jnp.where(phase == Phase.STOPPING, after_stopping, chosen)
-
-
-def _choose(when: Bool[Array, ""], new, old):
-    return jax.tree.map(lambda x, y: jnp.where(when, x, y), new, old)
 
 
 def _by_phase(phase: Int[Array, ""], stopping, slewing, fine):

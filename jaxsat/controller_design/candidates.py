@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from jaxsat.assembly.run import build, build_loop
 from jaxsat.control import OscillatorySettling, ThreeSlewSettling
+from jaxsat.control.planned import PlannedSettling
 from jaxsat.controller_design.reading import ALL
 from jaxsat.controller_design.vehicle import Scale, VehicleVerdict, scale_of
 from jaxsat.declaration.settling import HOLDING_AMPLITUDE
@@ -32,6 +33,7 @@ Gains = tuple[Mapping[str, float], Mapping[str, Any]]
 GAINS: Mapping[str, Mapping[str, Gains]] = {
     "three-slew": {"": ({}, {})},
     "oscillatory": {"": ({}, {})},
+    "planned": {"": ({}, {})},
     "quaternion-feedback": {
         ", slow": ({"natural_frequency_rad_s": 0.25, "max_rate_rad_s": 0.08}, {"damping": 1.0}),
         "": ({"natural_frequency_rad_s": 0.4, "max_rate_rad_s": 0.2}, {"damping": 1.0}),
@@ -52,19 +54,19 @@ ones of `two-wheel-telescope`.
 """
 
 LAWS_LEFT: Mapping[str, tuple[str, ...]] = {
-    "two torques": ("three-slew", "oscillatory"),
+    "two torques": ("three-slew", "oscillatory", "planned"),
     "three torques": ("quaternion-feedback",),
     "none": (),
 }
 """Laws by what `Judgement.laws` says can be flown."""
 
-WHEEL_LAWS = ("three-axis",)
-"""Laws for two wheels without momentum."""
+WHEEL_LAWS, THRUSTER_LAWS = ("three-axis",), ("planned",)
+"""Laws for two wheels without momentum, and those that know nothing of a limit of momentum."""
 
 RATE_SHARE, TILT_SHARE = 0.85, 0.5
 """Of the tolerances of settling: what a large end game takes of the rate's and of the tilt's."""
 
-POWERS = {"rad/s": 1, "1/s": 1, "N m s": 1, "N m": 2}
+POWERS = {"s": -1, "rad/s": 1, "1/s": 1, "N m s": 1, "N m": 2}
 """By unit of a gain: the power of √T with which it goes when the torque does, for the same motion
 in scaled time."""
 
@@ -148,6 +150,7 @@ def with_larger_end_game(candidate: Candidate) -> Candidate | None:
     gives in orbit. None where the candidate's own is as large, is given, or there is none.
     """
     control, law = candidate.scenario.control, controller_of(build_loop(candidate.scenario))
+    law = law.settling if isinstance(law, PlannedSettling) else law
     settles = isinstance(law, OscillatorySettling | ThreeSlewSettling)
     if not settles or getattr(control, HOLDING_AMPLITUDE) is not None:
         return None
@@ -176,7 +179,7 @@ def _tables(scenario: Scenario, verdict: VehicleVerdict, law: str) -> Iterator[t
     if law == ALL:
         names = list(LAWS_LEFT[verdict.judgement.laws])
         if names and scenario.wheel and verdict.judgement.laws == "two torques":
-            names = [*WHEEL_LAWS, *names]
+            names = [*WHEEL_LAWS, *(one for one in names if one not in THRUSTER_LAWS)]
     for name in names:
         given = name == own["law"] and law != ALL
         default = given and _is_default(own, name)

@@ -18,6 +18,7 @@ from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
 from jaxsat.tuning import DescentProgress, DescentState, TuningPlan
 from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
+from jaxsat.tuning.optimisers import DERIVATIVE_FREE
 from jaxsat.tuning_run import run_descent
 
 FOLDER = "tuning"
@@ -34,6 +35,9 @@ TUNED_CASES = 96
 
 VALIDATION_CASES, VALIDATE_EVERY = 256, 4
 """Cases by which the best iterate is chosen, and steps between two choices."""
+
+SEARCHED_STARTS = 6
+"""Points of a step of the search without derivatives."""
 
 TAIL = 2.5
 """A case is tuned for this many times the time within which nine tenths settle."""
@@ -60,6 +64,8 @@ class Tuned(NamedTuple):
 def tuning_table(scenario: Scenario, scale: Scale, steps: int, validation: int) -> TuningTable:
     """Every gain that is one number above zero, and a cost that counts settling most.
 
+    Of a law without derivatives the gains that it declares for that, by a search without them.
+
     Weights of rates and torques are those of `oscillatory-dispersed`, scaled. A `[tuning]` table of
     the scenario's own keeps its gains, bounds and cost.
     """
@@ -75,9 +81,13 @@ def tuning_table(scenario: Scenario, scale: Scale, steps: int, validation: int) 
     if scenario.tuning is not None:
         return scenario.tuning.model_copy(update=budget)
     control = written_out(scenario).control
-    bounds = {}
-    for key in find_law(control.law).declaration.keys:
+    bounds, declaration = {}, find_law(control.law).declaration
+    if declaration.searched:
+        budget |= {"optimiser": DERIVATIVE_FREE, "starts": SEARCHED_STARTS}
+    for key in declaration.keys:
         value = getattr(control, key.name)
+        if declaration.searched and key.name not in declaration.searched:
+            continue
         if key.tunable and isinstance(value, float) and value > 0:
             most = key.kind.at_most if isinstance(key.kind, Numeric) else value
             bounds[key.name] = BoundsTable(  # pyright: ignore[reportCallIssue]

@@ -23,6 +23,7 @@ class LawDeclaration:
       left, in whatever plane these are, instead of body x and y.
     - `commands_duties`: the law allocates its torques itself and commands the duty of each
       `[[thruster]]`.
+    - `commands_wheels`: the same of the torque of each `[[wheel]]`.
     - `has_model`: whether the table `[control.model]` may say what the controller believes.
     - `measures_disturbance`: whether the key `measured_disturbance` may add the periodic
       disturbance to the model.
@@ -36,6 +37,8 @@ class LawDeclaration:
     - `regulates_attitude`: a case counts as settled by attitude and rate, else by rate alone.
     - `jumps_without`: widths above 0 without which the commanded torque jumps, so that fixed steps
       do not suit it.
+    - `searched`: of a law through which no gradient is taken, as it searches in flight: the keys
+      that `jaxsat design` tunes, by a search without derivatives. Empty for all others.
     - `domain`: where the law was verified, one dimensionless number at a time.
     """
 
@@ -44,6 +47,7 @@ class LawDeclaration:
     torques: Literal[0, 1, 2, 3] = 2
     any_plane: bool = False
     commands_duties: bool = False
+    commands_wheels: bool = False
     has_model: bool = True
     measures_disturbance: bool = False
     ordered: tuple[tuple[str, str], ...] = ()
@@ -54,6 +58,7 @@ class LawDeclaration:
     works_in_wz: bool = False
     regulates_attitude: bool = True
     jumps_without: tuple[str, ...] = ()
+    searched: tuple[str, ...] = ()
     domain: tuple[Sweep, ...] = ()
 
     def __post_init__(self):
@@ -67,6 +72,11 @@ class LawDeclaration:
     def sampled(self) -> bool:
         """Whether the law runs once a period and its torque is held in between."""
         return any(key.name == "period_s" for key in self.keys)
+
+    @property
+    def allocates(self) -> bool:
+        """Whether the law commands each actuator itself."""
+        return self.commands_duties or self.commands_wheels
 
     @property
     def tunable(self) -> dict[str, str]:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from jaxsat.declaration.fault_tolerant import FAULT_TOLERANT
+from jaxsat.declaration.fault_tolerant import FAULT_TOLERANT, FAULT_TOLERANT_WHEELS
 from jaxsat.declaration.law import LawDeclaration
 from jaxsat.declaration.one_torque import ONE_TORQUE
 from jaxsat.declaration.quaternion_feedback import QUATERNION_FEEDBACK
 from jaxsat.declaration.rate import RATE
-from jaxsat.declaration.settling import OSCILLATORY, THREE_SLEW
+from jaxsat.declaration.settling import OSCILLATORY, PLANNED, THREE_SLEW
 from jaxsat.declaration.switching import SWITCHING
 from jaxsat.declaration.three_axis import THREE_AXIS
 
@@ -62,6 +62,11 @@ LAWS: Mapping[str, Law] = MappingProxyType(
                 "jaxsat.control.fault_tolerant:FaultTolerant",
                 "jaxsat.control.fault_tolerant_law:build_fault_tolerant",
             ),
+            Law(
+                "fault-tolerant-wheels",
+                FAULT_TOLERANT_WHEELS,
+                "jaxsat.control.fault_tolerant_wheels:FaultTolerantWheels",
+            ),
             Law("switching", SWITCHING, "jaxsat.control.switching:SwitchingLaw"),
             Law(
                 "oscillatory",
@@ -74,6 +79,12 @@ LAWS: Mapping[str, Law] = MappingProxyType(
                 THREE_SLEW,
                 "jaxsat.control.supervisor:ThreeSlewSettling",
                 "jaxsat.control.settling_laws:build_three_slew",
+            ),
+            Law(
+                "planned",
+                PLANNED,
+                "jaxsat.control.planned:PlannedSettling",
+                "jaxsat.control.settling_laws:build_planned",
             ),
             Law("one-torque", ONE_TORQUE, "jaxsat.control.one_torque:OneTorque"),
         )

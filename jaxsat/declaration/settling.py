@@ -1,5 +1,6 @@
 """What the laws that settle declare, and what their gains are tuned for."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -19,6 +20,10 @@ TUNED_LIMITS = (1.0, 5.0, 20.0)
 
 HOLDING_AMPLITUDE = "holding_amplitude_rad_s"
 """Key of the amplitude of the end game."""
+
+PLANNING_MARGIN, REPLAN_TIME = 0.1, 0.2
+"""Share of the torque limit that plans leave for feedback, and time from one plan to the next over
+√(J0/T), where none are given."""
 
 
 def equivalent_limit(moments: Sequence[float], torque_limit: float) -> float:
@@ -110,32 +115,61 @@ OSCILLATORY = LawDeclaration(
     domain=verified.OSCILLATORY,
 )
 
+_THREE_SLEW_KEYS = (
+    _gain(
+        "stopping_share",
+        "Share η of the torque limit by which the rates to stop with are chosen",
+        "1",
+        "rate_law.share",
+        at_most=1,
+    ),
+    _gain(
+        "slewing_share",
+        "Share of the torque limit with which slews brake",
+        "1",
+        "planner.share",
+        at_most=1,
+    ),
+    _gain("slew_gain", "Gain λ with which a slew ends", "1/s", "planner.approach"),
+    *_OSCILLATION_KEYS,
+    _gain("k3", "Gain k3 on the slow rate", "1/s", f"{_DEMAND}.k3"),
+    _gain("kz", "Gain kz on the slow turn", "1/s", f"{_DEMAND}.kz"),
+)
+
 THREE_SLEW = LawDeclaration(
     summary="stop, three slews about the driven axes, oscillate, hold.\n\n"
     "By default, gains follow from inertia, torque limit and control period: dimensionless gains, "
     "interpolated between three tuned sets",
+    keys=(*_THREE_SLEW_KEYS, *_COMMON_KEYS),
+    any_plane=True,
+    needs_torque_limit=True,
+    domain=verified.THREE_SLEW,
+)
+
+PLANNED = LawDeclaration(
+    summary="plan the quickest manoeuvre in flight, follow it, hold; three slews where a plan "
+    "fails.\n\nThe other gains are those of three-slew",
     keys=(
-        _gain(
-            "stopping_share",
-            "Share η of the torque limit by which the rates to stop with are chosen",
+        number(
+            "planning_margin",
+            "Share of the torque limit that plans leave for feedback",
             "1",
-            "rate_law.share",
-            at_most=1,
+            at_least=0,
+            at_most=0.9,
+            default=PLANNING_MARGIN,
+            tunable="margin",
         ),
         _gain(
-            "slewing_share",
-            "Share of the torque limit with which slews brake",
-            "1",
-            "planner.share",
-            at_most=1,
+            "replan_s",
+            f"Time from one plan to the next; by default {REPLAN_TIME} √(J0/T) with the mean "
+            "moment J0 and the torque limit T",
+            "s",
+            "replan",
         ),
-        _gain("slew_gain", "Gain λ with which a slew ends", "1/s", "planner.approach"),
-        *_OSCILLATION_KEYS,
-        _gain("k3", "Gain k3 on the slow rate", "1/s", f"{_DEMAND}.k3"),
-        _gain("kz", "Gain kz on the slow turn", "1/s", f"{_DEMAND}.kz"),
+        *(dataclasses.replace(key, tunable=f"settling.{key.tunable}") for key in _THREE_SLEW_KEYS),
         *_COMMON_KEYS,
     ),
     any_plane=True,
     needs_torque_limit=True,
-    domain=verified.THREE_SLEW,
+    searched=("planning_margin", "replan_s"),
 )

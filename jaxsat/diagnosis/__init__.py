@@ -1,13 +1,21 @@
-"""Fault detection and isolation of thrusters, from estimated rates and commanded on-times alone."""
+"""Fault detection and isolation of thrusters and wheels, from estimates, readings and commands."""
 
 from jaxsat.diagnosis.cusum import average_run_length, cusum_threshold
-from jaxsat.diagnosis.diagnosis import WEAK, Diagnosis, DiagnosisMemory, Stage
-from jaxsat.diagnosis.isolation import DiagnosedKind
-from jaxsat.diagnosis.residual import Condition, ResidualFilter, ResidualMemory
+from jaxsat.diagnosis.diagnosis import MOST_RETURNS, WEAK, Diagnosis, DiagnosisMemory, Stage
+from jaxsat.diagnosis.hypotheses import DiagnosedKind
+from jaxsat.diagnosis.residual import (
+    AbstractResidualFilter,
+    Condition,
+    ResidualFilter,
+    ResidualMemory,
+)
 from jaxsat.diagnosis.thruster_model import ThrusterModel
+from jaxsat.diagnosis.wheel_filter import WheelFilter, WheelMemory
 
 __all__ = [
+    "MOST_RETURNS",
     "WEAK",
+    "AbstractResidualFilter",
     "Condition",
     "DiagnosedKind",
     "Diagnosis",
@@ -16,6 +24,8 @@ __all__ = [
     "ResidualMemory",
     "Stage",
     "ThrusterModel",
+    "WheelFilter",
+    "WheelMemory",
     "average_run_length",
     "cusum_threshold",
 ]

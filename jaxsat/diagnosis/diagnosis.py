@@ -6,11 +6,12 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, require_positive
-from jaxsat.diagnosis.isolation import PENALTY, DiagnosedKind, Evidence, explanation
-from jaxsat.diagnosis.residual import Condition, Residual, ResidualFilter, ResidualMemory
+from jaxsat.diagnosis.hypotheses import DiagnosedKind
+from jaxsat.diagnosis.isolation import PENALTY, AnyResidual, Evidence, explanation
+from jaxsat.diagnosis.residual import AbstractResidualFilter, Condition
 
 RealScalar = Float[Array, ""]
 
@@ -18,25 +19,19 @@ LEAST_SIGNAL = 0.5
 """A signature of a full failure below so many sigmas tells nothing, and its test waits."""
 
 LEAST_INFORMATION, MOST_PERIODS = 25.0, 15
-"""About the loss of a thruster before it is judged: that of a test pulse, or so many periods."""
+"""About the loss of an actuator before it is judged: that of a test pulse, or so many periods."""
 
 WEAK = 0.1
-"""A thruster that makes less of its thrust counts as dead."""
+"""An actuator that makes less of its torque counts as dead."""
 
 TOLD_APART = 2 * PENALTY / WEAK**2
-"""Information about the loss of a thruster that tells a dead one from a `WEAK` one."""
-
-TEST_SIGMAS = 6.0
-"""Effect of a test pulse on the rate, over the noise of a rate."""
-
-TRACKING, SLOW_TRACKING = 0.1, 0.03
-"""Part of the error of a flow, and of the torque besides, that is taken out with each sample."""
+"""Information about the loss of an actuator that tells a dead one from a `WEAK` one."""
 
 MOST_RETURNS = 2
-"""A thruster that has come back so often and fails once more is not trusted again."""
+"""An actuator that has come back so often and fails once more is not trusted again."""
 
 NONE = -1.0
-"""The kind of a thruster that works."""
+"""The kind of an actuator that works."""
 
 
 class Stage(enum.IntEnum):
@@ -47,18 +42,19 @@ class Stage(enum.IntEnum):
 
 
 class DiagnosisMemory(NamedTuple):
-    """What is known of each thruster, and what is suspected.
+    """What is known of each actuator, and what is suspected.
 
-    `statistic` (2, m) has the CUSUMs of loss and flow. `condition` and `kind` (a `DiagnosedKind`,
-    or -1) are the verdicts, `returns` tells how often a thruster came back. `age` (s) is the time
-    since the last alarm, verdict or dismissal, `suspect` the likeliest thruster, and `rival` tells
-    which explain the residuals nearly as well. `doubt` (rad/s) is the standard deviation of the
-    last residual, errors of the model included.
+    `statistic` (tests, m) has the CUSUMs of loss and of flow, for each sign that it may have.
+    `condition` and `kind` (a `DiagnosedKind`, or -1) are the verdicts, `returns` tells how often an
+    actuator came back. `age` (s) is the time since the last alarm, verdict or dismissal, `suspect`
+    the likeliest actuator, and `rival` tells which explain the residuals nearly as well. `doubt`
+    (in the residuals' unit) is the standard deviation of the last residual, errors of the model
+    included.
     """
 
-    residual: ResidualMemory
-    doubt: RealScalar
-    statistic: Float[Array, "2 m"]
+    residual: PyTree
+    doubt: RealScalar | Float[Array, " m"]
+    statistic: Float[Array, "tests m"]
     stage: Int[Array, ""]
     age: RealScalar
     evidence: Evidence
@@ -70,19 +66,20 @@ class DiagnosisMemory(NamedTuple):
 
 
 class Diagnosis(eqx.Module):
-    """Detects and isolates failed thrusters, and finds those that work again.
+    """Detects and isolates failed thrusters or wheels, and finds those that work again.
 
     Each thruster has two CUSUM tests, that thrust is missing and that there is some which was not
-    commanded. Their scores are standard normal where nothing has failed and the model is true, so
-    that `average_run_length` of `reference` and `threshold` (both in sigmas) is the mean number of
-    samples to a false alarm of each test. From the alarm on the evidence is gathered anew. The best
-    explanation is the verdict once its log-likelihood exceeds that of no failure, and that of any
-    other thruster, by `margin`. After `patience` samples the more likely of two thrusters is taken,
-    and an alarm that nothing explains is dismissed. A failed thruster whose commanded thrust is
-    there again works again, at most `MOST_RETURNS` times.
+    commanded; a wheel has one for each sign of the latter. Their scores are standard normal where
+    nothing has failed and the model is true, so that `average_run_length` of `reference` and
+    `threshold` (both in sigmas) is the mean number of samples to a false alarm of each test. From
+    the alarm on the evidence is gathered anew. The best explanation is the verdict once its
+    log-likelihood exceeds that of no failure, and that of any other actuator, by `margin`. After
+    `patience` samples the more likely of two is taken, and an alarm that nothing explains is
+    dismissed. A failed actuator whose commanded torque is there again works again, at most
+    `MOST_RETURNS` times.
     """
 
-    filter: ResidualFilter
+    filter: AbstractResidualFilter
     reference: RealScalar = eqx.field(converter=as_float, default=1.0)
     threshold: RealScalar = eqx.field(converter=as_float, default=12.0)
     margin: RealScalar = eqx.field(converter=as_float, default=8.0)
@@ -92,14 +89,14 @@ class Diagnosis(eqx.Module):
         for name in ("reference", "threshold", "margin", "patience"):
             require_positive(name, getattr(self, name))
 
-    def init(self, omega: Float[Array, "3"]) -> DiagnosisMemory:
-        """All thrusters work."""
-        count = self.filter.thrusters.count
-        zero = jnp.zeros(count, omega.dtype)
+    def init(self, reading: Float[Array, " n"]) -> DiagnosisMemory:
+        """All actuators work."""
+        count = self.filter.count
+        zero = jnp.zeros(count, reading.dtype)
         return DiagnosisMemory(
-            self.filter.init(omega),
-            self.filter.rate_noise,
-            jnp.zeros((2, count), omega.dtype),
+            self.filter.init(reading),
+            self.filter.noise,
+            jnp.zeros((1 + len(self.filter.hypotheses.tests), count), reading.dtype),
             jnp.array(int(Stage.QUIET)),
             zero[0],
             Evidence.none(count),
@@ -110,43 +107,45 @@ class Diagnosis(eqx.Module):
             zero,
         )
 
-    def test_duty(self, period: RealScalar, memory: DiagnosisMemory) -> Float[Array, " m"]:
-        """The duty, in a period (s), of test pulses that stand out of the noise if they come.
+    def test_command(self, period: RealScalar, memory: DiagnosisMemory) -> Float[Array, " m"]:
+        """Commands, in a period (s), of test pulses that stand out of the noise if they come.
 
-        During an alarm they stand out of all that is in doubt: what a stuck thruster makes hides
+        During an alarm they stand out of all that is in doubt: what a stuck actuator makes hides
         pulses that would be seen without it.
         """
-        residual, thrusters = self.filter, self.filter.thrusters
-        effect = residual.model.spacecraft.inverse_inertia @ thrusters.torque
-        sigma = jnp.where(memory.stage == Stage.ALARM, memory.doubt, residual.rate_noise)
-        seen = TEST_SIGMAS * sigma / jnp.sqrt(jnp.sum(effect**2, axis=0))
-        return jnp.minimum(jnp.maximum(seen, thrusters.min_on_time) / period, 1.0)
+        sigma = jnp.where(memory.stage == Stage.ALARM, memory.doubt, self.filter.noise)
+        return self.filter.test_command(period, sigma)
 
     def may_return(self, memory: DiagnosisMemory) -> Bool[Array, " m"]:
-        """Which thrusters have failed and count as working again once their thrust is there."""
+        """Which actuators have failed and count as working again once their torque is there."""
         return memory.condition.failed & (memory.returns < MOST_RETURNS)
 
     def step(
         self,
-        omega: Float[Array, "3"],
-        on_time: Float[Array, " m"],
+        reading: Float[Array, " n"],
+        commanded: Float[Array, " m"],
         period: RealScalar,
         memory: DiagnosisMemory,
         needed: Bool[Array, " m"] | None = None,
     ) -> DiagnosisMemory:
-        """One sample: `omega` (rad/s) is estimated, `on_time` (s) was commanded since the last.
+        """One sample: what is read, and what was `commanded` since the last, as the filter has it.
 
         Of those that are `needed` a dead one is told from a `WEAK` one before it is given up.
         """
         needed = jnp.zeros_like(memory.condition.failed) if needed is None else needed
         condition = memory.condition
-        residual, filtered = self.filter.step(omega, on_time, condition, period, memory.residual)
+        hypotheses = self.filter.hypotheses
+        residual, filtered = self.filter.step(
+            reading, commanded, condition, period, memory.residual
+        )
         statistic = self._statistic(residual, memory)
         alarmed = memory.stage == Stage.ALARM
         evidence = memory.evidence.after(residual, self.filter.uncertainty)
         evidence = jax.tree.map(lambda x: jnp.where(alarmed, x, 0.0), evidence)
         lasting = condition.failed & ~self.may_return(memory)
-        found = explanation(evidence, condition.failed, lasting, self.filter.uncertainty)
+        found = explanation(
+            evidence, condition.failed, lasting, self.filter.uncertainty, hypotheses
+        )
         age = memory.age + period
         late = age > self.patience * period
         tested = (found.tested > LEAST_INFORMATION) | (age > MOST_PERIODS * period)
@@ -159,18 +158,20 @@ class Diagnosis(eqx.Module):
         hit = verdict & (jnp.arange(lasting.shape[0]) == found.thruster)
         fails = hit & ~condition.failed
         comes_back = hit & condition.failed & (found.kind == DiagnosedKind.DEAD)
-        tracked = self._tracked(residual, condition, period)
-        lost = jnp.where(fails, 1.0, 1 - condition.part)
-        left = jnp.where(fails, 1 - found.loss, condition.part + found.loss * lost)
+        tracked = self.filter.tracked(residual, condition, period)
+        serves = jnp.isin(found.kind, jnp.array(hypotheses.in_service, int))
+        back = condition.part + found.loss * (1 - condition.part)
+        left = jnp.where(fails, condition.part * (1 - found.loss), back)
         flow = jnp.where(comes_back, 0.0, tracked.flow)
         judged = Condition(
-            (condition.failed | fails) & ~comes_back,
+            (condition.failed | (fails & ~serves)) & ~comes_back,
             jnp.where(hit, left, condition.part),
-            jnp.where(fails, found.flow, flow),
+            jnp.where(fails, condition.flow + found.flow, flow),
             tracked.torque,
         )
+        named = self.filter.named(found.kind, found.thruster, filtered)
         return DiagnosisMemory(
-            self.filter.restarted(filtered, verdict),
+            self.filter.restarted(filtered, verdict, alarm),
             residual.doubt(self.filter.uncertainty),
             jnp.where(over | alarm, 0.0, statistic),
             jnp.where(over, int(Stage.QUIET), jnp.where(alarm, int(Stage.ALARM), memory.stage)),
@@ -179,34 +180,22 @@ class Diagnosis(eqx.Module):
             found.thruster,
             found.scores > found.score - self.margin,
             judged,
-            jnp.where(comes_back, NONE, jnp.where(hit, found.kind, memory.kind)),
+            jnp.where(comes_back, NONE, jnp.where(hit, named, memory.kind)),
             memory.returns + comes_back,
         )
 
-    def _statistic(self, residual: Residual, memory: DiagnosisMemory) -> Float[Array, "2 m"]:
+    def _statistic(self, residual: AnyResidual, memory: DiagnosisMemory) -> Float[Array, "tests m"]:
         """The CUSUMs, which stand where a signature is too small, and during an alarm."""
-        signatures = jnp.stack([residual.loss, residual.flow])
+        signs = self.filter.hypotheses.tests
+        signatures = jnp.stack([residual.loss, *(sign * residual.flow for sign in signs)])
         size = jnp.sqrt(jnp.sum(signatures**2, axis=1))
-        sigma = jnp.sqrt(residual.variance)
+        sigma = jnp.broadcast_to(jnp.sqrt(residual.variance), size.shape)
         seen = size > LEAST_SIGNAL * sigma
         along = jnp.sum(signatures * residual.innovation[None, :, None], axis=1)
         score = along / (jnp.where(seen, size, 1.0) * sigma)
         after = jnp.maximum(memory.statistic + score - self.reference, 0.0)
-        of_flow = jnp.arange(2)[:, None] == 1
+        of_flow = jnp.arange(1 + len(signs))[:, None] > 0
         failed, many = memory.condition.failed, memory.returns >= MOST_RETURNS
         untested = failed[None] & (of_flow | many[None])
         tested = seen & ~untested & (memory.stage == Stage.QUIET)
         return jnp.where(tested, after, memory.statistic)
-
-    def _tracked(self, residual: Residual, condition: Condition, period: RealScalar) -> Condition:
-        """With the flows of failed thrusters that have one, and the torque, corrected."""
-        body = self.filter.model.spacecraft
-        effect = period * (body.inverse_inertia @ self.filter.thrusters.torque)
-        error = jnp.sum(effect * residual.innovation[:, None], axis=0) / jnp.sum(effect**2, axis=0)
-        flows = condition.failed & (condition.flow > 0)
-        flow = jnp.clip(condition.flow + TRACKING * error, 0.0, 1.0)
-        torque = condition.torque + SLOW_TRACKING / period * (body.inertia @ residual.innovation)
-        return condition._replace(
-            flow=jnp.where(flows, flow, condition.flow),
-            torque=jnp.where(jnp.any(flows), torque, 0.0),
-        )

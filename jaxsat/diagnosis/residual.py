@@ -5,13 +5,16 @@ Differences of measured rates have correlated noise; the innovations of a Kalman
 do not. The filter's gain also says how a failure's signature decays in them.
 """
 
-from typing import NamedTuple
+import abc
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.diagnosis.hypotheses import OF_THRUSTERS, Hypotheses
+from jaxsat.diagnosis.isolation import AnyResidual
 from jaxsat.diagnosis.thruster_model import ThrusterModel
 from jaxsat.dynamics import RigidBody
 
@@ -20,13 +23,19 @@ RealScalar = Float[Array, ""]
 RESTLESSNESS = 0.25
 """Process noise over the noise of the rate, so that a signature decays by 0.39 a sample."""
 
+TEST_SIGMAS = 6.0
+"""Effect of a test pulse on what is read, over its noise."""
+
+TRACKING, SLOW_TRACKING = 0.1, 0.03
+"""Part of the error of a flow, and of the torque besides, that is taken out with each sample."""
+
 
 class Condition(NamedTuple):
-    """What is believed of each thruster: whether it has `failed`, and what it makes.
+    """What is believed of each actuator: whether it has `failed`, and what it makes.
 
-    The part `part` of what is commanded, and the part `flow` of full thrust all the time. `torque`
-    (N m) is what acts besides all the time, where the others oppose a flow and make not quite what
-    they should.
+    The part `part` of what is commanded, and the part `flow` of full torque all the time, which is
+    what brakes a wheel. `torque` (N m) is what acts besides all the time, where the others oppose
+    a flow and make not quite what they should.
     """
 
     failed: Bool[Array, " m"]
@@ -72,7 +81,63 @@ class Residual(NamedTuple):
         return jnp.sqrt(self.variance + uncertainty**2 * jnp.sum(self.innovation**2))
 
 
-class ResidualFilter(eqx.Module):
+class AbstractResidualFilter(eqx.Module):
+    """What makes innovations of readings and commands, and knows what a failure leaves in them."""
+
+    hypotheses: ClassVar[Hypotheses]
+
+    uncertainty: eqx.AbstractVar[RealScalar]
+
+    @property
+    @abc.abstractmethod
+    def count(self) -> int:
+        """How many actuators there are."""
+
+    @property
+    @abc.abstractmethod
+    def noise(self) -> RealScalar | Float[Array, " m"]:
+        """Standard deviation of what is read."""
+
+    @abc.abstractmethod
+    def init(self, reading: Float[Array, " n"]) -> PyTree:
+        """Nothing measured yet."""
+
+    @abc.abstractmethod
+    def restarted(self, memory: PyTree, verdict: Bool[Array, ""], alarm: Bool[Array, ""]) -> PyTree:
+        """The memory after a verdict, or an alarm, or neither."""
+
+    @abc.abstractmethod
+    def step(
+        self,
+        reading: Float[Array, " n"],
+        commanded: Float[Array, " m"],
+        condition: "Condition",
+        period: RealScalar,
+        memory: PyTree,
+    ) -> tuple[AnyResidual, PyTree]:
+        """The residual of the period (s) that ends with a reading, and the next memory."""
+
+    @abc.abstractmethod
+    def tracked(
+        self, residual: AnyResidual, condition: "Condition", period: RealScalar
+    ) -> "Condition":
+        """With the flows that actuators make all the time, and the torque besides, corrected."""
+
+    @abc.abstractmethod
+    def test_command(
+        self, period: RealScalar, sigma: RealScalar | Float[Array, " m"]
+    ) -> Float[Array, " m"]:
+        """Commands of test pulses that stand out of errors of this standard deviation."""
+
+    def named(
+        self, kind: Int[Array, ""], actuator: Int[Array, ""], memory: PyTree
+    ) -> Int[Array, ""]:
+        """The kind of a verdict; here as it was found."""
+        del actuator, memory
+        return kind
+
+
+class ResidualFilter(AbstractResidualFilter):
     """A Kalman filter of the rate about three axes alike, with a scalar variance.
 
     `model` is the plant as the law believes it, `rate_noise` (rad/s) the standard deviation of an
@@ -80,6 +145,8 @@ class ResidualFilter(eqx.Module):
     `uncertainty` of themselves. What a failed thruster does not make when it is commanded may come
     late. For some samples its effect is in doubt, and is not taken for a failure of another.
     """
+
+    hypotheses: ClassVar[Hypotheses] = OF_THRUSTERS
 
     model: RigidBody
     thrusters: ThrusterModel
@@ -90,27 +157,41 @@ class ResidualFilter(eqx.Module):
         for name in ("rate_noise", "uncertainty"):
             require_positive(name, getattr(self, name))
 
-    def init(self, omega: Float[Array, "3"]) -> ResidualMemory:
-        """Nothing measured yet."""
-        none = jnp.zeros((3, self.thrusters.count), omega.dtype)
-        return ResidualMemory(omega, self.rate_noise**2, none, none, none[0], jnp.array(False))
+    @property
+    def count(self) -> int:
+        """How many thrusters there are."""
+        return self.thrusters.count
 
-    def restarted(self, memory: ResidualMemory, when: Bool[Array, ""]) -> ResidualMemory:
-        """As before the first sample where `when` holds."""
-        return memory._replace(started=memory.started & ~when)
+    @property
+    def noise(self) -> RealScalar:
+        """That of a rate, rad/s."""
+        return self.rate_noise
+
+    def init(self, reading: Float[Array, "3"]) -> ResidualMemory:
+        """Nothing measured yet."""
+        none = jnp.zeros((3, self.thrusters.count), reading.dtype)
+        return ResidualMemory(reading, self.rate_noise**2, none, none, none[0], jnp.array(False))
+
+    def restarted(
+        self, memory: ResidualMemory, verdict: Bool[Array, ""], alarm: Bool[Array, ""]
+    ) -> ResidualMemory:
+        """As before the first sample after a verdict."""
+        del alarm
+        return memory._replace(started=memory.started & ~verdict)
 
     def step(
         self,
-        omega: Float[Array, "3"],
-        on_time: Float[Array, " m"],
+        reading: Float[Array, "3"],
+        commanded: Float[Array, " m"],
         condition: "Condition",
         period: RealScalar,
         memory: ResidualMemory,
     ) -> tuple[Residual, ResidualMemory]:
-        """The residual of the period that ends with the estimated rate `omega` (rad/s).
+        """The residual of the period that ends with the estimated rate that is read (rad/s).
 
-        `on_time` (s) of each thruster was commanded in it.
+        The on-time (s) of each thruster was commanded in it.
         """
+        omega, on_time = reading, commanded
         noise, started = self.rate_noise**2, memory.started
         inverse = self.model.spacecraft.inverse_inertia
         effect = inverse @ self.thrusters.torque
@@ -124,7 +205,7 @@ class ResidualFilter(eqx.Module):
         variance = predicted + noise
         gain = jnp.where(started, predicted / variance, 1.0)
         innovation = jnp.where(started, omega - memory.rate - change, 0.0)
-        change_of_loss = jnp.where(condition.failed, 1 - condition.part, -1.0) * on_time
+        change_of_loss = jnp.where(condition.failed, 1 - condition.part, -condition.part) * on_time
         loss = jnp.where(started, memory.loss + effect * change_of_loss[None], 0.0)
         steady = jnp.where(started, memory.flow + effect * period, 0.0)
         left = 1 - gain
@@ -139,3 +220,22 @@ class ResidualFilter(eqx.Module):
         )
         late = jnp.sum((effect * memory.late[None]) ** 2)
         return Residual(innovation, variance + late, loss, steady), following
+
+    def tracked(self, residual: AnyResidual, condition: Condition, period: RealScalar) -> Condition:
+        """With the flows of failed thrusters that have one, and the torque, corrected."""
+        body = self.model.spacecraft
+        effect = period * (body.inverse_inertia @ self.thrusters.torque)
+        error = jnp.sum(effect * residual.innovation[:, None], axis=0) / jnp.sum(effect**2, axis=0)
+        flows = condition.failed & (condition.flow > 0)
+        flow = jnp.clip(condition.flow + TRACKING * error, 0.0, 1.0)
+        torque = condition.torque + SLOW_TRACKING / period * (body.inertia @ residual.innovation)
+        return condition._replace(
+            flow=jnp.where(flows, flow, condition.flow),
+            torque=jnp.where(jnp.any(flows), torque, 0.0),
+        )
+
+    def test_command(self, period: RealScalar, sigma: RealScalar) -> Float[Array, " m"]:
+        """Duties of pulses that stand out of errors of a rate (rad/s)."""
+        effect = self.model.spacecraft.inverse_inertia @ self.thrusters.torque
+        seen = TEST_SIGMAS * sigma / jnp.sqrt(jnp.sum(effect**2, axis=0))
+        return jnp.minimum(jnp.maximum(seen, self.thrusters.min_on_time) / period, 1.0)

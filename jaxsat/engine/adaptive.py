@@ -3,7 +3,8 @@
 During a step the loop is held in one of its smooth pieces (`loop.smooth_piece`). Where an event
 function has changed its sign at the end of one of a step's equal parts, the event is located on the
 step's dense output, the step ends there, and the next one is taken in the other piece. Nothing else
-ends a step: the instants that are observed, and the end of the run, lie on the dense output. When a
+ends a step: the instants that are observed lie on the dense output, and the state at the end of the
+run, or where a replay stops, is that of a shorter step from where the last one began. When a
 trajectory settles is judged on the dense output of a step that is left behind, whatever instants
 are observed.
 
@@ -14,14 +15,13 @@ should, and so does all that follows; which steps are taken is held fixed.
 
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
-from jaxsat.engine.dense_output import dense_output
+from jaxsat.engine.dense_output import require_dense_output
 from jaxsat.engine.events import StepEnd, until_event
 from jaxsat.engine.flat_ode import DenseStep, FlatODE, initial_state
 from jaxsat.engine.program import Case, Program
@@ -34,12 +34,13 @@ from jaxsat.engine.progress import (
     with_peaks,
 )
 from jaxsat.engine.root_finding import sign_changes
-from jaxsat.engine.runge_kutta import stage_rates, tableau_of, weighted
-from jaxsat.engine.settling import settled_along_step
+from jaxsat.engine.runge_kutta import require_explicit, stage_rates, tableau_of, weighted
+from jaxsat.engine.settling import excess_at, settled_along_step
 from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.solve import all_within
+from jaxsat.solvers import NamedSolver, Solver, class_name, solver_of
 
 SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
 
@@ -68,7 +69,8 @@ class Tolerance(eqx.Module):
 
 class AdaptiveState(NamedTuple):
     """Where a trajectory is: time (s), next instant to be observed by number, flat state with its
-    rate, the event functions with their signs (true where positive), and its last step."""
+    rate, the event functions with their signs (true where positive), how far outside the tolerances
+    it is, and its last step."""
 
     t: Float[Array, ""]
     number: Int[Array, ""]
@@ -76,6 +78,7 @@ class AdaptiveState(NamedTuple):
     rate: Float[Array, " n"]
     signs: Bool[Array, " m"]
     events: Float[Array, " m"]
+    excess: Float[Array, " conditions"]
     last_step: DenseStep
 
 
@@ -85,18 +88,18 @@ class AdaptiveStepper(AbstractStepper):
     `advance` is `attempt` while `unfinished`.
     """
 
-    solver: diffrax.AbstractSolver = diffrax.Tsit5()
+    solver: Solver = NamedSolver("tsit5")
     tolerance: Tolerance = eqx.field(default_factory=Tolerance)
 
     def __check_init__(self):
-        tableau_of(self.solver)
-        dense_output(self.solver)
+        require_explicit(self.solver)
+        require_dense_output(self.solver)
 
     def identity(self) -> dict[str, Any]:
         """Solver and tolerance."""
         numbers = [float(x) for x in jax.tree.leaves(self.tolerance)]
         tolerance = [*numbers, self.tolerance.max_steps]
-        return {"solver": type(self.solver).__name__, "tolerance": tolerance}
+        return {"solver": class_name(self.solver), "tolerance": tolerance}
 
     def begin(self, program: Program, case: Case) -> Progress:
         """The progress at time zero."""
@@ -105,9 +108,10 @@ class AdaptiveStepper(AbstractStepper):
         events = ode.loop.event_functions(zero, ode.state(zero, flat))
         nowhere = jnp.zeros((ode.output.sign_checks, ode.torque_count), flat.dtype)
         increments = jnp.zeros((ode.output.rows, flat.size), flat.dtype)
-        last_step = DenseStep(zero, zero + 1.0, flat, increments, nowhere, zero)
+        last_step = DenseStep(zero, zero + 1.0, flat, increments, nowhere, zero, events > 0)
         rate = ode.rate(events > 0)(zero, flat)
-        state = AdaptiveState(zero, jnp.array(0), flat, rate, events > 0, events, last_step)
+        excess = excess_at(ode, zero, flat)
+        state = AdaptiveState(zero, jnp.array(0), flat, rate, events > 0, events, excess, last_step)
         first_step = self.tolerance.first_step
         plant = ode.loop.plant_state(zero, ode.state(zero, flat))
         return initial_progress(state, plant, case.possible, first_step)
@@ -151,14 +155,19 @@ class AdaptiveStepper(AbstractStepper):
     def finish(
         self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
     ) -> Outputs:
-        """Outputs at instant `number`, read from the last step's dense output."""
+        """Outputs at instant `number`, within the last step.
+
+        State and cost there are those of a step of their own from where the last one began, as the
+        dense output is of lower order.
+        """
         ode, last_step = FlatODE.of(self.solver, program, case), progress.state.last_step
         t = number * program.interval
         end = last_step.fraction(t)
-        flat = ode.interpolated(last_step, end)
+        flat = self._shortened(ode, last_step, t)
         plant = ode.loop.plant_state(t, ode.state(t, flat))
         progress = with_peaks(progress, plant)
-        settled = settled_along_step(ode, last_step, end, progress.settled)
+        excess = excess_at(ode, t, ode.interpolated(last_step, end))
+        settled = settled_along_step(ode, last_step, end, progress.settled, excess, jnp.array(True))
         success = progress.code == int(Outcome.SUCCESS)
         cost = ode.restore(jnp.where(success, flat, progress.state.state))[1]
         progress = progress._replace(
@@ -168,13 +177,25 @@ class AdaptiveStepper(AbstractStepper):
         )
         return outputs_of(progress, plant, t, case.drawn, program.cost)
 
+    def _shortened(
+        self, ode: FlatODE, last_step: DenseStep, t: Float[Array, ""]
+    ) -> Float[Array, " n"]:
+        """The flat state after a step from the begin of `last_step` to the time `t` (s)."""
+        tableau, rate = tableau_of(self.solver), ode.rate(last_step.signs)
+        begin, flat, step = last_step.begin, last_step.state, t - last_step.begin
+        rates = stage_rates(tableau, rate, begin, step, flat, rate(begin, flat))
+        return flat + step * weighted(tableau.b_sol, rates)
+
     def signals(
         self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
     ) -> Signals:
-        """Signals at instant `number`, which the last step must have reached or passed."""
-        ode, last_step = FlatODE.of(self.solver, program, case), progress.state.last_step
+        """Signals at instant `number`, which the last step must have reached or passed.
+
+        The state is that of `finish`.
+        """
+        ode = FlatODE.of(self.solver, program, case)
         t = number * program.interval
-        flat = ode.interpolated(last_step, last_step.fraction(t))
+        flat = self._shortened(ode, progress.state.last_step, t)
         return ode.loop.signals(t, ode.state(t, flat))
 
 
@@ -191,7 +212,8 @@ def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progres
     accepted = needed & ((norm <= 1) | (step <= tolerance.min_step))
     increments = ode.increments(step, rates, increment)
     zeros = jnp.zeros((ode.output.sign_checks, ode.torque_count), increments.dtype)
-    dense = DenseStep(state.t, step, begin, increments, zeros, progress.integrals.effort)
+    effort = progress.integrals.effort
+    dense = DenseStep(state.t, step, begin, increments, zeros, effort, state.signs)
     end = StepEnd(step, after, rates[-1], state.signs, state.events)
     end = until_event(ode, state.signs, state.events, dense, end, accepted, tolerance.min_step)
     fraction = end.length / step
@@ -199,18 +221,21 @@ def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progres
     zeros = sign_changes(coefficients, ode.output.sign_checks, fraction, accepted, ode.cold_branch)
     dense = dense._replace(torque_zeros=stop_gradient(zeros))
     t = state.t + end.length
-    further = AdaptiveState(t, state.number, end.state, end.rate, end.signs, end.events, dense)
+    excess = excess_at(ode, t, end.state)
+    found = (end.state, end.rate, end.signs, end.events, excess, dense)
+    further = AdaptiveState(t, state.number, *found)
     last_step = state.last_step
+    until = last_step.fraction(state.t)
     moved = progress._replace(
         state=further,
         integrals=progress.integrals._replace(effort=ode.effort(dense, fraction)),
-        settled=settled_along_step(ode, last_step, last_step.fraction(state.t), progress.settled),
+        settled=settled_along_step(ode, last_step, until, progress.settled, state.excess, accepted),
         ended_at=t,
     )
     following = _accepted(tolerance, ode, progress, moved, needed, accepted)
     # no longer step after one that met an event: a law that slides would lose its way
     largest = jnp.where(fraction < 1, 1.0, MAX_FACTOR)
-    factor = jnp.minimum(_step_factor(norm, solver.order(None)), largest)
+    factor = jnp.minimum(_step_factor(norm, solver_of(solver).order(None)), largest)
     proposal = jnp.maximum(step * stop_gradient(factor), tolerance.min_step)
     return following._replace(step=jnp.where(needed, proposal, step))
 

@@ -11,6 +11,7 @@ from jax.extend.core import ClosedJaxpr
 from jaxtyping import Array, PyTree
 
 from jaxsat.collection import no_collection
+from jaxsat.engine.fingerprint import fingerprint
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, count_of
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
@@ -62,6 +63,12 @@ class AbstractBatchEngine(AbstractEngine):
     ) -> dict[str, ClosedJaxpr]:
         """The operations of a batch."""
         return _traced_batch(self, program, cases, gains, mode)
+
+    def operations(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> str:
+        """The fingerprint of these."""
+        return fingerprint(self.traced(program, cases, gains, mode))
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
         """Outputs of all cases."""

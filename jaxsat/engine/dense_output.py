@@ -3,7 +3,6 @@
 import abc
 from typing import ClassVar
 
-import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.engine.root_finding import polynomial
 from jaxsat.engine.runge_kutta import weighted
+from jaxsat.solvers import Solver, class_name, known_class, solver_of
 
 
 class AbstractDenseOutput(eqx.Module):
@@ -109,24 +109,28 @@ class Sextic(AbstractDenseOutput):
         return increments
 
 
-def dense_output(solver: diffrax.AbstractSolver) -> AbstractDenseOutput:
-    """The solver's own dense output.
+def require_dense_output(solver: Solver) -> None:
+    """Raise `ValueError` for a solver other than Tsit5, Dopri5 and Dopri8."""
+    if known_class(solver) not in ("Tsit5", "Dopri5", "Dopri8"):
+        raise ValueError(
+            "Argument `solver` must be Tsit5, Dopri5 or Dopri8 where steps are adaptive, "
+            f"but got {class_name(solver)}."
+        )
 
-    Raises `ValueError` for a solver other than Tsit5, Dopri5 and Dopri8. The last stage of all
-    three is at the end of the step, in the state there.
+
+def dense_output(solver: Solver) -> AbstractDenseOutput:
+    """The own dense output of one of the solvers that `require_dense_output` takes.
+
+    The last stage of all three is at the end of the step, in the state there.
     """
-    if isinstance(solver, diffrax.Tsit5):
+    name, own = known_class(solver), solver_of(solver).interpolation_cls
+    if name == "Tsit5":
         return Quartic(_tsit5_middle())
     # (classes, typed as functions)
-    if isinstance(solver, diffrax.Dopri5):
-        return Quartic(tuple(getattr(solver.interpolation_cls, "c_mid").tolist()))  # noqa: B009
-    if isinstance(solver, diffrax.Dopri8):
-        falling = np.asarray(getattr(solver.interpolation_cls, "eval_coeffs"))  # noqa: B009
-        return Sextic(tuple(map(tuple, falling.T[::-1].tolist())))
-    raise ValueError(
-        "Argument `solver` must be Tsit5, Dopri5 or Dopri8 where steps are adaptive, "
-        f"but got {type(solver).__name__}."
-    )
+    if name == "Dopri5":
+        return Quartic(tuple(getattr(own, "c_mid").tolist()))  # noqa: B009
+    falling = np.asarray(getattr(own, "eval_coeffs"))  # noqa: B009
+    return Sextic(tuple(map(tuple, falling.T[::-1].tolist())))
 
 
 def _tsit5_middle() -> tuple[float, ...]:

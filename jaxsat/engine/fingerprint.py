@@ -64,7 +64,7 @@ def program_identity(
     return {
         "numbers": [np.asarray(number).tolist() for number in numbers],
         "intervals": program.intervals,
-        OPERATIONS: fingerprint(engine.traced(program, cases, gains, mode)),
+        OPERATIONS: engine.operations(program, cases, gains, mode),
     }
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -19,14 +18,15 @@ from jaxsat.engine.progress import (
     with_peaks,
 )
 from jaxsat.engine.rates import augmented_rate, consumption, continuous_loop, held_rate, plant_state
-from jaxsat.engine.runge_kutta import explicit_step, tableau_of
+from jaxsat.engine.runge_kutta import explicit_step, require_explicit, tableau_of
 from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
 from jaxsat.simulation.assessment import Observation, stop_gradient
 from jaxsat.simulation.held_torque import HeldTorque
-from jaxsat.simulation.sampled_loop import SampledState
 from jaxsat.simulation.solve import all_within
+from jaxsat.solvers import NamedSolver, Solver, class_name
+from jaxsat.symmetric import halved, restored
 from jaxsat.vehicle import Sensors
 
 NOISE_BLOCK = 16
@@ -37,16 +37,16 @@ sample, draws all but one of them in vain."""
 class FixedStepper(AbstractStepper):
     """`substeps` equal steps of a continuous loop in each interval of the program."""
 
-    solver: diffrax.AbstractSolver = diffrax.Tsit5()
+    solver: Solver = NamedSolver("tsit5")
     substeps: int = eqx.field(static=True, default=20)
 
     def __check_init__(self):
-        tableau_of(self.solver)
+        require_explicit(self.solver)
         require_counts(substeps=self.substeps)
 
     def identity(self):
         """Solver and substeps."""
-        return {"solver": type(self.solver).__name__, "substeps": self.substeps}
+        return {"solver": class_name(self.solver), "substeps": self.substeps}
 
     def begin(self, program, case):
         """The progress at time zero."""
@@ -70,7 +70,8 @@ class FixedStepper(AbstractStepper):
                 ((progress.state, progress.integrals), progress.settled),
                 judged,
             )
-            return _unless_ended(program, progress, seen, state, (integrals, settled, None), t)
+            carry = (integrals, settled, None)
+            return _unless_ended(program, progress, seen, state, state, carry, t)
 
         return jax.lax.fori_loop(0, count, interval, progress)
 
@@ -86,14 +87,14 @@ class FixedStepper(AbstractStepper):
 class SampledStepper(AbstractStepper):
     """The own substeps of a sampled loop in each of its periods."""
 
-    solver: diffrax.AbstractSolver = diffrax.Tsit5()
+    solver: Solver = NamedSolver("tsit5")
 
     def __check_init__(self):
-        tableau_of(self.solver)
+        require_explicit(self.solver)
 
     def identity(self):
         """The solver."""
-        return {"solver": type(self.solver).__name__}
+        return {"solver": class_name(self.solver)}
 
     def begin(self, program, case):
         """The progress at time zero."""
@@ -137,7 +138,7 @@ class SampledStepper(AbstractStepper):
             return plant, (integrals, settled, held)
 
         def period(i, progress):
-            number = first + i
+            progress, number = restored(progress), first + i
             t = number * program.interval
             carry = (progress.integrals, progress.settled, progress.held)
             state, carry, signals = loop.period(number, t, progress.state, integrate, carry)
@@ -145,9 +146,11 @@ class SampledStepper(AbstractStepper):
             if progress.failures is not None:
                 known = progress.failures.observe(t, signals, program.tolerances)
                 seen = seen._replace(failures=known)
-            return _unless_ended(program, progress, seen, state, carry, t)
+            checked = (state.plant, loop.controller.judged(state.memory))
+            after = _unless_ended(program, progress, seen, state, halved(checked), carry, t)
+            return halved(after)
 
-        return jax.lax.fori_loop(0, count, period, progress)
+        return restored(jax.lax.fori_loop(0, count, period, halved(progress)))
 
     def finish(self, program, case, progress, number):
         """Outputs at the last sample."""
@@ -200,10 +203,12 @@ def _equal_steps(tableau, rate, t, length, count: int, carry, judged):
     return one(0, carry) if count == 1 else jax.lax.fori_loop(0, count, one, carry)
 
 
-def _unless_ended(program, before, seen, state, carry, t) -> Progress:
-    """The next progress, or the last good one where the case has ended or now ends."""
+def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
+    """The next progress, or the last good one where the case has ended or now ends.
+
+    It ends where what is `checked` of the state passes the limit.
+    """
     integrals, settled, held = carry
-    checked = (state.plant, state.memory) if isinstance(state, SampledState) else state
     good = all_within((checked, integrals.cost * 0), program.state_limit)
     running = before.code == int(Outcome.SUCCESS)
     code = jnp.where(running & ~good, int(Outcome.STATE_LIMIT), before.code)

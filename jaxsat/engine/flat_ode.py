@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -18,15 +17,16 @@ from jaxsat.engine.rates import continuous_loop, running_cost
 from jaxsat.engine.root_finding import ends_of_parts, polynomial
 from jaxsat.simulation import AbstractContinuousLoop
 from jaxsat.simulation.rotating_frame import into_frame, motion_in_frame, out_of_frame
+from jaxsat.solvers import Solver
 
 
 class DenseStep(NamedTuple):
     """A step with its dense output.
 
-    It began at `begin` (s) in the flat state `state` and has the `length` in s. `increments` has
-    the rows of the method's dense output. In each of some equal parts of the step a torque has a
-    zero with a change of sign at `torque_zeros`, or none before that part's end; `effort` is that
-    before the step.
+    It began at `begin` (s) in the flat state `state`, in the smooth piece with these `signs`, and
+    has the `length` in s. `increments` has the rows of the method's dense output. In each of some
+    equal parts of the step a torque has a zero with a change of sign at `torque_zeros`, or none
+    before that part's end; `effort` is that before the step.
     """
 
     begin: Float[Array, ""]
@@ -35,6 +35,7 @@ class DenseStep(NamedTuple):
     increments: Float[Array, "rows n"]
     torque_zeros: Float[Array, "parts axes"]
     effort: Float[Array, ""]
+    signs: Bool[Array, " m"]
 
     def fraction(self, t: Float[Array, ""]) -> Float[Array, ""]:
         """The fraction of the step that has gone by at time `t` (s)."""
@@ -56,9 +57,7 @@ class FlatODE(NamedTuple):
     axis_name: str | None = None
 
     @staticmethod
-    def of(
-        solver: diffrax.AbstractSolver, program: Program, case: Case, axis_name: str | None = None
-    ) -> "FlatODE":
+    def of(solver: Solver, program: Program, case: Case, axis_name: str | None = None) -> "FlatODE":
         """That of a case."""
         shapes = jax.eval_shape(_initial_parts, case)
         template = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)

@@ -58,6 +58,12 @@ class AbstractEngine(eqx.Module):
         """
 
     @abc.abstractmethod
+    def operations(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> str:
+        """The `fingerprint` of what `traced` gives."""
+
+    @abc.abstractmethod
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
         """Outputs of all cases."""
 

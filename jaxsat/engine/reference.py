@@ -1,9 +1,11 @@
-"""diffrax over a batch of cases: any solver, adaptive steps, every loop. The reference."""
+"""diffrax over a batch of cases: any solver, adaptive steps, every loop. The reference.
+
+What is run by diffrax imports it there.
+"""
 
 import dataclasses
 from typing import Any, cast
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -27,14 +29,15 @@ from jaxsat.simulation import (
     step_size_for,
 )
 from jaxsat.simulation.assessment import (
-    MonitoredSolver,
     MonitoredState,
     MonitorSample,
     Observation,
     stop_gradient,
 )
 from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, checkpoints
 from jaxsat.simulation.solve import all_within, outcome_code, run_samples
+from jaxsat.solvers import class_name, solver_of
 
 
 class ReferenceEngine(AbstractBatchEngine):
@@ -42,13 +45,13 @@ class ReferenceEngine(AbstractBatchEngine):
 
     `method` is what suits the loop unless given; a sampled loop takes its solver with equal steps,
     `substeps` in each period. Adaptive steps run a batch at the pace of its slowest case. Reverse
-    mode goes by `adjoint`, one that differentiates what a term closes over, as all but
-    `diffrax.BacksolveAdjoint` do.
+    mode goes by `adjoint`, with checkpoints unless told otherwise; it must differentiate what a
+    term closes over, as all but `diffrax.BacksolveAdjoint` do.
     """
 
     method: Method | None = None
     batch_size: int = eqx.field(static=True, default=32)
-    adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint()
+    adjoint: Adjoint | None = None
 
     def __check_init__(self):
         require_counts(batch_size=self.batch_size)
@@ -59,8 +62,8 @@ class ReferenceEngine(AbstractBatchEngine):
             return {"name": "diffrax", "batch_size": self.batch_size, "method": None}
         numbers = jax.tree.leaves(eqx.filter(self.method, eqx.is_array))
         method = {
-            "solver": type(self.method.solver).__name__,
-            "steps": type(self.method.step_size).__name__,
+            "solver": class_name(self.method.solver),
+            "steps": _step_control(self.method),
             "numbers": [float(x) for x in numbers],
             "max_steps": self.method.max_steps,
         }
@@ -91,7 +94,7 @@ class ReferenceEngine(AbstractBatchEngine):
 @eqx.filter_jit
 def _run(engine, program, cases, gains):
     def one(case):
-        adjoint = diffrax.RecursiveCheckpointAdjoint()
+        adjoint = checkpoints()
         return _one(engine, program, program.case_factory(case, gains), adjoint)
 
     return jax.vmap(one)(cases)
@@ -99,8 +102,10 @@ def _run(engine, program, cases, gains):
 
 @eqx.filter_jit
 def _gradient(engine, program, cases, gains, mode):
+    import diffrax
+
     reverse = mode == "reverse"
-    adjoint = engine.adjoint if reverse else diffrax.ForwardMode()
+    adjoint = (engine.adjoint or checkpoints()) if reverse else diffrax.ForwardMode()
     differentiate = jax.jacrev if reverse else jax.jacfwd
 
     def cost(gains, case):
@@ -120,15 +125,19 @@ def _one(
 ) -> tuple[Outputs, Signals, HeldTorque | None]:
     method = default_method(case.loop) if engine.method is None else engine.method
     if isinstance(case.loop, SampledLoop):
-        return _sampled(program, case, method.solver, adjoint)
+        return _sampled(program, case, solver_of(method.solver), adjoint)
     return _continuous(program, case, method, adjoint)
 
 
 def _continuous(program: Program, case: Case, method: Method, adjoint):
+    import diffrax
+
+    from jaxsat.simulation.monitored_solver import MonitoredSolver
+
     loop = continuous_loop(case)
     times = jnp.arange(program.intervals + 1) * program.interval
     zero = jnp.zeros((), times.dtype)
-    solver = MonitoredSolver(method.solver, _monitor(*stop_gradient((program, loop))))
+    solver = MonitoredSolver(solver_of(method.solver), _monitor(*stop_gradient((program, loop))))
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, both, args: augmented_rate(program, loop)(t, both)),
         solver,
@@ -188,6 +197,8 @@ def _sampled(program: Program, case: Case, solver, adjoint):
 
 def _over_hold(program, loop, solver, adjoint, begin, hold, plant, carry):
     """Equal steps, counted out by a time of their own so that a hold of no length is none."""
+    import diffrax
+
     integrals, settled, held = carry
     rate = held_rate(program, loop, hold, begin)
     first = loop.torque(begin, plant, hold, jnp.zeros_like(hold.length))
@@ -249,3 +260,11 @@ def _failures(program: Program, case: Case, signals: Signals) -> FailureRecord |
     times = jnp.arange(program.intervals) * program.interval
     begin = initial_record(case.loop, case.loop.start(case.start))
     return record_of_history(begin, times, samples, program.tolerances)
+
+
+def _step_control(method: Method) -> str:
+    """The class by which diffrax controls the method's steps."""
+    steps = method.step_size
+    if steps is None:
+        return "ConstantStepSize"
+    return "PIDController" if isinstance(steps, AdaptiveSteps) else type(steps).__name__

@@ -3,27 +3,51 @@
 import operator
 from collections.abc import Callable
 from functools import reduce
+from typing import NamedTuple
 
-import diffrax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
+from jaxsat.solvers import NamedSolver, Solver, class_name, known_class, solver_of
 
-def tableau_of(solver: diffrax.AbstractSolver) -> diffrax.ButcherTableau:
+
+class Tableau(NamedTuple):
+    """Butcher's: stages from those before them, their nodes, and weights of solution and error."""
+
+    a_lower: tuple[np.ndarray, ...]
+    c: np.ndarray
+    b_sol: np.ndarray
+    b_error: np.ndarray
+
+
+EULER = Tableau((), np.zeros(0), np.ones(1), np.zeros(1))
+"""Which diffrax has without a tableau."""
+
+
+def require_explicit(solver: Solver) -> None:
+    """Raise `ValueError` for a solver that is not explicit Runge-Kutta, as all with names are."""
+    if not isinstance(solver, NamedSolver):
+        tableau_of(solver)
+
+
+def tableau_of(solver: Solver) -> Tableau:
     """The solver's tableau; raises `ValueError` for a solver that is not explicit Runge-Kutta."""
-    tableau = getattr(solver, "tableau", None)
-    if not isinstance(tableau, diffrax.ButcherTableau) or tableau.implicit:
+    if known_class(solver) == "Euler":
+        return EULER
+    own = getattr(solver_of(solver), "tableau", None)
+    if getattr(own, "implicit", True):
         raise ValueError(
             "Argument `solver` must be an explicit Runge-Kutta solver of diffrax, "
-            f"but got {type(solver).__name__}."
+            f"but got {class_name(solver)}."
         )
-    return tableau
+    assert own is not None
+    return Tableau(own.a_lower, own.c, own.b_sol, own.b_error)
 
 
 def explicit_step(
-    tableau: diffrax.ButcherTableau,
+    tableau: Tableau,
     rate: Callable[[Float[Array, ""], PyTree], PyTree],
     t: Float[Array, ""],
     step: Float[Array, ""],
@@ -45,7 +69,7 @@ def explicit_step(
 
 
 def stage_rates(
-    tableau: diffrax.ButcherTableau,
+    tableau: Tableau,
     rate: Callable[[Float[Array, ""], Float[Array, " n"]], Float[Array, " n"]],
     t: Float[Array, ""],
     step: Float[Array, ""],
@@ -65,7 +89,7 @@ def weighted(weights: np.ndarray, rates: list[Float[Array, " n"]]) -> Float[Arra
     return reduce(operator.add, used) if used else jnp.zeros_like(rates[0])
 
 
-def _needed_stages(tableau: diffrax.ButcherTableau) -> set[int]:
+def _needed_stages(tableau: Tableau) -> set[int]:
     needed = {stage for stage, weight in enumerate(tableau.b_sol) if weight != 0}
     for stage in range(len(tableau.b_sol) - 1, 0, -1):
         if stage in needed:

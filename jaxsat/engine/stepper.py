@@ -3,7 +3,6 @@
 import abc
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -12,6 +11,7 @@ from jaxtyping import Array, Int
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import Outputs, Progress
 from jaxsat.simulation import Outcome, Signals
+from jaxsat.solvers import Solver
 
 Number = int | Int[Array, ""]
 """Known when tracing, or not."""
@@ -24,7 +24,7 @@ class AbstractStepper(eqx.Module):
     these functions.
     """
 
-    solver: eqx.AbstractVar[diffrax.AbstractSolver]
+    solver: eqx.AbstractVar[Solver]
 
     @abc.abstractmethod
     def identity(self) -> dict[str, Any]:

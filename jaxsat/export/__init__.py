@@ -1,7 +1,8 @@
 """Flight code: the controller of a sampled loop as C99, with test vectors and build files."""
 
 from jaxsat.engine.native.lowering import CannotLower
-from jaxsat.export.external import Library, LibraryError, with_library
+from jaxsat.errors import LibraryError
+from jaxsat.export.external import Library, with_library
 from jaxsat.export.files import Export, Request, export
 from jaxsat.export.flight import CannotExport
 from jaxsat.export.templates import is_built

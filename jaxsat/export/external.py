@@ -5,6 +5,7 @@ is simulated stay as they are; parameters and memories are those of the case.
 """
 
 import ctypes
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +17,12 @@ from jaxtyping import Array, Float, Int, PyTree
 from jaxsat.attitude import Quaternion
 from jaxsat.control import AbstractSampledController
 from jaxsat.dynamics import PlantState
-from jaxsat.errors import JaxsatError
+from jaxsat.errors import LibraryError
 from jaxsat.export.flight import FlightController, Measured, Seen
 from jaxsat.export.layout import Struct
 from jaxsat.export.program import FlightProgram, flight_program
 from jaxsat.navigation import AbstractEstimator, Estimate, Measurement
 from jaxsat.simulation import AbstractLoop, SampledLoop
-
-
-class LibraryError(JaxsatError):
-    """A library that is none, or that belongs to another controller."""
 
 
 class Library:
@@ -103,6 +100,14 @@ class ExternalLaw(AbstractSampledController):
     def rate_error(self, state: PlantState, memory: PyTree) -> Float[Array, "2"]:
         """The law's own."""
         return self.law.rate_error(state, memory)
+
+    def judged(self, memory: PyTree) -> PyTree:
+        """The law's own."""
+        return self.law.judged(memory)
+
+    def telemetry(self, memory: PyTree) -> Mapping[str, Array]:
+        """The law's own."""
+        return self.law.telemetry(memory)
 
     def mode(self, memory: PyTree) -> Int[Array, ""]:
         """The law's own."""

@@ -2,7 +2,6 @@
 
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -18,6 +17,7 @@ from jaxsat.export.flight import Input, Measured, Seen, State
 from jaxsat.export.program import FlightProgram
 from jaxsat.navigation import AbstractEstimator, Estimate, Measurement
 from jaxsat.simulation import SampledLoop
+from jaxsat.solvers import NamedSolver
 from jaxsat.vehicle import PulsedActuatorsWithWheels, PulsedThrusters
 
 CASES, SAMPLES, EDGES = 8, 1280, 512
@@ -170,7 +170,7 @@ def _after(loop: SampledLoop, number, period: float, state):
         def rate(instant, plant):
             return loop.plant_rate(instant, plant, hold, instant - t)
 
-        return explicit_step(tableau_of(diffrax.Bosh3()), rate, t, hold.length, plant), carry
+        return explicit_step(tableau_of(NamedSolver("bosh3")), rate, t, hold.length, plant), carry
 
     return loop.period(number, number * period, state, integrate, None)[0]
 

@@ -217,6 +217,8 @@ def _believed_inertia(loop: AbstractLoop) -> Float[Array, "3 3"]:
 
 
 def _with_sensor_key(loop: AbstractLoop, key: noise.Key) -> AbstractLoop:
+    if isinstance(loop, SampledLoop) and loop.tachometers is not None:
+        loop = eqx.tree_at(lambda loop: loop.tachometers.key, loop, key)
     if isinstance(loop, SampledLoop) and isinstance(loop.sensors, Sensors):
         return eqx.tree_at(lambda loop: loop.sensors.key, loop, key)
     if isinstance(loop, SampledLoop) and loop.navigation is not None:

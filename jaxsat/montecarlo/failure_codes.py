@@ -29,5 +29,15 @@ HYPOTHESES = {
     1 + kind: 1 + DiagnosedKind[kind.name]
     for kind in FailureKind
     if kind.name in DiagnosedKind.__members__
+} | {
+    1 + len(FailureKind) + kind: 1 + verdict
+    for kind, verdict in (
+        (WheelFailureKind.DEAD, DiagnosedKind.DEAD),
+        (WheelFailureKind.DEGRADED, DiagnosedKind.DEGRADED),
+        (WheelFailureKind.STOPPED, DiagnosedKind.STOPPED),
+        (WheelFailureKind.FRICTION_BY, DiagnosedKind.FRICTION_UP),
+        (WheelFailureKind.FRICTION_TO, DiagnosedKind.FRICTION_UP),
+        (WheelFailureKind.RUNAWAY, DiagnosedKind.RUNAWAY),
+    )
 }
-"""The verdict that is right for a failure of a thruster, where there is one."""
+"""The verdict that is right for a failure of a thruster or wheel, where there is one."""

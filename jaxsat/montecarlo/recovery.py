@@ -120,6 +120,8 @@ class FailureRecovery:
             return Column((count,), kind, unit, text, events, flags)
 
         kept = {name: OF_RECORD[name]._replace(shape=shape) for name, shape in self.told.items()}
+        if not _counts(self.loop)["thruster"]:
+            kept = {name: _of_wheels(column) for name, column in kept.items()}
         return kept | {
             "failure_time": of_failure("float64", "s", "when each failure strikes"),
             "failed_part": of_failure("uint8", "1", "what each failure strikes", self.names),
@@ -189,6 +191,12 @@ class FailureRecovery:
             reasons |= _errors(found)
         reasons[Recovery.SETTLED_THEN_LOST] = np.broadcast_to(lost, left.shape)
         return np.select(list(reasons.values()), list(map(int, reasons)), int(Recovery.TOO_SLOW))
+
+
+def _of_wheels(column: Column) -> Column:
+    """A column of a law that diagnoses wheels."""
+    dims = tuple("wheel" if axis == "thruster" else axis for axis in column.dims)
+    return column._replace(dims=dims, long_name=column.long_name.replace("thruster", "wheel"))
 
 
 def failed_thrusters(found: Mapping[str, np.ndarray]) -> Int[np.ndarray, "cases m"]:

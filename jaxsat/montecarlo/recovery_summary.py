@@ -28,7 +28,7 @@ _REASONS = {
     Recovery.ENDED_EARLY: "the run ended early",
     Recovery.UNRECOVERABLE: "unrecoverable",
     Recovery.MISSED_DETECTION: "missed detection",
-    Recovery.WRONG_THRUSTER_ISOLATED: "a thruster that works isolated",
+    Recovery.WRONG_THRUSTER_ISOLATED: "a working actuator isolated",
     Recovery.NOT_ISOLATED: "detected, not isolated",
     Recovery.WRONG_KIND_ISOLATED: "isolated as the wrong kind",
     Recovery.SETTLED_THEN_LOST: "settled, then lost",
@@ -43,6 +43,7 @@ _LEFT = {
     TorquesLeft.TOO_FEW: "too few torques are left: not controllable",
     TorquesLeft.UNOPPOSED_TORQUE: "nothing opposes the torque of a failed thruster with a margin",
     TorquesLeft.NOT_DECIDED: "what is left is not decided",
+    TorquesLeft.UNHELD_MOMENTUM: "the others cannot hold the momentum of a runaway wheel",
 }
 
 

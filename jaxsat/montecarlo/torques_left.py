@@ -28,6 +28,7 @@ class TorquesLeft(enum.IntEnum):
     TOO_FEW = 4
     UNOPPOSED_TORQUE = 5
     NOT_DECIDED = 6
+    UNHELD_MOMENTUM = 7
 
 
 _LEFT = {
@@ -38,7 +39,13 @@ _LEFT = {
 }
 """By the verdict of a judgement, where no law of three torques can be flown."""
 
-UNRECOVERABLE = tuple(TorquesLeft(code) for code in range(2, 6))
+UNRECOVERABLE = (*(TorquesLeft(code) for code in range(2, 6)), TorquesLeft.UNHELD_MOMENTUM)
+
+LEAST_TORQUE = 0.1
+"""Of the torque of a wheel's motor: one that friction leaves less counts as lost."""
+
+LEAST_HOLD = 0.02
+"""Of the largest momentum of a wheel: what others must hold in any direction beside a runaway."""
 
 
 def torques_left(
@@ -55,7 +62,7 @@ def torques_left(
     body and wheels at the start.
     """
     torques, low, high = _levels(loop, struck)
-    wheels = _wheels_left(loop, struck)
+    wheels, runaway = _wheels_left(loop, struck)
     known: dict[bytes, int] = {}
     found = np.zeros(len(low), int)
     for case in range(len(low)):
@@ -65,9 +72,11 @@ def torques_left(
         least = SAME_TORQUE * np.abs(one[0]).max(initial=0.0)
         if torque_reserve(*one) > least > 0:
             continue
-        key = b"".join(part.tobytes() for part in (*one, wheels[case]))
+        key = b"".join(part.tobytes() for part in (*one, wheels[case], runaway[case]))
         if key not in known:
-            known[key] = _judged(loop, momentum, *one, wheels[case])
+            held = holds_momentum(loop, wheels[case], runaway[case])
+            left = _judged(loop, momentum, *one, wheels[case])
+            known[key] = left if held else int(TorquesLeft.UNHELD_MOMENTUM)
         found[case] = known[key]
     return found
 
@@ -108,16 +117,60 @@ def _levels(
     return torques, low, high
 
 
-def _wheels_left(loop: AbstractLoop, struck: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Which wheels (cases, wheels) still make torque as they are asked."""
+def _wheels_left(
+    loop: AbstractLoop, struck: Mapping[str, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which wheels (cases, wheels) still make torque as they are asked, and which run away.
+
+    A motor that friction leaves no torque to spare is lost. So is a wheel that had failed before,
+    as a law that commands each wheel knows.
+    """
     wheels = loop.plant.wheels
     left = np.ones((len(struck["failure_kind"]), 0 if wheels is None else wheels.count), bool)
-    gone = [FAILURES.index(f"wheel {name}") for name in ("dead", "stopped", "runaway")]
-    lost = np.isin(struck["failure_kind"], gone)
+    runaway = np.zeros_like(left)
+    if wheels is None:
+        return left, runaway
+    known = getattr(getattr(loop, "controller", None), "known", None)
+    if known is not None:
+        left[:, np.asarray(known)] = False
+    dead, stopped, runs, rubs = (
+        FAILURES.index(f"wheel {name}") for name in ("dead", "stopped", "runaway", "friction to")
+    )
+    full = np.inf if wheels.torque_limit is None else np.asarray(wheels.torque_limit)
+    full = np.broadcast_to(full, (wheels.count,))
     thrusters = thruster_torques_of(loop)[0].shape[1]
-    for case, event in np.argwhere(lost):
-        left[case, struck["failed_part"][case, event] - thrusters] = False
-    return left
+    kinds, amounts = struck["failure_kind"], struck["failure_amount"]
+    for case, event in np.argwhere(kinds >= dead):
+        place, kind = struck["failed_part"][case, event] - thrusters, kinds[case, event]
+        if place >= wheels.count:
+            continue
+        stuck = kind == rubs and amounts[case, event] > (1 - LEAST_TORQUE) * full[place]
+        if stuck or kind in (dead, stopped, runs):
+            left[case, place] = False
+        silent = stuck or kind in (dead, stopped)
+        runaway[case, place] = (runaway[case, place] or kind == runs) and not silent
+    return left, runaway
+
+
+def holds_momentum(loop: AbstractLoop, kept: np.ndarray, runaway: np.ndarray) -> bool:
+    """Whether the wheels kept can hold what those that run away take up, and some in any direction.
+
+    A runaway ends at its largest momentum, of either sign. Thrusters and magnetorquers can take
+    momentum out.
+    """
+    wheels = loop.plant.wheels
+    others = thruster_torques_of(loop)[0].shape[1] or loop.plant.magnetorquers is not None
+    if wheels is None or others or not runaway.any():
+        return True
+    limit = wheels.momentum_limit
+    if limit is None or not np.all(np.isfinite(np.asarray(limit)[runaway])):
+        return False
+    most = np.asarray(limit)
+    most = np.minimum(most, 1e6 * most[runaway].max())
+    high = np.where(kept | runaway, most, 0.0)
+    low = np.where(runaway, most, -high)
+    reserve = torque_reserve(np.asarray(wheels.axes), low, high)
+    return bool(reserve > LEAST_HOLD * most[kept].max(initial=0.0))
 
 
 def _judged(

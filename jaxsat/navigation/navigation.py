@@ -114,7 +114,8 @@ class Navigation(eqx.Module):
         estimate, following = self.step(sample, period, plant, state)
         attitude = in_parameters_of(plant.attitude, estimate.attitude)
         errors = _errors(plant, state.bias, estimate)
-        return Told(PlantState(attitude, estimate.omega), following, errors)
+        told = PlantState(attitude, estimate.omega, plant.wheel_momentum)
+        return Told(told, following, errors)
 
 
 def _errors(

@@ -11,7 +11,8 @@ from jaxsat.report.style import LINES, escape_mathematics
 
 Span = tuple[float, float]
 
-DIAGNOSED = ("dead", "degraded", "stuck on", "stuck at a level", "leaking", "reversed")
+DIAGNOSED = ("dead", "degraded", "stuck on", "stuck at a level", "leaking", "reversed",
+             "friction up", "runaway", "stopped")  # fmt: skip
 """Kinds of failure by the numbers of `jaxsat.diagnosis.DiagnosedKind`."""
 
 MOST_ENTRIES = 6
@@ -51,7 +52,7 @@ def finish(
     """Time axes from the start to the end, or over `zoom` (s), and their label under the lowest.
 
     A vertical line marks each failure in flight, and each alarm and verdict of a law that diagnoses
-    its thrusters, with their names in the uppermost panel.
+    its actuators, with their names in the uppermost panel.
     """
     start, end = float(dataset["time"][0]), float(dataset["time"][-1])
     for row, (at, name) in enumerate([*failures(dataset), *verdicts(dataset)]):
@@ -75,20 +76,26 @@ def failures(dataset: xr.Dataset) -> list[tuple[float, str]]:
 
 
 def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
-    """When (s) a law that diagnoses its thrusters had its first alarms, and what it isolated."""
+    """When (s) a law that diagnoses its actuators had its first alarms, and what it isolated."""
     if "diagnosed_kind" not in dataset:
         return []
     time, kinds = dataset["time"].values, dataset["diagnosed_kind"].values
     alarm = [mode for mode, name in mode_names(dataset).items() if name == "alarm"]
     in_alarm = np.isin(dataset["mode"].values, alarm)
     found = [(float(time[row]), "alarm") for row in np.flatnonzero(np.diff(in_alarm * 1) > 0) + 1]
-    names = part_names(dataset, "thruster", kinds.shape[1])
+    part = diagnosed_part(dataset)
+    names = part_names(dataset, part, kinds.shape[1])
     for row, thruster in np.argwhere(np.diff(kinds, axis=0) != 0):
         kind = kinds[row + 1, thruster]
         if np.isfinite(kind):
             verdict = f"isolated, {DIAGNOSED[int(kind)]}" if kind >= 0 else "works again"
-            found.append((float(time[row + 1]), f"thruster {names[thruster]}: {verdict}"))
+            found.append((float(time[row + 1]), f"{part} {names[thruster]}: {verdict}"))
     return sorted(found)[:MOST_VERDICTS]
+
+
+def diagnosed_part(dataset: xr.Dataset) -> str:
+    """What the law of a run diagnoses: "thruster" or "wheel"."""
+    return str(dataset["diagnosed_kind"].dims[-1])
 
 
 def part_names(dataset: xr.Dataset, kind: str, count: int) -> list[str]:
@@ -124,9 +131,13 @@ def _mark(axes: Axes, at: float, name: str, row: int = 0) -> None:
 
 
 def shade_modes(dataset: xr.Dataset, axes: Axes) -> None:
-    """Bands of grey, each with its name, where a sampled controller is not in its usual mode."""
-    names = mode_names(dataset)
-    usual = 0 if 0 in names else max(names, default=0)
+    """Bands of grey, each with its name, where a sampled controller is not in its usual mode.
+
+    That is mode 0 or, without one, the mode in which the run ends.
+    """
+    names, modes = mode_names(dataset), dataset["mode"].values
+    last = modes[np.isfinite(modes)][-1:]
+    usual = 0 if 0 in names else int(last.sum())
     unusual = [mode for mode in names if mode != usual]
     for grey, mode in zip(np.linspace(0.7, 0.9, max(len(unusual), 1)), unusual, strict=False):
         axes.fill_between(

@@ -20,12 +20,16 @@ from jaxsat.results.chunks import (
     encoded,
 )
 from jaxsat.results.errors import OutputError
-from jaxsat.results.files import new_token, parse_json, partial_name, read_file, write_file
+from jaxsat.results.files import (
+    WRITERS,
+    new_token,
+    parse_json,
+    partial_name,
+    read_file,
+    write_file,
+)
 from jaxsat.results.header import Header
 from jaxsat.results.ledger import Ledger
-
-WRITERS = 8
-"""Files that are written at once: most of the time goes into waiting for the disk."""
 
 
 class StoreArrays:

@@ -59,10 +59,10 @@ VARIABLES = {
         ("thruster",),
         "1",
         "diagnosed failure: -1 none, 0 dead, 1 degraded, 2 stuck on, 3 stuck at, 4 leaking, "
-        "5 reversed",
+        "5 reversed, 6 friction up, 7 runaway, 8 stopped",
     ),
     "detection_statistic": _Variable(
-        ("thruster",), "1", "CUSUM statistic of each thruster over the threshold of an alarm"
+        ("thruster",), "1", "CUSUM statistic of each actuator over the threshold of an alarm"
     ),
     "alarm": _Variable((), "1", "1 while the cause of an alarm is being isolated"),
     "wheel_momentum": _Variable(("wheel",), "N m s", "wheel momentum relative to the body"),
@@ -129,6 +129,9 @@ def trajectory_dataset(
         **_labelled(trajectory.signals, VARIABLES, ("time",)),
         **_labelled(trajectory.assessment, TOTALS, ()),
     }
+    if trajectory.signals.thrust_level is None:  # it is the wheels that are diagnosed
+        for name, one in found.items():
+            found[name] = None if one is None else _along_wheels(one)
     found |= pointing(np.asarray(trajectory.signals.quaternion))
     found |= _ranges(trajectory)
     variables = {name: variable for name, variable in found.items() if variable is not None}
@@ -151,6 +154,12 @@ def trajectory_dataset(
         coords={"time": time, **labels},
         attrs=_attributes(trajectory, title, scenario, seed),
     )
+
+
+def _along_wheels(variable: xr.Variable) -> xr.Variable:
+    """With the axis of thrusters as that of wheels."""
+    dims = tuple("wheel" if axis == "thruster" else axis for axis in variable.dims)
+    return xr.Variable(dims, variable.values, variable.attrs)
 
 
 def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:

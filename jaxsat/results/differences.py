@@ -8,7 +8,10 @@ SHOWN = 6
 """Differences between two studies that are told."""
 
 PROGRAM = "program"
-"""What of an identity is told last: numbers without names, most of which a scenario names."""
+"""What of an identity a scenario does not name, or names better."""
+
+NUMBERS = "numbers"
+"""What of a program has no names; told where nothing with a name differs."""
 
 OPERATIONS = "operations"
 """What of a program is a hash of its traced operations, told where nothing else explains it."""
@@ -20,6 +23,7 @@ def differences(old: Any, new: Any) -> list[str]:
     """Where two nests of plain data differ, one clause for each place; of many the first few."""
     found = sorted(_differences(old, new), key=lambda place: (place[0][:1] == (PROGRAM,), place[0]))
     told = [place for place in found if not _is_operations(place[0])]
+    told = [place for place in told if not _is_number(place[0])] or told
     clauses = [f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in told]
     if found and not told:
         clauses = [OTHER_PROGRAM]
@@ -29,6 +33,10 @@ def differences(old: Any, new: Any) -> list[str]:
 
 def _is_operations(path: tuple[str, ...]) -> bool:
     return path[0] == PROGRAM and path[-1] == OPERATIONS
+
+
+def _is_number(path: tuple[str, ...]) -> bool:
+    return path[0] == PROGRAM and NUMBERS in path[1:]
 
 
 def _differences(old: Any, new: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any, Any]]:

@@ -10,11 +10,15 @@ import json
 import os
 import secrets
 import stat
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from jaxsat.results.errors import OutputError, reason, system_failure
+
+WRITERS = 8
+"""Files that are written at once: most of the time goes into waiting for the disk."""
 
 _PLAIN = getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _PLAIN
@@ -146,6 +150,13 @@ def sync_file(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def sync_files(paths: Sequence[Path]) -> None:
+    """Wait until some files, and their names in their folders, are on the disk, all at once."""
+    with ThreadPoolExecutor(WRITERS, thread_name_prefix="jaxsat-sync") as pool:
+        list(pool.map(sync_file, paths))
+        list(pool.map(sync_folder, {path.parent for path in paths}))
 
 
 def sync_folder(path: Path) -> None:

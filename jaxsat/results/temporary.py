@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxsat.results.errors import OutputError
-from jaxsat.results.files import sync_folder
+from jaxsat.results.files import sync_files, sync_folder
 from jaxsat.results.locking import FolderLock, lock_folder
 from jaxsat.results.marker import MARKER, Marker
 
@@ -88,7 +88,8 @@ def make_folder(
     try:
         for name, data in files.items():
             (made.path / name).parent.mkdir(parents=True, exist_ok=True)
-            made.marker.write(name, data)
+            made.marker.write(name, data, durable=False)
+        sync_files([made.path / name for name in files])
         (made.path / MARKER).unlink()
         if mark is not None:
             mark(made.path)

@@ -10,7 +10,7 @@ from jaxsat.scenario.wording import shown
 
 def _suits(declaration) -> bool:
     """Whether a law commands three torques once a period, of whatever actuators."""
-    return declaration.sampled and declaration.torques == 3 and not declaration.commands_duties
+    return declaration.sampled and declaration.torques == 3 and not declaration.allocates
 
 
 @rule("magnetorquer")

@@ -161,8 +161,16 @@ def _optimiser_is_one_of_optax(name):
 
 
 @rule("tuning.optimiser", "control.law")
-def _duties_have_no_derivatives(name, law):
-    if find_law(law).declaration.commands_duties and name != "cma-es":
+def _some_laws_have_no_derivatives(name, law):
+    declaration = find_law(law).declaration
+    if name == "cma-es":
+        return
+    if declaration.searched:
+        yield at(
+            "tuning.optimiser",
+            f'must be "cma-es" under the law "{law}", which searches in flight, got {shown(name)}',
+        )
+    if declaration.allocates:
         yield at(
             "tuning.optimiser",
             f'must be "cma-es" under the law "{law}", whose alarms and pulses have no derivatives, '

@@ -67,7 +67,11 @@ def _wheels_go_with_jaxsats_own_actuators(wheels, actuators):
 def _wheels_and_thrusters_make_what_the_law_commands(
     law, wheels, thrusters, axes, failed, magnetorquers
 ):
-    torques = find_law(law).declaration.torques
+    declaration = find_law(law).declaration
+    torques = declaration.torques
+    if declaration.commands_wheels:
+        yield from _wheels_alone(law, wheels, thrusters or axes)
+        return
     if wheels and torques == 1:
         yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
     if not wheels or thrusters or magnetorquers or torques not in (2, 3):
@@ -83,6 +87,31 @@ def _wheels_and_thrusters_make_what_the_law_commands(
             f"must leave wheels that make independent torques about body axes {which} with the "
             f"thrusters left, got {left} of {len(wheels)} wheels and {working.shape[1]} thrusters",
         )
+
+
+def _wheels_alone(law, wheels, thrusters):
+    """Issues under a law that diagnoses wheels: they alone make torques about three axes."""
+    what = f'under the law "{law}", which diagnoses wheels'
+    if thrusters:
+        key = "spacecraft.thruster_torque_axes" if isinstance(thrusters[0], tuple) else "thruster"
+        yield at(key, f"must not be given {what}, got {len(thrusters)}")
+    if not wheels or left_by_wheels(wheels, 3).any():
+        left = sum(not one.failed for one in wheels)
+        message = f"must leave independent torques about body axes x, y and z {what}"
+        yield at("wheel", f"{message}, got {left} of {len(wheels)}", not wheels)
+    for number, one in enumerate(wheels):
+        if one.torque_limit_N_m is None:
+            message = f"must be given in N m {what} by their full torque, got nothing"
+            yield Issue(("wheel", number, "torque_limit_N_m"), message, (), True)
+
+
+@rule("wheel", "control.law")
+def _tachometers_belong_to_a_sampled_law(wheels, law):
+    for number, one in enumerate(wheels):
+        if one.tachometer_noise_N_m_s and not find_law(law).declaration.sampled:
+            message = f'must be 0 under the law "{law}", which is not sampled'
+            found = shown(one.tachometer_noise_N_m_s)
+            yield Issue(("wheel", number, "tachometer_noise_N_m_s"), f"{message}, got {found}")
 
 
 @rule("wheel", "control.law", "simulation.solver.steps", "simulation.solver.step_s")

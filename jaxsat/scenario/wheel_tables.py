@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 
 from jaxsat.allocation import least_squares_map, unit_columns, what_is_left
-from jaxsat.ranges import FRICTION, MOMENT, TORQUE, TORQUE_LIMIT, WHEEL_MOMENTUM
+from jaxsat.ranges import FRICTION, MOMENT, TORQUE, TORQUE_LIMIT, WHEEL_MOMENTUM, WHEEL_NOISE
 from jaxsat.scenario.quantities import Line, Number, Switch, Table, choice, quantity, within
 from jaxsat.scenario.thruster_tables import Direction
 
@@ -32,6 +32,11 @@ class WheelTable(Table):
     )
     coulomb_friction_N_m: Annotated[Number, within(FRICTION)] = quantity(
         "Coulomb friction, which may hold the rotor at rest", "N m", 0.0
+    )
+    tachometer_noise_N_m_s: Annotated[Number, within(WHEEL_NOISE)] = quantity(
+        "Standard deviation of white noise on the momentum that a sampled law is told, a sample",
+        "N m s",
+        0.0,
     )
     failed: Switch = choice(
         "Whether its motor has failed before the start, and the law knows it; it coasts", False

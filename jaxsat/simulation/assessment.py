@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,12 +10,6 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.metrics import SettlingTracker, Tolerances, excess
-
-CHECKS = 4
-"""Equal parts of a step at whose ends a run is monitored."""
-
-HALVINGS = 40
-"""Bisections of such a fraction: what is left of a step of 1 s is less than its rounding."""
 
 
 class Assessment(eqx.Module):
@@ -100,116 +93,6 @@ class MonitoredState(NamedTuple):
 
     solver: Any
     record: MonitorRecord
-
-
-class MonitoredSolver(diffrax.AbstractWrappedSolver):
-    """A solver with a monitor on the dense output of every accepted step; the steps are its own.
-
-    Nothing of it is differentiated. The record is `solver_state.record` of the solution.
-    """
-
-    solver: diffrax.AbstractSolver  # pyright: ignore[reportIncompatibleVariableOverride]
-    monitor: Monitor
-
-    @property
-    def term_structure(self):  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The solver's own, as are all that follow."""
-        return self.solver.term_structure
-
-    @property
-    def interpolation_cls(self):  # pyright: ignore
-        """Its dense output."""
-        return self.solver.interpolation_cls
-
-    @property
-    def term_compatible_contr_kwargs(self):  # pyright: ignore[reportIncompatibleVariableOverride]
-        """What diffrax asks of its terms."""
-        return self.solver.term_compatible_contr_kwargs
-
-    @property
-    def scan_kind(self):
-        """How its stages are looped over, which diffrax replaces for forward mode."""
-        return self.solver.scan_kind  # pyright: ignore[reportAttributeAccessIssue]
-
-    def order(self, terms):
-        """Its order."""
-        return self.solver.order(terms)
-
-    def strong_order(self, terms):
-        """Its strong order."""
-        return self.solver.strong_order(terms)
-
-    def error_order(self, terms):
-        """The order of its error."""
-        return self.solver.error_order(terms)
-
-    def func(self, terms, t0, y0, args):
-        """The rate."""
-        return self.solver.func(terms, t0, y0, args)
-
-    def init(self, terms, t0, t1, y0, args) -> MonitoredState:
-        """With the first sample."""
-        inner = self.solver.init(terms, t0, t1, y0, args)
-        shapes = eqx.filter_eval_shape(self.solver.step, terms, t0, t1, y0, args, inner, False)[2]
-        dense = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
-        t0 = jnp.asarray(t0)
-        seen = self.monitor(*stop_gradient((t0, y0)))
-        never = EntryBracket(t0, t0, dense, t0 + jnp.inf, t0 + jnp.inf)
-        since = tuple(SettlingTracker.initial(t0, len(x)).observe(t0, x) for x in seen.excess)
-        record = MonitorRecord(since, (never,) * len(since), seen.rate, jnp.zeros_like(seen.rate))
-        return MonitoredState(inner, record)
-
-    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
-        """The solver's step, monitored."""
-        y1, error, dense, inner, result = self.solver.step(
-            terms, t0, t1, y0, args, solver_state.solver, made_jump
-        )
-        begin, end, stages, start = stop_gradient((jnp.asarray(t0), jnp.asarray(t1), dense, y0))
-        record = solver_state.record
-        if made_jump is not False:  # the rate right before a jump is not that right after it
-            after = self.monitor(begin, start).rate
-            record = record._replace(rate=jnp.where(made_jump, after, record.rate))
-        record = self._recorded(begin, end, stages, record)
-        return y1, error, dense, MonitoredState(inner, record), result
-
-    def _recorded(self, t0, t1, dense, record: MonitorRecord) -> MonitorRecord:
-        at = jnp.arange(1, CHECKS + 1) / CHECKS
-        samples = jax.vmap(lambda fraction: self._at(t0, t1, dense, fraction))(at)
-        groups = []
-        for since, entry, values in zip(record.since, record.entries, samples.excess, strict=True):
-            for number, fraction in enumerate(at):
-                now, time = values[number], t0 + fraction * (t1 - t0)
-                enters = jnp.any(since.excess >= 0) & jnp.all(now < 0)
-                here = EntryBracket(t0, t1, dense, fraction - 1 / CHECKS, fraction)
-                entry = jax.tree.map(lambda x, y, e=enters: jnp.where(e, x, y), here, entry)
-                since = since.observe(time, now)
-            groups.append((since, entry))
-        rates = jnp.concatenate([record.rate[None], samples.rate])
-        weights = jnp.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12.0  # Simpson's
-        integral = record.integral + (t1 - t0) * weights @ rates
-        since, entries = (tuple(group[i] for group in groups) for i in range(2))
-        return MonitorRecord(since, entries, samples.rate[-1], integral)
-
-    def _at(self, t0, t1, dense, fraction) -> MonitorSample:
-        t = t0 + fraction * (t1 - t0)
-        return self.monitor(t, self.interpolation_cls(t0=t0, t1=t1, **dense).evaluate(t))
-
-    def since(self, record: MonitorRecord, group: int) -> SettlingTracker:
-        """Since when a group's conditions hold, the instant located on the dense output."""
-        since, entry = record.since[group], record.entries[group]
-        never = jnp.isinf(entry.low)
-        begin, end, dense = entry.begin, jnp.where(never, entry.end + 1, entry.end), entry.dense
-
-        def halve(_, bracket):
-            low, high = bracket
-            middle = (low + high) / 2
-            inside = jnp.all(self._at(begin, end, dense, middle).excess[group] < 0)
-            return jnp.where(inside, low, middle), jnp.where(inside, middle, high)
-
-        bracket = (jnp.where(never, 0.0, entry.low), jnp.where(never, 1.0, entry.high))
-        high = jax.lax.fori_loop(0, HALVINGS, halve, bracket)[1]
-        located = begin + high * (end - begin)
-        return since._replace(start=jnp.where(never | jnp.isinf(since.start), since.start, located))
 
 
 def effort_rate(

@@ -1,6 +1,7 @@
 """How a loop is integrated: solver, steps and tolerances, with a default that suits the loop."""
 
-import diffrax
+from typing import TYPE_CHECKING, Any
+
 import equinox as eqx
 from jaxtyping import Array, Float
 
@@ -8,6 +9,13 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.ranges import MAX_FIXED_STEPS
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
 from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
+from jaxsat.solvers import NamedSolver, Solver
+
+if TYPE_CHECKING:
+    from diffrax import AbstractAdjoint as Adjoint
+    from diffrax import AbstractStepSizeController as StepSizeController
+else:
+    Adjoint = StepSizeController = Any
 
 ADAPTIVE_MAX_STEPS = 2**17
 """Many times what a sound run needs; a law that slides on a corner uses them up in seconds."""
@@ -16,21 +24,47 @@ MIN_STEP = 1e-10
 """Seconds. Far below anything a law resolves, and far above the rounding of a time of 1000 s."""
 
 
+class AdaptiveSteps(eqx.Module):
+    """Steps chosen to meet tolerances; `min_step` (s) is taken whatever the error there."""
+
+    rtol: Float[Array, ""] = eqx.field(converter=as_float)
+    atol: Float[Array, ""] = eqx.field(converter=as_float)
+    min_step: Float[Array, ""] | None = None
+
+    def __check_init__(self):
+        require_positive("rtol", self.rtol)
+        require_positive("atol", self.atol)
+
+    def controller(self) -> StepSizeController:
+        """What diffrax takes for it."""
+        import diffrax  # takes its time
+
+        return diffrax.PIDController(
+            rtol=self.rtol, atol=self.atol, dtmin=self.min_step, force_dtmin=True
+        )
+
+
 class Method(eqx.Module):
-    """A diffrax solver with its step-size controller.
+    """A solver of diffrax and its steps: adaptive ones, any controller of diffrax, or None: equal.
 
     Numbers in it are arrays, so changing a tolerance or a step compiles nothing anew.
     """
 
-    solver: diffrax.AbstractSolver
-    step_size: diffrax.AbstractStepSizeController
+    solver: Solver
+    step_size: AdaptiveSteps | StepSizeController | None
     first_step: Float[Array, ""] | None
     max_steps: int = eqx.field(static=True)
 
 
-def step_size_for(method: Method, loop: AbstractLoop) -> diffrax.AbstractStepSizeController:
+def step_size_for(method: Method, loop: AbstractLoop) -> StepSizeController:
     """The method's steps, which end where something of the loop fails, if they are adaptive."""
+    import diffrax  # takes its time
+
     steps = method.step_size
+    if steps is None:
+        return diffrax.ConstantStepSize()
+    if isinstance(steps, AdaptiveSteps):
+        steps = steps.controller()
     if not isinstance(loop, ContinuousLoop) or not isinstance(steps, diffrax.PIDController):
         return steps
     times = loop.failure_times
@@ -40,7 +74,7 @@ def step_size_for(method: Method, loop: AbstractLoop) -> diffrax.AbstractStepSiz
 def adaptive(
     rtol: float = 1e-13,
     atol: float = 1e-14,
-    solver: diffrax.AbstractSolver | None = None,
+    solver: Solver | None = None,
     min_step: float | None = None,
     max_steps: int = ADAPTIVE_MAX_STEPS,
 ) -> Method:
@@ -49,23 +83,22 @@ def adaptive(
     The default solver is Dopri8. A smallest step lets a run pass points where a law has no
     derivative, such as ω3 = 0 in (38), at the cost of an error of that step's size.
     """
-    for name, value in (("rtol", rtol), ("atol", atol)):
-        require_positive(name, value)
-    controller = diffrax.PIDController(
-        rtol=as_float(rtol),
-        atol=as_float(atol),
-        dtmin=None if min_step is None else as_float(min_step),
-        force_dtmin=True,
-    )
-    return Method(solver or diffrax.Dopri8(), controller, None, max_steps)
+    least = None if min_step is None else as_float(min_step)
+    steps = AdaptiveSteps(rtol, atol, least)
+    return Method(solver or NamedSolver("dopri8"), steps, None, max_steps)
 
 
-def fixed(step: float, solver: diffrax.AbstractSolver | None = None) -> Method:
+def fixed(step: float, solver: Solver | None = None) -> Method:
     """Equal steps of `step` seconds; the default solver is Dopri5."""
     require_positive("step", step)
-    return Method(
-        solver or diffrax.Dopri5(), diffrax.ConstantStepSize(), as_float(step), MAX_FIXED_STEPS
-    )
+    return Method(solver or NamedSolver("dopri5"), None, as_float(step), MAX_FIXED_STEPS)
+
+
+def checkpoints() -> Adjoint:
+    """How diffrax differentiates unless told otherwise: reverse mode with checkpoints."""
+    import diffrax  # takes its time
+
+    return diffrax.RecursiveCheckpointAdjoint()
 
 
 def default_method(loop: AbstractLoop) -> Method:
@@ -79,4 +112,4 @@ def default_method(loop: AbstractLoop) -> Method:
         return adaptive(min_step=MIN_STEP)
     if isinstance(loop, ContinuousLoop) and not loop.is_smooth():
         return adaptive(min_step=MIN_STEP)
-    return fixed(0.01, diffrax.Dopri8())
+    return fixed(0.01, NamedSolver("dopri8"))

@@ -24,6 +24,7 @@ from jaxsat.vehicle import (
     DrawnSensors,
     Hold,
     Sensors,
+    Tachometers,
     Usage,
 )
 
@@ -58,7 +59,8 @@ class SampledLoop(AbstractLoop):
     estimator have a state; with None of either it is told the truth. A `delay` (s, at most one
     period) is the time the controller takes to compute: for so long after each sample the actuators
     continue from what they did; None is a loop without. `magnetic` tells what the plant's
-    magnetorquers make of a command, None without them.
+    magnetorquers make of a command, None without them. `tachometers` tell the momenta of wheels;
+    None for those that are exact.
     """
 
     plant: RigidBody
@@ -69,6 +71,7 @@ class SampledLoop(AbstractLoop):
     delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
     navigation: Navigation | None = None
     magnetic: MagneticSteering | None = None
+    tachometers: Tachometers | None = None
 
     def __check_init__(self):
         require_counts(substeps=self.substeps)
@@ -117,6 +120,15 @@ class SampledLoop(AbstractLoop):
 
     def told(self, number: Int[Array, ""], state: SampledState) -> Told:
         """What the controller is told at sample `number` of the run when the truth is `state`."""
+        told = self._told(number, state)
+        momentum = told.state.wheel_momentum
+        if self.tachometers is None or momentum is None:
+            return told
+        measured = self.tachometers(number, momentum)
+        return told._replace(state=dataclasses.replace(told.state, wheel_momentum=measured))
+
+    def _told(self, number: Int[Array, ""], state: SampledState) -> Told:
+        """With momenta of wheels as they are."""
         if self.navigation is not None and state.navigation is not None:
             period = self.controller.period
             return self.navigation.told(number, period, state.plant, state.navigation)

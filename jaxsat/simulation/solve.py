@@ -1,10 +1,9 @@
-"""`simulate`: one loop, one start, one result."""
+"""`simulate`: one loop, one start, one result. What is run by diffrax imports it there."""
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,7 +16,6 @@ from jaxsat.metrics import SettlingTracker, Tolerances
 from jaxsat.ranges import STATE_LIMIT
 from jaxsat.simulation.assessment import (
     Monitor,
-    MonitoredSolver,
     MonitoredState,
     MonitorSample,
     Observation,
@@ -27,9 +25,16 @@ from jaxsat.simulation.assessment import (
 )
 from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop
-from jaxsat.simulation.methods import Method, default_method, step_size_for
+from jaxsat.simulation.methods import (
+    Adjoint,
+    Method,
+    checkpoints,
+    default_method,
+    step_size_for,
+)
 from jaxsat.simulation.sampled_loop import Integrator, SampledLoop, SampledState
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
+from jaxsat.solvers import AbstractSolver, solver_of
 
 
 def simulate(
@@ -38,7 +43,7 @@ def simulate(
     times: ArrayLike | list,
     *,
     method: Method | None = None,
-    adjoint: diffrax.AbstractAdjoint | None = None,
+    adjoint: Adjoint | None = None,
     state_limit: float = STATE_LIMIT,
     tolerances: Tolerances | None = None,
 ) -> Trajectory:
@@ -61,15 +66,15 @@ def simulate(
     tolerances = Tolerances() if tolerances is None else tolerances
     if isinstance(loop, SampledLoop):
         numbers = sample_numbers(loop, times)
-        samples, solver = int(numbers[-1]), _either_mode(method.solver)
+        samples, solver = int(numbers[-1]), _either_mode(solver_of(method.solver))
         return _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances)
     if not isinstance(loop, AbstractContinuousLoop):
         raise TypeError(f"Argument `loop` must be a loop of jaxsat.simulation, got {type(loop)}.")
-    adjoint = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
+    adjoint = checkpoints() if adjoint is None else adjoint
     return _run_continuous(loop, start, times, method, adjoint, limit, tolerances)
 
 
-def _either_mode(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+def _either_mode(solver: AbstractSolver) -> AbstractSolver:
     """The solver with a loop over its stages that both modes of differentiation go through."""
     if getattr(solver, "scan_kind", "none") is not None:
         return solver
@@ -80,8 +85,12 @@ def _either_mode(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 @eqx.filter_jit
 def _run_continuous(loop, start, times, method, adjoint, limit, tolerances) -> Trajectory:
+    import diffrax
+
+    from jaxsat.simulation.monitored_solver import MonitoredSolver
+
     state = loop.start(start)
-    solver = MonitoredSolver(method.solver, _monitor(stop_gradient(loop), tolerances))
+    solver = MonitoredSolver(solver_of(method.solver), _monitor(stop_gradient(loop), tolerances))
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(loop),
         solver,
@@ -138,8 +147,10 @@ def _blank_unreached(values: Array) -> Array:
     return jnp.where(jnp.isinf(values), jnp.nan, values)
 
 
-def outcome_code(result: diffrax.RESULTS) -> Int[Array, ""]:
-    """How a diffrax solve ended, as an `Outcome`."""
+def outcome_code(result: Any) -> Int[Array, ""]:
+    """How a diffrax solve ended, one of its `RESULTS`, as an `Outcome`."""
+    import diffrax
+
     known = {
         Outcome.STATE_LIMIT: diffrax.RESULTS.event_occurred,
         Outcome.MAX_STEPS: diffrax.RESULTS.max_steps_reached,
@@ -184,7 +195,7 @@ def run_samples(
         state, carry, code = running
         t = begin + number * loop.controller.period
         following, carried, signals = loop.period(number, t, state, integrate, carry)
-        good = all_within((following.plant, following.memory), limit)
+        good = all_within((following.plant, loop.controller.judged(following.memory)), limit)
         carried, of_period = split(carried)
         seen = (signals, of_period)
         seen = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), seen)
@@ -260,6 +271,8 @@ def _saved(signals: Signals, numbers: Int[Array, " times"]) -> Signals:
 
 def _over_hold(loop, solver, t, state, hold, record, tolerances):
     """The plant's state and the record at the end of a hold that begins at time `t` (s)."""
+    import diffrax
+
     term = diffrax.ODETerm(lambda now, state, hold: loop.plant_rate(now, state, hold, now - t))
     step = hold.length / loop.substeps
     solver_state = solver.init(term, t, t + step, state, hold)

@@ -30,6 +30,7 @@ from jaxsat.vehicle.pulsed_thrusters import PulsedThrusters
 from jaxsat.vehicle.sensors import DrawnSensors, Sensors
 from jaxsat.vehicle.spacecraft import Spacecraft
 from jaxsat.vehicle.star_tracker import StarTracker
+from jaxsat.vehicle.tachometers import Tachometers
 from jaxsat.vehicle.thruster_set import ThrusterSet
 from jaxsat.vehicle.thrusters import (
     Thrusters,
@@ -37,7 +38,11 @@ from jaxsat.vehicle.thrusters import (
     one_thruster_coupling,
     two_thruster_coupling,
 )
-from jaxsat.vehicle.wheel_actuators import ActuatorsWithWheels, PulsedActuatorsWithWheels
+from jaxsat.vehicle.wheel_actuators import (
+    ActuatorsWithWheels,
+    PulsedActuatorsWithWheels,
+    WheelDrives,
+)
 from jaxsat.vehicle.wheel_failures import WheelFailureKind, WheelFailures
 from jaxsat.vehicle.wheels import WheelPiece, Wheels
 
@@ -70,9 +75,11 @@ __all__ = [
     "Sensors",
     "Spacecraft",
     "StarTracker",
+    "Tachometers",
     "ThrusterSet",
     "Thrusters",
     "Usage",
+    "WheelDrives",
     "WheelFailureKind",
     "WheelFailures",
     "WheelPiece",

@@ -1,11 +1,14 @@
 """From a commanded torque to the thrusts that make it with least propellant."""
 
+from functools import reduce
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float
+from jaxsat.quotients import reciprocal
 
 
 class LeastPropellant(eqx.Module):
@@ -33,6 +36,11 @@ class LeastPropellant(eqx.Module):
         A command beyond what the thrusters can make is reduced in size, not turned.
         """
         candidates = jnp.sum(self.duties * command[None, None, :], axis=-1)
-        best = jnp.argmax(jnp.min(candidates, axis=1))
+        best = jnp.argmax(reduce(_smaller, candidates.T))
         duty = jnp.maximum(candidates[best], 0.0)
-        return duty / jnp.maximum(jnp.max(duty), 1.0)
+        return duty * reciprocal(jnp.maximum(jnp.max(duty), 1.0))
+
+
+def _smaller(x: Float[Array, " bases"], y: Float[Array, " bases"]) -> Float[Array, " bases"]:
+    """The smaller one, for numbers; which basis is chosen for NaN does not matter."""
+    return jnp.where(x < y, x, y)

@@ -21,13 +21,14 @@ ROUNDING = 1e-13
 class ThrusterMemory(NamedTuple):
     """The modulator's memory, the pulses of the last period, and what was used since the start.
 
-    `level` is the thrust of each thruster in parts of its full one, `open` tells which valves were
-    told to be open at the end. `pulses` is None where no valve is late.
+    `level` is the thrust of each thruster in parts of its full one, None where it takes no time to
+    rise and fall; `open` tells which valves were told to be open at the end. `pulses` is None where
+    no valve is late.
     """
 
     modulation: PyTree
     pulses: Pulses | None
-    level: Float[Array, " m"]
+    level: Float[Array, " m"] | None
     open: Bool[Array, " m"]
     propellant: RealScalar
     openings: Float[Array, " m"]
@@ -46,13 +47,15 @@ class Plan(NamedTuple):
 
 
 class Running(NamedTuple):
-    """Time since the sample (s), the level of each thruster, and ∫ level dt (s) in this period.
+    """Time since the sample (s), and what has been up to then in this period.
 
-    `impulse` is ∫ torque dt (N m s).
+    The `level` of each thruster is as in `ThrusterMemory`, `propellant` (kg) what was used,
+    `on_time` ∫ level dt (s) and `impulse` ∫ torque dt (N m s).
     """
 
     now: RealScalar
-    level: Float[Array, " m"]
+    level: Float[Array, " m"] | None
+    propellant: RealScalar
     on_time: Float[Array, " m"]
     impulse: Float[Array, "3"]
 
@@ -98,7 +101,8 @@ class PulsedThrusters(AbstractPulsedActuators):
             period = jnp.ones_like(zero[0])
             first = self._pulses(command, modulation, period)[0]
             pulses = Pulses(first.on, 0 * first.off, 0 * first.level)
-        return ThrusterMemory(modulation, pulses, zero, zero > 0, zero[0], zero)
+        level = zero if self.thrusters.ramps else None
+        return ThrusterMemory(modulation, pulses, level, zero > 0, zero[0], zero)
 
     def _pulses(self, command, modulation, period) -> tuple[Pulses, PyTree]:
         duty = self.allocation(command)
@@ -120,8 +124,9 @@ class PulsedThrusters(AbstractPulsedActuators):
             pulses = self._late(t, pulses, memory.pulses, period, delay)
         elif delay is not None:
             raise ValueError("Argument `late` must be true for a loop with a delay.")
-        zero = jnp.zeros_like(memory.level)
-        running = Running(zero[0], memory.level, zero, jnp.zeros(3, zero.dtype))
+        zero = jnp.zeros_like(memory.openings)
+        torque = jnp.zeros(3, zero.dtype)
+        running = Running(zero[0], memory.level, zero[0], zero, torque)
         return Plan(t, period, pulses, following), running
 
     def _late(self, t, pulses, before, period, delay) -> Pulses:
@@ -158,15 +163,26 @@ class PulsedThrusters(AbstractPulsedActuators):
             end = _next(edges, now, plan.period)
             torque = condition.torque @ target
             hold = Hold(now, end - now, torque)
-            return hold, _later(running, end, hold.length, target, target, torque)
-        level, slope, arrival = self._ramps(now, running.level, target)
+            return hold, self._later(running, end, hold.length, None, target, torque)
+        level, slope, arrival = self._ramps(now, cast(Array, running.level), target)
         end = _next([*edges, arrival], now, plan.period)
         length = end - now
         hold = Hold(now, length, condition.torque @ level, condition.torque @ slope)
         arrived = arrival <= end + ROUNDING * plan.period
         after = jnp.where(arrived, target, level + slope * length)
         mean = level + slope * (length / 2)
-        return hold, _later(running, end, length, after, mean, hold.torque_after(length / 2))
+        torque = hold.torque_after(length / 2)
+        return hold, self._later(running, end, length, after, mean, torque)
+
+    def _later(self, running: Running, end, length, level, mean, torque) -> Running:
+        """At the end (s) of a hold with these mean levels and this mean torque."""
+        return Running(
+            end,
+            level,
+            running.propellant + length * jnp.sum(self.thrusters.flow * mean),
+            running.on_time + length * mean,
+            running.impulse + length * torque,
+        )
 
     def _ramps(self, now, level, target):
         """Levels now, how they change (1/s), and when they arrive (s)."""
@@ -180,7 +196,7 @@ class PulsedThrusters(AbstractPulsedActuators):
 
     def finish(self, plan, running):
         """What has been used is summed up."""
-        propellant = plan.memory.propellant + jnp.sum(self.thrusters.flow * running.on_time)
+        propellant = plan.memory.propellant + running.propellant
         memory = plan.memory._replace(level=running.level, propellant=propellant)
         usage = Usage(
             running.impulse / plan.period,
@@ -199,8 +215,3 @@ def _next(edges, now, period) -> RealScalar:
     """The first edge after now (s), at most the end of the period."""
     ahead = jnp.concatenate(edges)
     return jnp.minimum(jnp.min(jnp.where(ahead > now, ahead, period)), period)
-
-
-def _later(running: Running, end, length, level, mean, torque) -> Running:
-    """At the end (s) of a hold with these mean levels and this mean torque."""
-    return Running(end, level, running.on_time + length * mean, running.impulse + length * torque)

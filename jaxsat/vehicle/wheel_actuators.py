@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
 from jaxsat.allocation import least_squares_map, unit_columns, what_is_left
 from jaxsat.checks import as_array, as_float, as_optional_float, require_positive
-from jaxsat.vehicle.actuators import AbstractActuators
+from jaxsat.vehicle.actuators import AbstractActuators, AbstractSmoothActuators
 from jaxsat.vehicle.holds import AbstractPulsedActuators
 
 
@@ -124,6 +124,18 @@ class ActuatorsWithWheels(AbstractActuators):
         return (
             made if self.wheel_limit is None else dataclasses.replace(made, limiting=signs[:count])
         )
+
+
+class WheelDrives(AbstractSmoothActuators):
+    """The motors of wheels under a law that commands each of them, and nothing else."""
+
+    def __call__(self, command: Float[Array, " wheels"]) -> Float[Array, "3"]:
+        """No torque but that of the wheels, N m."""
+        return jnp.zeros(3, command.dtype)
+
+    def wheel_command(self, command: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
+        """The torque that each wheel is to put on the body, N m: as it is commanded."""
+        return command
 
 
 class PulsedActuatorsWithWheels(AbstractPulsedActuators):

@@ -9,6 +9,7 @@ import pytest
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.simulation import adaptive, simulate
+from jaxsat.solvers import class_name
 from jaxsat.vehicle import Actuators
 
 
@@ -31,7 +32,7 @@ def test_plant_and_law_hold_the_numbers_of_the_file():
     np.testing.assert_allclose(law.rate_slope_limit, [5 / 450, 5 / 260])
     np.testing.assert_allclose(law.three_axis_slope_limit, [25 / 450, 25 / 260])
     assert run.loop.substeps == 7
-    assert type(run.method.solver).__name__ == "Tsit5"
+    assert class_name(run.method.solver) == "Tsit5"
     assert float(run.loop.actuators.limit) == 5
 
 
@@ -60,10 +61,10 @@ def test_method_of_the_file():
 
     free = build(load("free-third-rate")).method
     assert float(free.step_size.rtol) == 1e-8
-    assert float(free.step_size.dtmin) == 2e-3
+    assert float(free.step_size.min_step) == 2e-3
     usual = adaptive()
     assert float(method().step_size.rtol) == float(usual.step_size.rtol)
-    assert type(method("simulation.solver.name=tsit5").solver).__name__ == "Tsit5"
+    assert class_name(method("simulation.solver.name=tsit5").solver) == "Tsit5"
     loose = method("simulation.solver.rtol=1e-6")
     assert float(loose.step_size.rtol) == 1e-6
     assert float(loose.step_size.atol) == float(usual.step_size.atol)

@@ -1,6 +1,5 @@
 """Studies from scenario files."""
 
-import diffrax
 import numpy as np
 import pytest
 
@@ -18,6 +17,7 @@ from jaxsat.montecarlo import QUANTITIES, LatinHypercube, Sobol
 from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.dispersion_tables import PARAMETERS
 from jaxsat.scenario.toml_text import toml_value
+from jaxsat.solvers import class_name
 
 OMEGA = "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=[0.1, 0.2, 0.3]}"
 
@@ -88,7 +88,7 @@ def test_sampling_and_design_reach_the_study():
 def test_engines_that_suit():
     benchmark = load("benchmark-three-axis")
     chosen = build_study(benchmark, 4).engine
-    assert isinstance(chosen.stepper.solver, diffrax.Dopri8)
+    assert class_name(chosen.stepper.solver) == "Dopri8"
     assert chosen.stepper.tolerance.rtol == ADAPTIVE_SOLVERS["dopri8"]
     assert isinstance(build_study(benchmark, 4, engine="diffrax").engine, ReferenceEngine)
     other = load("benchmark-three-axis", ["simulation.solver.name=bosh3"])

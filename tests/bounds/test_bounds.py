@@ -29,8 +29,10 @@ pytest.importorskip("casadi")
 REAL = (
     "cubesat-12u",
     "failures-12u",
+    "failures-telescope",
     "pulsed-two-torque",
     "thruster-dies",
+    "wheels-fail",
     "two-wheel-telescope",
 )
 """Scenarios with wheels, or thrusters that push, which have no bound."""

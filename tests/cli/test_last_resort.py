@@ -199,7 +199,7 @@ def test_signals_while_starting_and_while_the_first_is_told(numbers, status):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", ["numpy.lib", "jax._src.config", "pydantic", "diffrax"])
+@pytest.mark.parametrize("module", ["numpy.lib", "jax._src.config", "pydantic", "equinox"])
 def test_signals_while_jax_is_imported(module):
     """Inside jaxlib an exception of a signal would become a traceback and an ImportError."""
     code = SIGNALS_AT_IMPORT.format(numbers=[int(signal.SIGTERM)])

@@ -9,6 +9,7 @@ from jaxsat.assembly.run import build
 from jaxsat.comparison import (
     LAWS,
     LEVELS,
+    PERIOD,
     ComparisonSetting,
     Start,
     comparison_scenario,
@@ -31,6 +32,12 @@ def test_horizons():
     assert 1200 < horizon(2.0) < 2000
     assert horizon(0.25) == 4000.0
     assert horizon(100.0) == 1000.0
+
+
+def test_the_law_that_plans_goes_by_its_name():
+    control = comparison_scenario(ComparisonSetting("hard", 5.0, "planned")).control
+    assert (control.law, control.model_dump()["period_s"]) == ("planned", PERIOD)
+    assert "planned" not in LAWS  # "all" does not mean it
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from control.cases import INERTIA, C, form, paper_fit, ripple_filter_of, ripple_
 from jaxsat.control import (
     ThirdAxisEstimator,
 )
-from jaxsat.control.ripple import Ripple
+from jaxsat.control.ripple import Ripple, Steady
 
 PERIOD = 0.1
 AT_REST = jnp.zeros(3)
@@ -54,7 +54,7 @@ def test_observer_finds_the_ripple():
     )
     ripple = run(observer.init(jnp.array(rate[0])))
     angle = frequency * times[-1] + phase
-    _, rate_ripple, turn_ripple = observer.believed(ripple, ripple.rate)
+    _, rate_ripple, turn_ripple, _ = observer.believed(ripple, ripple.rate)
     assert rate_ripple == pytest.approx(-size / frequency * np.cos(angle), abs=1e-8)
     assert turn_ripple == pytest.approx(-size / frequency**2 * np.sin(angle), abs=1e-7)
     assert ripple.acceleration == pytest.approx(size * np.sin(angle), abs=1e-9)
@@ -75,7 +75,7 @@ def test_filter_finds_the_ripple_sooner_and_through_noise():
             return estimator.correct(memory, omega, jnp.array(PERIOD)), None
 
         memory = jax.lax.scan(one, estimator.init(measured[0]), measured)[0]
-        return jnp.stack(estimator.believed(memory, measured[-1]))
+        return jnp.stack(estimator.believed(memory, measured[-1])[:3])
 
     draws = jnp.array(np.random.default_rng(5).normal(size=(50, len(times))))
     measured = jnp.array(clean)[None, :] + noise * draws
@@ -90,9 +90,14 @@ def test_filter_finds_the_ripple_sooner_and_through_noise():
     assert jnp.all(error < 0.6 * other)
 
 
-def test_filter_is_the_batch_estimate():
-    """Without drift: weighted least squares for mean, ripple and quadrature at the end."""
-    filtering = ripple_filter_of(0.1, drift=1e-15)
+STEADY = Steady(jnp.array(1e-6), jnp.array(1e-18), jnp.array(1e-3))
+"""A steady acceleration of 1e-6 rad/s² is expected and does not change."""
+
+
+@pytest.mark.parametrize("steady", [None, STEADY])
+def test_filter_is_the_batch_estimate(steady):
+    """Without drift: weighted least squares for mean, ripple, quadrature and acceleration."""
+    filtering = ripple_filter_of(0.1, drift=1e-15, steady=steady)
     omega3 = np.random.default_rng(1).normal(size=30) * 3e-5
     memory = filtering.init(jnp.array(omega3[0]))
     for value in omega3[1:]:
@@ -100,12 +105,41 @@ def test_filter_is_the_batch_estimate():
         memory = filtering.advance(memory, omega, jnp.zeros(()), jnp.array(PERIOD))
         memory = filtering.correct(memory, omega, jnp.array(PERIOD))
     ago = 0.1 * PERIOD * np.arange(29, -1, -1)
-    rows = np.stack([np.ones(30), np.cos(ago), np.sin(ago)], axis=1) / 1e-5
+    rows = np.stack([np.ones(30), np.cos(ago), np.sin(ago), -ago / 0.1], axis=1) / 1e-5
     # The prior on ripple and quadrature is the same at every angle.
-    prior = np.diag([0, 1 / 3e-5, 1 / 3e-5])
-    left, right = np.vstack([rows, prior]), np.hstack([omega3 / 1e-5, 0, 0, 0])
-    batch = np.linalg.lstsq(left, right, rcond=None)[0]
+    prior = np.diag([0, 1 / 3e-5, 1 / 3e-5, 1 / 1e-6])
+    states = 3 if steady is None else 4
+    left = np.vstack([rows, prior])[:, :states]
+    batch = np.linalg.lstsq(left, np.append(omega3 / 1e-5, np.zeros(4)), rcond=None)[0]
     np.testing.assert_allclose(memory.state, batch, rtol=1e-6, atol=1e-12)
+
+
+def test_a_steady_acceleration_is_learnt_at_rest_and_believed_when_sure():
+    """3e-7 rad/s² through noise of 1e-5 rad/s; nothing of it beyond the rate limit."""
+    filtering = ripple_filter_of(0.1, drift=1e-7, steady=STEADY)
+    times = PERIOD * np.arange(3001)
+    noise = np.random.default_rng(2).normal(size=len(times))
+    measured = jnp.array(3e-7 * times + 1e-5 * noise)
+
+    def learnt(rate):
+        def one(memory, omega3):
+            omega = jnp.stack([rate, 0 * rate, omega3])
+            memory = filtering.advance(memory, omega, jnp.zeros(()), jnp.array(PERIOD))
+            memory = filtering.correct(memory, omega, jnp.array(PERIOD))
+            return memory, filtering.believed(memory, omega3).steady
+
+        memory, believed = jax.lax.scan(one, filtering.init(measured[0]), measured)
+        return memory.state[3], memory.covariance[3, 3], believed
+
+    known, variance, believed = jax.jit(learnt)(jnp.array(0.0))
+    assert known == pytest.approx(3e-7, abs=3 * float(jnp.sqrt(variance)))
+    assert variance < (3e-8) ** 2
+    assert believed[50] == 0
+    assert believed[-1] == known
+    fast, variance, believed = jax.jit(learnt)(jnp.array(2e-3))
+    assert fast == 0
+    assert variance == pytest.approx(1e-12)
+    assert not jnp.any(believed)
 
 
 def test_observer_waits_while_the_rates_are_large():
@@ -139,7 +173,9 @@ def test_recursive_least_squares_is_the_batch_solution():
     information = information + regressors.T @ regressors / 2e-5**2
     batch = np.linalg.solve(information, regressors.T @ values / 2e-5**2)
     np.testing.assert_allclose(fit.estimate, batch, rtol=1e-7)
-    np.testing.assert_allclose(fit.covariance, np.linalg.inv(information), rtol=1e-5, atol=1e-16)
+    covariance = fit.covariance.matrix
+    np.testing.assert_allclose(covariance, np.linalg.inv(information), rtol=1e-5, atol=1e-16)
+    np.testing.assert_array_equal(covariance, covariance.T)  # as what is halved must be
 
 
 def test_estimate_of_leaning_axes_and_products_of_inertia():

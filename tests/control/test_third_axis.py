@@ -94,6 +94,15 @@ def test_the_nearest_attitude_that_can_be_held_is_wanted(share):
     np.testing.assert_allclose(third.rest, rest)
 
 
+@pytest.mark.parametrize(("share", "turns"), [(0.5, True), (1.01, False)])
+def test_a_drift_that_the_end_game_balances_is_no_reason_to_turn(share, turns):
+    form = leaning_form()
+    drift = abs(drift_at(form, np.zeros(3)))
+    estimator = ThirdAxisEstimator(form, None, None, jnp.array(share * drift))
+    third, _ = estimator.update(form.rest, estimator.init(form.rest), jnp.array(0.1))
+    assert bool(jnp.any(third.turn != 0)) == turns
+
+
 def test_an_attitude_relative_to_a_turned_frame():
     """Against SciPy's rotations."""
     attitude, turn = Rotation.from_rotvec([0.4, -0.3, 0.9]), np.array([0.02, -0.01, 0.015])

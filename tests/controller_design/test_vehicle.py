@@ -20,6 +20,7 @@ from jaxsat.controller_design.candidates import (
 from jaxsat.controller_design.completion import completed
 from jaxsat.controller_design.explanation import stronger
 from jaxsat.controller_design.reading import ALL, read_vehicle
+from jaxsat.controller_design.tuning import tuning_table
 from jaxsat.controller_design.turned import turned
 from jaxsat.controller_design.vehicle import scale_of, vehicle_verdict
 from jaxsat.inertia import normal_axes
@@ -59,7 +60,8 @@ def test_a_file_may_have_the_spacecraft_alone(bare):
     assert (vehicle.law, vehicle.timed) == (ALL, False)
     assert vehicle.scenario.title == "bare"
     assert vehicle.scenario.orbit.rate_rad_s == 0
-    assert [one.name for one in complete(vehicle).candidates] == ["three-slew", "oscillatory"]
+    names = ["three-slew", "oscillatory", "planned"]
+    assert [one.name for one in complete(vehicle).candidates] == names
 
 
 def test_what_a_file_says_is_kept(bare):
@@ -117,6 +119,22 @@ def test_dispersions_that_are_given_are_kept_with_their_duration():
     found = completed(scenario, verdict, scale_of(scenario))
     assert found.assumed == ()
     assert found.scenario == scenario
+
+
+def test_the_law_that_plans_is_tuned_without_derivatives(bare):
+    vehicle = read_vehicle(bare)._replace(law="planned")
+    (found,) = complete(vehicle).candidates
+    table = tuning_table(found.scenario, scale_of(found.scenario), 4, 100)
+    assert table.optimiser == "cma-es"
+    assert table.parameters.keys() == {"planning_margin", "replan_s"}
+    tuned = found.scenario.model_copy(update={"tuning": table})
+    assert jaxsat.Scenario.model_validate(tuned.model_dump(exclude_none=True)) == tuned
+
+
+def test_the_law_that_plans_is_for_thrusters():
+    """It knows nothing of the momentum that wheels can take."""
+    candidates = complete(read_vehicle("two-wheel-telescope")).candidates
+    assert "planned" not in [one.name for one in candidates]
 
 
 def test_two_wheels_start_without_momentum_and_without_thrusters_to_disperse():

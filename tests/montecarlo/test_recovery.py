@@ -71,7 +71,7 @@ def test_every_unrecovered_case_is_explained_in_a_line():
     first, second = summarise_recovery(by_hand(), np.arange(4)).unrecovered
     assert (first.case, first.reason) == (1, Recovery.WRONG_THRUSTER_ISOLATED)
     assert first.text == (
-        "a thruster that works isolated; thruster b stuck at 0.25 at 20 s; two torques are left, "
+        "a working actuator isolated; thruster b stuck at 0.25 at 20 s; two torques are left, "
         "controllable; alarm 5 s later; isolated: thruster a as dead at 27 s"
     )
     assert "not controllable; no alarm; isolated: nothing" in second.text

@@ -15,8 +15,10 @@ jax.monitoring.register_event_duration_secs_listener(lambda name, *_, **__: happ
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
 from jaxsat.results import StudyStore
-study = build_study(load("benchmark-three-axis"), 100, engine="scan")
-study.cases(np.arange(100)), study.identity(), study.columns()
+study = build_study(load("benchmark-three-axis", purpose="study"), 100, engine="scan")
+study.cases(np.arange(100)), study.columns()
+assert "diffrax" not in sys.modules  # which a study needs to be traced, and no kernel that is kept
+study.identity()
 slow = {"matplotlib", "optax", "pandas", "scipy", "xarray"} & set(sys.modules)
 print(sorted(slow), sum("backend_compile" in name for name in happened))
 jax.numpy.arange(3.0) + 1

@@ -64,12 +64,14 @@ def test_another_study_is_refused(tmp_path):
         made(tmp_path / "s", identity=other)
 
 
-def test_differences_are_told_by_place_the_programs_last():
+def test_differences_are_told_by_place_numbers_without_names_where_nothing_else_differs():
     old = {"program": {"numbers": [[1, 2], 3]}, "scenario": {"k": 1}, "list": [1], "same": [[0]]}
     new = {"program": {"numbers": [[1, 4], 5]}, "scenario": {"k": 2}, "list": [1, 2], "same": [[0]]}
     assert differences(old, new) == [
         "list: [1] there, [1, 2] here",
         "scenario.k: 1 there, 2 here",
+    ]
+    assert differences({"program": old["program"]}, {"program": new["program"]}) == [
         "program.numbers.1.2: 2 there, 4 here",
         "program.numbers.2: 3 there, 5 here",
     ]

@@ -19,10 +19,12 @@ ACCEPTANCE = ["acceptance-hard", "acceptance-mc", "acceptance-nominal"]
 REAL = [
     "cubesat-12u",
     "failures-12u",
+    "failures-telescope",
     "one-torque-damping",
     "pulsed-two-torque",
     "thruster-dies",
     "two-wheel-telescope",
+    "wheels-fail",
 ]
 NAMES = PAPER + SETTLING + ACCEPTANCE + TUNED + REAL
 

@@ -32,6 +32,8 @@ from jaxsat.simulation import (
     fixed,
     simulate,
 )
+from jaxsat.simulation.methods import AdaptiveSteps
+from jaxsat.solvers import class_name
 from jaxsat.vehicle import Spacecraft
 
 TIMES = jnp.linspace(0.0, 10.0, 11)
@@ -199,8 +201,8 @@ def test_error_coordinates_are_refused_where_law_and_plant_differ(change):
 
 
 def test_default_methods_suit_their_loops():
-    assert isinstance(default_method(three_axis_loop(PAPER_THREE_AXIS)).solver, diffrax.Dopri8)
-    for width, kind in ((0.0, diffrax.PIDController), (1e-4, diffrax.ConstantStepSize)):
+    assert class_name(default_method(three_axis_loop(PAPER_THREE_AXIS)).solver) == "Dopri8"
+    for width, kind in ((0.0, AdaptiveSteps), (1e-4, type(None))):
         method = default_method(rate_loop(PAPER_RATE, width=width))
         assert isinstance(method.step_size, kind)
 

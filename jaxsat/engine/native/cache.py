@@ -30,6 +30,9 @@ from jaxsat.engine.native.private import private_folder, read, remove_abandoned,
 ENTRIES = 256
 """How many are kept; the ones unused for longest go."""
 
+KINDS = (".o", ".kernel")
+"""How the names of entries end: machine code, and kernels (`kept`)."""
+
 KEY = "key"
 
 _BYTES = 32
@@ -78,24 +81,39 @@ def object_code(text: str) -> bytes:
     host = target.host()
     made_from = (target.PASSES, target.version(), host.name, host.features, text)
     name = f"{hashlib.sha256(repr(made_from).encode()).hexdigest()}.o"
+    found = kept(name)
+    if found is None:
+        found = target.object_code(text)
+        keep(name, found)
+    return found
+
+
+def kept(name: str) -> bytes | None:
+    """What an entry contains; None where there is none, or none that was written here."""
     try:
         place = private_folder(folder())
         key = _key(place)
     except OSError as error:
         _tell(error)
-        return target.object_code(text)
-    kept = read(place / name)
-    if kept is not None and hmac.compare_digest(kept[:_BYTES], _code(key, name, kept[_BYTES:])):
-        with contextlib.suppress(OSError):
-            os.utime(place / name)
-        return kept[_BYTES:]
-    made = target.object_code(text)
+        return None
+    content = read(place / name)
+    if content is None or not hmac.compare_digest(
+        content[:_BYTES], _code(key, name, content[_BYTES:])
+    ):
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(place / name)
+    return content[_BYTES:]
+
+
+def keep(name: str, content: bytes) -> None:
+    """Let an entry contain this, if there is a place for it."""
     try:
-        write(place / name, _code(key, name, made) + made)
+        place = private_folder(folder())
+        write(place / name, _code(_key(place), name, content) + content)
         _remove_oldest(place)
     except OSError as error:
         _tell(error)
-    return made
 
 
 def _key(place: Path) -> bytes:
@@ -116,7 +134,7 @@ def _code(key: bytes, name: str, content: bytes) -> bytes:
 def _remove_oldest(place: Path) -> None:
     remove_abandoned(place)
     times = {}
-    for entry in place.glob("*.o"):
+    for entry in (found for kind in KINDS for found in place.glob(f"*{kind}")):
         with contextlib.suppress(FileNotFoundError):  # another process has removed it
             times[entry] = entry.lstat().st_mtime
     for entry in sorted(times, key=times.__getitem__)[:-ENTRIES]:

@@ -1,6 +1,8 @@
-"""Dead-code elimination: steps whose results nobody uses, and results of switches and calls."""
+"""Dead-code elimination: steps whose results nobody uses, results of switches and calls, and
+carries of loops on which nothing depends but themselves."""
 
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Sequence
 from itertools import compress
 
 from jaxsat.engine.native.ir import (
@@ -10,6 +12,7 @@ from jaxsat.engine.native.ir import (
     Load,
     Loop,
     Operation,
+    Scalar,
     Step,
     Store,
     Switch,
@@ -17,82 +20,106 @@ from jaxsat.engine.native.ir import (
 )
 
 
-@dataclass
 class DeadCodeElimination:
-    """Removes what nobody uses; `used` holds the numbers of live values and memories."""
+    """Removes from a block what its results do not depend on.
 
-    used: set[int] = field(default_factory=set)
+    `live` holds the numbers of the values and memories that they do depend on.
+    """
 
-    def need(self, scalars) -> None:
-        """Mark values as used."""
-        self.used.update(s.number for s in scalars if isinstance(s, Value))
+    def __init__(self, block: Block, results: Sequence[Scalar]):
+        self._needs: dict[int, list[int]] = defaultdict(list)
+        self._gather(block, [])
+        self.live: set[int] = set()
+        waiting = _numbers(results)
+        while waiting:
+            number = waiting.pop()
+            if number not in self.live:
+                self.live.add(number)
+                waiting += self._needs[number]
+        self._clean(block)
 
-    def block(self, block: Block) -> None:
-        """Remove the dead code of a block whose own results are marked already."""
-        kept: list[Step] = []
-        for step in reversed(block.steps):
-            if self._wanted(step):
-                self._mark(step)
-                kept.append(step)
-        block.steps = kept[::-1]
-
-    def _wanted(self, step: Step) -> bool:
-        match step:
-            case Operation(out=out) | Load(out=out):
-                return out.number in self.used
-            case Store(memory=memory):
-                return memory.number in self.used
-            case Loop(params=outs, body=body):
-                return self._stores(body) or any(out.number in self.used for out in outs)
-            case Switch(outs=outs, blocks=blocks):
-                stores = any(map(self._stores, blocks))
-                return stores or any(out.number in self.used for out in outs)
-            case Call(outs=outs):
-                return any(out.number in self.used for out in outs)
-
-    def _stores(self, block: Block) -> bool:
+    def _gather(self, block: Block, control: list[int]) -> None:
+        """Note what values and memories need; `control` are the conditions around the block."""
         for step in block.steps:
             match step:
-                case Store(memory=memory) if memory.number in self.used:
-                    return True
-                case Loop(body=body) if self._stores(body):
-                    return True
-                case Switch(blocks=blocks) if any(map(self._stores, blocks)):
-                    return True
-        return False
+                case Operation(out=out, args=args):
+                    self._needs[out.number] += _numbers(args)
+                case Call(outs=outs, args=args):
+                    for out in outs:
+                        self._needs[out.number] += _numbers(args)
+                case Load(memory=memory, index=index, out=out):
+                    self._needs[out.number] += [memory.number, *_numbers([index])]
+                    self._needs[out.number] += _numbers(memory.elements)
+                case Store(memory=memory, index=index, value=value):
+                    self._needs[memory.number] += [*_numbers([index, value]), *control]
+                case Switch():
+                    inner = [*control, *_numbers([step.index])]
+                    for inside, results in zip(step.blocks, step.yields, strict=True):
+                        self._gather(inside, inner)
+                        for out, result in zip(step.outs, results, strict=True):
+                            self._needs[out.number] += _numbers([result, step.index])
+                case Loop():
+                    inner = [*control, *_numbers([step.active])]
+                    self._gather(step.condition, inner)
+                    self._gather(step.body, inner)
+                    for one in zip(step.params, step.before, step.after, strict=True):
+                        self._needs[one[0].number] += _numbers([*one[1:], step.active])
 
-    def _mark(self, step: Step) -> None:
+    def _clean(self, block: Block) -> None:
+        """Remove the dead code of a block and of those inside."""
+        block.steps = [step for step in block.steps if self._kept(step)]
+
+    def _kept(self, step: Step) -> bool:
+        """Whether a step is wanted, which then is without its own dead parts."""
         match step:
-            case Operation(args=args):
-                self.need(args)
-            case Call():
-                self.need(step.args)
-                used = [out.number in self.used for out in step.outs]
+            case Operation(out=out) | Load(out=out):
+                return out.number in self.live
+            case Store(memory=memory):
+                return memory.number in self.live
+            case Call(outs=outs):
+                used = self._used(outs)
                 if step.function.parts and sum(used) == 1:
                     step.function = step.function.parts[used.index(True)]
-                    step.outs = list(compress(step.outs, used))
-            case Load(memory=memory, index=index):
-                self.used.add(memory.number)
-                self.need([index, *memory.elements])
-            case Store(index=index, value=value):
-                self.need([index, value])
+                    step.outs = list(compress(outs, used))
+                return any(used)
             case Switch():
-                used = [out.number in self.used for out in step.outs]
+                used = self._used(step.outs)
                 step.outs = list(compress(step.outs, used))
                 step.yields = [list(compress(results, used)) for results in step.yields]
-                for block, results in zip(step.blocks, step.yields, strict=True):
-                    self.need(results)
-                    self.block(block)
-                self.need([step.index])
+                for inside in step.blocks:
+                    self._clean(inside)
+                return bool(step.outs) or any(map(_stores, step.blocks))
             case Loop():
-                self.need([*step.after, *step.before, step.active, *step.params])
-                self.block(step.body)
-                self.block(step.condition)
+                used = self._used(step.params)
+                step.params = list(compress(step.params, used))
+                step.before = list(compress(step.before, used))
+                step.after = list(compress(step.after, used))
+                self._clean(step.condition)
+                self._clean(step.body)
+                return bool(step.params) or _stores(step.body)
+
+    def _used(self, outs: Sequence[Value]) -> list[bool]:
+        return [out.number in self.live for out in outs]
+
+
+def _numbers(scalars: Sequence[Scalar]) -> list[int]:
+    return [x.number for x in scalars if isinstance(x, Value)]
+
+
+def _stores(block: Block) -> bool:
+    """Whether a block without dead code stores anything."""
+    for step in block.steps:
+        match step:
+            case Store():
+                return True
+            case Loop(body=body) if _stores(body):
+                return True
+            case Switch(blocks=blocks) if any(map(_stores, blocks)):
+                return True
+    return False
 
 
 def without_dead_code(function: Function) -> Function:
     """The function without its dead code."""
-    elimination = DeadCodeElimination()
-    elimination.need(function.results)
-    elimination.block(function.block)
+    DeadCodeElimination(function.block, function.results)
     return function

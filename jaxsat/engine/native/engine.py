@@ -21,10 +21,11 @@ from jaxsat.engine.interface import (
 from jaxsat.engine.native import target
 from jaxsat.engine.native.arguments import as_numbers
 from jaxsat.engine.native.emitter import require_lanes
+from jaxsat.engine.native.kept import entry_name
 from jaxsat.engine.native.kernel import Kernel
 from jaxsat.engine.native.lowering import CannotLower
 from jaxsat.engine.native.phases import ForwardModePhases, PrimalPhases
-from jaxsat.engine.native.trajectory import lower_trajectory, numbers_of
+from jaxsat.engine.native.trajectory import LoweredTrajectory, lower_trajectory, numbers_of
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.engine.stepper import AbstractStepper
@@ -75,6 +76,12 @@ class NativeEngine(AbstractEngine):
     ) -> dict[str, ClosedJaxpr]:
         """The operations that the machine code is made from, phase by phase."""
         return self.kernel(program, cases, gains, derivatives=mode is not None).trajectory.jaxprs
+
+    def operations(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> str:
+        """The fingerprint of these, which may have been kept on disk with the machine code."""
+        return self.kernel(program, cases, gains, derivatives=mode is not None).operations
 
     def kernel(
         self, program: Program, cases: PyTree, gains: PyTree = None, *, derivatives: bool = False
@@ -175,10 +182,14 @@ def _kernel(
     key = (_kind(whole), _kind(case), _kind(gains), lanes, derivatives)
     with _making:
         if key not in _kernels:
-            phases = PrimalPhases(stepper, program)
-            chosen = ForwardModePhases(phases) if derivatives else phases
-            trajectory = lower_trajectory(chosen, numbers_of(*whole), case, gains, lanes)
-            _kernels[key] = Kernel(trajectory, lanes)
+
+            def lowered() -> LoweredTrajectory:
+                phases = PrimalPhases(stepper, program)
+                chosen = ForwardModePhases(phases) if derivatives else phases
+                return lower_trajectory(chosen, numbers_of(*whole), case, gains, lanes)
+
+            name = entry_name(whole, case, gains, lanes, derivatives)
+            _kernels[key] = Kernel(lowered, lanes, name)
         return _kernels[key]
 
 

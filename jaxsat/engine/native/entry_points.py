@@ -10,15 +10,18 @@ An entry point is called for one vector of trajectories as
 lanes.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
 from jaxsat.engine.native.builder import is_uniform
 from jaxsat.engine.native.cold_branches import merge_cold_branches
 from jaxsat.engine.native.dead_code import DeadCodeElimination
+from jaxsat.engine.native.dependencies import dependencies
 from jaxsat.engine.native.emitter import Module
+from jaxsat.engine.native.invariants import move_invariants
 from jaxsat.engine.native.ir import Function, Operation, Scalar, Value
 from jaxsat.engine.native.llvm import FunctionEmitter
 from jaxsat.engine.native.llvm_types import memory_type, scalar_type, suffix, vector_type
@@ -46,19 +49,29 @@ class EntryPoint:
     inputs: list[Location]
     outputs: list[Location]
 
+    def needed_for(self, outputs: Container[Location]) -> set[Location]:
+        """The locations of the inputs that the results in these locations need."""
+        needs = zip(self.outputs, dependencies(self.function), strict=True)
+        return {self.inputs[i] for location, some in needs if location in outputs for i in some}
+
+    def with_outputs(self, outputs: Container[Location]) -> "EntryPoint":
+        """With no results but those in these locations."""
+        keep = [location in outputs for location in self.outputs]
+        results = list(compress(self.function.results, keep))
+        return EntryPoint(
+            replace(self.function, results=results), self.inputs, list(compress(self.outputs, keep))
+        )
+
     @bugs_in("optimisation")
     def optimised(self) -> "EntryPoint":
-        """Without dead code, its cold branches merged, its steps scheduled."""
-        elimination = DeadCodeElimination()
-        elimination.need(self.function.results)
-        elimination.block(self.function.block)
+        """Without dead code, invariants before loops, cold branches merged, steps scheduled."""
+        elimination = DeadCodeElimination(self.function.block, self.function.results)
+        move_invariants(self.function.block)
         merge_cold_branches(self.function.block)
         schedule(self.function.block, self.function.results)
-        keep = [param.number in elimination.used for param in self.function.params]
-        params = [p for p, used in zip(self.function.params, keep, strict=True) if used]
-        inputs = [location for location, used in zip(self.inputs, keep, strict=True) if used]
-        function = Function(self.function.name, params, self.function.block, self.function.results)
-        return EntryPoint(function, inputs, self.outputs)
+        keep = [param.number in elimination.live for param in self.function.params]
+        function = replace(self.function, params=list(compress(self.function.params, keep)))
+        return EntryPoint(function, list(compress(self.inputs, keep)), self.outputs)
 
 
 @bugs_in("printing")

@@ -4,7 +4,7 @@ import ctypes
 import itertools
 import operator
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -12,11 +12,13 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
+from jaxsat.engine.fingerprint import fingerprint
 from jaxsat.engine.native import cache, target
 from jaxsat.engine.native.arguments import Memory, addresses
 from jaxsat.engine.native.drivers import RUN, advance_lanes, run_blocks, run_lanes
 from jaxsat.engine.native.emitter import Module
 from jaxsat.engine.native.entry_points import emit_entry_point
+from jaxsat.engine.native.kept import MadeKernel, kept_or_made
 from jaxsat.engine.native.threads import in_own_thread, in_threads
 from jaxsat.engine.native.trajectory import LoweredTrajectory
 
@@ -35,10 +37,35 @@ Trees = Mapping[str, PyTree]
 
 
 class Kernel:
-    """A program's entry points as machine code for vectors of `lanes` cases."""
+    """A program's entry points as machine code for vectors of `lanes` cases.
 
-    def __init__(self, trajectory: LoweredTrajectory, lanes: int):
-        self.trajectory, self.lanes = trajectory, lanes
+    `lower` gives them; where the kernel is `kept` under a name, only when they are looked into.
+    """
+
+    def __init__(self, lower: Callable[[], LoweredTrajectory], lanes: int, name: str | None = None):
+        self._lower, self.lanes = lower, lanes
+        self._made = kept_or_made(name, lambda: self._make(name is not None))
+        names = ["run", "begin", "advance", "finish"]
+        self._keep, self._addresses = _linked(self._made.code, names)
+
+    @cached_property
+    def trajectory(self) -> LoweredTrajectory:
+        """The entry points, lowered."""
+        return self._lower()
+
+    @cached_property
+    def operations(self) -> str:
+        """The `fingerprint` of what was traced."""
+        return self._made.operations or fingerprint(self.trajectory.jaxprs)
+
+    @property
+    def text(self) -> str:
+        """The LLVM code."""
+        return self._module.text(target.host().attributes())
+
+    @cached_property
+    def _module(self) -> Module:
+        trajectory, lanes = self.trajectory, self.lanes
         module = Module(lanes, target.host().masks)
         for entry in trajectory.entry_points:
             if entry.function.name != OBSERVE:
@@ -48,10 +75,21 @@ class Kernel:
         else:
             module.functions["advance"] = advance_lanes(lanes, trajectory.going)
             module.functions["run"] = run_lanes(lanes, trajectory.going)
-        self.text = module.text(target.host().attributes())
-        self._arena = module.arena
-        names = ["run", "begin", "advance", "finish"]
-        self._keep, self._addresses = _linked(self.text, names)
+        return module
+
+    def _make(self, whole: bool) -> MadeKernel:
+        """What is kept, without the fingerprint unless it is to be `whole`."""
+        lowered = self.trajectory
+        return MadeKernel(
+            in_own_thread(lambda stopped: cache.object_code(self.text)),
+            self._module.arena,
+            lowered.state_size,
+            lowered.arguments,
+            lowered.outputs,
+            lowered.signals,
+            lowered.going,
+            fingerprint(lowered.jaxprs) if whole else "",
+        )
 
     @cached_property
     def _observing(self) -> tuple[object, dict[str, int], int]:
@@ -61,7 +99,8 @@ class Kernel:
             if entry.function.name == OBSERVE:
                 emit_entry_point(module, entry)
         text = module.text(target.host().attributes())
-        return *_linked(text, [OBSERVE]), module.arena
+        code = in_own_thread(lambda stopped: cache.object_code(text))
+        return *_linked(code, [OBSERVE]), module.arena
 
     def run(self, trees: Trees, intervals: int, workers: int) -> Any:
         """Outputs of all cases.
@@ -71,13 +110,13 @@ class Kernel:
         arrays that are not of the kind the machine code was made for.
         """
         inputs, count = self._taken(trees, intervals)
-        outputs, leaves = _room(self.trajectory.outputs, count)
+        outputs, leaves = _room(self._made.outputs, count)
         run = RUN(self._addresses["run"])
         piece = self._piece(count, workers)
         pieces = iter(range(0, count, piece))
 
         def work(stopped: threading.Event) -> None:
-            arena, state = Memory(self._arena), Memory(self.trajectory.state_size)
+            arena, state = Memory(self._made.arena), Memory(self._made.state_size)
             pointers = addresses(arena, [*inputs, *leaves])  # which live as long as this needs them
             for begin in pieces:  # next() of a range iterator is atomic
                 if stopped.is_set():
@@ -91,12 +130,12 @@ class Kernel:
     def _taken(self, trees: Trees, intervals: int) -> tuple[list[np.ndarray], int]:
         if not 0 < operator.index(intervals) < 1 << 63:
             raise ValueError(f"Argument `intervals` must be at least 1, but got {intervals}.")
-        return self.trajectory.arguments.taken(trees)
+        return self._made.arguments.taken(trees)
 
     def _piece(self, count: int, workers: int) -> int:
         """Cases that a thread takes at a time: more where lanes are refilled."""
         vectors = PIECE
-        if self.trajectory.going is not None:
+        if self._made.going is not None:
             vectors = min(max(PIECE, count // (2 * self.lanes * workers)), REFILLED)
         return vectors * self.lanes
 
@@ -107,8 +146,8 @@ class Kernel:
         points are those of `run`, so the bits are, too, and so are the errors.
         """
         inputs, count = self._taken(trees, instants[-1])
-        outputs, leaves = _room(self.trajectory.outputs, count)
-        seen, now = _room(self.trajectory.signals, count)
+        outputs, leaves = _room(self._made.outputs, count)
+        seen, now = _room(self._made.signals, count)
         begin, advance, finish = (
             ENTRY_POINT(self._addresses[name]) for name in ("begin", "advance", "finish")
         )
@@ -116,7 +155,7 @@ class Kernel:
         observe = ENTRY_POINT(observing[OBSERVE])
 
         def work(stopped: threading.Event) -> list[PyTree]:
-            arena, history = Memory(max(self._arena, arena_size)), []
+            arena, history = Memory(max(self._made.arena, arena_size)), []
             pointers = addresses(arena, [*inputs, *leaves, *now])
             blocks = [self._block(first, count) for first in range(0, count, self.lanes)]
             for state, cases, wanted in blocks:
@@ -141,12 +180,12 @@ class Kernel:
         numbers = first + np.arange(self.lanes)
         cases = Memory(8 * self.lanes).bytes.view(np.int64)
         cases[:] = np.minimum(numbers, count - 1)
-        return Memory(self.trajectory.state_size), cases, (numbers < count).astype(np.uint8)
+        return Memory(self._made.state_size), cases, (numbers < count).astype(np.uint8)
 
 
-def _linked(text: str, names: list[str]) -> tuple[object, dict[str, int]]:
-    """The machine code of a text, from the cache or made."""
-    return in_own_thread(lambda stopped: target.loaded(cache.object_code(text), names))
+def _linked(code: bytes, names: list[str]) -> tuple[object, dict[str, int]]:
+    """Machine code in memory."""
+    return in_own_thread(lambda stopped: target.loaded(code, names))
 
 
 def _room(shapes: PyTree, count: int) -> tuple[PyTree, list[np.ndarray]]:

@@ -43,6 +43,8 @@ def simplified(name: str, args: tuple[Scalar, ...], dtype: np.dtype) -> Scalar |
             nothing = False if dtype == BOOL else 0
             absorbing = _with_absorbing(x, y, True) if dtype == BOOL else None
             return _with_neutral(x, y, nothing) or absorbing
+        case "min" | "max", (x, y):
+            return x if identity(x) == identity(y) else None
         case "xor", (x, y):
             return _with_neutral(x, y, False if dtype == BOOL else 0)
         case "shift_left" | "shift_right_logical" | "shift_right_arithmetic", (x, y):

@@ -4,7 +4,7 @@ Numbers of a case that are the same in all cases stay uniform from one entry poi
 and those known when lowering stay constants.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -98,11 +98,18 @@ def lower_trajectory(
         where: list[Location] = [slot]
         locations["going"], going = where, slot.offset
     inputs = [*sources, *of_program]
-    later = [_later(name, jaxprs[name], inputs, location) for name, location in locations.items()]
+    later = {name: _later(name, jaxprs[name], inputs, where) for name, where in locations.items()}
+    later[onwards] = _with_needed_results(later.pop(onwards), later.values())
     trees = {"cases": case, "numbers": jax.tree.leaves(numbers), "gains": gains}
     arguments = Arguments.of(trees, jaxprs["begin"].in_avals, "cases")
     return LoweredTrajectory(
-        [begin, *later], state.size, arguments, outputs, signals, jaxprs, going
+        [begin, *(entry.optimised() for entry in later.values())],
+        state.size,
+        arguments,
+        outputs,
+        signals,
+        jaxprs,
+        going,
     )
 
 
@@ -197,4 +204,15 @@ def _later(
     b = Builder()
     arrays = arrays_of(scalars, [aval.shape for aval in jaxpr.in_avals])
     results = scalars_of(lower(b, jaxpr, arrays))
-    return EntryPoint(Function(name, params, b.block, results), locations, outputs).optimised()
+    return EntryPoint(Function(name, params, b.block, results), locations, outputs)
+
+
+def _with_needed_results(onwards: EntryPoint, others: Iterable[EntryPoint]) -> EntryPoint:
+    """Without the results that in the end nothing but they themselves need.
+
+    The dense output of states that nobody observes is an example.
+    """
+    needed = set[Location]().union(*(entry.needed_for(entry.outputs) for entry in others))
+    while more := onwards.needed_for(needed) - needed:
+        needed |= more
+    return onwards.with_outputs(needed)

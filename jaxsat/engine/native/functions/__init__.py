@@ -17,11 +17,17 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr
 from numpy.typing import DTypeLike
 
-from jaxsat.engine.native.functions.error_function import erf, erf_inv, erfc
+from jaxsat.engine.native.functions.error_function import erf, erf_inv, erfc, near_erf_inv
 from jaxsat.engine.native.functions.exponential import exp, exp2, expm1, logistic
 from jaxsat.engine.native.functions.hyperbolic import cosh, sinh, tanh
 from jaxsat.engine.native.functions.inverse_hyperbolic import acosh, asinh, atanh
-from jaxsat.engine.native.functions.inverse_trigonometric import acos, asin, atan, atan2
+from jaxsat.engine.native.functions.inverse_trigonometric import (
+    acos,
+    asin,
+    atan,
+    atan2,
+    near_atan2,
+)
 from jaxsat.engine.native.functions.logarithm import log, log1p
 from jaxsat.engine.native.functions.power import cbrt, pow
 from jaxsat.engine.native.functions.trigonometric import (
@@ -69,7 +75,9 @@ FUNCTIONS: dict[str, Callable] = {
         "log": log,
         "log1p": log1p,
         "logistic": logistic,
+        "near_atan2": near_atan2,
         "near_cos": near_cos,
+        "near_erf_inv": near_erf_inv,
         "near_sin": near_sin,
         "near_sincos": near_sincos,
         "pow": pow,

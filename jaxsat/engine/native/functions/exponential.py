@@ -86,6 +86,14 @@ def exp_pair(x: Double, low: Double | None = None) -> tuple[Double, Double, Inte
     return *fast_two_sum(lax.full_like(x, 1.0), tail), n
 
 
+def expm1_pair(x: Double) -> tuple[Double, Double]:
+    """exp(x) - 1 and its rounding error, for x in [0, 40]."""
+    r, low, n = _reduced(x)
+    power = power_of_two(n)
+    total, error = fast_two_sum(power - 1.0, power * r)
+    return fast_two_sum(total, error + power * (r * r * polynomial(r, _EXPONENTIAL) + low))
+
+
 def bounded(x: Double, least: float, most: float) -> Double:
     """`x` within bounds; NaN stays."""
     return select(x < least, least, select(x > most, most, x))

@@ -1,23 +1,17 @@
-"""sinh, cosh and tanh: of exp where they are large, polynomials where they are small."""
+"""sinh, cosh and tanh, of exp; sinh by a polynomial where it is small."""
 
 from jax import lax
 
-from jaxsat.engine.native.functions.bits import Double, polynomial, scaled, select, with_sign_of
-from jaxsat.engine.native.functions.exponential import bounded, exp_parts
-
-_TANGENT_HYPERBOLIC = (
-    -0.3333333333333333,
-    0.13333333333332714,
-    -0.053968253967434016,
-    0.021869488493666944,
-    -0.008863234397814355,
-    0.003592110378689024,
-    -0.001455661830100716,
-    0.0005889360520074057,
-    -0.0002346347410887237,
-    8.511313685577672e-05,
-    -2.060276537636634e-05,
+from jaxsat.engine.native.functions.bits import (
+    Double,
+    fast_two_sum,
+    polynomial,
+    scaled,
+    select,
+    with_sign_of,
 )
+from jaxsat.engine.native.functions.exponential import bounded, exp_parts, expm1_pair
+
 _SINE_HYPERBOLIC = (
     0.16666666666666666,
     0.008333333333333333,
@@ -45,12 +39,17 @@ def cosh(x: Double) -> Double:
 
 
 def tanh(x: Double) -> Double:
-    """Hyperbolic tangent."""
+    """Hyperbolic tangent: t/(t + 2) with t = exp(2 |x|) - 1.
+
+    Where t < 2, what the roundings of t and t + 2 change is put back; 1/(t + 2) is half of
+    1 - tanh.
+    """
     size = lax.abs(x)
-    e = scaled(*exp_parts(bounded(2.0 * size, 0.0, 50.0)))
-    z = x * x
-    small = size + size * (z * polynomial(z, _TANGENT_HYPERBOLIC))
-    return with_sign_of(select(size < 0.55, small, 1.0 - 2.0 / (e + 1.0)), x)
+    t, t_low = expm1_pair(2.0 * select(size > 20.0, 20.0, size))
+    whole, whole_low = fast_two_sum(lax.full_like(t, 2.0), t)
+    found = t / whole
+    correction = (t_low - whole_low * found) * (0.5 - 0.5 * found)
+    return with_sign_of(found + select(t < 2.0, correction, 0.0), x)
 
 
 def _half_exp(x: Double) -> Double:

@@ -34,8 +34,14 @@ _LOGARITHM = (
 def log(x: Double) -> Double:
     """Natural logarithm: -inf of zero, NaN of negative numbers."""
     mantissa, k = split(x)
-    value = _sum(mantissa - 1.0, 0.0, to_double(k))
+    value = _sum(mantissa - 1.0, None, to_double(k))
     return _at_the_ends(x, value)
+
+
+def near_log(x: Double) -> Double:
+    """The natural logarithm of a positive normal number."""
+    mantissa, k = mantissa_and_exponent(x, SQRT_HALF)
+    return _sum(mantissa - 1.0, None, to_double(k))
 
 
 def log1p(x: Double) -> Double:
@@ -64,13 +70,15 @@ def split(x: Double) -> tuple[Double, Integer]:
     return mantissa, k - lax.select(tiny, lax.full_like(k, 54), lax.full_like(k, 0))
 
 
-def _sum(f: Double, lost: Double | float, k: Double) -> Double:
-    """log(1 + f + lost) + k log(2)."""
+def _sum(f: Double, lost: Double | None, k: Double) -> Double:
+    """log(1 + f + lost) + k log(2); `lost` is None for nothing."""
     s = f / (2.0 + f)
     z = s * s
     half = 0.5 * f * f
     # 1/(1 + f) is 1 - 2 s + 2 s^2 - ... ; `lost` needs few digits.
-    correction = k * LOG2_LOWER + lost * (1.0 - 2.0 * s * (1.0 - s * (1.0 - s)))
+    correction = k * LOG2_LOWER
+    if lost is not None:
+        correction = correction + lost * (1.0 - 2.0 * s * (1.0 - s * (1.0 - s)))
     tail = s * (half + z * polynomial(z, _LOGARITHM)) + correction
     return k * LOG2_UPPER - ((half - tail) - f)
 

@@ -15,11 +15,14 @@ from jaxsat.engine.native.lowering import Elements, each, filled, function_of, l
 PARTS = ("sin", "cos")
 """Results of the function `sincos`: who needs both calls it once."""
 
-INTERNAL = ("sincos", "near_sincos", "near_sin", "near_cos")
+SHORT = ("atan2", "erf_inv")
+"""Functions with a short way, which a processor does beside its neighbours."""
+
+INTERNAL = ("sincos", "near_sincos", *(f"near_{name}" for name in (*PARTS, *SHORT)))
 """Functions that are no primitives."""
 
 
-@lowers(*(name for name in FUNCTIONS if name not in (*PARTS, *INTERNAL)))
+@lowers(*(name for name in FUNCTIONS if name not in (*PARTS, *INTERNAL, *SHORT)))
 def _written(b: Builder, eqn, *arrays: Elements) -> Elements:
     return each(lambda *scalars: _called(b, eqn.primitive.name, scalars)[0], *arrays)
 
@@ -35,6 +38,21 @@ def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar
         return b.call(function, scalars)
     found = interpret(function, known)
     return [out.dtype.type(x) for x, out in zip(found, function.results, strict=True)]
+
+
+@lowers(*SHORT)
+def _by_short_way(b: Builder, eqn, *arrays: Elements) -> Elements:
+    """The short way in place; a call where it fails in some lane, which is seldom."""
+    name = eqn.primitive.name
+
+    def one(*scalars: Scalar) -> Scalar:
+        if b.compact or not any(isinstance(x, Value) for x in scalars):
+            return _called(b, name, scalars)[0]
+        closed = program(f"near_{name}", *(x.dtype for x in scalars))
+        found, far = (result[()] for result in lower(b, closed, [filled((), x) for x in scalars]))
+        return b.cold_branch(far, lambda: _called(b, name, scalars)[0], found)
+
+    return each(one, *arrays)
 
 
 @lowers(*PARTS, *(f"jaxsat_{part}" for part in PARTS))

@@ -60,8 +60,18 @@ def _reduce(b: Builder, eqn, x: Elements) -> Elements:
         if name == "sum" and _is_loop(b, row, LONG_SUM) and row[0].dtype.kind == "f":
             out[i] = _long_sum(b, row)
             continue
-        out[i] = reduce(joining(b, name), _begun(b, name, list(row)))
+        out[i] = _joined(joining(b, name), name, _begun(b, name, list(row)))
     return out.reshape(aval.shape)
+
+
+def _joined(join: Callable[[Scalar, Scalar], Scalar], name: str, row: Sequence[Scalar]) -> Scalar:
+    """A row joined in order; where the order changes nothing in pairs, few wait for one another."""
+    if name not in ("max", "min"):
+        return reduce(join, row)
+    while len(row) > 1:
+        pairs = [join(x, y) for x, y in zip(row[::2], row[1::2], strict=False)]
+        row = [*pairs, *row[2 * len(pairs) :]]
+    return row[0]
 
 
 def _long_sum(b: Builder, row: Elements) -> Scalar:

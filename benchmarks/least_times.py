@@ -1,0 +1,88 @@
+"""Least times of the random starts of the acceptance set, which `jaxsat compare` divides by.
+
+    python benchmarks/least_times.py --seed 0 --seed 424243 --write least_times.json
+    python benchmarks/least_times.py --seed 424243 --bound 5
+
+Plans of least time with the whole torque from the starts, by `jaxsat.planning.Planner` with 48
+guesses, for the spacecraft and disturbance without dispersions. DOP853 flies every plan again; one
+that does not arrive has no least time. The file belongs to `jaxsat/comparison`. With `--bound` some
+are compared with the best of 12 starts of IPOPT, which needs CasADi.
+"""
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from jaxsat.assembly.run import build
+from jaxsat.bounds import BoundObjective, best_of_starts, manoeuvre_of
+from jaxsat.comparison import LIMITS, ComparisonSetting, Start, comparison_scenario
+from jaxsat.comparison.studies import comparison_study
+from jaxsat.planning import Plan, Planner, PlanStatus
+from planner import arrives, compiled, in_parts
+
+GUESSES = 48
+SETTING = ComparisonSetting("nominal", LIMITS[0], "three-slew")
+"""Starts are the same for every law, limit and level."""
+
+
+def starts(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Quaternions and rates (rad/s) of the first cases of a seed."""
+    study = comparison_study(SETTING, Start.RANDOM, count, seed)
+
+    def one(case):
+        start = study.case_factory(case).start
+        return start.attitude.as_quaternion().q, start.omega
+
+    quaternions, omegas = jax.vmap(one)(study.cases(np.arange(count)))
+    return np.asarray(quaternions), np.asarray(omegas)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Least times of random starts.")
+    parser.add_argument("--seed", type=int, action="append", required=True)
+    parser.add_argument("--starts", type=int, default=200)
+    parser.add_argument("--limit", type=float, action="append", help="N m; 1, 5 and 20 by default")
+    parser.add_argument("--bound", type=int, default=0, help="starts to compare with IPOPT")
+    parser.add_argument("--write", type=Path)
+    chosen = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    code, tables = None, []
+    for limit in chosen.limit or LIMITS:
+        run = build(comparison_scenario(SETTING._replace(torque_limit=limit)))
+        axes = run.loop.actuators.torque_axes  # pyright: ignore[reportAttributeAccessIssue]
+        planner = Planner(run.loop.plant, axes, limit, guesses=GUESSES)
+        code = code or compiled(planner)
+        base = manoeuvre_of(run.loop, run.start)
+        for seed in chosen.seed:
+            cases = starts(chosen.starts, seed)
+            plans = in_parts(code, cases, planner)
+            times, ratios = [], []
+            for number in range(chosen.starts):
+                plan = Plan(*(array[number] for array in plans))
+                at = {"quaternion": cases[0][number], "omega": cases[1][number]}
+                start = dataclasses.replace(base, **at)
+                duration = float(plan.duration)
+                times.append(round(duration, 3) if arrives(start, plan) else None)
+                if number < chosen.bound:
+                    best = best_of_starts(start, BoundObjective.TIME, 12, longest=600, seed=number)
+                    assert best is not None
+                    ratios.append(duration / best.solution.value)
+            known = [one for one in times if one is not None]
+            solved = int(np.sum(plans.status == PlanStatus.SOLVED))
+            print(
+                f"{limit:g} N m, seed {seed}: {solved} solved, {len(known)} arrive, median "
+                f"{np.median(known):.2f} s; over IPOPT: {np.round(ratios, 4).tolist()}",
+                flush=True,
+            )
+            tables.append({"seed": seed, "torque_limit_N_m": limit, "least_times_s": times})
+    if chosen.write is not None:
+        lines = ",\n ".join(json.dumps(table) for table in tables)
+        chosen.write.write_text(f"[\n {lines}\n]\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,297 @@
+"""A manoeuvre planned in flight: search, follow, then the end game of the law of three slews."""
+
+import dataclasses
+import enum
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.checks import as_float, require_positive
+from jaxsat.control.driven_axes import DrivenFit, DrivenMemory, FittedDynamics
+from jaxsat.control.fine import RippleSlack, choose
+from jaxsat.control.normal_form import NormalForm
+from jaxsat.control.rate_tracking import clipped
+from jaxsat.control.ripple import RippleFilter
+from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
+from jaxsat.declaration.settling import PLANNING_MARGIN, REPLAN_TIME
+from jaxsat.dynamics import PlantState
+from jaxsat.planning.search import PlanSearch, Search, with_sign_of
+from jaxsat.planning.tracking import (
+    interval_at,
+    mean_torque,
+    planned_state,
+    tracking_gains,
+)
+from jaxsat.planning.transcription import (
+    STATES,
+    PlanObjective,
+    Transcription,
+    Unknowns,
+)
+
+RealScalar = Float[Array, ""]
+
+FLOWN_OUT = 0.2
+"""The rest of a plan that is flown to its end, times τ."""
+
+MOST_MANOEUVRES = 6
+"""How many plans of all guesses follow each other without a hold that lasts."""
+
+RIPPLE_SLACK = (1.0, 3.0, 3.0)
+"""Of the slow rate of a hold: when it begins and while it lasts, over the ripple that is expected,
+and until when, in radians of the ripple."""
+
+FAR = 0.1
+"""Rotation from the target (rad) from which on three slews follow a plan that fails; nearer, the
+oscillation does."""
+
+RATE_NOISE = 2.5e-4
+"""Of the rates that the driven axes are estimated by, rad per τ."""
+
+WEIGHTS, LAST_WEIGHTS = (10.0,) * 4 + (2.0,) * 3, (100.0,) * 4 + (30.0,) * 3
+"""Of the feedback along a plan, for (q, ω τ): on the way, and at its end."""
+
+
+class PlannedMode(enum.IntEnum):
+    """What is at work. STOPPING and SLEWING are at work only where a plan failed."""
+
+    STOPPING = Phase.STOPPING.value
+    SLEWING = Phase.SLEWING.value
+    OSCILLATING = Phase.OSCILLATING.value
+    HOLDING = Phase.HOLDING.value
+    PLANNING = 5
+    FOLLOWING = 6
+
+    @property
+    def label(self) -> str:
+        """How people see it."""
+        fallback = self in (PlannedMode.STOPPING, PlannedMode.SLEWING)
+        return f"plan failed {self.name.lower()}" if fallback else self.name.lower()
+
+
+SETTLING = 0
+"""Of `PlannedMemory.stage`: the law of three slews is at work, in whichever phase."""
+
+
+class Followed(NamedTuple):
+    """The plan that is followed, the feedback along it, and its begin in units of τ."""
+
+    plan: Unknowns
+    gains: Float[Array, "n 2 7"]
+    begin: RealScalar
+
+
+class PlannedMemory(NamedTuple):
+    """Memories of the law of three slews and of the search, and the plan that is followed.
+
+    `stage` is PLANNING, FOLLOWING or `SETTLING`, `failures` the number of plans that failed,
+    `manoeuvres` that of plans since the last hold, `searched` the time in units of τ at which the
+    last search began, negative before the first.
+    """
+
+    settling: SettlingMemory
+    driven: DrivenMemory
+    search: Search
+    followed: Followed
+    stage: Int[Array, ""]
+    failures: Int[Array, ""]
+    manoeuvres: Int[Array, ""]
+    searched: RealScalar
+
+
+class PlannedSettling(AbstractSampledController):
+    """Plans the quickest manoeuvre in flight, follows it, and settles with what is left over.
+
+    While the first plan is sought, which takes `search.most_pieces` periods at the most, the body
+    coasts; the plan is for the state in which the model expects it then. Plans use 1 - `margin` of
+    the torque limit, feedback along the plan (`jaxsat.planning.tracking`) all of it. Every `replan`
+    seconds a new plan is sought from the measured state, near the old one, which is followed until
+    the new one is found; the end of a plan is flown as it is. If that misses the target, as where
+    the model is wrong, another manoeuvre is planned. Then `settling`, the law of three
+    slews, oscillates and holds. Where no plan arrives it does everything, and the failure counts.
+    When the end game loses the attitude a new manoeuvre is planned. No sample takes more than
+    `search.iterations` iterations of the planner. A plan has so many `intervals`. `period`
+    (s) is that of `settling`.
+    """
+
+    modes: ClassVar[type[enum.IntEnum]] = PlannedMode
+
+    settling: ThreeSlewSettling
+    driven: DrivenFit
+    replan: RealScalar = eqx.field(converter=as_float)
+    period: RealScalar = eqx.field(converter=as_float)
+    margin: RealScalar = eqx.field(converter=as_float, default=PLANNING_MARGIN)
+    search: PlanSearch = PlanSearch()
+    intervals: int = eqx.field(static=True, default=32)
+
+    def __check_init__(self):
+        require_positive("replan", self.replan)
+        require_positive("period", self.period)
+        require_positive("margin", self.margin, zero_allowed=True)
+        require_positive("1 - margin", 1 - self.margin)
+
+    @property
+    def form(self) -> NormalForm:
+        """The plant that is believed, and its frame."""
+        return self.settling.form
+
+    def program(self, settling: SettlingMemory, driven: DrivenMemory) -> Transcription:
+        """Of the plans: torques about x and y of the normal form, the dynamics as estimated."""
+        limit, form = self.settling.torque_limit * (1 - self.margin), self.form
+        fit, fitted = settling.estimator.fit, None
+        if fit is not None:
+            errors = self.driven.believed(driven)
+            fitted = FittedDynamics(form, self.driven, fit.estimate, errors)
+        axes, objective = form.axes[:2].T, PlanObjective.TIME
+        return Transcription(form.model, axes, limit, objective, self.intervals, 1, fitted)
+
+    def init(self, state: PlantState) -> PlannedMemory:
+        """Nothing planned."""
+        zero = jnp.zeros_like(state.omega[0])
+        settling = self.settling.init(state)._replace(phase=jnp.array(Phase.OSCILLATING))
+        driven = self.driven.init(self.form.slow(self.form.axes @ state.omega))
+        search = self.search.idle(self.program(settling, driven))
+        gains = jnp.zeros((self.intervals, 2, STATES), state.omega.dtype)
+        none = jnp.array(0)
+        unplanned = Followed(search.best._replace(duration=zero + 1), gains, zero)
+        return PlannedMemory(settling, driven, search, unplanned, none, none, none, zero - 1)
+
+    def step(
+        self, t: RealScalar, state: PlantState, memory: PlannedMemory
+    ) -> tuple[Float[Array, "2"], PlannedMemory]:
+        """One sample of the law of three slews and one piece of the search; then what is due."""
+        driven = self.driven.sampled(t, state, memory.driven, self.period)
+        program, stage = self.program(memory.settling, driven), memory.stage
+        given = jnp.where(stage == SETTLING, SETTLING, Phase.OSCILLATING)
+        torque, settling = self.settling.in_phase(t, state, memory.settling, given)
+        now, x = t / program.time_unit, self._seen(program, state, settling)
+        ended = (stage == SETTLING) & (memory.settling.phase == Phase.OSCILLATING)
+        lost = ended & (settling.phase == Phase.STOPPING)
+        slips = ended & memory.settling.fine.late & ~settling.fine.late
+        over = stage == PlannedMode.FOLLOWING
+        over = over & (now > memory.followed.begin + memory.followed.plan.duration)
+        missed = slips | (over & ~settling.fine.late)
+        missed = missed & (memory.manoeuvres < MOST_MANOEUVRES)
+        begins = lost | missed | (memory.searched < 0)
+        holds = (stage == SETTLING) & (self.settling.mode(settling) == Phase.HOLDING)
+        holds = holds & (t - settling.since > self.settling.patience)
+        manoeuvres = jnp.where(holds, 0, memory.manoeuvres) + jnp.where(begins, 1, 0)
+        stage = jnp.where(over, SETTLING, stage)
+        stage = jnp.where(begins, PlannedMode.PLANNING, stage)
+
+        search, searched = self._sought(program, now, x, memory, begins)
+        ends = ~self.search.over(search)
+        search = self.search.advanced(program, search, now, x)
+        ends = ends & self.search.over(search)
+        found = ends & self.search.arrives(search)
+        fails = ends & ~found & (stage == PlannedMode.PLANNING)
+        followed = self._followed(program, memory.followed, search, found)
+        stage = jnp.where(found, PlannedMode.FOLLOWING, stage)
+        stage = jnp.where(fails, SETTLING, stage)
+
+        following = self._following_torque(program, now, x, followed)
+        torque = jnp.where(stage == PlannedMode.FOLLOWING, following, torque)
+        torque = jnp.where(stage == PlannedMode.PLANNING, 0.0, torque)
+        phase = jnp.where(fails & _is_far(program, x), Phase.STOPPING, Phase.OSCILLATING)
+        fine = choose(over & ~missed, settling.fine, self.settling.fine.init(state.omega))
+        waiting = settling._replace(phase=phase, fine=fine, since=t + 0 * settling.since)
+        settling = choose((stage != SETTLING) | over | fails, waiting, settling)
+        failures = memory.failures + jnp.where(fails, 1, 0)
+        found_out = (stage, failures, manoeuvres, searched)
+        driven = driven._replace(torque=self.form.to_command.T @ torque)
+        return torque, PlannedMemory(settling, driven, search, followed, *found_out)
+
+    def _seen(
+        self, program: Transcription, state: PlantState, settling: SettlingMemory
+    ) -> Float[Array, "7"]:
+        """The state of a plan, with s as the estimator has filtered it."""
+        x, estimator = program.scaled(state), self.settling.estimator
+        if estimator.observer is None:
+            return x
+        s = self.form.slow(self.form.axes @ state.omega)[2]
+        error = estimator.observer.believed(settling.estimator.ripple, s).rate - s
+        return x.at[4:].add(self.form.axes[2] * (error * program.time_unit))
+
+    def _sought(
+        self, program: Transcription, now: RealScalar, x, memory: PlannedMemory, begins
+    ) -> tuple[Search, RealScalar]:
+        """The search, which may now begin from all guesses or from the rest of the plan."""
+        plan, begin = memory.followed.plan, memory.followed.begin
+        again = (memory.stage == PlannedMode.FOLLOWING) & self.search.over(memory.search)
+        again = again & (now - memory.searched > self.replan / program.time_unit)
+        again = again & (begin + plan.duration - now > FLOWN_OUT)
+        lead = self.search.most_pieces / 2 * self.period / program.time_unit
+        coast = jnp.zeros(2, x.dtype)
+        ahead = program.interval(now, jnp.zeros_like(now), x, lead * self.intervals, coast)
+        anew = self.search.from_guesses(memory.search, now + lead, ahead)
+        near = self.search.near(program, memory.search, now, x, plan, now - begin)
+        search = choose(begins, anew, choose(again, near, memory.search))
+        return search, jnp.where(begins | again, now, memory.searched)
+
+    def _followed(
+        self, program: Transcription, known: Followed, search: Search, found: Bool[Array, ""]
+    ) -> Followed:
+        """The plan that was found with its feedback, or the one that is known.
+
+        A loop of one turn or none: a batch pays for gains only when some of its cases need them.
+        """
+
+        def new(at):
+            plan, begin = search.iterate.unknowns, search.begin
+            weights, last = jnp.array(WEIGHTS), jnp.array(LAST_WEIGHTS)
+            gains = tracking_gains(program, begin, plan, weights, last)
+            return Followed(plan, gains, begin), jnp.zeros_like(found)
+
+        return lax.while_loop(lambda at: at[1], new, (known, found))[0]
+
+    def _following_torque(
+        self, program: Transcription, now: RealScalar, x, followed: Followed
+    ) -> Float[Array, "2"]:
+        """The command that follows the plan, N m."""
+        plan, begin, gains = followed.plan, followed.begin, followed.gains
+        passed, period = now - begin, self.period / program.time_unit
+        wanted = planned_state(program, begin, plan, passed)
+        feedback = gains[interval_at(program, plan, passed)[0]] @ (with_sign_of(wanted, x) - wanted)
+        torque = (mean_torque(program, plan, passed, period) + feedback) * program.limit
+        return self.form.command(clipped(torque, self.settling.torque_limit))
+
+    def judged(self, memory: PlannedMemory) -> SettlingMemory:
+        """Without the search, which may try what diverges."""
+        return memory.settling
+
+    def rate_error(self, state: PlantState, memory: PlannedMemory) -> Float[Array, "2"]:
+        """ω - ω_d of the law of three slews where it is at work, else NaN, rad/s."""
+        error = self.settling.rate_error(state, memory.settling)
+        return jnp.where(memory.stage == SETTLING, error, jnp.nan)
+
+    def mode(self, memory: PlannedMemory) -> Int[Array, ""]:
+        """The `PlannedMode` at work."""
+        phase = self.settling.mode(memory.settling)
+        return jnp.where(memory.stage == SETTLING, phase, memory.stage)
+
+
+def _is_far(program: Transcription, x: Float[Array, "7"]) -> Bool[Array, ""]:
+    """Whether an attitude is far from the target's."""
+    difference = with_sign_of(program.target, x)[1:4] - program.target[1:4]
+    return 2 * jnp.sqrt(jnp.sum(difference**2)) > FAR
+
+
+def planned_settling(settling: ThreeSlewSettling) -> PlannedSettling:
+    """The law that plans, for the spacecraft of a law of three slews."""
+    ripple = settling.estimator.observer
+    if isinstance(ripple, RippleFilter):
+        enter, stay, known = RIPPLE_SLACK
+        times = enter * ripple.amplitude, stay * ripple.amplitude, known / ripple.frequency
+        handover = dataclasses.replace(settling.fine.handover, slack=RippleSlack(*times))
+        fine = dataclasses.replace(settling.fine, handover=handover)
+        settling = dataclasses.replace(settling, fine=fine)
+    moments = settling.form.model.spacecraft.moments
+    unit = jnp.sqrt(jnp.mean(moments) / settling.torque_limit)
+    driven = DrivenFit(settling.form, settling.torque_limit, RATE_NOISE / unit)
+    return PlannedSettling(
+        settling=settling, driven=driven, replan=REPLAN_TIME * unit, period=settling.period
+    )

@@ -1,0 +1,93 @@
+"""Attitude by two wheels about any axes, on a body of any inertia, in the form of (40)-(42).
+
+With n the normal of both wheel axes no wheel changes n·Jω. Without momentum about n it is zero, so
+ω is perpendicular to e3 = Jn / |Jn|: in a frame with that third axis the third rate is zero, as in
+Wang, Jia, Jin, Xu, Acta Astronautica 83 (2013) 44-53, whatever the inertia. Torques J e1, J e2 are
+perpendicular to n: both wheels make them.
+
+As in (40) one part of the reference pulls the tilt w and the other, perpendicular to it, steers the
+turn z. But the tilt is pulled to a size ρ that shrinks with |z|, instead of to zero: the turn made
+is the area around which w goes, and a tilt that is gone before the turn cannot steer it any more.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.attitude import Quaternion
+from jaxsat.dynamics import PlantState, RigidBody
+
+TILT_GAIN, TURN_GAIN, RATE_GAIN = 1.0, 0.4, 3.0
+"""On the tilt, on the turn and on rate errors, over the natural frequency."""
+
+AREA, MOST_TILT = 0.4, 0.5
+"""ρ² over |z|, and the largest ρ."""
+
+NO_TURN = 0.01
+"""rad; a turn below this needs no tilt."""
+
+NO_TILT = 0.01
+"""A tilt of this size and less has half a direction, or none."""
+
+SMALLEST = 1e-30
+"""Keeps a quotient of two zeros finite."""
+
+
+class TwoWheels(eqx.Module):
+    """Attitude by two wheels, without momentum about their common normal.
+
+    `model` is the plant as the law believes it.
+    """
+
+    model: RigidBody
+
+    def frame(self, normal: Float[Array, "3"]) -> Float[Array, "3 3"]:
+        """Rows e1, e2, e3 in body axes, where no wheel turns about the unit vector `normal`."""
+        along = self.model.spacecraft.inertia @ normal
+        third = along / jnp.sqrt(jnp.sum(along**2) + SMALLEST)
+        across = jnp.eye(3)[jnp.argmin(jnp.abs(third))]
+        first = jnp.cross(across, third)
+        first = first / jnp.sqrt(jnp.sum(first**2) + SMALLEST)
+        return jnp.stack([first, jnp.cross(third, first), third])
+
+    def torque(
+        self,
+        state: PlantState,
+        normal: Float[Array, "3"],
+        natural_frequency: Float[Array, ""],
+        max_rate: Float[Array, ""],
+    ) -> Float[Array, "3"]:
+        """The torque on the body (N m), but for gyroscopic ones.
+
+        `natural_frequency` (rad/s) sets all gains, rates asked for are at most `max_rate` (rad/s).
+        """
+        frame, inertia = self.frame(normal), self.model.spacecraft.inertia
+        orbit = frame @ self.model.orbit.frame_rate(state.attitude)
+        quaternion = state.attitude.as_quaternion().q
+        attitude = Quaternion(jnp.concatenate([quaternion[:1], frame @ quaternion[1:]]))
+        relative = frame @ state.omega - orbit
+
+        def wanted(attitude):
+            rate = natural_frequency * reference(attitude)
+            size = jnp.sqrt(jnp.sum(rate**2) + SMALLEST)
+            return rate * jnp.minimum(1.0, max_rate / size)
+
+        rate, change = jax.jvp(wanted, (attitude,), (attitude.rate(relative),))
+        pull = RATE_GAIN * natural_frequency * (relative[:2] - rate)
+        return inertia @ (frame[:2].T @ (change - pull))
+
+
+def reference(attitude: Quaternion) -> Float[Array, "2"]:
+    """The rates about the first two axes to turn with, over the natural frequency."""
+    wz = attitude.as_wz()
+    w, turn = wz.w, jnp.abs(wz.z)
+    square = jnp.sum(w**2)
+    beyond = jnp.maximum(turn - NO_TURN, 0.0)
+    size = jnp.sqrt(AREA) * beyond / jnp.sqrt(beyond + NO_TURN)  # ρ
+    size = size / jnp.sqrt(1 + (size / MOST_TILT) ** 2)
+    directed = w + jnp.stack([NO_TILT * size, 0.0 * size])  # so that there is one
+    direction = directed / jnp.sqrt(jnp.sum(directed**2) + NO_TILT**2)
+    pull = TILT_GAIN * (size * direction - w)
+    steer = 2 * TURN_GAIN * wz.z / (square + size**2 + NO_TILT**2)
+    return pull + steer * jnp.stack([w[1], -w[0]])

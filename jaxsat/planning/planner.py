@@ -1,0 +1,177 @@
+"""The planner: from any state to rest at the target, in least time or with least effort."""
+
+import enum
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float, Int
+
+from jaxsat.checks import as_float, require_counts, require_positive
+from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.errors import ArgumentError
+from jaxsat.planning.guesses import guess, random_numbers, resampled
+from jaxsat.planning.interior_point import Iterate, solve
+from jaxsat.planning.search import ARRIVING, CLOSE, ROUGH, unsoundness, with_sign_of
+from jaxsat.planning.transcription import PlanObjective, Transcription, Unknowns
+
+RealScalar = Float[Array, ""]
+
+FINE = CLOSE._replace(iterations=80)
+"""Of the search from the best that was found. The one from every guess, `ROUGH`, has half of the
+intervals."""
+
+FINE_SUBSTEPS = 4
+"""Runge-Kutta steps in an interval then; in the search before it is one."""
+
+
+class PlanStatus(enum.IntEnum):
+    """What became of a plan.
+
+    A plan that is SOLVED is locally optimal. One that is FLYABLE arrives within `ARRIVING`, but may
+    be longer or dearer than need be. One that is FAILED must not be flown.
+    """
+
+    SOLVED = 0
+    FLYABLE = 1
+    FAILED = 2
+
+
+class Plan(NamedTuple):
+    """Torques of the thrusters (N m), held over equal intervals, and the states at their ends.
+
+    It begins at `begin` and takes `duration` (s). `quaternion` is scalar first, from the orbit to
+    the body frame, `omega` in rad/s. `effort` is ∫ Σ|T_i| dt of the thrusters (N m s), `status` a
+    `PlanStatus`, `defects` the sum of what the states miss, in units without dimension.
+    """
+
+    begin: RealScalar
+    duration: RealScalar
+    torque: Float[Array, "n m"]
+    quaternion: Float[Array, "ends 4"]
+    omega: Float[Array, "ends 3"]
+    effort: RealScalar
+    status: Int[Array, ""]
+    iterations: Int[Array, ""]
+    defects: RealScalar
+
+    def torque_at(self, t: RealScalar) -> Float[Array, " m"]:
+        """The thrusters' torques at time `t` (s), N m; zero before and after the plan."""
+        count = self.torque.shape[0]
+        place = (t - self.begin) / self.duration * count
+        held = self.torque[jnp.clip(place.astype(int), 0, count - 1)]
+        return jnp.where((place >= 0) & (place < count), held, 0.0)
+
+
+class Planner(eqx.Module):
+    """Plans for a body with thrusters that each make up to `limit` N m of either sign.
+
+    The plans use 1 - `margin` of the limit. `torque_axes` (3, m) are the directions of the
+    thrusters' torques; two are enough wherever the normal form has c ≠ 0. The search is local: it
+    begins from `guesses` ways to the target, with half of the `intervals`, and goes on from the
+    best. What the model believes of the disturbance is known to the plan in advance.
+
+    Raises `ArgumentError` for numbers out of range, and for a model with wheels.
+    """
+
+    model: RigidBody
+    torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
+    limit: RealScalar = eqx.field(converter=as_float)
+    margin: RealScalar = eqx.field(converter=as_float, default=0.0)
+    guesses: int = eqx.field(static=True, default=24)
+    intervals: int = eqx.field(static=True, default=48)
+
+    def __check_init__(self):
+        require_positive("limit", self.limit)
+        require_positive("margin", self.margin, zero_allowed=True)
+        require_positive("1 - margin", 1 - self.margin)
+        require_counts(guesses=self.guesses, intervals=self.intervals)
+        if self.intervals % 2:
+            raise ArgumentError("intervals", "must be even", self.intervals)
+        if self.model.wheels is not None:
+            raise ArgumentError("model", "must have no wheels")
+
+    def quickest(self, t: RealScalar, state: PlantState) -> Plan:
+        """The plan of least time from a state at time `t` (s)."""
+        return self._searched(PlanObjective.TIME, t, state, None)
+
+    def cheapest(self, t: RealScalar, state: PlantState, duration: RealScalar) -> Plan:
+        """The plan of least effort that takes `duration` (s), which has to be long enough."""
+        return self._searched(PlanObjective.EFFORT, t, state, duration)
+
+    def replanned(self, t: RealScalar, state: PlantState, plan: Plan) -> Plan:
+        """The plan of least time from a state on the way of an earlier plan, sought near it."""
+        program = self._program(PlanObjective.TIME, self.intervals, FINE_SUBSTEPS)
+        unit = program.time_unit
+        states = jnp.concatenate([plan.quaternion, plan.omega * unit], axis=1)
+        torque, duration = plan.torque / program.limit, plan.duration / unit
+        known = Unknowns(states[:-1], states[-1], torque, duration)
+        x = with_sign_of(states[0], program.scaled(state))
+        first = resampled(program, x, known, (t - plan.begin) / unit)
+        return self._plan(program, t, solve(program, t / unit, first, FINE))
+
+    def _program(self, objective: PlanObjective, intervals: int, substeps: int) -> Transcription:
+        limit = self.limit * (1 - self.margin)
+        return Transcription(self.model, self.torque_axes, limit, objective, intervals, substeps)
+
+    def _searched(
+        self,
+        objective: PlanObjective,
+        t: RealScalar,
+        state: PlantState,
+        duration: RealScalar | None,
+    ) -> Plan:
+        """The best of all guesses on half of the intervals, then improved on all of them."""
+        coarse = self._program(objective, self.intervals // 2, 1)
+        unit = coarse.time_unit
+        x, begin = coarse.scaled(state), t / unit
+        scaled = None if duration is None else duration / unit
+
+        def better(best, numbers):
+            found = solve(coarse, begin, guess(coarse, x, numbers, scaled), ROUGH)
+            worth = _worth(coarse, x, found)
+            improved = worth < best[0]
+            new = (worth, found.unknowns)
+            chosen = jax.tree.map(lambda a, b: jnp.where(improved, a, b), new, best[:2])
+            return (*chosen, best[2] + found.iterations), None
+
+        numbers = {key: jnp.asarray(value) for key, value in random_numbers(self.guesses).items()}
+        nothing = guess(coarse, x, {key: value[0] for key, value in numbers.items()}, scaled)
+        first = (jnp.full_like(begin, jnp.inf), nothing, jnp.array(0))
+        (_, best, iterations), _ = lax.scan(better, first, numbers)
+        fine = self._program(objective, self.intervals, FINE_SUBSTEPS)
+        found = solve(fine, begin, resampled(fine, x, best, jnp.zeros_like(begin)), FINE)
+        plan = self._plan(fine, t, found)
+        return plan._replace(iterations=plan.iterations + iterations)
+
+    def _plan(self, program: Transcription, t: RealScalar, found: Iterate) -> Plan:
+        unknowns, unit = found.unknowns, program.time_unit
+        arrives = found.defects < ARRIVING  # not for NaN
+        status = jnp.where(found.done, PlanStatus.SOLVED, PlanStatus.FLYABLE)
+        states = jnp.concatenate([unknowns.states, unknowns.last[None]])
+        return Plan(
+            begin=t,
+            duration=unknowns.duration * unit,
+            torque=unknowns.torque * program.limit,
+            quaternion=states[:, :4],
+            omega=states[:, 4:] / unit,
+            effort=_effort(program, unknowns) * unit * program.limit,
+            status=jnp.where(arrives, status, PlanStatus.FAILED),
+            iterations=found.iterations,
+            defects=found.defects,
+        )
+
+
+def _effort(program: Transcription, unknowns: Unknowns) -> RealScalar:
+    return jnp.sum(jnp.abs(unknowns.torque)) * unknowns.duration / program.intervals
+
+
+def _worth(program: Transcription, x: Float[Array, "7"], found: Iterate) -> RealScalar:
+    """What is least for the best: the objective, far above it for one that does not arrive."""
+    unknowns = found.unknowns
+    by_time = program.objective is PlanObjective.TIME
+    value = unknowns.duration if by_time else _effort(program, unknowns)
+    worth = value + unsoundness(program, x, found.defects)
+    return jnp.where(jnp.isfinite(worth), worth, jnp.inf)

@@ -1,0 +1,167 @@
+"""The manoeuvre as a nonlinear program: multiple shooting in units without dimension.
+
+The duration T is cut into equal intervals with a constant torque of every thruster in each. States
+at their ends are unknowns, tied together by classical Runge-Kutta steps (Bock and Plitt, A multiple
+shooting algorithm for direct solution of optimal control problems, IFAC World Congress, 1984).
+"""
+
+import abc
+import enum
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float
+
+from jaxsat.attitude import Quaternion
+from jaxsat.dynamics import PlantState, RigidBody
+
+RealScalar = Float[Array, ""]
+
+STATES = 7
+"""Quaternion and ω τ."""
+
+ARRIVALS = 6
+"""Twice the quaternion's vector and the relative rate times τ, all zero at rest at the target."""
+
+
+class PlanObjective(enum.Enum):
+    """What a plan makes least: the duration, or ∫ Σ|T_i| dt in a given duration."""
+
+    TIME = "time"
+    EFFORT = "effort"
+
+
+class Unknowns(NamedTuple):
+    """Of the program: states at the beginnings of the intervals and the last, torques, duration."""
+
+    states: Float[Array, "n 7"]
+    last: Float[Array, "7"]
+    torque: Float[Array, "n m"]
+    duration: RealScalar
+
+
+class AbstractCorrection(eqx.Module):
+    """What is known of the dynamics besides the model."""
+
+    @abc.abstractmethod
+    def __call__(
+        self, omega: Float[Array, "3"], torque: Float[Array, "3"], acceleration: Float[Array, "3"]
+    ) -> Float[Array, "3"]:
+        """The angular acceleration (rad/s²) where the model has this one.
+
+        `omega` are the rates (rad/s), `torque` that of the thrusters (N m), in body axes.
+        """
+
+
+class Transcription(eqx.Module):
+    """The nonlinear program of a body with thrusters that each make up to `limit` N m.
+
+    Times are in units of τ = √(J0 / limit) with J0 the mean moment of inertia, torques in units of
+    the limit. `torque_axes` (3, m) are the directions of the thrusters' torques, which have either
+    sign. Each of the `intervals` is integrated in `substeps` steps. A `correction` is of the
+    model's angular acceleration.
+    """
+
+    model: RigidBody
+    torque_axes: Float[Array, "3 m"]
+    limit: RealScalar
+    objective: PlanObjective = eqx.field(static=True)
+    intervals: int = eqx.field(static=True)
+    substeps: int = eqx.field(static=True)
+    correction: AbstractCorrection | None = None
+
+    @property
+    def time_unit(self) -> RealScalar:
+        """τ in s."""
+        return jnp.sqrt(jnp.mean(self.model.spacecraft.moments) / self.limit)
+
+    def scaled(self, state: PlantState) -> Float[Array, "7"]:
+        """A state as the program has it."""
+        q = state.attitude.as_quaternion().q
+        return jnp.concatenate([q, state.omega * self.time_unit])
+
+    def plant_state(self, x: Float[Array, "7"]) -> PlantState:
+        """A state of the program as the plant has it."""
+        return PlantState(Quaternion(x[:4]), x[4:] / self.time_unit)
+
+    @property
+    def target(self) -> Float[Array, "7"]:
+        """Rest in the orbit frame; the quaternion of the other sign is the same attitude."""
+        unturned = Quaternion(jnp.eye(4)[0])
+        return self.scaled(PlantState(unturned, self.model.orbit.frame_rate(unturned)))
+
+    def arrival(self, x: Float[Array, "7"]) -> Float[Array, "6"]:
+        """Zero at rest in the orbit frame, with either sign of the quaternion."""
+        relative = self.model.relative_rate(self.plant_state(x))
+        return jnp.concatenate([2 * x[1:4], relative * self.time_unit])
+
+    def _rate(
+        self, t: RealScalar, x: Float[Array, "7"], u: Float[Array, " m"]
+    ) -> Float[Array, "7"]:
+        """dx/dt of equations (1), (10) and (11)."""
+        model, unit, state = self.model, self.time_unit, self.plant_state(x)
+        torque = self.torque_axes @ (u * self.limit)
+        disturbance = model.disturbance_torque(t * unit, state)
+        turning = Quaternion(x[:4]).rate(model.relative_rate(state)).q
+        acceleration = model.angular_acceleration(state.omega, torque + disturbance)
+        if self.correction is not None:
+            acceleration = self.correction(state.omega, torque, acceleration)
+        return jnp.concatenate([turning * unit, acceleration * unit**2])
+
+    def interval(
+        self,
+        begin: RealScalar,
+        number: RealScalar,
+        x: Float[Array, "7"],
+        duration: RealScalar,
+        u: Float[Array, " m"],
+    ) -> Float[Array, "7"]:
+        """The state after interval `number` of a plan that begins at the time `begin`."""
+        h = duration / (self.intervals * self.substeps)
+
+        def step(number, flown):
+            del number
+            t, x = flown
+            k1 = self._rate(t, x, u)
+            k2 = self._rate(t + h / 2, x + h / 2 * k1, u)
+            k3 = self._rate(t + h / 2, x + h / 2 * k2, u)
+            k4 = self._rate(t + h, x + h * k3, u)
+            return t + h, x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+        t = begin + number * duration / self.intervals
+        if self.substeps == 1:
+            return step(0, (t, x))[1]
+        return lax.fori_loop(0, self.substeps, step, (t, x))[1]
+
+    def linearised(
+        self, begin: RealScalar, number: RealScalar, x, duration: RealScalar, u
+    ) -> tuple[Array, Array, Array]:
+        """The state after an interval, its derivatives by (x, T) and those by u."""
+
+        def after(v):
+            return self.interval(begin, number, v[:STATES], v[STATES], v[STATES + 1 :])
+
+        at = jnp.concatenate([x, duration[None], u])
+        jacobian = jax.jacfwd(after)(at)
+        return after(at), jacobian[:, : STATES + 1], jacobian[:, STATES + 1 :]
+
+    def defects(self, begin: RealScalar, at: "Unknowns") -> RealScalar:
+        """Σ|x_(k+1) - f(x_k, u_k)| + |arrival|₁: zero where the plan can be flown."""
+
+        def one(carry, row):
+            total, reached = carry
+            number, x, u = row
+            total = total + jnp.sum(jnp.abs(x - reached))
+            return (total, self.interval(begin, number, x, at.duration, u)), None
+
+        first = (jnp.sum(jnp.abs(self.arrival(at.last))), at.states[0])
+        rows = (self.numbers(at), at.states, at.torque)
+        (total, reached), _ = lax.scan(one, first, rows)
+        return total + jnp.sum(jnp.abs(at.last - reached))
+
+    def numbers(self, at: "Unknowns") -> Float[Array, " n"]:
+        """Of the intervals."""
+        return jnp.arange(self.intervals, dtype=at.last.dtype)

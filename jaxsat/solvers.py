@@ -1,0 +1,67 @@
+"""Solvers of diffrax by name: diffrax is imported where one is used.
+
+Its import takes almost as long as that of JAX, and a study whose kernel is kept has no use for it.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+
+if TYPE_CHECKING:
+    from diffrax import AbstractSolver
+else:
+    AbstractSolver = Any
+
+SOLVERS = {
+    "euler": "Euler",
+    "midpoint": "Midpoint",
+    "heun": "Heun",
+    "ralston": "Ralston",
+    "bosh3": "Bosh3",
+    "tsit5": "Tsit5",
+    "dopri5": "Dopri5",
+    "dopri8": "Dopri8",
+}
+"""Classes of diffrax, all explicit Runge-Kutta methods, by their names in scenarios."""
+
+
+class NamedSolver(eqx.Module):
+    """One of `SOLVERS`, made when it is used. Raises `ValueError` for another name."""
+
+    name: str = eqx.field(static=True)
+
+    def __check_init__(self):
+        if self.name not in SOLVERS:
+            raise ValueError(
+                f"Argument `name` must be one of {', '.join(SOLVERS)}, but got {self.name}."
+            )
+
+    def made(self) -> AbstractSolver:
+        """The solver itself."""
+        import diffrax  # takes its time
+
+        return getattr(diffrax, SOLVERS[self.name])()
+
+
+Solver = NamedSolver | AbstractSolver
+"""A solver of diffrax, or its name."""
+
+
+def solver_of(solver: Solver) -> AbstractSolver:
+    """The solver itself, also of a name."""
+    return solver.made() if isinstance(solver, NamedSolver) else solver
+
+
+def class_name(solver: Solver) -> str:
+    """The name of the solver's class."""
+    return SOLVERS[solver.name] if isinstance(solver, NamedSolver) else type(solver).__name__
+
+
+def known_class(solver: Solver) -> str | None:
+    """The class of `SOLVERS` that the solver is of, or derives from; None for another solver."""
+    if isinstance(solver, NamedSolver):
+        return SOLVERS[solver.name]
+    import diffrax  # the solver is one of its objects
+
+    names = SOLVERS.values()
+    return next((name for name in names if isinstance(solver, getattr(diffrax, name))), None)

@@ -1,0 +1,99 @@
+"""Holds against a drift that is too large to balance, against motions integrated by SciPy."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxsat.control.coasting import AIMED_TURN, ENOUGH, KNOWN_PERIODS, Coast, Hold
+from jaxsat.control.oscillatory import Slow
+
+DRIFT, LIMIT = 2.5e-7, 0.045
+
+
+def coast(drift, known=False, clock=1000.0, sure=0.0):
+    """At a `clock`, of a hold that began at 0, with an oscillation of 0.3 rad/s."""
+    hold = Hold(jnp.array(0.0), jnp.array(known))
+    return Coast.of(hold, jnp.array(clock), jnp.array(0.3), jnp.array(drift), jnp.array(sure))
+
+
+def turns(drift, rate, turn):
+    """The turn (rad) under a constant drift until it is beyond ± `LIMIT` on the drift's side."""
+
+    def beyond(t, x):
+        return np.sign(drift) * x[0] - LIMIT
+
+    beyond.terminal = True
+    flown = solve_ivp(
+        lambda t, x: [x[1], drift], (0, 1e4), [turn, rate], events=beyond, rtol=1e-10, max_step=5.0
+    )
+    return flown.t[-1], flown.y[0]
+
+
+@pytest.mark.parametrize("drift", [DRIFT, -DRIFT, 4e-8])
+@pytest.mark.parametrize("turn", [0.0, 0.015, -0.01])
+def test_a_hold_first_turns_as_far_as_aimed_against_the_drift(drift, turn):
+    one = coast(drift)
+    _, path = turns(drift, float(one.aim(jnp.array(turn))), turn)
+    assert (np.sign(drift) * path).min() == pytest.approx(-AIMED_TURN, rel=1e-3)
+
+
+def test_it_begins_at_rest_where_it_has_turned_enough():
+    assert abs(coast(DRIFT).aim(jnp.array(-0.03))) < 1e-12
+    assert abs(coast(-DRIFT).aim(jnp.array(0.03))) < 1e-12
+
+
+def test_how_long_a_hold_lasts_against_one_that_begins_as_aimed_at():
+    """The times to the limit by integration, for random slow rates and turns."""
+    draws = np.random.default_rng(3)
+    found = []
+    for drift in (DRIFT, -DRIFT):
+        one = coast(drift)
+        for rate, turn in zip(
+            1e-4 * draws.uniform(-1, 1, 20), 0.04 * draws.uniform(-1, 1, 20), strict=True
+        ):
+            aimed, _ = turns(drift, float(one.aim(jnp.array(turn))), turn)
+            time, path = turns(drift, rate, turn)
+            expected = time >= ENOUGH * aimed and (np.sign(drift) * path).min() > -LIMIT
+            slow = Slow(jnp.array(rate), jnp.array(turn))
+            assert bool(one.lasts(slow, jnp.array(LIMIT), ENOUGH)) == expected
+            found.append(expected)
+    assert 0 < sum(found) < len(found)
+
+
+def test_a_hold_that_turns_too_far_against_the_drift_does_not_last():
+    slow = Slow(jnp.array(-1.4 * np.sqrt(2 * DRIFT * LIMIT)), jnp.array(0.0))
+    assert turns(DRIFT, float(slow.rate), 0.0)[1].min() < -1.5 * LIMIT
+    assert not coast(DRIFT).lasts(slow, jnp.array(LIMIT), ENOUGH)
+    slower = slow._replace(rate=0.7 * slow.rate)
+    assert coast(DRIFT).lasts(slower, jnp.array(LIMIT), ENOUGH)
+
+
+@pytest.mark.parametrize("drift", [DRIFT, -DRIFT])
+def test_the_end_game_opposes_the_drift_unless_the_hold_turns_too_fast_against_it(drift):
+    one, turn = coast(drift), jnp.array(0.003)
+    aim = one.aim(turn)
+    for rate in (aim, 0.5 * aim, -aim):
+        against = one.opposed(Slow(rate, turn), 0.01)
+        assert against.rate == 0
+        assert against.turn == pytest.approx(np.sign(drift) * 0.01)
+    assert one.opposed(Slow(1.2 * aim, turn), 0.01).rate == pytest.approx(0.2 * float(aim))
+
+
+def test_what_the_end_game_balances_is_no_drift():
+    assert not coast(DRIFT, sure=3e-7).drifts
+    assert coast(-DRIFT, sure=1e-7).drift == pytest.approx(-1.5e-7)
+
+
+def test_the_first_hold_is_judged_once_when_the_drift_is_known():
+    age = KNOWN_PERIODS * 2 * np.pi / 0.3
+    before, after = coast(DRIFT, clock=0.99 * age), coast(DRIFT, clock=1.01 * age)
+    assert not before.judged
+    assert not before.drifts
+    assert after.judged
+    assert after.drifts
+    hold = Hold.none(jnp.zeros(3)).after(jnp.array(False), jnp.array(5.0), after)
+    assert hold.known
+    later = coast(DRIFT, known=True, clock=0.1 * age)
+    assert later.drifts
+    assert not later.judged

@@ -1,0 +1,207 @@
+"""The law that diagnoses its wheels, in the loop: what it knows, and what it does."""
+
+import importlib.resources
+import re
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.assembly.study import build_study
+from jaxsat.control.fault_tolerant_wheels import WheelMode
+from jaxsat.diagnosis import DiagnosedKind
+from jaxsat.dynamics import PlantState
+from jaxsat.results import trajectory_dataset
+from jaxsat.scenario import ScenarioError
+from jaxsat.simulation import simulate
+from jaxsat.vehicle import WheelDrives
+
+
+class Told(eqx.Module):
+    """Sensors that tell what was written down beforehand, whatever the truth is."""
+
+    values: jax.Array
+
+    def __call__(self, sample, *truth):
+        now = self.values[jnp.minimum(sample, len(self.values) - 1)]
+        if len(truth) == 1:  # the tachometers
+            return now[7:]
+        return type(truth[0])(now[:4]), now[4:7]
+
+
+@pytest.mark.slow
+def test_law_and_detector_see_estimates_readings_and_commands_alone():
+    """The truth differs in body, wheels and failure; what is told does not."""
+    run = build(load("failures-telescope", ["simulation.duration_s=20"]))
+    rng = np.random.default_rng(5)
+    attitude = np.array([0.9, 0.3, -0.2, 0.1]) + 1e-4 * rng.normal(size=(210, 4))
+    attitude /= np.linalg.norm(attitude, axis=1)[:, None]
+    rates = np.cumsum(1e-5 * rng.normal(size=(210, 3)), 0)
+    momenta = np.cumsum(0.02 * rng.normal(size=(210, 4)), 0)
+    told = Told(jnp.asarray(np.concatenate([attitude, rates, momenta], axis=1)))
+    one = eqx.tree_at(lambda loop: (loop.sensors, loop.tachometers), run.loop, (told, told))
+    other = eqx.tree_at(
+        lambda loop: (
+            loop.plant.spacecraft.inertia,
+            loop.plant.wheels.axes,
+            loop.plant.wheels.failures.at,
+        ),
+        one,
+        (
+            0.7 * one.plant.spacecraft.inertia,
+            one.plant.wheels.axes[:, ::-1],
+            one.plant.wheels.failures.at - 300.0,
+        ),
+    )
+    first, second = (
+        simulate(loop, run.start, run.times, method=run.method) for loop in (one, other)
+    )
+    assert np.abs(np.asarray(first.signals.omega - second.signals.omega)).max() > 1e-3
+    for x, y in zip(
+        jax.tree.leaves(first.final.memory), jax.tree.leaves(second.final.memory), strict=True
+    ):
+        np.testing.assert_array_equal(x, y)
+    assert bool(np.any(np.asarray(first.signals.alarm) > 0))
+
+
+@pytest.mark.slow
+def test_two_of_four_wheels_fail_and_two_settle():
+    run = build(load("wheels-fail", ["simulation.duration_s=900"]))
+    trajectory = run.simulate()
+    signals, times = trajectory.signals, np.asarray(trajectory.times)
+    mode, kind = np.asarray(signals.mode), np.asarray(signals.diagnosed_kind)
+    assert np.all(mode[times < 120] == WheelMode.THREE_AXES)
+    assert kind[-1].tolist() == [DiagnosedKind.DEAD, DiagnosedKind.STOPPED, -1, -1]
+    assert np.all(kind[times < 120] < 0)
+    assert np.all(kind[times < 360, 1] < 0)
+    assert 360 < times[np.argmax(kind[:, 1] >= 0)] < 365
+    assert np.all(mode[(times > 200) & (times < 360)] == WheelMode.REALLOCATED)
+    assert mode[-1] == WheelMode.TWO_WHEELS
+    assert np.count_nonzero(np.diff(mode[mode != WheelMode.ALARM])) < 6  # no chatter
+    assert float(trajectory.assessment.settled_from) < 800
+    momentum = np.asarray(signals.wheel_momentum)
+    assert np.abs(momentum).max() < 0.5 * 20.0
+    data = trajectory_dataset(trajectory, modes=run.modes)
+    assert data["diagnosed_kind"].dims == ("time", "wheel")
+
+
+@pytest.mark.slow
+def test_every_kind_that_leaves_enough_settles():
+    found = build_study(load("failures-telescope"), 48, seed=7).values(np.arange(48))
+    recovered = np.isfinite(found["settling_time"])
+    lost = found["torques_left"] == 7  # the momentum of a runaway
+    assert 3 < np.count_nonzero(lost) < 20
+    assert np.all(recovered[~lost])
+    assert not found["false_alarms"].any()
+    wrong = (found["isolated_kind"] > 0) & (np.arange(4) != found["failed_part"])
+    assert not wrong.any()
+
+
+def test_damping_takes_energy_out_whatever_is_left():
+    run = build(load("failures-telescope"))
+    law = run.loop.controller
+    axes = np.asarray(law.allocation.wheels.axes)
+    rng = np.random.default_rng(6)
+    memory = law.init(run.loop.plant.with_wheel_momentum(run.start))
+    for omega in rng.normal(size=(10, 3)) * 1e-3:
+        state = PlantState(run.start.attitude, omega, np.zeros(4))
+        torque = np.asarray(law._damping(state, memory.wheeled))
+        assert torque[0] == 0  # it had failed before the start
+        assert np.all(torque[1:] * (omega @ axes[:, 1:]) < 0)
+
+
+@pytest.mark.slow
+def test_momentum_about_the_axis_without_a_wheel_is_damped_and_not_chased():
+    """A body that turns at first: two wheels take it to rest, at no attitude of choice."""
+    changes = ["initial.omega_rad_s=[2e-3, -1e-3, 2e-3]", "simulation.duration_s=700"]
+    run = build(load("wheels-fail", changes))
+    trajectory = run.simulate()
+    mode = np.asarray(trajectory.signals.mode)
+    assert mode[-1] == WheelMode.DAMPING
+    assert np.all(mode[-400:] == WheelMode.DAMPING)
+    rates = np.asarray(trajectory.signals.omega)
+    energy = np.sum(rates**2 * [420, 380, 250], axis=1)
+    assert energy[-1] < energy[-200] < energy[-400]
+    left = np.asarray(run.loop.plant.wheels.axes)[:, 2:]
+    assert np.abs(rates[-1] @ left).max() < 0.05 * np.linalg.norm(rates[-1])
+    assert not np.isfinite(float(trajectory.assessment.settled_from))
+
+
+MASS, TIME = 64.0, 4.0
+"""Inertia and torque, and every time, times these: powers of two, which rounding does not see."""
+
+FACTORS = {
+    "inertia_kg_m2": MASS,
+    **dict.fromkeys(("torque_limit_N_m", "coulomb_friction_N_m"), MASS / TIME**2),
+    **dict.fromkeys(("momentum_limit_N_m_s", "tachometer_noise_N_m_s"), MASS / TIME),
+    **dict.fromkeys(("at_s", "period_s", "duration_s", "save_every_s"), TIME),
+    **dict.fromkeys(("natural_frequency_rad_s", "max_rate_rad_s", "rate_noise_rad_s"), 1 / TIME),
+}
+
+
+@pytest.mark.slow
+def test_a_failure_at_another_scale_goes_the_same_way(tmp_path):
+    """Inertia and torques grow, all times do; the same verdicts, modes and attitudes."""
+    folder = importlib.resources.files("jaxsat.scenario") / "library"
+    text = (folder / "failures-telescope.toml").read_text()
+    text = text[: text.index("[dispersion")]
+    for old, new in (
+        ("duration_s = 1800", "duration_s = 400"),
+        ("save_every_s = 1", "save_every_s = 0.2"),
+    ):
+        text = text.replace(old, new)
+
+    def times(match):
+        factor = FACTORS.get(match.group(1), 1.0)
+        number = r"-?[\d.]+(e-?\d+)?"
+        scaled = re.sub(number, lambda x: repr(float(x[0]) * factor), match.group(2))
+        return f"{match.group(1)} = {scaled}"
+
+    scaled = re.sub(r"^(\w+) = ([-\[\d][^#\n]*)", times, text, flags=re.M)
+    scaled = re.sub(r"^seed = .*", "seed = 18", scaled, flags=re.M)
+    scaled = re.sub(r"^substeps = .*", "substeps = 1", scaled, flags=re.M)
+    found = []
+    for name, one in (("own", text), ("other", scaled)):
+        path = tmp_path / f"{name}.toml"
+        path.write_text(one)
+        found.append(build(load(str(path))).simulate().signals)
+    own, other = found
+    assert (np.asarray(own.diagnosed_kind)[-1] >= 0).sum() == 1
+    np.testing.assert_array_equal(own.diagnosed_kind, other.diagnosed_kind)
+    np.testing.assert_array_equal(own.mode, other.mode)
+    np.testing.assert_allclose(own.quaternion, other.quaternion, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ("wheel=[]", "wheel"),
+        ("wheel=[{axis=[0, 0, 1], torque_limit_N_m=1.0}]", "wheel"),
+        ("spacecraft.thruster_torque_axes=[[1.0, 0.0, 0.0]]", "spacecraft.thruster_torque_axes"),
+        ("magnetorquer=[{axis=[0, 0, 1], dipole_limit_A_m2=1.0}]", "magnetorquer"),
+        (
+            "wheel=[{axis=[1, 0, 0]}, {axis=[0, 1, 0]}, {axis=[0, 0, 1]}]",
+            "wheel.torque_limit_N_m",
+        ),
+    ],
+)
+def test_the_law_needs_wheels_about_three_axes_with_limits_and_nothing_else(change, key):
+    with pytest.raises(ScenarioError) as caught:
+        load("wheels-fail", [change, "failure=[]"])
+    assert any(
+        problem.key == key and "fault-tolerant-wheels" in problem.message
+        for problem in caught.value.problems
+    ), [(problem.key, problem.message) for problem in caught.value.problems]
+
+
+def test_the_law_commands_the_motor_of_each_wheel():
+    loop = build(load("wheels-fail")).loop
+    assert isinstance(loop.actuators, WheelDrives)
+    command = jnp.arange(4.0)
+    np.testing.assert_array_equal(loop.actuators.wheel_command(command), command)
+    np.testing.assert_array_equal(loop.actuators(command), np.zeros(3))
+    assert loop.actuators.event_count == 0

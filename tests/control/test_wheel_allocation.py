@@ -1,0 +1,126 @@
+"""What is left of wheels and how they share a torque, against NumPy's singular values."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsat.control.reconfiguration import Left
+from jaxsat.control.wheel_allocation import LEAST_MOMENTUM, MOST_MOMENTUM, WheelAllocation
+from jaxsat.diagnosis import Condition, WheelFilter
+from jaxsat.vehicle import Wheels
+
+PYRAMID = np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 1, 1, 1]]) / np.sqrt(2)
+
+
+def allocation(axes=PYRAMID, full=0.4, most=20.0, **options):
+    wheels = Wheels(axes, full, most, **options)
+    return WheelAllocation(WheelFilter(wheels, np.full(wheels.count, 1e-3), 0.1))
+
+
+def condition(count, failed=(), part=None, flow=None):
+    sound = Condition.sound(count)
+    lost = jnp.array([wheel in failed for wheel in range(count)])
+    part = jnp.ones(count) if part is None else jnp.asarray(part)
+    return sound._replace(
+        failed=lost,
+        part=jnp.where(lost, 0.0, part),
+        flow=jnp.zeros(count) if flow is None else jnp.asarray(flow),
+    )
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_shares_are_the_weighted_least_squares(seed):
+    rng = np.random.default_rng(seed)
+    axes = rng.normal(size=(3, 5))
+    part = rng.uniform(0.3, 1.0, 5)
+    made = allocation(axes)
+    found = made.find(condition(5, (2,), part), jnp.zeros(5))
+    assert int(found.left) == Left.THREE_AXES
+    kept = np.arange(5) != 2
+    root = np.sqrt(np.where(np.arange(5) == 2, 0.0, part))
+    unit = np.asarray(made.wheels.axes)
+    expected = root[:, None] * np.linalg.pinv(unit * root)
+    np.testing.assert_allclose(found.shares, expected, atol=1e-12)
+    torque = 0.01 * rng.normal(size=3)
+    momentum = jnp.asarray(rng.normal(size=5))
+    shared = np.asarray(made.torques(found, jnp.asarray(torque), momentum, jnp.array(0.01)))
+    np.testing.assert_allclose(unit @ shared, torque, atol=1e-14)
+    assert shared[2] == 0
+    idle = (shared - np.asarray(found.shares) @ torque)[kept]
+    assert idle @ (np.asarray(momentum)[kept] / part[kept]) > 0  # dh/dt = -torque: momenta shrink
+
+
+@pytest.mark.parametrize(
+    ("failed", "left"),
+    [((), 0), ((0,), 0), ((0, 1), 1), ((0, 2), 1), ((0, 1, 2), 2), ((0, 1, 2, 3), 2)],
+)
+def test_what_is_left_is_what_singular_values_say(failed, left):
+    found = allocation().find(condition(4, failed), jnp.zeros(4))
+    assert int(found.left) == left
+    kept = np.delete(PYRAMID, failed, axis=1)
+    assert np.linalg.matrix_rank(kept) == (3, 2, len(kept.T))[left]
+    assert np.all(np.isfinite(found.shares))
+    if left == Left.PLANE:
+        normal = np.asarray(found.normal)
+        np.testing.assert_allclose(normal @ kept, 0.0, atol=1e-12)
+        assert np.linalg.norm(normal) == pytest.approx(1)
+        torque = kept @ np.array([0.02, -0.05])
+        shared = allocation().torques(found, jnp.asarray(torque), jnp.ones(4), jnp.array(0.0))
+        np.testing.assert_allclose(np.delete(shared, failed), [0.02, -0.05], atol=1e-14)
+
+
+def test_torques_beyond_the_limits_keep_their_direction():
+    made = allocation()
+    found = made.find(condition(4, (0,)), jnp.zeros(4))
+    torque = np.array([0.9, -0.4, 0.5])
+    shared = np.asarray(made.torques(found, jnp.asarray(torque), jnp.zeros(4), jnp.array(0.0)))
+    assert np.abs(shared).max() == pytest.approx(0.4)
+    total = PYRAMID @ shared
+    np.testing.assert_allclose(np.cross(total, torque), 0.0, atol=1e-12)
+    assert total @ torque > 0
+
+
+def test_a_motor_makes_the_torque_beside_friction_and_in_part():
+    made = allocation(coulomb_friction=0.01)
+    state = condition(4, (), [1.0, 0.5, 1.0, 1.0], [0.0, 0.0, 0.2, 0.0])
+    momentum = jnp.array([2.0, 2.0, -2.0, 0.0])
+    torque = jnp.array([0.05, 0.05, 0.05, 0.05])
+    asked = np.asarray(made.commands(state, momentum, torque))
+    np.testing.assert_allclose(
+        asked, [0.05 - 0.01, 2 * (0.05 - 0.01), 0.05 + 0.01 + 0.2 * 0.4, 0.05 + 0.01], atol=1e-15
+    )
+    spun = Wheels(PYRAMID, 0.4, coulomb_friction=0.01)
+    np.testing.assert_allclose(
+        spun.torque(momentum, jnp.asarray(asked))[jnp.array([0, 3])], 0.05, atol=1e-15
+    )
+
+
+def test_a_braked_wheel_is_left_out_and_does_not_come_and_go():
+    made, momentum = allocation(), jnp.zeros(4)
+    used = made.find(condition(4, (), None, [0.85, 0, 0, 0]), momentum)
+    assert float(used.usable[0]) == pytest.approx(0.15 * 0.4)
+    at_less = condition(4, (), None, [0.93, 0, 0, 0])
+    assert float(made.find(at_less, momentum).usable[0]) == 0
+    assert float(made.find(at_less, momentum, used).usable[0]) > 0
+    assert float(made.find(condition(4, (), None, [0.96, 0, 0, 0]), momentum, used).usable[0]) == 0
+
+
+def test_the_momentum_of_a_slew_fits_into_the_wheels_in_every_direction():
+    made, rng = allocation(), np.random.default_rng(3)
+    found = made.find(condition(4, (1,)), jnp.zeros(4))
+    most = float(made.largest_momentum(found, jnp.zeros(3)))
+    ways = rng.normal(size=(20000, 3))
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    peaks = np.abs(ways @ np.asarray(found.shares).T).max(axis=1)
+    assert MOST_MOMENTUM * 20.0 / peaks.max() == pytest.approx(most, rel=1e-3)
+    stored = float(made.largest_momentum(found, jnp.array([3.0, 0.0, 0.0])))
+    assert stored == pytest.approx(most - 3.0)
+    full = float(made.largest_momentum(found, jnp.array([300.0, 0.0, 0.0])))
+    assert full == pytest.approx(LEAST_MOMENTUM / MOST_MOMENTUM * most)
+
+
+def test_the_loop_has_no_factorisation():
+    made = allocation()
+    text = jax.jit(lambda h: made.find(condition(4), h)).lower(jnp.zeros(4)).as_text()
+    assert "custom_call" not in text
