@@ -15,6 +15,7 @@ from jaxsat.cli.controllability import controllability
 from jaxsat.cli.convert import convert
 from jaxsat.cli.design import design
 from jaxsat.cli.export import export
+from jaxsat.cli.front import front
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.progress import stop_progress
 from jaxsat.cli.report import report
@@ -44,6 +45,7 @@ app.command(simulate)
 app.command(montecarlo)
 app.command(compare)
 app.command(bound)
+app.command(front)
 app.command(tune)
 app.command(design)
 app.command(controllability)

@@ -24,6 +24,7 @@ from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
     from jaxsat.bounds import Bound
+    from jaxsat.scenario import Scenario
 
 Longest = Annotated[float | None, Parameter(converter=number(0.01, 1e9))]
 UNITS = {"time": "s", "effort": "N m s"}
@@ -76,27 +77,7 @@ def bound(
     if out is not None:
         _refuse_existing(out, overwrite)
     chosen = load_or_explain(scenario, overrides, "motion")
-    if chosen.thruster:
-        raise UserMistake(
-            "thruster: must be left out for a bound, which supports only thrusters that make a "
-            f"torque of either sign, got {len(chosen.thruster)}"
-        )
-    for kind in ("wheel", "magnetorquer"):
-        if getattr(chosen, kind):
-            raise UserMistake(
-                f"{kind}: must be left out for a bound, which supports only thrusters that make a "
-                f"torque of either sign, got {len(getattr(chosen, kind))}"
-            )
-    if chosen.spacecraft.torque_limit_N_m is None:
-        raise UserMistake(
-            "spacecraft.torque_limit_N_m: must be given in N m, as thrusters without a limit need "
-            "no time, got nothing; give it with --set"
-        )
-    if chosen.actuators is not None:
-        raise UserMistake(
-            "actuators: must be left out for a bound, which supports only thrusters that make "
-            f"their torque exactly, got {chosen.actuators.kind}"
-        )
+    require_ideal_thrusters(chosen, "a bound")
     use_double_precision()
     from jaxsat.assembly.run import build_uncontrolled
     from jaxsat.bounds import BoundObjective, manoeuvre_of
@@ -127,6 +108,34 @@ def bound(
         listed = ", ".join(f"{value:.4g}" for value in values)
         print_stdout(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
     return SUCCESS
+
+
+def require_ideal_thrusters(scenario: "Scenario", what: str) -> None:
+    """Raise `UserMistake` unless the scenario has limited thrusters that make any torque exactly.
+
+    `what` needs them.
+    """
+    if scenario.thruster:
+        raise UserMistake(
+            f"thruster: must be left out for {what}, which supports only thrusters that make a "
+            f"torque of either sign, got {len(scenario.thruster)}"
+        )
+    for kind in ("wheel", "magnetorquer"):
+        if getattr(scenario, kind):
+            raise UserMistake(
+                f"{kind}: must be left out for {what}, which supports only thrusters that make a "
+                f"torque of either sign, got {len(getattr(scenario, kind))}"
+            )
+    if scenario.spacecraft.torque_limit_N_m is None:
+        raise UserMistake(
+            "spacecraft.torque_limit_N_m: must be given in N m, as thrusters without a limit need "
+            "no time, got nothing; give it with --set"
+        )
+    if scenario.actuators is not None:
+        raise UserMistake(
+            f"actuators: must be left out for {what}, which supports only thrusters that make "
+            f"their torque exactly, got {scenario.actuators.kind}"
+        )
 
 
 def searched(

@@ -1,7 +1,6 @@
 """`jaxsat compare`: laws on the acceptance set, or in any scenario."""
 
 import json
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -20,8 +19,9 @@ from jaxsat.cli.options import (
     Report,
     Seed,
     StartsOrNone,
+    TorqueLimits,
     Workers,
-    mistake,
+    torque_limits,
 )
 from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.report import finish_report, planned_report
@@ -55,9 +55,6 @@ RESULT = "comparison.json"
 CASE = 400
 """Bytes of a case in memory and on the disk, about."""
 
-MIN_LIMIT, MAX_LIMIT = 0.01, 1000.0
-"""N m; the time that a study covers goes with the root of the limit."""
-
 
 def compare(
     scenario: str | None = None,
@@ -65,7 +62,7 @@ def compare(
     *,
     overrides: Overrides = (),
     level: Annotated[tuple[Level, ...], Parameter(negative="")] = ("hard",),
-    torque_limit: Annotated[tuple[str, ...], Parameter(negative="")] = ("5",),
+    torque_limit: TorqueLimits = ("5",),
     law: Annotated[tuple[str, ...], Parameter(negative="")] = ("all",),
     count: Cases = 200,
     seed: Seed,
@@ -146,7 +143,7 @@ def compare(
         return SUCCESS
     if overrides:
         raise UserMistake("--set: must be given with a scenario")
-    limits = _limits(torque_limit)
+    limits = torque_limits(torque_limit)
     if csv is not None:
         refuse_nested(("--csv", csv), ("--out", out))
         refuse_csv(csv, overwrite=overwrite)
@@ -222,22 +219,6 @@ def _require_suitable(settings: Sequence["ComparisonSetting"]) -> None:
 
 def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:
     return [one for one in known if one in given or "all" in given]
-
-
-def _limits(given: Sequence[str]) -> list[float]:
-    from jaxsat.comparison import LIMITS
-
-    limits: list[float] = []
-    for text in given:
-        try:
-            found = LIMITS if text == "all" else (float(text),)
-        except ValueError:
-            found = (math.nan,)
-        if not all(MIN_LIMIT <= one <= MAX_LIMIT for one in found):
-            must = f"a number of N m from {MIN_LIMIT:g} to {MAX_LIMIT:g}, or all"
-            raise mistake("--torque-limit", must, text)
-        limits += found
-    return list(dict.fromkeys(limits))
 
 
 def _tell_of_untuned(limits: Sequence[float]) -> None:

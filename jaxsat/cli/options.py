@@ -26,6 +26,9 @@ MAX_INSTANTS = 100_000
 MAX_SEED = 2**64 - 1
 MAX_WORKERS = 4096
 MAX_STARTS = 10_000
+MIN_LIMIT, MAX_LIMIT = 0.01, 1000.0
+"""N m; the time that a study covers goes with the root of the limit."""
+
 MAX_NAME_LENGTH, MAX_PATH_LENGTH = 255, 4095
 """Bytes that Linux and macOS take for one name, and for a path."""
 
@@ -105,6 +108,7 @@ BatchSize = Annotated[int, Parameter(converter=whole(1, MAX_BATCH_SIZE))]
 OptionalBatchSize = Annotated[int | None, Parameter(converter=whole(1, MAX_BATCH_SIZE))]
 Instants = Annotated[int | None, Parameter(converter=whole(2, MAX_INSTANTS))]
 Workers = Annotated[int | None, Parameter(converter=whole(1, MAX_WORKERS))]
+TorqueLimits = Annotated[tuple[str, ...], Parameter(negative="")]
 Starts = Annotated[int, Parameter(converter=whole(1, MAX_STARTS))]
 StartsOrNone = Annotated[int, Parameter(converter=whole(0, MAX_STARTS))]
 OutputPath = Annotated[Path, Parameter(converter=_converter(place))]
@@ -114,3 +118,20 @@ Flag = Annotated[bool, Parameter(negative="")]
 Report = Annotated[bool | Path, Parameter(negative="")]
 """`--report` alone, or with a file."""
 Overrides = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]
+
+
+def torque_limits(given: Sequence[str]) -> list[float]:
+    """The torque limits (N m) that are asked for, each once."""
+    from jaxsat.comparison import LIMITS
+
+    limits: list[float] = []
+    for text in given:
+        try:
+            found = LIMITS if text == "all" else (float(text),)
+        except ValueError:
+            found = (math.nan,)
+        if not all(MIN_LIMIT <= one <= MAX_LIMIT for one in found):
+            must = f"a number of N m from {MIN_LIMIT:g} to {MAX_LIMIT:g}, or all"
+            raise mistake("--torque-limit", must, text)
+        limits += found
+    return list(dict.fromkeys(limits))

@@ -10,6 +10,7 @@ from jaxsat.comparison.acceptance import (
     comparison_scenario,
     horizon,
 )
+from jaxsat.comparison.front import FlownPoint, Front, FrontPoint, front
 from jaxsat.comparison.in_scenario import (
     ScenarioComparison,
     ScenarioVerdict,
@@ -49,6 +50,9 @@ __all__ = [
     "ComparisonRun",
     "ComparisonSetting",
     "ComparisonVerdict",
+    "FlownPoint",
+    "Front",
+    "FrontPoint",
     "LeastTime",
     "ScenarioComparison",
     "ScenarioSetting",
@@ -63,6 +67,7 @@ __all__ = [
     "comparison_scenario",
     "comparison_settings",
     "comparison_study",
+    "front",
     "horizon",
     "least_times",
     "median_least_time",

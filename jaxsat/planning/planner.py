@@ -23,6 +23,9 @@ FINE = CLOSE._replace(iterations=80)
 """Of the search from the best that was found. The one from every guess, `ROUGH`, has half of the
 intervals."""
 
+STRETCHED = FINE._replace(first_barrier=1e-2, iterations=150)
+"""Of the search near a plan of another duration, from which it is farther away."""
+
 FINE_SUBSTEPS = 4
 """Runge-Kutta steps in an interval then; in the search before it is one."""
 
@@ -97,18 +100,30 @@ class Planner(eqx.Module):
         """The plan of least time from a state at time `t` (s)."""
         return self._searched(PlanObjective.TIME, t, state, None)
 
-    def cheapest(self, t: RealScalar, state: PlantState, duration: RealScalar) -> Plan:
-        """The plan of least effort that takes `duration` (s), which has to be long enough."""
-        return self._searched(PlanObjective.EFFORT, t, state, duration)
+    def cheapest(
+        self, t: RealScalar, state: PlantState, duration: RealScalar, near: Plan | None = None
+    ) -> Plan:
+        """The plan of least effort that takes `duration` (s), which has to be long enough.
+
+        With a plan of another duration from the same state it is sought `near` that alone, flown at
+        another pace. Where there is hardly time enough guesses fail, and a quick plan leads there.
+        """
+        if near is None:
+            return self._searched(PlanObjective.EFFORT, t, state, duration)
+        program = self._program(PlanObjective.EFFORT, self.intervals, FINE_SUBSTEPS)
+        unit, known = program.time_unit, _unknowns(program, near)
+        pace = near.duration / duration
+        slower = jnp.concatenate([jnp.ones(4), jnp.full(3, pace)])
+        x = with_sign_of(known.states[0], program.scaled(state))
+        states = (known.states * slower[None]).at[0].set(x)
+        first = Unknowns(states, known.last, known.torque * pace**2, duration / unit)
+        return self._plan(program, t, solve(program, t / unit, first, STRETCHED))
 
     def replanned(self, t: RealScalar, state: PlantState, plan: Plan) -> Plan:
         """The plan of least time from a state on the way of an earlier plan, sought near it."""
         program = self._program(PlanObjective.TIME, self.intervals, FINE_SUBSTEPS)
-        unit = program.time_unit
-        states = jnp.concatenate([plan.quaternion, plan.omega * unit], axis=1)
-        torque, duration = plan.torque / program.limit, plan.duration / unit
-        known = Unknowns(states[:-1], states[-1], torque, duration)
-        x = with_sign_of(states[0], program.scaled(state))
+        unit, known = program.time_unit, _unknowns(program, plan)
+        x = with_sign_of(known.states[0], program.scaled(state))
         first = resampled(program, x, known, (t - plan.begin) / unit)
         return self._plan(program, t, solve(program, t / unit, first, FINE))
 
@@ -162,6 +177,12 @@ class Planner(eqx.Module):
             iterations=found.iterations,
             defects=found.defects,
         )
+
+
+def _unknowns(program: Transcription, plan: Plan) -> Unknowns:
+    states = jnp.concatenate([plan.quaternion, plan.omega * program.time_unit], axis=1)
+    torque, duration = plan.torque / program.limit, plan.duration / program.time_unit
+    return Unknowns(states[:-1], states[-1], torque, duration)
 
 
 def _effort(program: Transcription, unknowns: Unknowns) -> RealScalar:

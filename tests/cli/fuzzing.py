@@ -145,6 +145,10 @@ OPTIONS = {
         "--starts": ("0", "1", "-1", "1.5", "", "1e9"), "--longest": NUMBERS, "--seed": NUMBERS,
         "--objective": ("time", "effort", "", "x"), "--out": PLACES, "--quiet": None,
     },
+    "front": {
+        "--guesses": ("0", "-1", "1.5", "", "1e9"), "--torque-limit": NUMBERS,
+        "--law": ("rate", "x", ""), "--out": ("", "file.txt", "x" * 300, "/proc/x"),
+    },
     "export": {
         "--out": PLACES, "--functions": ("own", "libm", "", "x"), "--float": None,
         "--overwrite": None, "--quiet": None,

@@ -17,6 +17,7 @@ COMMANDS = [
     ("montecarlo",),
     ("compare",),
     ("bound",),
+    ("front",),
     ("tune",),
     ("controllability",),
     ("design",),

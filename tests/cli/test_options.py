@@ -75,6 +75,12 @@ CASES = {
         "--objective": ["", "fuel"],
         "--out": ["", "x" * 300],
     },
+    ("front", "acceptance-nominal"): {
+        "--guesses": WHOLE,
+        "--torque-limit": ["0", "-5", "nan", "inf", "1e-300", "1e300", "", "some"],
+        "--law": ["", "best"],
+        "--out": ["", "x" * 300],
+    },
     ("compare", "--seed", "1"): {
         "--count": WHOLE,
         "--bounds": ["-1", "0.5", "1e9", ""],

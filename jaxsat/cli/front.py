@@ -1,0 +1,137 @@
+"""`jaxsat front`: time against effort, for a scenario's manoeuvre and the laws that fly it."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from jaxsat.cli.bound import require_ideal_thrusters
+from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.options import Flag, OutputPath, Overrides, Starts, TorqueLimits, torque_limits
+from jaxsat.cli.progress import show_progress
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, output_problem, print_stdout
+from jaxsat.cli.words import command_line
+
+if TYPE_CHECKING:
+    from jaxsat.comparison import Front
+    from jaxsat.scenario import Scenario
+
+RESULT, FIGURE = "front.json", "front"
+
+
+def front(
+    scenario: str,
+    /,
+    *,
+    law: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    torque_limit: TorqueLimits = (),
+    guesses: Starts = 24,
+    overrides: Overrides = (),
+    out: OutputPath = Path("jaxsat-front"),
+    overwrite: Flag = False,
+    quiet: Flag = False,
+) -> int:
+    """Find the least effort within each time for a scenario's manoeuvre, and what laws take.
+
+    Plans with two or more torques from the scenario's start to rest in the orbit frame: the least
+    time, and the least effort within 1.005 to 8 times that. The plans are local optima and are
+    flown again by an independent integrator. Prints them beside the laws, and writes a figure.
+
+    Parameters
+    ----------
+    scenario
+        A name from `jaxsat scenarios list`, or a TOML file, with a torque limit and thrusters that
+        make a torque of either sign.
+    law
+        A law to fly from the same start, by name, module:Class or scenario file; may be given
+        several times. By default that of the scenario.
+    torque_limit
+        Torque limit in N m in place of the scenario's, or all for 1, 5 and 20; may be given several
+        times.
+    guesses
+        Ways to the target from which each plan is sought.
+    overrides
+        KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
+    out
+        Folder for the numbers and the figure.
+    overwrite
+        Replace the folder if jaxsat wrote it.
+    quiet
+        Print only warnings and errors.
+    """
+    limits = [f"spacecraft.torque_limit_N_m={one}" for one in torque_limits(torque_limit)]
+    chosen = [load_or_explain(scenario, [*overrides, one], "motion") for one in limits]
+    chosen = chosen or [load_or_explain(scenario, overrides, "motion")]
+    laws = list(dict.fromkeys(law or (chosen[0].control.law,)))
+    for one in chosen:
+        require_ideal_thrusters(one, "a front")
+        _require_laws(one, laws)
+    use_double_precision()
+    from jaxsat.results import OutputError, OutputFolder
+
+    try:
+        with OutputFolder(out, kind="front", overwrite=overwrite) as folder:
+            found = interruptibly(lambda: [_found(one, laws, guesses) for one in chosen])
+            interruptibly(lambda: _write(folder, chosen[0].title, found))
+    except OutputError as error:
+        raise output_problem(error) from None
+    if not quiet:
+        for line in _lines(found):
+            print_stdout(line)
+        print_stdout(f"written to {out}")
+    return SUCCESS if all(one.points for one in found) else FAILED_RUN
+
+
+def _require_laws(scenario: "Scenario", laws: Sequence[str]) -> None:
+    from jaxsat.comparison import scenario_under
+    from jaxsat.scenario import ScenarioError
+
+    for law in laws:
+        try:
+            scenario_under(scenario, law)
+        except ScenarioError as error:
+            raise UserMistake(str(error), located=True) from None
+        except ValueError as error:
+            raise UserMistake(f"--law: {error}") from None
+
+
+def _found(scenario: "Scenario", laws: Sequence[str], guesses: int) -> "Front":
+    from jaxsat.comparison import front as computed
+    from jaxsat.scenario import ScenarioError
+
+    limit = f"{scenario.spacecraft.torque_limit_N_m:g} N m"
+    try:
+        return computed(scenario, laws, guesses, lambda what: show_progress(f"{limit}: {what}"))
+    except ScenarioError as error:
+        raise UserMistake(str(error), located=True) from None
+    except ValueError as error:
+        raise UserMistake(str(error)) from None
+
+
+def _write(folder: Any, title: str, found: Sequence["Front"]) -> None:
+    from jaxsat.report.front_figure import front_figure
+    from jaxsat.report.saving import save_figures
+    from jaxsat.results import provenance
+
+    data = [one.as_data() for one in found]
+    save_figures({FIGURE: front_figure(data, f"{title}: time against effort")}, folder.write)
+    record = {"command": command_line(), "fronts": data, **provenance()}
+    folder.write(RESULT, json.dumps(record, indent=1, allow_nan=False) + "\n")
+
+
+def _lines(found: Sequence["Front"]) -> list[str]:
+    lines = [f"{'N m':>7} {'time (s)':>10} {'effort (N m s)':>15}"]
+    for front in found:
+        limit = f"{front.torque_limit:7.4g}"
+        lines += [f"{limit} {one.duration:10.4g} {one.effort:15.4g}" for one in front.points]
+        lines += [f"{limit} {one:10.4g} {'no plan':>15}" for one in front.failed]
+        lines += [
+            f"{limit} {one.settled_from:10.4g} {one.effort:15.4g}  {one.law}"
+            if one.settled_from < float("inf")
+            else f"{limit} {'':10} {'':15}  {one.law} does not settle"
+            for one in front.flown
+        ]
+    return lines

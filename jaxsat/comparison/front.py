@@ -1,0 +1,194 @@
+"""Time against effort: the least effort within each time, and what laws take of both."""
+
+import functools
+import math
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.assembly.run import Run, build, build_uncontrolled
+from jaxsat.bounds import Manoeuvre, Solution, manoeuvre_of, propagate
+from jaxsat.comparison.in_scenario import scenario_under
+from jaxsat.dynamics import PlantState
+from jaxsat.planning import Plan, Planner, PlanStatus
+from jaxsat.scenario import Scenario
+from jaxsat.simulation import SampledLoop
+from jaxsat.vehicle import Actuators
+
+STRETCHES = (1.005, 1.01, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+"""Durations of the front over the least time."""
+
+MAX_ANGLE, MAX_RATE = 1e-4, 1e-5
+"""A flight arrives if it ends so near the target (rad, rad/s)."""
+
+
+class FrontPoint(NamedTuple):
+    """A plan of the front: its duration (s) and effort ∫ Σ|T_i| dt (N m s)."""
+
+    duration: float
+    effort: float
+
+
+class FlownPoint(NamedTuple):
+    """A law flown from the same start: when it settles (s), and its effort until then (N m s).
+
+    Infinite and NaN for one that does not settle.
+    """
+
+    law: str
+    settled_from: float
+    effort: float
+
+
+class Front(NamedTuple):
+    """The front under a torque limit (N m), and the laws beside it.
+
+    `points` begin with the least time; each takes longer than the one before it and less effort.
+    `failed` are the durations (s) for which no plan arrives.
+    """
+
+    torque_limit: float
+    points: list[FrontPoint]
+    failed: list[float]
+    flown: list[FlownPoint]
+
+    def as_data(self) -> dict[str, Any]:
+        """As plain data; None for what is not finite."""
+        flown = [
+            {
+                "law": one.law,
+                "settled_from_s": one.settled_from if math.isfinite(one.settled_from) else None,
+                "effort_N_m_s": one.effort if math.isfinite(one.effort) else None,
+            }
+            for one in self.flown
+        ]
+        return {
+            "torque_limit_N_m": self.torque_limit,
+            "front": [
+                {"duration_s": one.duration, "effort_N_m_s": one.effort} for one in self.points
+            ],
+            "failed_durations_s": self.failed,
+            "laws": flown,
+        }
+
+
+def front(
+    scenario: Scenario,
+    laws: Iterable[str] = (),
+    guesses: int = 24,
+    report: Callable[[str], None] = lambda what: None,
+) -> Front:
+    """The least effort of the scenario's manoeuvre within each time, and laws beside it.
+
+    The scenario has ideal thrusters with a torque limit; its own law does not matter. Plans know
+    the disturbance and use the whole torque. Each duration of `STRETCHES` is planned from `guesses`
+    ways to the target, near the plan of the next shorter duration and near that of the next longer
+    one. DOP853 flies every plan again; those that miss the target do not count. `report` is told
+    what is under way. Every law of `laws` (as `scenario_under` takes them) flies from the same
+    start. Raises as `manoeuvre_of` and `scenario_under` do.
+    """
+    runs = {law: build(_finely_saved(scenario_under(scenario, law))) for law in laws}
+    loop, start = build_uncontrolled(scenario)
+    manoeuvre, thrusters = manoeuvre_of(loop, start), loop.actuators
+    assert isinstance(thrusters, Actuators)
+    planner = Planner(loop.plant, thrusters.torque_axes, thrusters.limit, guesses=guesses)
+    report("least time")
+    quickest = _quickest(planner, start)
+    arriving = functools.partial(_arrives, manoeuvre)
+    if not arriving(quickest):
+        return Front(float(thrusters.limit), [], [float(quickest.duration)], [])
+    plans = _cheapest(planner, start, quickest, arriving, report)
+    failed = [float(duration) for duration, plan in plans if plan is None]
+    points = [FrontPoint(float(quickest.duration), float(quickest.effort))]
+    for _, plan in plans:
+        if plan is not None and float(plan.effort) < points[-1].effort:
+            points.append(FrontPoint(float(plan.duration), float(plan.effort)))
+    flown = []
+    for law, run in runs.items():
+        report(f"flying {law}")
+        flown.append(_flown(law, run))
+    return Front(float(thrusters.limit), points, failed, flown)
+
+
+@eqx.filter_jit
+def _quickest(planner: Planner, start: PlantState) -> Plan:
+    return planner.quickest(jnp.zeros(()), start)
+
+
+@eqx.filter_jit
+def _guessed(planner: Planner, start: PlantState, duration) -> Plan:
+    return planner.cheapest(jnp.zeros(()), start, duration)
+
+
+@eqx.filter_jit
+def _near(planner: Planner, start: PlantState, duration, plan: Plan) -> Plan:
+    return planner.cheapest(jnp.zeros(()), start, duration, plan)
+
+
+def _cheapest(
+    planner: Planner,
+    start: PlantState,
+    quickest: Plan,
+    arriving: Callable[[Plan], bool],
+    report: Callable[[str], None],
+) -> list[tuple[Float[np.ndarray, ""], Plan | None]]:
+    """For each duration the best plan that arrives, if there is one."""
+    durations = [jnp.asarray(stretch) * quickest.duration for stretch in STRETCHES]
+    found: list[list[Plan]] = []
+    near = quickest
+    for number, duration in enumerate(durations):
+        report(f"least effort: {number} of {2 * len(durations)}")
+        plans = [_guessed(planner, start, duration), _near(planner, start, duration, near)]
+        found.append([plan for plan in plans if arriving(plan)])
+        near = min(found[-1], key=_effort, default=near)
+    longer = None
+    for number, duration in reversed(list(enumerate(durations))):
+        report(f"least effort: {2 * len(durations) - number} of {2 * len(durations)}")
+        if longer is not None:
+            plan = _near(planner, start, duration, longer)
+            found[number] += [plan] if arriving(plan) else []
+        longer = min(found[number], key=_effort, default=longer)
+    best = [min(plans, key=_effort, default=None) for plans in found]
+    return [(np.asarray(one), plan) for one, plan in zip(durations, best, strict=True)]
+
+
+def _effort(plan: Plan) -> float:
+    return float(plan.effort)
+
+
+def _arrives(manoeuvre: Manoeuvre, plan: Plan) -> bool:
+    if int(plan.status) == PlanStatus.FAILED:
+        return False
+    states = np.concatenate([plan.quaternion, plan.omega], axis=1)
+    duration = float(plan.duration)
+    end = propagate(manoeuvre, Solution(duration, duration, np.asarray(plan.torque), states))
+    return end.angle < MAX_ANGLE and end.rate < MAX_RATE
+
+
+def _flown(law: str, run: Run) -> FlownPoint:
+    """A law from the scenario's start; its torque is taken at the instants that are saved."""
+    found = run.simulate()
+    settled = float(found.assessment.settled_from)
+    if not math.isfinite(settled):
+        return FlownPoint(law, settled, math.nan)
+    times, torque = np.asarray(found.times), np.asarray(found.signals.torque)
+    axes = np.asarray(run.loop.actuators.torque_axes)  # pyright: ignore[reportAttributeAccessIssue]
+    sizes = np.abs(np.linalg.lstsq(axes, torque.T)[0]).sum(axis=0)
+    if isinstance(run.loop, SampledLoop):
+        sums = np.concatenate([[0.0], np.cumsum(sizes[:-1] * np.diff(times))])
+    else:
+        sums = np.concatenate([[0.0], np.cumsum((sizes[1:] + sizes[:-1]) / 2 * np.diff(times))])
+    return FlownPoint(law, settled, float(np.interp(settled, times, sums)))
+
+
+def _finely_saved(scenario: Scenario) -> Scenario:
+    """Saved at every sample of a sampled law, whose torque changes at no other time."""
+    period = getattr(scenario.control, "period_s", None)
+    if period is None:
+        return scenario
+    simulation = scenario.simulation.model_copy(update={"save_every_s": period})
+    return scenario.model_copy(update={"simulation": simulation})

@@ -1,0 +1,77 @@
+"""Time against effort as a figure: the front of plans, and the laws beside it."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jaxsat.report.style import (
+    FURTHER_LINES,
+    LINES,
+    MARKERS,
+    SETTINGS,
+    escape_mathematics,
+    set_title,
+)
+
+WIDTH, HEIGHT, MOST_COLUMNS = 3.4, 3.0, 3
+
+TIME_TICKS = (1, 1.5, 2, 3, 5, 8)
+"""Per decade; a front seldom covers a whole one."""
+
+
+def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> Figure:
+    """A panel for each of the fronts, which are the data of `jaxsat.comparison.Front.as_data`.
+
+    Left of the front's first point no plan reaches the target; below the line none is known.
+    """
+    columns = min(len(fronts), MOST_COLUMNS)
+    rows = -(-len(fronts) // columns)
+    names = list(dict.fromkeys(one["law"] for front in fronts for one in front["laws"]))
+    with rc_context(dict[Any, Any](SETTINGS)):
+        size = (max(5.5, WIDTH * columns + 0.6), HEIGHT * rows + 0.7)
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False)
+        set_title(figure, title)
+    panels = list(axes.flat)
+    for axis, front in zip(panels, fronts, strict=False):
+        _draw(axis, front, names)
+    for axis in panels[len(fronts) :]:
+        axis.set_visible(False)
+    for row in axes:
+        row[0].set_ylabel("effort (N m s)")
+    drawn = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in panels[: len(fronts)]]
+    lines = {label: handle for pairs in drawn for handle, label in pairs}
+    figure.legend([*lines.values()], [*lines], loc="outside lower center", ncols=min(4, len(lines)))
+    return figure
+
+
+def _draw(axis: Axes, front: dict[str, Any], names: Sequence[str]) -> None:
+    times = [one["duration_s"] for one in front["front"]]
+    efforts = [one["effort_N_m_s"] for one in front["front"]]
+    style = {**LINES[0], "marker": "o", "markersize": 2.5}
+    axis.plot(times, efforts, label="least effort within the time", **style)
+    colors = [line["color"] for line in (*LINES[1:], *FURTHER_LINES)]
+    settled = [one for one in front["laws"] if one["settled_from_s"] is not None]
+    for one in settled:
+        number = names.index(one["law"])
+        point: dict[str, Any] = {"color": colors[number % len(colors)], "markersize": 8}
+        point |= {"marker": MARKERS[1 + number % (len(MARKERS) - 1)], "linestyle": "none"}
+        name = escape_mathematics(one["law"])
+        axis.plot(one["settled_from_s"], one["effort_N_m_s"], label=f"law {name}", **point)
+    all_times = [*times, *(one["settled_from_s"] for one in settled)]
+    all_efforts = [*efforts, *(one["effort_N_m_s"] for one in settled)]
+    axis.set_title(f"{front['torque_limit_N_m']:g} N m", fontsize=8, loc="left")
+    axis.set_xlabel("time until rest or settled (s)")
+    axis.set_xscale("log")
+    if all_times:
+        first, last = 0.85 * min(all_times), 1.15 * max(all_times)
+        axis.set_xlim(first, last)
+        axis.set_ylim(0, 1.08 * max(all_efforts))
+        ticks = [base * 10**power for power in range(-2, 7) for base in TIME_TICKS]
+        shown = [tick for tick in ticks if first <= tick <= last]
+        axis.set_xticks(shown, [f"{tick:g}" for tick in shown])
+        axis.minorticks_off()
+        axis.axvspan(first, min(times, default=first), color="#dddddd", linewidth=0)

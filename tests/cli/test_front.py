@@ -1,0 +1,128 @@
+"""Time against effort: exact efforts of a turn about a driven axis, a law's own, the command."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.comparison import FlownPoint, Front, FrontPoint, front, scenario_under
+from jaxsat.comparison.front import STRETCHES
+from jaxsat.report.front_figure import front_figure
+
+QUICK = ["acceptance-nominal", "--torque-limit", "20", "--guesses", "6"]
+QUICK += ["--set", "simulation.duration_s=60"]
+
+LIMIT, MOMENT, ANGLE = 5.0, 449.5, 0.4
+
+TURN = [
+    "orbit.rate_rad_s=0",
+    "disturbance.amplitude_N_m=[0,0,0]",
+    f"initial.w=[{math.tan(ANGLE / 2)},0]",
+    "initial.z_rad=0",
+    "initial.omega_rad_s=[0,0,0]",
+    "simulation.duration_s=50",
+]
+"""At rest, turned about x alone: w = tan(angle / 2) about that axis."""
+
+
+def least_effort(duration):
+    """Thrust, coast, brake: J θ = T t (duration - t), 2 T t of effort."""
+    thrusting = (duration - math.sqrt(duration**2 - 4 * MOMENT * ANGLE / LIMIT)) / 2
+    return 2 * LIMIT * thrusting
+
+
+@pytest.mark.slow
+def test_a_turn_about_a_driven_axis_and_a_law_beside_it():
+    scenario = load("acceptance-nominal", TURN)
+    told = []
+    found = front(scenario, ["three-slew", "oscillatory"], 6, told.append)
+    shortest = 2 * math.sqrt(MOMENT * ANGLE / LIMIT)
+    assert found.torque_limit == LIMIT
+    assert found.failed == []
+    assert found.points[0].duration == pytest.approx(shortest, rel=2e-3)
+    assert len(found.points) == len(STRETCHES) + 1
+    for duration, effort in found.points[2:]:  # intervals of 1/48 of it cost up to 2.1 %
+        assert least_effort(duration) * 0.999 < effort < least_effort(duration) * 1.03
+    assert {"least time", "flying oscillatory"} < set(told)
+
+    slew, slow = found.flown
+    assert (slow.law, slow.settled_from) == ("oscillatory", math.inf)  # takes longer
+    assert math.isnan(slow.effort)
+    efforts = [effort_until(scenario, round(slew.settled_from + by, 1)) for by in (-0.1, 0.1)]
+    assert efforts[0] - 1e-6 <= slew.effort <= efforts[1] + 1e-6
+
+
+def effort_until(scenario, end):
+    """As the run itself integrates it, axis by axis, which are those of the thrusters here."""
+    simulation = scenario.simulation.model_copy(update={"duration_s": end, "save_every_s": 0.1})
+    one = scenario_under(scenario, "three-slew").model_copy(update={"simulation": simulation})
+    return float(np.sum(build(one).simulate().assessment.effort))
+
+
+FRONTS = [
+    Front(5.0, [FrontPoint(30.0, 300.0), FrontPoint(60.0, 90.0)], [70.0], []),
+    Front(0.3, [], [9.0], [FlownPoint("a", math.inf, math.nan), FlownPoint("$b", 80.0, 99.0)]),
+]
+
+
+def test_figure_of_fronts():
+    figure = front_figure([one.as_data() for one in FRONTS], "a title")
+    first, second = figure.axes
+    np.testing.assert_array_equal(first.lines[0].get_xdata(), [30, 60])
+    np.testing.assert_array_equal(first.lines[0].get_ydata(), [300, 90])
+    assert [line.get_xdata()[0] for line in second.lines if len(line.get_xdata())] == [80.0]
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["least effort within the time", "law \\$b"]
+    assert "s)" in first.get_xlabel()
+    figure.canvas.draw()
+
+
+def test_what_is_not_finite_is_none_in_the_data():
+    assert FRONTS[1].as_data()["laws"][0] == {
+        "law": "a",
+        "settled_from_s": None,
+        "effort_N_m_s": None,
+    }
+
+
+@pytest.mark.slow
+def test_table_numbers_and_figure(command_line, tmp_path):
+    laws = ["--law", "three-slew", "--law", "oscillatory"]
+    status, out, _ = command_line("front", *QUICK, *laws, "--out", "f")
+    assert status == 0
+    assert {path.name for path in (tmp_path / "f").iterdir()} >= {
+        "front.json",
+        "front.png",
+        "front.svg",
+    }
+    (found,) = json.loads((tmp_path / "f" / "front.json").read_text())["fronts"]
+    assert found["torque_limit_N_m"] == 20.0
+    efforts = [one["effort_N_m_s"] for one in found["front"]]
+    assert efforts == sorted(efforts, reverse=True)
+    assert len(efforts) > 5
+    lines = out.splitlines()
+    assert lines[0].split() == ["N", "m", "time", "(s)", "effort", "(N", "m", "s)"]
+    assert lines[-3].split()[-1] == "three-slew"
+    assert lines[-2].endswith("oscillatory does not settle")
+    status, _, err = command_line("front", *QUICK, *laws, "--out", "f")
+    assert status == 2
+    assert "--overwrite" in err
+
+
+@pytest.mark.parametrize(
+    ("tokens", "message"),
+    [
+        (["two-wheel-telescope"], "wheel: must be left out for a front"),
+        (["paper-rate"], "spacecraft.torque_limit_N_m: must be given in N m"),
+        (["acceptance-nominal", "--law", "best"], "--law: "),
+        (["acceptance-nominal", "--law", "fault-tolerant"], "control"),
+    ],
+)
+def test_mistakes(command_line, tmp_path, tokens, message):
+    status, out, err = command_line("front", *tokens)
+    assert (status, out) == (2, "")
+    assert message in err
+    assert list(tmp_path.iterdir()) == []
