@@ -29,7 +29,11 @@ TINY = 1e-30
 
 
 class Hold(NamedTuple):
-    """When the present hold began (s), and whether one has lasted until the drift was known."""
+    """When the present hold began (s), and whether one has lasted until the drift was known.
+
+    While there is none, `begin` is the present time: only a hold has an age, as the drift is learnt
+    while the other rates are small.
+    """
 
     begin: RealScalar
     known: Bool[Array, ""]
@@ -39,9 +43,9 @@ class Hold(NamedTuple):
         """Before the first."""
         return Hold(jnp.zeros_like(omega[0]), jnp.array(False))
 
-    def after(self, begins: Bool[Array, ""], clock: RealScalar, coast: "Coast") -> "Hold":
-        """At a `clock` (s) when another `begins`, or with what has become known now."""
-        return Hold(jnp.where(begins, clock, self.begin), self.known | coast.judged)
+    def after(self, holds: Bool[Array, ""], clock: RealScalar, coast: "Coast") -> "Hold":
+        """At a `clock` (s) when the end game `holds` or not, with what has become known now."""
+        return Hold(jnp.where(holds, self.begin, clock), self.known | coast.judged)
 
 
 class Coast(NamedTuple):

@@ -214,7 +214,7 @@ class FineStage(eqx.Module):
         early, quiet = self.oscillator, self.end_game
         aim, slow_late, third_late = None, slow, third
         if hold is not None and coast is not None:
-            hold = hold.after(late & ~memory.late, clock, coast)
+            hold = hold.after(late, clock, coast)
             from_wanted = Slow(slow.rate, slow.turn + third.turn[2])
             aim = coast.aim(from_wanted.turn)
             slow_late = choose(coast.drifts, coast.opposed(from_wanted, HOLDING_TURN), slow)

@@ -92,8 +92,21 @@ def test_the_first_hold_is_judged_once_when_the_drift_is_known():
     assert not before.drifts
     assert after.judged
     assert after.drifts
-    hold = Hold.none(jnp.zeros(3)).after(jnp.array(False), jnp.array(5.0), after)
+    hold = Hold.none(jnp.zeros(3)).after(jnp.array(True), jnp.array(1.01 * age), after)
     assert hold.known
     later = coast(DRIFT, known=True, clock=0.1 * age)
     assert later.drifts
     assert not later.judged
+
+
+def test_oscillating_before_a_hold_is_no_age_of_it():
+    """The drift is learnt while holding: the first hold is judged however late it begins."""
+    age, step = KNOWN_PERIODS * 2 * np.pi / 0.3, 0.1
+    hold, judged = Hold.none(jnp.zeros(3)), []
+    begins, ends = 3 * age, 4.5 * age
+    for clock in np.arange(0, ends, step):
+        now = Coast.of(hold, jnp.array(clock), *map(jnp.array, (0.3, DRIFT, 0.0)))
+        assert bool(now.drifts) == (clock > begins + age)
+        hold = hold.after(jnp.array(clock >= begins), jnp.array(clock), now)
+        judged += [clock] if now.judged else []
+    assert judged == pytest.approx([begins + age], abs=2 * step)
