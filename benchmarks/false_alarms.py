@@ -1,6 +1,7 @@
-"""False alarms of the law that diagnoses its thrusters: a soak in which nothing fails.
+"""False alarms of a law that diagnoses its thrusters or wheels: a soak in which nothing fails.
 
     python benchmarks/false_alarms.py --cases 320
+    python benchmarks/false_alarms.py --scenario failures-telescope
 
 Flies a scenario that draws failures with all its other dispersions, but with the failures after the
 end, and watches the CUSUM statistics at every sample. Prints the false alarms with the upper limit
@@ -18,7 +19,6 @@ from scipy.stats import chi2
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
-from jaxsat.control.fault_tolerant import TolerantMode
 from jaxsat.diagnosis import average_run_length
 
 ORBIT = 5677.0
@@ -40,22 +40,23 @@ def main() -> None:
     parser.add_argument("--scenario", default="failures-12u")
     parser.add_argument("--cases", type=int, default=320)
     parser.add_argument("--seed", type=int, default=77)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    study = build_study(load(options.scenario, [NEVER]), options.cases, seed=options.seed)
+    study = build_study(load(options.scenario, [*options.set, NEVER]), options.cases, seed=options.seed)
     law = cast(Any, study.case_factory.loop).controller
     threshold = float(law.diagnosis.threshold)
     period, samples = float(study.program.interval), study.program.intervals
-    alarms, above, thrusters = 0, np.zeros(int(threshold) + 1, int), 0
+    alarms, above, tested = 0, np.zeros(int(threshold) + 1, int), np.array(False)
     for first in range(0, options.cases, BATCH):
         numbers = np.arange(first, min(first + BATCH, options.cases))
         _, signals = study.engine.observed(
             study.program, study.cases(numbers), None, study.program.instants()
         )
-        alarm = np.asarray(signals.mode) == TolerantMode.ALARM
+        alarm = np.asarray(signals.mode) == law.modes.ALARM
         alarms += int(np.sum(alarm[:, 1:] & ~alarm[:, :-1]))
         statistic = threshold * np.asarray(signals.detection_statistic)
-        thrusters = statistic.shape[-1]
+        tested = tested | np.any(statistic > 0, axis=(0, 1))
         levels = np.arange(len(above))[:, None, None, None]
         beyond = statistic[None] > levels
         above += np.sum(beyond[:, :, 1:] & ~beyond[:, :, :-1], axis=(1, 2, 3))
@@ -63,11 +64,12 @@ def main() -> None:
     orbits = options.cases * samples * period / ORBIT
     print(f"{orbits:.1f} orbits of {ORBIT:.0f} s with {ORBIT / period:.0f} samples each")
     print(f"false alarms: {alarms}, below {upper_limit(alarms) / orbits:.2g} in an orbit (95 %)")
-    tests = 2 * thrusters * ORBIT / period
+    tests = law.diagnosis.tests_of_each * np.count_nonzero(tested)
+    print(f"{tests} tests, {law.diagnosis.tests_of_each} of each actuator that is in use")
     reference = float(law.diagnosis.reference)
     print("threshold   exceeded in an orbit   by the closed form, where the model is true")
     for level in range(2, len(above)):
-        expected = tests / average_run_length(reference, level)
+        expected = tests * ORBIT / period / average_run_length(reference, level)
         print(f"{level:9d}   {above[level] / orbits:20.3g}   {expected:20.3g}")
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from jaxsat.diagnosis import average_run_length
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -55,3 +57,24 @@ def test_a_campaign_of_kills_finds_no_fault(tmp_path):
     assert int(found["equal"]) >= 1
     assert found["faults |"] == "0 |"
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_false_alarms_are_counted_of_wheels_too():
+    """Three wheels of four are in use, with three tests each; nothing fails."""
+    command = [sys.executable, "benchmarks/false_alarms.py", "--cases", "2"]
+    command += ["--scenario", "failures-telescope", "--set", "simulation.duration_s=20"]
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    lines = done.stdout.splitlines()
+    assert "2 of 2 cases, 0 false alarms" in lines
+    assert "9 tests, 3 of each actuator that is in use" in lines
+    level, _, expected = lines[-1].split()
+    scores = 9 * 56770 / float(expected)
+    assert scores == pytest.approx(average_run_length(1.0, float(level)), rel=0.01)

@@ -236,8 +236,7 @@ def _false_alarm_penalty(
     if not isinstance(controller, FaultTolerant | FaultTolerantWheels):
         return None
     diagnosis, period = controller.diagnosis, float(np.asarray(controller.period))
-    watch = diagnosis.filter
-    tests = (1 + len(watch.hypotheses.tests)) * watch.count
+    tests = diagnosis.tests_of_each * diagnosis.filter.count
     least = math.log(table.false_alarm_interval_s / period * tests)
 
     def penalty(values: Values) -> np.ndarray:

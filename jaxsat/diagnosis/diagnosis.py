@@ -89,6 +89,11 @@ class Diagnosis(eqx.Module):
         for name in ("reference", "threshold", "margin", "patience"):
             require_positive(name, getattr(self, name))
 
+    @property
+    def tests_of_each(self) -> int:
+        """How many CUSUM tests an actuator has."""
+        return 1 + len(self.filter.hypotheses.tests)
+
     def init(self, reading: Float[Array, " n"]) -> DiagnosisMemory:
         """All actuators work."""
         count = self.filter.count
@@ -96,7 +101,7 @@ class Diagnosis(eqx.Module):
         return DiagnosisMemory(
             self.filter.init(reading),
             self.filter.noise,
-            jnp.zeros((1 + len(self.filter.hypotheses.tests), count), reading.dtype),
+            jnp.zeros((self.tests_of_each, count), reading.dtype),
             jnp.array(int(Stage.QUIET)),
             zero[0],
             Evidence.none(count),

@@ -13,9 +13,17 @@ from types import SimpleNamespace
 import pytest
 
 from jaxsat.assembly.load import load
+from jaxsat.diagnosis import average_run_length
 from tuning.scenarios import RATE
 
 FIGURES = ("loss", "gains", "before-after")
+
+TINY = (
+    "simulation.duration_s=60", "tuning.steps=2", "tuning.starts=3", "tuning.screened=0",
+    "tuning.cases=4", "tuning.validation_cases=4", "tuning.validate_every=1",
+    "tuning.held_out_cases=4", "tuning.receipt_cases=2",
+)  # fmt: skip
+"""A run of three points, two steps and four cases of a minute each."""
 
 
 @pytest.fixture(autouse=True)
@@ -50,6 +58,26 @@ def test_a_run_leaves_everything_in_its_folder(jaxsat, tmp_path):
     status, _, err = jaxsat("rate.toml", "--set", "tuning.steps=3", "--out", "run")
     assert status == 2
     assert "holds another run" in err
+
+
+@pytest.mark.slow
+def test_a_law_that_diagnoses_is_tuned_from_the_library_to_a_verdict(jaxsat):
+    """Thresholds and gains together; the interval of false alarms is kept."""
+    pytest.importorskip("cma")
+    changes = [word for change in TINY for word in ("--set", change)]
+    status, out, err = jaxsat("failures-telescope", *changes, "--out", "run", "--workers", "1")
+    assert status == 0, err
+    assert "The run takes no derivatives" in out
+    gains = json.loads(Path("run/verdict.json").read_text())["gains"]
+    tuned = load("run/tuned.toml")
+    control, bounds = tuned.control, tuned.tuning.parameters
+    assert gains.keys() == bounds.keys()
+    for key, bound in bounds.items():
+        assert getattr(control, key) == pytest.approx(gains[key]["after"])
+        assert bound.low <= gains[key]["after"] <= bound.high
+    length = average_run_length(control.cusum_reference, control.cusum_threshold)
+    tests = 3 * len(tuned.wheel)
+    assert length * control.period_s / tests >= tuned.tuning.false_alarm_interval_s
 
 
 @pytest.mark.parametrize(

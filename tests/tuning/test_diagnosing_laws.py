@@ -1,0 +1,38 @@
+"""Tuning of the laws that diagnose thrusters or wheels: what false alarms cost."""
+
+import numpy as np
+import pytest
+
+from jaxsat.assembly.load import load
+from jaxsat.assembly.tuning import build_plan
+from jaxsat.diagnosis import average_run_length, cusum_threshold
+
+pytest.importorskip("cma")
+
+TESTS = {"failures-12u": 8 * 2, "failures-telescope": 4 * 3}
+"""Thrusters times missing and additional thrust; wheels times missing torque, brake and drive."""
+
+KEYS = (
+    "natural_frequency_rad_s", "damping", "cusum_reference", "cusum_threshold",
+    "isolation_margin", "torque_uncertainty",
+)  # fmt: skip
+"""In the order of the search."""
+
+
+def values(threshold):
+    return np.array([0.05, 1.0, 0.8, threshold, 8.0, 0.1])
+
+
+@pytest.mark.parametrize("name", TESTS)
+def test_thresholds_pay_for_false_alarms_of_all_tests_of_the_law(name):
+    """None from the threshold on whose false alarms are as far apart as the table asks for."""
+    interval = 1e6
+    change = f"tuning.false_alarm_interval_s={interval}"
+    plan = build_plan(load(name, [change]), engine="scan")
+    assert plan.space.labels == KEYS
+    scores = interval / 0.1 * TESTS[name]
+    enough = cusum_threshold(0.8, scores)
+    found = plan.exact.penalty(np.stack([values(x) for x in (5.0, enough - 1e-3, enough + 1e-3)]))
+    assert found[0] == pytest.approx(np.log(scores / average_run_length(0.8, 5.0)))
+    assert 0 < found[1] < 0.01
+    assert found[2] == 0
