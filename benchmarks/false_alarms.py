@@ -43,7 +43,8 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    study = build_study(load(options.scenario, [*options.set, NEVER]), options.cases, seed=options.seed)
+    scenario = load(options.scenario, [*options.set, NEVER])
+    study = build_study(scenario, options.cases, seed=options.seed)
     law = cast(Any, study.case_factory.loop).controller
     threshold = float(law.diagnosis.threshold)
     period, samples = float(study.program.interval), study.program.intervals

@@ -17,8 +17,10 @@ from jaxsat.quotients import reciprocal
 RealScalar = Float[Array, ""]
 
 
-SURE_SIGMAS = 4.0
-"""A steady acceleration is believed from so many standard deviations."""
+LEAST_SIGMAS, SURE_SIGMAS = 2.0, 4.0
+"""Of a steady acceleration: nothing is believed below the first many standard deviations, all from
+the second, and a part between, so that an estimate near either does not switch the law to and fro.
+"""
 
 
 class ThirdRate(NamedTuple):
@@ -246,8 +248,9 @@ class RippleFilter(AbstractRippleEstimator):
         mean, ripple, quadrature = memory.state[:3]
         steady = None
         if self.steady is not None:
-            known = memory.state[3] ** 2 > SURE_SIGMAS**2 * memory.covariance[3, 3]
-            steady = jnp.where(known, memory.state[3], 0.0)
+            squared = memory.state[3] ** 2 * reciprocal(memory.covariance[3, 3])
+            least, sure = LEAST_SIGMAS**2, SURE_SIGMAS**2
+            steady = memory.state[3] * jnp.clip((squared - least) / (sure - least), 0.0, 1.0)
         return ThirdRate(mean + ripple, ripple, quadrature / self.frequency, steady)
 
     def forget(self, memory: RippleBelief, when: Bool[Array, ""]) -> RippleBelief:

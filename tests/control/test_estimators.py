@@ -114,6 +114,22 @@ def test_filter_is_the_batch_estimate(steady):
     np.testing.assert_allclose(memory.state, batch, rtol=1e-6, atol=1e-12)
 
 
+def test_what_is_believed_of_a_steady_acceleration_does_not_jump():
+    """A small change of the estimate changes little: nothing up to 2 sigma, all from 4 on."""
+    filtering = ripple_filter_of(0.1, drift=1e-7, steady=STEADY)
+    memory = filtering.init(jnp.array(0.0))
+    sigma = float(jnp.sqrt(memory.covariance[3, 3]))
+    sigmas = np.linspace(-6, 6, 1201)
+    states = jnp.zeros((len(sigmas), 4)).at[:, 3].set(sigma * sigmas)
+    known = jax.vmap(lambda x: filtering.believed(memory._replace(state=x), x[0]).steady)(states)
+    known = np.asarray(known) / sigma
+    assert np.all(np.diff(known) >= 0)
+    assert np.diff(known).max() < 5 * np.diff(sigmas).max()
+    np.testing.assert_allclose(known[np.abs(sigmas) <= 2], 0, atol=1e-12)
+    beyond = np.abs(sigmas) >= 4
+    np.testing.assert_allclose(known[beyond], sigmas[beyond], rtol=1e-12)
+
+
 def test_a_steady_acceleration_is_learnt_at_rest_and_believed_when_sure():
     """3e-7 rad/s² through noise of 1e-5 rad/s; nothing of it beyond the rate limit."""
     filtering = ripple_filter_of(0.1, drift=1e-7, steady=STEADY)
