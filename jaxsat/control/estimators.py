@@ -15,6 +15,7 @@ from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm, leaned
 from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
 from jaxsat.quotients import reciprocal
+from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 
@@ -134,7 +135,7 @@ class ThirdAxisEstimator(eqx.Module):
             # By the period, not the span: sine and cosine are then the same for all cases.
             advanced = self.observer.advance(ripple, omega, change, period)
             first = self.observer.init(omega[2])
-            ripple = jax.tree.map(lambda x, y: jnp.where(started, x, y), advanced, first)
+            ripple = choose(started, advanced, first)
             ripple = self.observer.correct(ripple, omega, period)
         if self.least_squares is not None and fit is not None:
             fit = fit._replace(first_omega=jnp.where(started, fit.first_omega, omega))

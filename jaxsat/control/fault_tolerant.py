@@ -18,6 +18,7 @@ from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.fault_tolerant import FAULT_TOLERANT
 from jaxsat.diagnosis import Diagnosis, DiagnosisMemory, ResidualFilter, Stage, ThrusterModel
 from jaxsat.dynamics import PlantState
+from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 
@@ -152,7 +153,7 @@ class FaultTolerant(AbstractSampledController):
             begins = (left == Left.PLANE) & changed
             law, directions = self.settling.at(number)
             begun = law.init(state)
-            settling = jax.tree.map(lambda new, old: jnp.where(begins, new, old), begun, settling)
+            settling = choose(begins, begun, settling)
             command, settling = law.step(t, state, settling)
             in_plane = directions @ command
             torque = jnp.where(left == Left.PLANE, in_plane, torque)

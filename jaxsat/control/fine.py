@@ -5,7 +5,6 @@ import enum
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
@@ -18,6 +17,7 @@ from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState
+from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 
@@ -226,11 +226,6 @@ class FineStage(eqx.Module):
         wanted = asked.granted(third.axes)
         tracking = early.tracking(clock, state, tilt, wanted)
         return early.torque(state.omega, tracking), tracking.rate, FineMemory(wanted, late, hold)
-
-
-def choose(when: Bool[Array, ""], one, other):
-    """Of two trees alike, one `when` that holds, else the other."""
-    return jax.tree.map(lambda x, y: jnp.where(when, x, y), one, other)
 
 
 class OscillatorySettlingMemory(NamedTuple):

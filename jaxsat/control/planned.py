@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.driven_axes import DrivenFit, DrivenMemory, FittedDynamics
-from jaxsat.control.fine import RippleSlack, choose
+from jaxsat.control.fine import RippleSlack
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.ripple import RippleFilter
@@ -19,7 +19,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.declaration.settling import PLANNING_MARGIN, REPLAN_TIME
 from jaxsat.dynamics import PlantState
-from jaxsat.planning.search import PlanSearch, Search, with_sign_of
+from jaxsat.planning.search import PlanSearch, Search, in_hemisphere_of
 from jaxsat.planning.tracking import (
     interval_at,
     mean_torque,
@@ -32,6 +32,7 @@ from jaxsat.planning.transcription import (
     Transcription,
     Unknowns,
 )
+from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 
@@ -255,7 +256,8 @@ class PlannedSettling(AbstractSampledController):
         plan, begin, gains = followed.plan, followed.begin, followed.gains
         passed, period = now - begin, self.period / program.time_unit
         wanted = planned_state(program, begin, plan, passed)
-        feedback = gains[interval_at(program, plan, passed)[0]] @ (with_sign_of(wanted, x) - wanted)
+        error = in_hemisphere_of(wanted, x) - wanted
+        feedback = gains[interval_at(program, plan, passed)[0]] @ error
         torque = (mean_torque(program, plan, passed, period) + feedback) * program.limit
         return self.form.command(clipped(torque, self.settling.torque_limit))
 
@@ -276,7 +278,7 @@ class PlannedSettling(AbstractSampledController):
 
 def _is_far(program: Transcription, x: Float[Array, "7"]) -> Bool[Array, ""]:
     """Whether an attitude is far from the target's."""
-    difference = with_sign_of(program.target, x)[1:4] - program.target[1:4]
+    difference = in_hemisphere_of(program.target, x)[1:4] - program.target[1:4]
     return 2 * jnp.sqrt(jnp.sum(difference**2)) > FAR
 
 

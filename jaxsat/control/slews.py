@@ -9,7 +9,6 @@ import enum
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
@@ -19,6 +18,7 @@ from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.dynamics import PlantState
 from jaxsat.metrics import wrap_angle
+from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 
@@ -199,7 +199,7 @@ class SlewPlanner(eqx.Module):
         over = (jnp.abs(to_go) < self.angle_tolerance) & (jnp.abs(rate) < self.rate_tolerance)
         flown = slewing._replace(to_go=to_go, last_rate=rate)
         following = self._next_leg(t, state, slewing)
-        return jax.tree.map(lambda new, old: jnp.where(over, new, old), following, flown)
+        return choose(over, following, flown)
 
     def reference(self, to_go: RealScalar, along_x: Bool[Array, ""]) -> tuple[Array, Array]:
         """The leg's rate v (rad/s) for an angle to go, and dv/de (1/s)."""
@@ -279,9 +279,9 @@ class ThreeSlewLaw(AbstractSampledController):
         seen = self.planner.form.seen(state)
         flown = self.planner.advance(t, seen, memory.slewing, self.period)
         done = memory.slewing.leg == Leg.SLEWED
-        flown = jax.tree.map(lambda x, y: jnp.where(done, x, y), memory.slewing, flown)
+        flown = choose(done, memory.slewing, flown)
         plan = self.planner.plan(t, seen)
-        slewing = jax.tree.map(lambda x, y: jnp.where(memory.planned, x, y), flown, plan)
+        slewing = choose(memory.planned, flown, plan)
         stopped = slewing._replace(to_go=jnp.where(slewing.leg == Leg.SLEWED, 0.0, slewing.to_go))
         torque = clipped(self.planner.torque(seen.omega, stopped), self.planner.torque_limit)
         return self.planner.form.command(torque), ThreeSlewMemory(slewing, jnp.array(True))

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.fine import FineMemory, FineMode, FineStage, choose
+from jaxsat.control.fine import FineMemory, FineMode, FineStage
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.rate_tracking import clipped
@@ -17,6 +17,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import Leg, Slewing, SlewPlanner
 from jaxsat.control.tilt import tilt_of
 from jaxsat.dynamics import PlantState
+from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 

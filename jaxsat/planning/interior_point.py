@@ -70,7 +70,7 @@ class Settings(NamedTuple):
 class Iterate(NamedTuple):
     """Where the method is: unknowns, torques' cost, multipliers of the arrival.
 
-    `defects` is the sum of all, `change` the last step's relative change of the duration.
+    `defects` is the sum of all; `done` where the last step found the plan to be optimal.
     """
 
     unknowns: Unknowns

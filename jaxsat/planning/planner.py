@@ -4,7 +4,6 @@ import enum
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
@@ -14,8 +13,9 @@ from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.errors import ArgumentError
 from jaxsat.planning.guesses import guess, random_numbers, resampled
 from jaxsat.planning.interior_point import Iterate, solve
-from jaxsat.planning.search import ARRIVING, CLOSE, ROUGH, unsoundness, with_sign_of
+from jaxsat.planning.search import ARRIVING, CLOSE, ROUGH, effort_of, in_hemisphere_of, worth_of
 from jaxsat.planning.transcription import PlanObjective, Transcription, Unknowns
+from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 
@@ -114,7 +114,7 @@ class Planner(eqx.Module):
         unit, known = program.time_unit, _unknowns(program, near)
         pace = near.duration / duration
         slower = jnp.concatenate([jnp.ones(4), jnp.full(3, pace)])
-        x = with_sign_of(known.states[0], program.scaled(state))
+        x = in_hemisphere_of(known.states[0], program.scaled(state))
         states = (known.states * slower[None]).at[0].set(x)
         first = Unknowns(states, known.last, known.torque * pace**2, duration / unit)
         return self._plan(program, t, solve(program, t / unit, first, STRETCHED))
@@ -123,7 +123,7 @@ class Planner(eqx.Module):
         """The plan of least time from a state on the way of an earlier plan, sought near it."""
         program = self._program(PlanObjective.TIME, self.intervals, FINE_SUBSTEPS)
         unit, known = program.time_unit, _unknowns(program, plan)
-        x = with_sign_of(known.states[0], program.scaled(state))
+        x = in_hemisphere_of(known.states[0], program.scaled(state))
         first = resampled(program, x, known, (t - plan.begin) / unit)
         return self._plan(program, t, solve(program, t / unit, first, FINE))
 
@@ -146,10 +146,10 @@ class Planner(eqx.Module):
 
         def better(best, numbers):
             found = solve(coarse, begin, guess(coarse, x, numbers, scaled), ROUGH)
-            worth = _worth(coarse, x, found)
+            worth = worth_of(coarse, x, found)
             improved = worth < best[0]
             new = (worth, found.unknowns)
-            chosen = jax.tree.map(lambda a, b: jnp.where(improved, a, b), new, best[:2])
+            chosen = choose(improved, new, best[:2])
             return (*chosen, best[2] + found.iterations), None
 
         numbers = {key: jnp.asarray(value) for key, value in random_numbers(self.guesses).items()}
@@ -172,7 +172,7 @@ class Planner(eqx.Module):
             torque=unknowns.torque * program.limit,
             quaternion=states[:, :4],
             omega=states[:, 4:] / unit,
-            effort=_effort(program, unknowns) * unit * program.limit,
+            effort=effort_of(program, unknowns) * unit * program.limit,
             status=jnp.where(arrives, status, PlanStatus.FAILED),
             iterations=found.iterations,
             defects=found.defects,
@@ -183,16 +183,3 @@ def _unknowns(program: Transcription, plan: Plan) -> Unknowns:
     states = jnp.concatenate([plan.quaternion, plan.omega * program.time_unit], axis=1)
     torque, duration = plan.torque / program.limit, plan.duration / program.time_unit
     return Unknowns(states[:-1], states[-1], torque, duration)
-
-
-def _effort(program: Transcription, unknowns: Unknowns) -> RealScalar:
-    return jnp.sum(jnp.abs(unknowns.torque)) * unknowns.duration / program.intervals
-
-
-def _worth(program: Transcription, x: Float[Array, "7"], found: Iterate) -> RealScalar:
-    """What is least for the best: the objective, far above it for one that does not arrive."""
-    unknowns = found.unknowns
-    by_time = program.objective is PlanObjective.TIME
-    value = unknowns.duration if by_time else _effort(program, unknowns)
-    worth = value + unsoundness(program, x, found.defects)
-    return jnp.where(jnp.isfinite(worth), worth, jnp.inf)

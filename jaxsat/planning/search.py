@@ -11,7 +11,8 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.checks import require_counts
 from jaxsat.planning.guesses import guess, random_numbers, resampled
 from jaxsat.planning.interior_point import Iterate, Settings, begun, iterated
-from jaxsat.planning.transcription import Transcription, Unknowns
+from jaxsat.planning.transcription import PlanObjective, Transcription, Unknowns
+from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 
@@ -97,7 +98,7 @@ class PlanSearch(eqx.Module):
         passed: RealScalar,
     ) -> Search:
         """A search from the rest of a `plan`, after the time `passed` of it."""
-        best = resampled(program, with_sign_of(plan.states[0], x), plan, passed)
+        best = resampled(program, in_hemisphere_of(plan.states[0], x), plan, passed)
         stage, yes = jnp.full_like(known.stage, self.guesses), jnp.array(True)
         of_plan = {"best": best, "begin": begin, "start": best.states[0]}
         return known._replace(stage=stage, fresh=yes, **of_plan, least=jnp.zeros_like(begin))
@@ -141,8 +142,8 @@ class PlanSearch(eqx.Module):
         rough = search.stage < self.guesses
         number = jnp.minimum(search.stage, self.guesses - 1)
         guessed = self._guess(program, search.start, number)
-        first = jax.tree.map(lambda a, b: jnp.where(rough, a, b), guessed, search.best)
-        now = with_sign_of(first.states[0], x)
+        first = choose(rough, guessed, search.best)
+        now = in_hemisphere_of(first.states[0], x)
         start = jnp.where(rough, search.start, now)
         first = first._replace(states=first.states.at[0].set(start))
         begin = jnp.where(rough, search.begin, begin)
@@ -154,9 +155,9 @@ class PlanSearch(eqx.Module):
         settings = self._settings(search)
         found = iterated(program, search.begin, search.iterate, settings)
         ended = found.done | (found.iterations >= settings.iterations)
-        worth = found.unknowns.duration + unsoundness(program, search.start, found.defects)
+        worth = worth_of(program, search.start, found)
         better = ended & (worth < search.worth)
-        best = jax.tree.map(lambda a, b: jnp.where(better, a, b), found.unknowns, search.best)
+        best = choose(better, found.unknowns, search.best)
         return search._replace(
             stage=search.stage + ended,
             fresh=ended,
@@ -166,14 +167,24 @@ class PlanSearch(eqx.Module):
         )
 
 
-def unsoundness(program: Transcription, x: Float[Array, "7"], defects: RealScalar) -> RealScalar:
-    """What a rough plan from `x` is worth less for its defects."""
+def effort_of(program: Transcription, unknowns: Unknowns) -> RealScalar:
+    """∫ Σ|u| dt of a plan, in units of τ."""
+    return jnp.sum(jnp.abs(unknowns.torque)) * unknowns.duration / program.intervals
+
+
+def worth_of(program: Transcription, x: Float[Array, "7"], found: Iterate) -> RealScalar:
+    """What is least for the best rough plan from `x`: the objective (τ), far above it for one that
+    does not arrive, infinite for NaN."""
+    unknowns, defects = found.unknowns, found.defects
+    by_time = program.objective is PlanObjective.TIME
+    value = unknowns.duration if by_time else effort_of(program, unknowns)
     missed = jnp.sum(jnp.abs(program.arrival(x)))
     credible = defects < jnp.minimum(CREDIBLE, CREDIBLE_SHARE * missed)
-    return jnp.where(credible, 0.0, UNSOUND * (1 + defects))
+    worth = value + jnp.where(credible, 0.0, UNSOUND * (1 + defects))
+    return jnp.where(jnp.isfinite(worth), worth, jnp.inf)
 
 
-def with_sign_of(known: Float[Array, "7"], x: Float[Array, "7"]) -> Float[Array, "7"]:
+def in_hemisphere_of(known: Float[Array, "7"], x: Float[Array, "7"]) -> Float[Array, "7"]:
     """The same state with its quaternion on the side of another's."""
     sign = jnp.where(jnp.sum(x[:4] * known[:4]) < 0, -1.0, 1.0)
     return jnp.concatenate([sign * x[:4], x[4:]])
