@@ -64,6 +64,17 @@ def require_counts(**counts: int | None) -> None:
             raise ArgumentError(name, "must be at least 1", count)
 
 
+def require_directions(name: str, columns: ArrayLike) -> None:
+    """Raise `ArgumentError` unless the shape is (3, m) with m >= 1 and no column is zero."""
+    shape = np.shape(columns)
+    if len(shape) != 2 or shape[0] != 3 or shape[1] < 1:
+        raise ArgumentError(name, "must have shape (3, m) with at least one column", shape)
+    require_finite(name, columns)
+    known = concrete(columns)
+    if known is not None and not np.all(np.any(known != 0, axis=0)):
+        raise ArgumentError(name, "must have no column of zeros", known.tolist())
+
+
 def require_inertia(name: str, inertia: Float[Array | np.ndarray, "3 3"]) -> None:
     """Raise `ArgumentError` unless the matrix is symmetric and positive definite."""
     known = concrete(inertia)

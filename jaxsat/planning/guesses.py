@@ -7,7 +7,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsat.planning.transcription import STATES, Transcription, Unknowns
+from jaxsat.planning.transcription import STATES, PlanObjective, Transcription, Unknowns
 
 RealScalar = Float[Array, ""]
 
@@ -19,7 +19,7 @@ SPREAD = (1.0, 3.0)
 """Durations of guesses over that of one slew with one thruster."""
 
 LEAST_DURATION, LEAST_REST = 0.5, 0.05
-"""Of a guess, and of what is left of an earlier plan, in units of τ."""
+"""Of a guess, and of what is left of an earlier plan of least time, in units of τ."""
 
 
 @functools.cache
@@ -35,7 +35,11 @@ def random_numbers(count: int) -> dict[str, Float[np.ndarray, "count ..."]]:
 
 
 def slew_duration(program: Transcription, x: Float[Array, "7"]) -> RealScalar:
-    """Of the tilt and turn of a start as one slew with one thruster, in units of τ."""
+    """Of the tilt and turn of a start as one slew with one thruster, in units of τ.
+
+    Without derivatives: it is only where a search begins, and its root has none at the target.
+    """
+    x = lax.stop_gradient(x)
     moments = program.model.spacecraft.moments
     relative = moments / jnp.mean(moments)
     angle = 2 * jnp.arctan2(jnp.sqrt(jnp.sum(x[1:4] ** 2)), jnp.abs(x[0]))
@@ -74,9 +78,13 @@ def guess(
 def resampled(
     program: Transcription, x: Float[Array, "7"], known: Unknowns, passed: RealScalar
 ) -> Unknowns:
-    """The rest of a plan after the time `passed`, on this program's intervals, beginning at `x`."""
-    count = known.torque.shape[0]
-    rest = jnp.maximum(known.duration - passed, LEAST_REST)
+    """The rest of a plan after the time `passed`, on this program's intervals, beginning at `x`.
+
+    Of a plan of least time at least `LEAST_REST`; a duration that is given stays as it is.
+    """
+    count, rest = known.torque.shape[0], known.duration - passed
+    if program.objective is PlanObjective.TIME:
+        rest = jnp.maximum(rest, LEAST_REST)
     following = jnp.concatenate([known.states[1:], known.last[None]])
 
     def interval(share: RealScalar):

@@ -34,7 +34,8 @@ LARGEST_STRETCH = 0.3
 """Of the duration in one step, as a share of it."""
 
 STEADY = 1e-3
-"""The change of the duration, as a share of it, that a converged plan would still make."""
+"""The change that a converged plan would still make: of the duration and of the objective with its
+barriers, as shares of what they are and of what the barriers may cost."""
 
 CALM = 0.1
 """Σ of defects below which μ falls."""
@@ -142,7 +143,7 @@ def iterated(program: Transcription, begin: RealScalar, at: Iterate, settings: S
     terms = _terms(program, at, settings)
     step = newton_step(program, begin, at.unknowns, at.arrival_multipliers, terms)
     cost_change, primal, dual = _cost_change(program, at, step.change, settings)
-    taken, defects = _line_search(program, begin, at, step, cost_change, primal, settings)
+    taken, defects, slope = _line_search(program, begin, at, step, cost_change, primal, settings)
     accepted = taken > 0
     dual = jnp.where(accepted, dual, 0.0)
 
@@ -153,6 +154,9 @@ def iterated(program: Transcription, begin: RealScalar, at: Iterate, settings: S
     calm = (taken > LARGEST_STRETCH) & (defects < CALM)
     mu = jnp.maximum(at.barrier * FALL, settings.last_barrier)
     steady = jnp.abs(step.change.duration) < STEADY * at.unknowns.duration
+    # A large weight of changes makes the step small, not what is left to gain.
+    freed = jnp.abs(slope) * jnp.maximum(1.0, at.proximity)
+    steady = steady & (freed < STEADY * _scale(program, at))
     last = at.barrier <= settings.last_barrier
     return Iterate(
         _moved(at.unknowns, step.change, taken),
@@ -164,6 +168,12 @@ def iterated(program: Transcription, begin: RealScalar, at: Iterate, settings: S
         defects,
         last & accepted & steady & (defects < DEFECT_TOLERANCE),
     )
+
+
+def _scale(program: Transcription, at: Iterate) -> RealScalar:
+    """The objective, and what it may be above the optimum for the barriers: μ for each limit."""
+    limits = len(at.cost.limits) * at.unknowns.torque.size
+    return program.value(at.unknowns) + limits * at.barrier
 
 
 def _moved(at: Unknowns, change: Unknowns, step: RealScalar) -> Unknowns:
@@ -213,8 +223,11 @@ def _line_search(
     cost_change: TorqueCost,
     longest: RealScalar,
     settings: Settings,
-) -> tuple[RealScalar, RealScalar]:
-    """The step's length, 0 where none makes the merit smaller, and the defects after it."""
+) -> tuple[RealScalar, RealScalar, RealScalar]:
+    """The step's length, 0 where none makes the merit smaller, and the defects after it.
+
+    And by how much the whole step changes the objective with its barriers, to first order.
+    """
     length, mu = _length(program, at), at.barrier
     penalty = PENALTY * step.largest_multiplier
 
@@ -230,21 +243,22 @@ def _line_search(
         return lax.scan(one, first, (at.cost, cost_change))[0]
 
     nowhere = jnp.zeros_like(longest)
-    before, slope = jax.jvp(objective, (nowhere,), (jnp.ones_like(longest),))
-    before = before + penalty * at.defects
-    slope = slope - penalty * at.defects
+    value, slope = jax.jvp(objective, (nowhere,), (jnp.ones_like(longest),))
+    before = value + penalty * at.defects
+    descent = slope - penalty * at.defects
 
     def going_on(search):
         _, accepted, halvings, _ = search
-        return ~accepted & (halvings <= HALVINGS)
+        return ~accepted & (halvings < 1 + HALVINGS)
 
     def attempt(search):
         share, _, halvings, _ = search
         defects = program.defects(begin, _moved(at.unknowns, step.change, share))
         merit = objective(share) + penalty * defects
-        accepted = merit <= before + SUFFICIENT * share * slope + ROUNDING
+        accepted = merit <= before + SUFFICIENT * share * descent + ROUNDING
         return jnp.where(accepted, share, share / 2), accepted, halvings + 1, defects
 
     start = (longest, jnp.array(False), jnp.array(0), at.defects)
     share, accepted, _, defects = lax.while_loop(going_on, attempt, start)
-    return jnp.where(accepted, share, 0.0), jnp.where(accepted, defects, at.defects)
+    defects = jnp.where(accepted, defects, at.defects)
+    return jnp.where(accepted, share, 0.0), defects, slope

@@ -8,12 +8,18 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from jaxsat.checks import as_float, require_counts, require_positive
+from jaxsat.checks import (
+    as_float,
+    require_counts,
+    require_directions,
+    require_finite,
+    require_positive,
+)
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.errors import ArgumentError
 from jaxsat.planning.guesses import guess, random_numbers, resampled
 from jaxsat.planning.interior_point import Iterate, solve
-from jaxsat.planning.search import ARRIVING, CLOSE, ROUGH, effort_of, in_hemisphere_of, worth_of
+from jaxsat.planning.search import ARRIVING, CLOSE, ROUGH, in_hemisphere_of, worth_of
 from jaxsat.planning.transcription import PlanObjective, Transcription, Unknowns
 from jaxsat.trees import choose
 
@@ -72,9 +78,10 @@ class Planner(eqx.Module):
     """Plans for a body with thrusters that each make up to `limit` N m of either sign.
 
     The plans use 1 - `margin` of the limit. `torque_axes` (3, m) are the directions of the
-    thrusters' torques; two are enough wherever the normal form has c ≠ 0. The search is local: it
-    begins from `guesses` ways to the target, with half of the `intervals`, and goes on from the
-    best. What the model believes of the disturbance is known to the plan in advance.
+    thrusters' torques; one that is longer than 1 makes as much more than the limit. Two are enough
+    wherever the normal form has c ≠ 0. The search is local: it begins from `guesses` ways to the
+    target, with half of the `intervals`, and goes on from the best. What the model believes of the
+    disturbance is known to the plan in advance.
 
     Raises `ArgumentError` for numbers out of range, and for a model with wheels.
     """
@@ -87,7 +94,9 @@ class Planner(eqx.Module):
     intervals: int = eqx.field(static=True, default=48)
 
     def __check_init__(self):
+        require_directions("torque_axes", self.torque_axes)
         require_positive("limit", self.limit)
+        require_finite("limit", self.limit)
         require_positive("margin", self.margin, zero_allowed=True)
         require_positive("1 - margin", 1 - self.margin)
         require_counts(guesses=self.guesses, intervals=self.intervals)
@@ -103,21 +112,20 @@ class Planner(eqx.Module):
     def cheapest(
         self, t: RealScalar, state: PlantState, duration: RealScalar, near: Plan | None = None
     ) -> Plan:
-        """The plan of least effort that takes `duration` (s), which has to be long enough.
+        """The plan of least effort that takes `duration` (s).
 
-        With a plan of another duration from the same state it is sought `near` that alone, flown at
-        another pace. Where there is hardly time enough guesses fail, and a quick plan leads there.
+        It is FAILED where that is too short, not positive or not finite. With a plan of another
+        duration from the same state it is sought `near` that alone, flown at another pace. Where
+        there is hardly time enough guesses fail, and a quick plan leads there.
         """
+        duration = as_float(duration)
         if near is None:
-            return self._searched(PlanObjective.EFFORT, t, state, duration)
-        program = self._program(PlanObjective.EFFORT, self.intervals, FINE_SUBSTEPS)
-        unit, known = program.time_unit, _unknowns(program, near)
-        pace = near.duration / duration
-        slower = jnp.concatenate([jnp.ones(4), jnp.full(3, pace)])
-        x = in_hemisphere_of(known.states[0], program.scaled(state))
-        states = (known.states * slower[None]).at[0].set(x)
-        first = Unknowns(states, known.last, known.torque * pace**2, duration / unit)
-        return self._plan(program, t, solve(program, t / unit, first, STRETCHED))
+            plan = self._searched(PlanObjective.EFFORT, t, state, duration)
+        else:
+            plan = self._stretched(t, state, near, duration)
+        possible = (duration > 0) & jnp.isfinite(duration)  # backwards in time it could be solved
+        status = jnp.where(possible, plan.status, PlanStatus.FAILED)
+        return plan._replace(duration=duration, status=status)
 
     def replanned(self, t: RealScalar, state: PlantState, plan: Plan) -> Plan:
         """The plan of least time from a state on the way of an earlier plan, sought near it."""
@@ -130,6 +138,19 @@ class Planner(eqx.Module):
     def _program(self, objective: PlanObjective, intervals: int, substeps: int) -> Transcription:
         limit = self.limit * (1 - self.margin)
         return Transcription(self.model, self.torque_axes, limit, objective, intervals, substeps)
+
+    def _stretched(
+        self, t: RealScalar, state: PlantState, near: Plan, duration: RealScalar
+    ) -> Plan:
+        """The plan of least effort near another one flown at another pace."""
+        program = self._program(PlanObjective.EFFORT, self.intervals, FINE_SUBSTEPS)
+        unit, known = program.time_unit, _unknowns(program, near)
+        pace = near.duration / duration
+        slower = jnp.concatenate([jnp.ones(4), jnp.full(3, pace)])
+        x = in_hemisphere_of(known.states[0], program.scaled(state))
+        states = (known.states * slower[None]).at[0].set(x)
+        first = Unknowns(states, known.last, known.torque * pace**2, duration / unit)
+        return self._plan(program, t, solve(program, t / unit, first, STRETCHED))
 
     def _searched(
         self,
@@ -172,7 +193,7 @@ class Planner(eqx.Module):
             torque=unknowns.torque * program.limit,
             quaternion=states[:, :4],
             omega=states[:, 4:] / unit,
-            effort=effort_of(program, unknowns) * unit * program.limit,
+            effort=program.effort(unknowns) * unit * program.limit,
             status=jnp.where(arrives, status, PlanStatus.FAILED),
             iterations=found.iterations,
             defects=found.defects,

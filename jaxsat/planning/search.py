@@ -8,10 +8,10 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.checks import require_counts
+from jaxsat.checks import require_counts, require_finite, require_positive
 from jaxsat.planning.guesses import guess, random_numbers, resampled
 from jaxsat.planning.interior_point import Iterate, Settings, begun, iterated
-from jaxsat.planning.transcription import PlanObjective, Transcription, Unknowns
+from jaxsat.planning.transcription import Transcription, Unknowns
 from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
@@ -65,12 +65,19 @@ class PlanSearch(eqx.Module):
 
     def __check_init__(self):
         require_counts(guesses=self.guesses, iterations=self.iterations)
+        require_positive("shortest", self.shortest)
+        require_finite("shortest", self.shortest)
 
     @property
     def most_pieces(self) -> int:
         """How many pieces a search from all guesses takes at the most."""
         rough, close = int(ROUGH.iterations) + 1, int(CLOSE.iterations) + 1
         return -(-(self.guesses * rough + close) // self.iterations)
+
+    @property
+    def closing_pieces(self) -> int:
+        """How many of them improve the best guess at the most."""
+        return -(-(int(CLOSE.iterations) + 1) // self.iterations)
 
     def idle(self, program: Transcription) -> Search:
         """A search that is over and has found nothing."""
@@ -114,7 +121,10 @@ class PlanSearch(eqx.Module):
     def advanced(
         self, program: Transcription, search: Search, begin: RealScalar, x: Float[Array, "7"]
     ) -> Search:
-        """After one more piece. The best of all guesses is improved from the time and state now."""
+        """After one more piece.
+
+        If it begins to improve the best guess, that is for a plan from `x` on at the time `begin`.
+        """
 
         def under_way(at: tuple[Search, Array]):
             return ~self.over(at[0]) & (at[1] < self.iterations)
@@ -167,20 +177,13 @@ class PlanSearch(eqx.Module):
         )
 
 
-def effort_of(program: Transcription, unknowns: Unknowns) -> RealScalar:
-    """∫ Σ|u| dt of a plan, in units of τ."""
-    return jnp.sum(jnp.abs(unknowns.torque)) * unknowns.duration / program.intervals
-
-
 def worth_of(program: Transcription, x: Float[Array, "7"], found: Iterate) -> RealScalar:
     """What is least for the best rough plan from `x`: the objective (τ), far above it for one that
     does not arrive, infinite for NaN."""
-    unknowns, defects = found.unknowns, found.defects
-    by_time = program.objective is PlanObjective.TIME
-    value = unknowns.duration if by_time else effort_of(program, unknowns)
+    defects = found.defects
     missed = jnp.sum(jnp.abs(program.arrival(x)))
     credible = defects < jnp.minimum(CREDIBLE, CREDIBLE_SHARE * missed)
-    worth = value + jnp.where(credible, 0.0, UNSOUND * (1 + defects))
+    worth = program.value(found.unknowns) + jnp.where(credible, 0.0, UNSOUND * (1 + defects))
     return jnp.where(jnp.isfinite(worth), worth, jnp.inf)
 
 

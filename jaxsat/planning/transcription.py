@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxsat.attitude import Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
@@ -136,6 +136,27 @@ class Transcription(eqx.Module):
             return step(0, (t, x))[1]
         return lax.fori_loop(0, self.substeps, step, (t, x))[1]
 
+    def coasted(
+        self,
+        begin: RealScalar,
+        x: Float[Array, "7"],
+        step: RealScalar,
+        steps: Int[Array, ""],
+        most: int,
+    ) -> Float[Array, "7"]:
+        """The state to which the body coasts in so many Runge-Kutta steps, `most` at the most."""
+        whole, coast = step * self.intervals, jnp.zeros(self.torque_axes.shape[1], x.dtype)
+
+        def one(at):
+            number, x = at
+            x = self.interval(begin + number * step, jnp.zeros_like(begin), x, whole, coast)
+            return number + 1, jnp.concatenate([x[:4] / jnp.sqrt(jnp.sum(x[:4] ** 2)), x[4:]])
+
+        def goes_on(at):
+            return (at[0] < most) & (at[0] < steps)
+
+        return lax.while_loop(goes_on, one, (jnp.array(0), x))[1]
+
     def linearised(
         self, begin: RealScalar, number: RealScalar, x, duration: RealScalar, u
     ) -> tuple[Array, Array, Array]:
@@ -161,6 +182,14 @@ class Transcription(eqx.Module):
         rows = (self.numbers(at), at.states, at.torque)
         (total, reached), _ = lax.scan(one, first, rows)
         return total + jnp.sum(jnp.abs(at.last - reached))
+
+    def effort(self, at: "Unknowns") -> RealScalar:
+        """∫ Σ|u| dt."""
+        return jnp.sum(jnp.abs(at.torque)) * at.duration / self.intervals
+
+    def value(self, at: "Unknowns") -> RealScalar:
+        """What the program makes least."""
+        return at.duration if self.objective is PlanObjective.TIME else self.effort(at)
 
     def numbers(self, at: "Unknowns") -> Float[Array, " n"]:
         """Of the intervals."""

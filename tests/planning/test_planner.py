@@ -68,11 +68,35 @@ def test_least_effort_is_the_angular_momentum():
 
 
 @pytest.mark.slow
+def test_least_effort_from_rest_to_rest():
+    """Bang, coast, bang: J θ = u t (T - t) for bangs of t each, which cost 2 u t."""
+    made, start = planner(), turned_about_x(0.5, 0.0)
+    inertia, limit = PAPER[0, 0], 5.0
+    duration = 1.5 * 2 * np.sqrt(inertia * 0.5 / limit)
+    bang = (duration - np.sqrt(duration**2 - 4 * inertia * 0.5 / limit)) / 2
+    plan = cheapest(made, start, jnp.array(duration))
+    assert plan.status == PlanStatus.SOLVED
+    assert plan.effort == pytest.approx(2 * limit * bang, rel=0.02)
+    assert_arrives(made, start, plan)
+
+
+@pytest.mark.slow
 def test_a_duration_too_short_is_told():
     start = turned_about_x(0.5, 0.0)
     least = 2 * np.sqrt(PAPER[0, 0] * 0.5 / 5)
     assert cheapest(planner(), start, jnp.array(0.9 * least)).status == PlanStatus.FAILED
     assert cheapest(planner(), start, jnp.array(1.2 * least)).status == PlanStatus.SOLVED
+    for impossible in (0.0, -60.0, np.nan, np.inf):
+        plan = cheapest(planner(), start, jnp.array(impossible))
+        assert plan.status == PlanStatus.FAILED
+
+
+@pytest.mark.slow
+def test_a_duration_that_is_given_is_kept():
+    """Also where it is shorter than any rest of a plan of least time: 0.05 τ is 0.41 s here."""
+    plan = cheapest(planner(), turned_about_x(0.0, 1e-3), jnp.array(0.2))
+    assert plan.duration == 0.2
+    assert plan.status == PlanStatus.FLYABLE or plan.status == PlanStatus.SOLVED
 
 
 @pytest.mark.slow
@@ -146,6 +170,21 @@ def test_derivatives_of_the_least_time_are_those_of_finite_differences():
 
 
 @pytest.mark.slow
+def test_derivatives_at_the_targets_attitude():
+    """Of (1 + √2) J ω0 / u by ω0, from where the angle to turn has none."""
+    made = planner(guesses=2)
+
+    def duration(rate):
+        start = turned_about_x(0.0, 0.0)
+        return made.quickest(NOW, dataclasses.replace(start, omega=jnp.eye(3)[0] * rate)).duration
+
+    found, slope = jax.jit(lambda: jax.jvp(duration, (0.05,), (1.0,)))()
+    exact = (1 + np.sqrt(2)) * PAPER[0, 0] / 5
+    assert found == pytest.approx(exact * 0.05, rel=3e-3)
+    assert slope == pytest.approx(exact, rel=0.05)
+
+
+@pytest.mark.slow
 def test_machine_code_makes_the_same_plans():
     made = planner(guesses=2, intervals=8)
     starts = [random_body(np.random.default_rng([5, k]))[3] for k in range(3)]
@@ -194,6 +233,12 @@ def test_torque_is_held_over_each_interval():
         ({"margin": -0.1}, "`margin` must be zero or positive"),
         ({"guesses": 0}, "`guesses` must be at least 1"),
         ({"intervals": 47}, "`intervals` must be even"),
+        ({"limit": np.inf}, "`limit` must be finite"),
+        ({"axes": np.eye(3)[:2]}, r"`torque_axes` must have shape \(3, m\)"),
+        ({"axes": np.zeros((3, 0))}, "`torque_axes` must have shape"),
+        ({"axes": np.eye(3)[0]}, "`torque_axes` must have shape"),
+        ({"axes": [[1.0, np.nan], [0.0, 1.0], [0.0, 0.0]]}, "`torque_axes` must be finite"),
+        ({"axes": [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]}, "`torque_axes` must have no column of"),
     ],
 )
 def test_arguments_are_checked(keys, message):
