@@ -28,12 +28,14 @@ class AbstractSampledController(eqx.Module):
     """A controller that runs once every `period` seconds; its torque is held in between.
 
     One with several modes lists them in `modes` and tells in `mode` which is at work. Files and
-    figures show a mode by its name in words, or by a property `label` of the enumeration. Raises
+    figures show a mode by its name in words, or by a property `label` of the enumeration. One that
+    cannot be written as flight code says why in `no_flight_code`. Raises
     `TypeError` for `modes` that are no `enum.IntEnum`, or of which `mode` does not tell.
     """
 
     period: eqx.AbstractVar[Float[Array, ""]]
     modes: ClassVar[type[enum.IntEnum]] = OneMode
+    no_flight_code: ClassVar[str | None] = None
 
     def __check_init__(self):
         law, modes = type(self), self.modes

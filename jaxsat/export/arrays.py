@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxsat.engine.native.ir import Block, Load, Loop, Memory, Scalar, Store, Switch, Value
 from jaxsat.export.body import Body
-from jaxsat.export.contexts import base_of
+from jaxsat.export.contexts import base_of, has_rows
 from jaxsat.export.expressions import UNARY, Expression
 from jaxsat.export.helpers import TYPES
 from jaxsat.export.text import braced, dimensions
@@ -66,7 +66,7 @@ class Arrays:
             for x in array
         ]
         base = base_of(texts, shape)
-        if base is None:
+        if base is None or not has_rows(base, shape, self._body.shapes):
             return Expression(self._gather(array, shape))
         begin = re.split(r"\W", base)[0]
         if len(shape) > 1 and begin not in CONSTANT and begin not in self._constant:
@@ -86,6 +86,7 @@ class Arrays:
         if base is None:
             base = body.names.new(name_of(body.trace, array[0], "result"))
             body.line(f"{TYPES[array[0].dtype]} {base}{dimensions(shape)};")
+            body.shapes[base] = shape
         for index, out, text in zip(np.ndindex(shape), array, texts, strict=True):
             place = base + "".join(f"[{i}]" for i in index)
             body.known[out.number] = Expression(place)

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 from jaxsat.engine.native.ir import Scalar, Value
 from jaxsat.engine.native.trace import Trace
+from jaxsat.export.contexts import shapes_of
 from jaxsat.export.expressions import Expression, literal
 from jaxsat.export.helpers import TYPES
 from jaxsat.export.naming import Names, comment
@@ -25,7 +26,8 @@ class Body:
     """The lines of one C function while they are written.
 
     `known` are expressions for values, at first of those from outside, and `kept` the places
-    (lvalues) of those that others read later. `scope` is the number of the block that is written.
+    (lvalues) of those that others read later. `scope` is the number of the block that is written,
+    `shapes` are those of arrays by name.
     """
 
     def __init__(
@@ -42,6 +44,7 @@ class Body:
         self.kept = kept or {}
         self.lines: list[str] = []
         self.scope = 0
+        self.shapes = shapes_of(one.text for one in self.known.values())
         self._scopes = 0
         self._depth = 1
         self._pending: dict[int, tuple[Expression, Value, int]] = {}
@@ -178,6 +181,7 @@ class Body:
             name = self.names.new(wish_of(element.place))
             dims = "".join(f"[{n}]" for n in element.shape)
             self._arrays[key] = name
+            self.shapes[name] = element.shape
             self._parts[name] = []
             self._kinds[name] = TYPES[out.dtype]
             self.line(f"{TYPES[out.dtype]} {name}{dims};")

@@ -92,6 +92,11 @@ class FlightController(eqx.Module):
                 "control.law: must be a law that runs once a period to become flight code, got one "
                 "in continuous time"
             )
+        if loop.controller.no_flight_code is not None:
+            raise CannotExport(
+                f"control.law: {type(loop.controller).__name__} must be replaced by another law in "
+                f"flight code: {loop.controller.no_flight_code}"
+            )
         if loop.magnetic is not None:
             raise CannotExport(
                 "magnetorquer: must be left out of what becomes flight code, which has no field of "

@@ -28,6 +28,7 @@ from jaxsat.export import (
     vectors,
     with_library,
 )
+from jaxsat.export.contexts import has_rows, shapes_of
 from jaxsat.export.naming import Names, comment, identifier
 from jaxsat.export.rolling import rolled
 from jaxsat.results import OutputError, OutputFolder
@@ -292,6 +293,12 @@ def test_a_law_in_continuous_time_is_refused():
         export(Request(run.loop, run.start, 1.0, "", "", PROVENANCE))
 
 
+def test_the_law_that_plans_is_refused_at_once():
+    run = build(load("acceptance-nominal", ["control.law=planned"]))
+    with pytest.raises(CannotExport, match=r"PlannedSettling must be replaced.*plans in flight"):
+        export(Request(run.loop, run.start, 1.0, "", "", PROVENANCE))
+
+
 def test_comments_end_where_they_should():
     told = "\n".join(comment(r"a */ b /* c // d ??/ e \ ω² " + "word " * 40))
     assert told.count("/*") == told.count("*/") == 1
@@ -316,3 +323,13 @@ def test_repeated_statements_become_loops_in_the_same_order():
         "    }",
         "  }",
     ]
+
+
+def test_parts_of_longer_rows_are_no_array_of_their_own():
+    """x[i][:4] of rows of seven, given as rows of four, would be read at the wrong places."""
+    shapes = shapes_of([f"x[{i}][{j}]" for i in range(3) for j in range(7)] + ["v[4]", "alone"])
+    assert (shapes["x"], shapes["v"]) == ((3, 7), (5,))
+    assert not has_rows("x", (3, 4), shapes)
+    assert has_rows("x", (2, 7), shapes)  # its first rows
+    assert has_rows("x[2]", (4,), shapes)  # the beginning of one
+    assert has_rows("now->field", (3, 4), shapes)
