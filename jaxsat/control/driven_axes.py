@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxsat.checks import as_float, require_positive
+from jaxsat.checks import as_float, require_counts, require_positive
 from jaxsat.control.estimators import integrated_products, products_of
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.dynamics import PlantState
@@ -65,8 +65,7 @@ class DrivenFit(eqx.Module):
     def __check_init__(self):
         require_positive("limit", self.limit)
         require_positive("rate_noise", self.rate_noise)
-        if self.samples < 1:
-            raise ValueError(f"Argument `samples` must be at least 1, but got {self.samples}.")
+        require_counts(samples=self.samples)
 
     @property
     def prior(self) -> Float[Array, "2 8"]:

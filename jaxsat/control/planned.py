@@ -6,10 +6,9 @@ from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.checks import as_float, require_positive
+from jaxsat.checks import as_float, require_counts, require_positive
 from jaxsat.control.driven_axes import DrivenFit, DrivenMemory, FittedDynamics
 from jaxsat.control.fine import RippleSlack
 from jaxsat.control.normal_form import NormalForm
@@ -20,24 +19,15 @@ from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.declaration.settling import PLANNING_MARGIN, REPLAN_TIME
 from jaxsat.dynamics import PlantState
 from jaxsat.planning.search import PlanSearch, Search, in_hemisphere_of
-from jaxsat.planning.tracking import (
-    interval_at,
-    mean_torque,
-    planned_state,
-    tracking_gains,
-)
-from jaxsat.planning.transcription import (
-    STATES,
-    PlanObjective,
-    Transcription,
-    Unknowns,
-)
+from jaxsat.planning.tracking import Followed, followed_if, following_torque
+from jaxsat.planning.transcription import STATES, PlanObjective, Transcription
 from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 
 FLOWN_OUT = 0.2
-"""The rest of a plan that is flown to its end, times τ."""
+"""The rest of a plan that is flown to its end, times τ; at least what the search for a new one may
+take."""
 
 MOST_MANOEUVRES = 6
 """How many plans of all guesses follow each other without a hold that lasts."""
@@ -52,9 +42,6 @@ oscillation does."""
 
 RATE_NOISE = 2.5e-4
 """Of the rates that the driven axes are estimated by, rad per τ."""
-
-WEIGHTS, LAST_WEIGHTS = (10.0,) * 4 + (2.0,) * 3, (100.0,) * 4 + (30.0,) * 3
-"""Of the feedback along a plan, for (q, ω τ): on the way, and at its end."""
 
 
 class PlannedMode(enum.IntEnum):
@@ -76,14 +63,6 @@ class PlannedMode(enum.IntEnum):
 
 SETTLING = 0
 """Of `PlannedMemory.stage`: the law of three slews is at work, in whichever phase."""
-
-
-class Followed(NamedTuple):
-    """The plan that is followed, the feedback along it, and its begin in units of τ."""
-
-    plan: Unknowns
-    gains: Float[Array, "n 2 7"]
-    begin: RealScalar
 
 
 class PlannedMemory(NamedTuple):
@@ -108,32 +87,39 @@ class PlannedSettling(AbstractSampledController):
     """Plans the quickest manoeuvre in flight, follows it, and settles with what is left over.
 
     While the first plan is sought, which takes `search.most_pieces` periods at the most, the body
-    coasts; the plan is for the state in which the model expects it then. Plans use 1 - `margin` of
-    the torque limit, feedback along the plan (`jaxsat.planning.tracking`) all of it. Every `replan`
-    seconds a new plan is sought from the measured state, near the old one, which is followed until
-    the new one is found; the end of a plan is flown as it is. If that misses the target, as where
-    the model is wrong, another manoeuvre is planned. Then `settling`, the law of three
-    slews, oscillates and holds. Where no plan arrives it does everything, and the failure counts.
-    When the end game loses the attitude a new manoeuvre is planned. No sample takes more than
-    `search.iterations` iterations of the planner. A plan has so many `intervals`. `period`
-    (s) is that of `settling`.
+    coasts. The plan begins `search.closing_pieces` periods after the best guess is chosen, in the
+    state in which the model expects the body then. Plans use 1 - `margin` of the torque limit,
+    feedback along the plan (`jaxsat.planning.tracking`) all of it. Every `replan` seconds a new
+    plan is sought from the measured state, near the old one, which is followed until the new one is
+    found; the end of a plan is flown as it is. If that misses the target, as where the model is
+    wrong, another manoeuvre is planned. Then `settling`, the law of three slews, oscillates and
+    holds. Where no plan arrives it does everything, and the failure counts. When the end game loses
+    the attitude a new manoeuvre is planned. No sample takes more than `search.iterations`
+    iterations of the planner. A plan has so many `intervals`.
+
+    Raises `ArgumentError` for numbers out of range.
     """
 
     modes: ClassVar[type[enum.IntEnum]] = PlannedMode
+    no_flight_code: ClassVar[str | None] = "it plans in flight, and the C of a planner is not exact"
 
     settling: ThreeSlewSettling
     driven: DrivenFit
     replan: RealScalar = eqx.field(converter=as_float)
-    period: RealScalar = eqx.field(converter=as_float)
     margin: RealScalar = eqx.field(converter=as_float, default=PLANNING_MARGIN)
     search: PlanSearch = PlanSearch()
     intervals: int = eqx.field(static=True, default=32)
 
     def __check_init__(self):
         require_positive("replan", self.replan)
-        require_positive("period", self.period)
+        require_counts(intervals=self.intervals)
         require_positive("margin", self.margin, zero_allowed=True)
         require_positive("1 - margin", 1 - self.margin)
+
+    @property
+    def period(self) -> RealScalar:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """That of `settling` (s)."""
+        return self.settling.period
 
     @property
     def form(self) -> NormalForm:
@@ -184,17 +170,21 @@ class PlannedSettling(AbstractSampledController):
         stage = jnp.where(over, SETTLING, stage)
         stage = jnp.where(begins, PlannedMode.PLANNING, stage)
 
-        search, searched = self._sought(program, now, x, memory, begins)
+        begin, ahead = self._ahead(program, now, x, begins, stage)
+        search, searched = self._sought(program, now, x, memory, begins, (begin, ahead))
         ends = ~self.search.over(search)
-        search = self.search.advanced(program, search, now, x)
+        search = self.search.advanced(program, search, begin, ahead)
         ends = ends & self.search.over(search)
         found = ends & self.search.arrives(search)
         fails = ends & ~found & (stage == PlannedMode.PLANNING)
-        followed = self._followed(program, memory.followed, search, found)
+        plan, begin = search.iterate.unknowns, search.begin
+        followed = followed_if(program, found, plan, begin, memory.followed)
         stage = jnp.where(found, PlannedMode.FOLLOWING, stage)
         stage = jnp.where(fails, SETTLING, stage)
 
-        following = self._following_torque(program, now, x, followed)
+        following = following_torque(program, now, x, followed, self.period / program.time_unit)
+        following = clipped(following * program.limit, self.settling.torque_limit)
+        following = self.form.command(following)
         torque = jnp.where(stage == PlannedMode.FOLLOWING, following, torque)
         torque = jnp.where(stage == PlannedMode.PLANNING, 0.0, torque)
         phase = jnp.where(fails & _is_far(program, x), Phase.STOPPING, Phase.OSCILLATING)
@@ -217,49 +207,35 @@ class PlannedSettling(AbstractSampledController):
         error = estimator.observer.believed(settling.estimator.ripple, s).rate - s
         return x.at[4:].add(self.form.axes[2] * (error * program.time_unit))
 
+    def _ahead(
+        self, program: Transcription, now: RealScalar, x, begins, stage: Int[Array, ""]
+    ) -> tuple[RealScalar, Float[Array, "7"]]:
+        """Time and state, after coasting, at which a plan that is sought now is to begin.
+
+        The best guess is taken up there; the guesses are for half of the longest search.
+        """
+        halfway, closing = (self.search.most_pieces + 1) // 2, self.search.closing_pieces
+        periods = jnp.where(stage == PlannedMode.PLANNING, jnp.where(begins, halfway, closing), 0)
+        period, most = self.period / program.time_unit, max(halfway, closing)
+        return now + periods * period, program.coasted(now, x, period, periods, most)
+
     def _sought(
-        self, program: Transcription, now: RealScalar, x, memory: PlannedMemory, begins
+        self, program: Transcription, now: RealScalar, x, memory: PlannedMemory, begins, first
     ) -> tuple[Search, RealScalar]:
-        """The search, which may now begin from all guesses or from the rest of the plan."""
+        """The search, which may now begin from all guesses or from the rest of the plan.
+
+        `first` are time and state at the begin of a plan from all guesses.
+        """
         plan, begin = memory.followed.plan, memory.followed.begin
+        closing = self.search.most_closing_pieces * self.period / program.time_unit
         again = (memory.stage == PlannedMode.FOLLOWING) & self.search.over(memory.search)
         again = again & (now - memory.searched > self.replan / program.time_unit)
-        again = again & (begin + plan.duration - now > FLOWN_OUT)
-        lead = self.search.most_pieces / 2 * self.period / program.time_unit
-        coast = jnp.zeros(2, x.dtype)
-        ahead = program.interval(now, jnp.zeros_like(now), x, lead * self.intervals, coast)
-        anew = self.search.from_guesses(memory.search, now + lead, ahead)
+        again = again & (now > begin)
+        again = again & (begin + plan.duration - now > jnp.maximum(FLOWN_OUT, closing))
+        anew = self.search.from_guesses(memory.search, *first)
         near = self.search.near(program, memory.search, now, x, plan, now - begin)
         search = choose(begins, anew, choose(again, near, memory.search))
         return search, jnp.where(begins | again, now, memory.searched)
-
-    def _followed(
-        self, program: Transcription, known: Followed, search: Search, found: Bool[Array, ""]
-    ) -> Followed:
-        """The plan that was found with its feedback, or the one that is known.
-
-        A loop of one turn or none: a batch pays for gains only when some of its cases need them.
-        """
-
-        def new(at):
-            plan, begin = search.iterate.unknowns, search.begin
-            weights, last = jnp.array(WEIGHTS), jnp.array(LAST_WEIGHTS)
-            gains = tracking_gains(program, begin, plan, weights, last)
-            return Followed(plan, gains, begin), jnp.zeros_like(found)
-
-        return lax.while_loop(lambda at: at[1], new, (known, found))[0]
-
-    def _following_torque(
-        self, program: Transcription, now: RealScalar, x, followed: Followed
-    ) -> Float[Array, "2"]:
-        """The command that follows the plan, N m."""
-        plan, begin, gains = followed.plan, followed.begin, followed.gains
-        passed, period = now - begin, self.period / program.time_unit
-        wanted = planned_state(program, begin, plan, passed)
-        error = in_hemisphere_of(wanted, x) - wanted
-        feedback = gains[interval_at(program, plan, passed)[0]] @ error
-        torque = (mean_torque(program, plan, passed, period) + feedback) * program.limit
-        return self.form.command(clipped(torque, self.settling.torque_limit))
 
     def judged(self, memory: PlannedMemory) -> SettlingMemory:
         """Without the search, which may try what diverges."""
@@ -294,6 +270,5 @@ def planned_settling(settling: ThreeSlewSettling) -> PlannedSettling:
     moments = settling.form.model.spacecraft.moments
     unit = jnp.sqrt(jnp.mean(moments) / settling.torque_limit)
     driven = DrivenFit(settling.form, settling.torque_limit, RATE_NOISE / unit)
-    return PlannedSettling(
-        settling=settling, driven=driven, replan=REPLAN_TIME * unit, period=settling.period
-    )
+    replan = REPLAN_TIME * unit
+    return PlannedSettling(settling, driven, replan)  # pyright: ignore[reportCallIssue]

@@ -1,13 +1,62 @@
 """Feedback along a plan: a time-varying linear-quadratic regulator."""
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.planning.riccati import solved
+from jaxsat.planning.search import in_hemisphere_of
 from jaxsat.planning.transcription import STATES, Transcription, Unknowns
 
 RealScalar = Float[Array, ""]
+
+WEIGHTS, LAST_WEIGHTS = (10.0,) * 4 + (2.0,) * 3, (100.0,) * 4 + (30.0,) * 3
+"""Of the feedback, for (q, ω τ): on the way, and at the end of the plan."""
+
+
+class Followed(NamedTuple):
+    """The plan that is followed, the feedback along it, and its begin in units of τ."""
+
+    plan: Unknowns
+    gains: Float[Array, "n m 7"]
+    begin: RealScalar
+
+
+def followed_if(
+    program: Transcription, new: Bool[Array, ""], plan: Unknowns, begin: RealScalar, known: Followed
+) -> Followed:
+    """A `new` plan with its feedback, or the one that is known.
+
+    A loop of one turn or none: a batch pays for gains only when some of its cases need them.
+    """
+
+    def made(at):
+        gains = tracking_gains(program, begin, plan, jnp.array(WEIGHTS), jnp.array(LAST_WEIGHTS))
+        return Followed(plan, gains, begin), at[1] + 1
+
+    return lax.while_loop(lambda at: (at[1] < 1) & new, made, (known, jnp.array(0)))[0]
+
+
+def following_torque(
+    program: Transcription,
+    now: RealScalar,
+    x: Float[Array, "7"],
+    followed: Followed,
+    period: RealScalar,
+) -> Float[Array, " m"]:
+    """The torque over the next `period` that follows a plan, all without dimension.
+
+    Zero before the plan's begin; it may exceed the limits.
+    """
+    plan, begin, gains = followed.plan, followed.begin, followed.gains
+    passed = now - begin
+    wanted = planned_state(program, begin, plan, passed)
+    error = in_hemisphere_of(wanted, x) - wanted
+    error = jnp.where(passed + period / 2 > 0, error, 0.0)
+    feedback = gains[interval_at(program, plan, passed)[0]] @ error
+    return mean_torque(program, plan, passed, period) + feedback
 
 
 def tracking_gains(

@@ -2,17 +2,20 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
+from jaxsat.attitude import Quaternion
 from jaxsat.control.driven_axes import DrivenFit, FittedDynamics
 from jaxsat.control.normal_form import NormalForm
-from jaxsat.control.planned import PlannedMode, PlannedSettling
-from jaxsat.dynamics import RigidBody
+from jaxsat.control.planned import MOST_MANOEUVRES, SETTLING, PlannedMode, PlannedSettling
+from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit
+from jaxsat.errors import ArgumentError
 from jaxsat.planning import search
 from jaxsat.planning.search import PlanSearch
 from jaxsat.simulation import simulate
@@ -22,13 +25,26 @@ LEAST_TIMES = {1.0: 77.9, 5.0: 30.5, 20.0: 14.3}
 """From the paper's start, s, by torque limit: the best of 12 starts of IPOPT (`jaxsat bound`)."""
 
 
-def flight(limit, duration, **changes):
-    overrides = ["control.law=planned", f"spacecraft.torque_limit_N_m={limit}"]
-    overrides += [f"simulation.duration_s={duration}", "simulation.save_every_s=0.1"]
+def built(limit, *overrides):
+    """The run of a law that plans, and the law."""
+    overrides = ["control.law=planned", f"spacecraft.torque_limit_N_m={limit}", *overrides]
     run = build(load("acceptance-nominal", overrides))
-    law = run.loop.controller
-    assert isinstance(law, PlannedSettling)
+    assert isinstance(run.loop.controller, PlannedSettling)
+    return run, run.loop.controller
+
+
+def tau(law):
+    """The unit of time of plans, s."""
+    usable = law.settling.torque_limit * (1 - law.margin)
+    return float(np.sqrt(np.mean(law.form.model.spacecraft.moments) / usable))
+
+
+def flight(limit, duration, *overrides, plant=None, **changes):
+    saved = [f"simulation.duration_s={duration}", "simulation.save_every_s=0.1"]
+    run, law = built(limit, *saved, *overrides)
     loop = dataclasses.replace(run.loop, controller=dataclasses.replace(law, **changes))
+    if plant is not None:
+        loop = dataclasses.replace(loop, plant=plant(loop.plant))
     return simulate(loop, run.start, run.times, method=run.method)
 
 
@@ -53,6 +69,86 @@ def test_the_papers_start_near_the_least_time():
 
 
 @pytest.mark.slow
+def test_a_plan_is_flown_from_its_begin():
+    """Until then the body coasts, to the state in which the plan begins."""
+    found = flight(5.0, 12, replan=1e9)
+    unit, followed = tau(built(5.0)[1]), found.final.memory.followed
+    pushed = np.flatnonzero(np.abs(np.asarray(found.signals.torque)).max(axis=1) > 0)[0]
+    assert found.times[pushed] == pytest.approx(float(followed.begin) * unit, abs=1e-9)
+    q, omega = found.signals.quaternion[pushed], found.signals.omega[pushed]
+    planned = followed.plan.states[0]
+    np.testing.assert_allclose(q * np.sign(q @ planned[:4]), planned[:4], atol=1e-5)
+    np.testing.assert_allclose(omega * unit, planned[4:], atol=5e-5)
+
+
+@pytest.mark.slow
+def test_new_plans_on_the_way_where_the_model_is_wrong():
+    """Another inertia than is believed: plans that learn arrive, the first one alone does not."""
+
+    def other(body):
+        inertia = np.asarray(body.spacecraft.inertia) * np.array([1.1, 0.9, 1.08])[:, None]
+        return dataclasses.replace(body, spacecraft=Spacecraft(inertia))
+
+    found = flight(5.0, 150, plant=other)
+    once = flight(5.0, 150, plant=other, replan=1e9)
+    assert float(found.final.memory.searched) > float(once.final.memory.followed.begin) / 2
+    assert found.final.memory.manoeuvres <= 1
+    assert once.final.memory.manoeuvres > 1
+    assert found.assessment.settled_from < 1.5 * LEAST_TIMES[5.0]
+    assert found.assessment.settled_from < once.assessment.settled_from
+
+
+@pytest.mark.slow
+def test_another_control_period():
+    found = flight(5.0, 150, "control.period_s=0.5", "simulation.save_every_s=0.5")
+    assert order_of(found)[:2] == ["PLANNING", "FOLLOWING"]
+    assert order_of(found)[-1] == "HOLDING"
+    assert found.final.memory.failures == 0
+    assert found.assessment.settled_from < 3 * LEAST_TIMES[5.0]
+
+
+@pytest.mark.slow
+def test_what_begins_a_new_plan():
+    """A rest that is long enough; a plan that missed, a few times; a hold that is lost."""
+    run, law = built(20.0, "control.period_s=0.5")
+    step, unit = eqx.filter_jit(lambda *given: law.step(*given)), tau(law)
+    t, here = jnp.array(100.0), run.start
+    now = t / unit
+    first = law.init(here)._replace(searched=0 * now)
+    assert 0.2 * unit < 1.2 < law.search.most_closing_pieces * 0.5 < 3.0
+
+    def following(rest, **changes):
+        plan = first.followed.plan._replace(duration=1 + rest / unit)
+        followed = first.followed._replace(plan=plan, begin=now - 1)
+        known = first._replace(stage=jnp.array(PlannedMode.FOLLOWING), followed=followed)
+        return step(t, here, known._replace(**changes))[1]
+
+    # in 1.2 s, more than 0.2 τ, no search would come to an end: four periods
+    assert following(3.0).searched == pytest.approx(float(now))
+    assert following(1.2).searched == 0
+    for made in (0, MOST_MANOEUVRES - 1):
+        after = following(-0.1, manoeuvres=jnp.array(made))
+        assert after.stage == PlannedMode.PLANNING
+        assert after.manoeuvres == made + 1
+    after = following(-0.1, manoeuvres=jnp.array(MOST_MANOEUVRES))
+    assert after.stage == SETTLING
+    assert after.manoeuvres == MOST_MANOEUVRES
+
+    late = first.settling._replace(fine=first.settling.fine._replace(late=jnp.array(True)), since=t)
+    holding = first._replace(stage=jnp.array(SETTLING), settling=late, manoeuvres=jnp.array(3))
+    for angle, stage in ((0.0, SETTLING), (2.0, PlannedMode.PLANNING)):
+        turned = Quaternion(jnp.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)]))
+        rest = PlantState(turned, law.form.model.orbit.frame_rate(turned))
+        after = step(t, rest, holding)[1]
+        assert after.stage == stage
+        assert after.manoeuvres == 3 + (angle > 0)
+    lasting = holding._replace(settling=late._replace(since=0 * t))
+    upright = Quaternion(jnp.eye(4)[0])
+    rest = PlantState(upright, law.form.model.orbit.frame_rate(upright))
+    assert step(t, rest, lasting)[1].manoeuvres == 0  # a hold that lasts begins the count anew
+
+
+@pytest.mark.slow
 def test_three_slews_where_no_plan_arrives(monkeypatch):
     monkeypatch.setattr(search, "ARRIVING", -1.0)
     found = flight(20.0, 150, search=PlanSearch(guesses=2))
@@ -66,6 +162,37 @@ def test_three_slews_where_no_plan_arrives(monkeypatch):
 def test_a_failed_plan_is_told_by_its_modes():
     assert PlannedMode.SLEWING.label == "plan failed slewing"
     assert PlannedMode.FOLLOWING.label == "following"
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"intervals": 0}, "`intervals` must be at least 1"),
+        ({"replan": 0.0}, "`replan` must be positive"),
+        ({"margin": 1.0}, "`1 - margin` must be positive"),
+        ({"margin": -0.1}, "`margin` must be zero or positive"),
+    ],
+)
+def test_arguments_are_checked(keys, message):
+    law = built(5.0)[1]
+    assert law.period == law.settling.period
+    with pytest.raises(ArgumentError, match=message):
+        dataclasses.replace(law, **keys)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"guesses": 0}, "`guesses` must be at least 1"),
+        ({"iterations": 0}, "`iterations` must be at least 1"),
+        ({"shortest": 0.0}, "`shortest` must be positive"),
+        ({"shortest": np.inf}, "`shortest` must be finite"),
+        ({"shortest": np.nan}, "`shortest` must be positive"),
+    ],
+)
+def test_arguments_of_a_search_are_checked(keys, message):
+    with pytest.raises(ArgumentError, match=message):
+        PlanSearch(**keys)
 
 
 @pytest.mark.slow
