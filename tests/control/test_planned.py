@@ -3,6 +3,7 @@
 import dataclasses
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -111,7 +112,11 @@ def test_another_control_period():
 def test_what_begins_a_new_plan():
     """A rest that is long enough; a plan that missed, a few times; a hold that is lost."""
     run, law = built(20.0, "control.period_s=0.5")
-    step, unit = eqx.filter_jit(lambda *given: law.step(*given)), tau(law)
+    unit, compiled = tau(law), eqx.filter_jit(lambda law, *given: law.step(*given))
+
+    def step(t, state, memory):  # numbers of NumPy have no weak types: one program for all
+        return compiled(law, t, state, jax.tree.map(np.asarray, memory))
+
     t, here = jnp.array(100.0), run.start
     now = t / unit
     first = law.init(here)._replace(searched=0 * now)

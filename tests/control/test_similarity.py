@@ -5,6 +5,7 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
+from jaxsat.control.planned import PlannedMode
 
 BASE = {
     "spacecraft.inertia_kg_m2": (449.5, 264.6, 312.5),
@@ -29,10 +30,10 @@ def power(key):
     return next((power for end, power in POWERS.items() if key.endswith(end)), 0)
 
 
-def flown(law, mass, time):
+def flown(law, mass, time, **changes):
     """Quaternion, rates in rad per unit of time, and modes; the same for every unit."""
     overrides = [f"control.law={law}", "title=scaled"]
-    for key, value in BASE.items():
+    for key, value in (BASE | changes).items():
         scaled = np.array(value) * time ** power(key)
         scaled = scaled * mass if key.endswith(MASS) else scaled
         overrides.append(f"{key}={scaled.tolist()!r}")
@@ -51,4 +52,18 @@ def test_mass_and_time_may_be_of_any_unit(law):
         found = flown(law, mass, time)
         np.testing.assert_allclose(found[0], quaternion, atol=1e-7)
         np.testing.assert_allclose(found[1], omega, atol=1e-8)
+        np.testing.assert_array_equal(found[2], mode)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
+def test_plans_in_any_unit():
+    """Another spacecraft with the same ratios, and another unit of time: the same searches."""
+    changes = {"simulation.duration_s": 50.0}
+    quaternion, omega, mode = flown("planned", 1.0, 1.0, **changes)
+    assert {PlannedMode.PLANNING, PlannedMode.FOLLOWING} < set(np.asarray(mode).tolist())
+    for mass, time in ((10.0, 1.0), (1e-3, 7.3)):
+        found = flown("planned", mass, time, **changes)
+        np.testing.assert_allclose(found[0], quaternion, atol=1e-6)
+        np.testing.assert_allclose(found[1], omega, atol=1e-6)
         np.testing.assert_array_equal(found[2], mode)
