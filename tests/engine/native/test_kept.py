@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import os
+import sys
 import time
 
 import jax
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxsat
 from engine.examples import EXAMPLES, KICKS, program, same_bits
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
@@ -20,6 +22,7 @@ from jaxsat.engine.native import cache, engine, kept
 from jaxsat.engine.native.arguments import Arguments
 
 SECOND = 10**9
+SURROUNDINGS = kept._surroundings.__wrapped__  # before the fixture replaces it, and not remembered
 
 
 @pytest.fixture(autouse=True)
@@ -67,6 +70,28 @@ def test_sources_changed_since_they_were_imported_have_no_hash(sources, tmp_path
     os.utime(sources / "three.py", (1, 1))
     assert kept.sources_hash(sources, later(30)) is None  # an older file put in its place
     assert kept.sources_hash(tmp_path / "nothing", later()) is None
+
+
+def test_surroundings_are_python_packages_and_sources(monkeypatch):
+    monkeypatch.setattr(jaxsat, "IMPORTED_NS", later())
+    first = SURROUNDINGS()
+    assert SURROUNDINGS() == first
+    changed = [SURROUNDINGS()]
+    for where, name, value in (
+        (sys, "version", "4.0"),
+        (kept, "PACKAGES", kept.PACKAGES[1:]),
+        (kept.importlib.metadata, "version", lambda name: "0.0"),
+        (kept, "sources_hash", lambda folder, before: "other"),
+    ):
+        with monkeypatch.context() as here:
+            here.setattr(where, name, value)
+            changed.append(SURROUNDINGS())
+    assert len({*changed, None}) == 6
+    with monkeypatch.context() as here:
+        here.setattr(kept, "PACKAGES", ("a package that is not there",))
+        assert SURROUNDINGS() is None
+    monkeypatch.setattr(jaxsat, "IMPORTED_NS", 0)
+    assert SURROUNDINGS() is None
 
 
 def test_names_depend_on_kinds_and_not_on_numbers(monkeypatch):
