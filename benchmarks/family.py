@@ -25,6 +25,8 @@ from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.dump import dump
 
 LAWS = ("three-slew", "oscillatory")
+MORE_LAWS = ("planned",)
+"""Flown only if they are named, as they take long to compute."""
 
 
 def row(member: FamilyMember, law: str, cases: int, seed: int, engine: NativeEngine) -> dict:
@@ -51,7 +53,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=64)
     parser.add_argument("--members", type=int, default=SIZE)
-    parser.add_argument("--law", action="append", choices=LAWS)
+    parser.add_argument("--law", action="append", choices=(*LAWS, *MORE_LAWS))
     parser.add_argument("--family-seed", type=int, default=SEED)
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--out", type=Path, default=Path("family.csv"))

@@ -26,6 +26,11 @@ def markdown(text: str) -> str:
     return clean(text).translate(_MARKDOWN | _MARKUP)
 
 
+def capitalised(text: str) -> str:
+    """With a capital first letter; the others stay, as those of names must."""
+    return text[:1].upper() + text[1:]
+
+
 def _shown(character: str) -> str:
     if unicodedata.category(character) not in _HIDDEN or character in JOINERS:
         return character

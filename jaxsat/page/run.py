@@ -27,6 +27,7 @@ from jaxsat.report.signal_figures import BOUND, further_signals
 from jaxsat.report.time_axes import mode_names
 from jaxsat.results import time_at_rest, time_to_settle
 from jaxsat.scenario.laws import known_law
+from jaxsat.text import capitalised
 
 GROUPS = {
     "Attitude": ("pointing_error_total", "pointing_error", "euler_angle", "w", "z"),
@@ -128,7 +129,7 @@ def run_verdict(
         settled = time_at_rest(dataset)
         within = rate.replace("_r", "")
     end = f"{number(float(dataset['time'][-1]), 6)} s"
-    more = [f"{what.capitalize()} at {number(at, 6)} s." for what, at in failures.items()]
+    more = [f"{capitalised(what)} at {number(at, 6)} s." for what, at in failures.items()]
     if int(dataset.attrs.get("outcome_code", 0)) != 0:
         reason = dataset.attrs.get("outcome_explanation", "it failed")
         return Verdict(False, f"The run ended early, at {end}: {reason}.", more)
@@ -206,7 +207,7 @@ def _signal_charts(dataset: xr.Dataset, name: str, plots: TimePlots) -> list[Cha
         return []
     if name == "mode" and len(mode_names(dataset)) < 2:
         return []
-    title = TITLES.get(name) or str(variable.attrs.get("long_name", name)).capitalize()
+    title = TITLES.get(name) or capitalised(str(variable.attrs.get("long_name", name)))
     unit = str(variable.attrs.get("units", "1"))
     labels = [_label(name, part) for part in _parts(variable)]
     if name == "torque" and "torque_max" in dataset:

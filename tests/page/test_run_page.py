@@ -9,6 +9,7 @@ from helpers.pages import SCENARIO, array, json_of, run_dataset
 from jaxsat.page import document, report_page
 from jaxsat.page.decimation import kept_samples
 from jaxsat.page.replay import body_box, craft
+from jaxsat.page.run import run_verdict
 from jaxsat.results import OutputError
 
 NASTY = '</script><script>alert("1")</script><b>&amp; $$x$$ \\[y\\]'
@@ -28,6 +29,11 @@ def test_the_verdict_says_when_it_settled_within_what_and_by_which_law(run_file,
     never = report_page([run_file(run_dataset(settled=np.inf))])
     assert 'class="verdict bad"' in never
     assert "Not settled within 10 s." in never
+
+
+def test_parts_keep_the_names_that_they_were_given():
+    more = run_verdict(run_dataset(), {}, {"wheel RW-A dead": 3.0}).more
+    assert more[0] == "Wheel RW-A dead at 3 s."
 
 
 @pytest.mark.slow
