@@ -83,7 +83,7 @@ class Arrays:
             return Expression(f"&{body.place(array[0])}".replace("&*", ""))
         texts = [body.kept.get(out.number) for out in array]
         base = base_of(texts, shape)
-        if base is None:
+        if base is None or not has_rows(base, shape, body.shapes):
             base = body.names.new(name_of(body.trace, array[0], "result"))
             body.line(f"{TYPES[array[0].dtype]} {base}{dimensions(shape)};")
             body.shapes[base] = shape

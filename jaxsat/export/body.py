@@ -9,7 +9,6 @@ from contextlib import contextmanager
 
 from jaxsat.engine.native.ir import Scalar, Value
 from jaxsat.engine.native.trace import Trace
-from jaxsat.export.contexts import shapes_of
 from jaxsat.export.expressions import Expression, literal
 from jaxsat.export.helpers import TYPES
 from jaxsat.export.naming import Names, comment
@@ -27,7 +26,7 @@ class Body:
 
     `known` are expressions for values, at first of those from outside, and `kept` the places
     (lvalues) of those that others read later. `scope` is the number of the block that is written,
-    `shapes` are those of arrays by name.
+    `shapes` are those of all arrays by name, at first of those from outside.
     """
 
     def __init__(
@@ -38,13 +37,14 @@ class Body:
         known: Mapping[int, Expression],
         kept: Mapping[int, str] | None = None,
         told: str | None = None,
+        shapes: Mapping[str, tuple[int, ...]] | None = None,
     ):
         self.trace, self.uses, self.names = trace, uses, names
         self.known = dict(known)
         self.kept = kept or {}
         self.lines: list[str] = []
         self.scope = 0
-        self.shapes = shapes_of(one.text for one in self.known.values())
+        self.shapes = dict(shapes or {})
         self._scopes = 0
         self._depth = 1
         self._pending: dict[int, tuple[Expression, Value, int]] = {}

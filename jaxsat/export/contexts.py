@@ -5,7 +5,7 @@ result that its only caller keeps in the next state or the output is written the
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -95,24 +95,12 @@ def base_of(texts: Sequence[str | None], shape: tuple[int, ...]) -> str | None:
     return base if list(texts) == wanted else None
 
 
-def shapes_of(texts: Iterable[str]) -> dict[str, tuple[int, ...]]:
-    """The shapes of arrays of C by name, of which these are all elements."""
-    shapes: dict[str, tuple[int, ...]] = {}
-    for text in texts:
-        name, *indices = text.rstrip("]").replace("]", "").split("[")
-        if all(index.isdigit() for index in indices):
-            sizes = tuple(int(index) + 1 for index in indices)
-            known = shapes.get(name, sizes)
-            if len(known) == len(sizes):
-                shapes[name] = tuple(map(max, known, sizes))
-    return shapes
-
-
 def has_rows(base: str, shape: tuple[int, ...], shapes: Mapping[str, tuple[int, ...]]) -> bool:
-    """Whether an array has no longer rows than those of this shape, which begin at its start."""
+    """Whether the rows of an array, one of `shapes` by name, are known to be no longer than those
+    of this shape, which begin at its start."""
     name, *indices = base.split("[")
     known = shapes.get(name)
-    return known is None or known[len(indices) + 1 :] == shape[1:]
+    return known is not None and known[len(indices) + 1 :] == shape[1:]
 
 
 def _callers_first(root: Function, sites: dict[int, list[tuple[Function, Call]]]) -> list[Function]:

@@ -29,11 +29,11 @@ class Unit(AbstractUnit):
     """A C file while it is printed: the static functions and tables that its programs need.
 
     `contexts` are those of the functions of the stage that is printed; `types` of the pointers to
-    structures.
+    structures, and `shapes` of the arrays there.
     """
 
-    def __init__(self, libm: bool, types: dict[str, str]):
-        self.libm, self.types = libm, types
+    def __init__(self, libm: bool, types: dict[str, str], shapes: dict[str, tuple[int, ...]]):
+        self.libm, self.types, self.shapes = libm, types, shapes
         self.names = Names(types)
         self.helpers: dict[str, str] = {}
         self.tables: list[str] = []
@@ -180,7 +180,8 @@ def python_function(
     names = unit.scope()
     known = {number: Expression(text) for number, text in context.known.items()}
     kept = dict(context.kept)
-    given, passed = _parameters(function, context, names, known)
+    array_shapes = dict(unit.shapes)
+    given, passed = _parameters(function, context, names, known, array_shapes)
     results: list[str] = []
     left: list[tuple[str, Scalar]] = []
     values = []
@@ -198,6 +199,7 @@ def python_function(
             continue
         results.append("pointer")
         out = names.new(name_of(trace, array[0], "result"))
+        array_shapes[out] = small
         kind = TYPES[array[0].dtype]
         given.append(f"{kind} {out}{dimensions(small)}" if small else f"{kind} *{out}")
         for index, x in zip(np.ndindex(small), array, strict=True):
@@ -207,7 +209,7 @@ def python_function(
             else:
                 left.append((place, x))
     told = None if source is None else source.name.split(".<locals>")[0]
-    printer = Printer(unit, trace, function, names, known, kept, told)
+    printer = Printer(unit, trace, function, names, known, kept, told, array_shapes)
     body = printer.body
     left += context.left
     body.lines += fills(left, kept.values())
@@ -263,8 +265,11 @@ def fills(left: Sequence[tuple[str, Scalar]], kept: Iterable[str]) -> list[str]:
     return lines
 
 
-def _parameters(function, context, names, known) -> tuple[list[str], list[bool]]:
-    """The declarations of array parameters, and which there are."""
+def _parameters(function, context, names, known, array_shapes) -> tuple[list[str], list[bool]]:
+    """The declarations of array parameters, and which there are.
+
+    Their elements go into `known`, their shapes into `array_shapes`.
+    """
     given, passed = [], []
     if function.source is None:
         return given, passed
@@ -277,6 +282,7 @@ def _parameters(function, context, names, known) -> tuple[list[str], list[bool]]
             continue
         name = names.new(wish)
         small, kind = squeezed(shape), TYPES[array[0].dtype]
+        array_shapes[name] = small
         given.append(f"const {kind} {name}{dimensions(small)}" if small else f"{kind} {name}")
         for index, x in zip(np.ndindex(small), array, strict=True):
             known[x.number] = Expression(name + "".join(f"[{i}]" for i in index))

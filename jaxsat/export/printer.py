@@ -36,7 +36,7 @@ class Printer:
     """Statements of one C function, written into `body`.
 
     `known` are expressions for values from outside, and `kept` the places (lvalues) of those that
-    others read later.
+    others read later; `shapes` are those of the arrays of both, by name.
     """
 
     def __init__(
@@ -48,10 +48,11 @@ class Printer:
         known: Mapping[int, Expression],
         kept: Mapping[int, str] | None = None,
         told: str | None = None,
+        shapes: Mapping[str, tuple[int, ...]] | None = None,
     ):
         self._unit, self._trace = unit, trace
         self._uses = Uses(function.block, function.results)
-        self.body = Body(trace, self._uses, names, known, kept, told)
+        self.body = Body(trace, self._uses, names, known, kept, told, shapes)
         self._arrays = Arrays(unit, self.body)
         self._pointers: set[str] = set()
 

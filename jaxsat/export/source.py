@@ -25,6 +25,16 @@ TYPES_OF_POINTERS = {
     "out": "controller_output *out",
 }
 
+STRUCTURES = {
+    "p": "parameters",
+    "in": "input",
+    "seen": "seen",
+    "now": "state",
+    "next": "state",
+    "out": "output",
+}
+"""What pointers point to."""
+
 
 def header(program: FlightProgram, intro: Sequence[str]) -> str:
     """controller.h."""
@@ -75,7 +85,7 @@ def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
     types = {name: text.format(real=real) for name, text in TYPES_OF_POINTERS.items()}
     if not program.estimates:
         del types["seen"], types["attitude"]
-    unit = Unit(libm, types)
+    unit = Unit(libm, types, _shapes(program))
     calls = {stage.name: _stage(unit, stage) for stage in (*program.begin, *program.step)}
     program.calls.update(calls)
     lines = [*intro, '#include "controller.h"', ""]
@@ -90,6 +100,15 @@ def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
     for function in unit.functions:
         lines += [*function, ""]
     return "\n".join([*lines, *_entry_points(program, calls), ""])
+
+
+def _shapes(program: FlightProgram) -> dict[str, tuple[int, ...]]:
+    """Of all arrays that functions find in structures, by name."""
+    return {"attitude": (4,)} | {
+        f"{pointer}->{field.name}": field.shape
+        for pointer, struct in STRUCTURES.items()
+        for field in program.structs[struct].fields
+    }
 
 
 _PRAGMAS = [

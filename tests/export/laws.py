@@ -74,6 +74,57 @@ class Searching(Filtered):
         return self.gain * found, memory
 
 
+class SlicedMemory(NamedTuple):
+    """Matrices whose rows are longer than what is read of them, or written into them at once."""
+
+    square: Float[Array, "4 4"]
+    powers: Float[Array, "2 4 4"]
+    joined: Float[Array, "3 7"]
+
+
+class Sliced(AbstractSampledController):
+    """Feedback through products of parts of matrices: their rows have the length of the whole."""
+
+    gain: Float[Array, "2"] = eqx.field(converter=as_float)
+    period: Float[Array, ""] = eqx.field(converter=as_float, default=0.5)
+
+    def init(self, state: PlantState) -> SlicedMemory:
+        """Matrices of which no two elements are alike."""
+        numbers = jnp.arange(16.0).reshape(4, 4) / 16
+        joined = 1 / (3.0 + jnp.arange(21.0).reshape(3, 7))
+        return SlicedMemory(numbers, jnp.stack([numbers, numbers.T]), joined)
+
+    def step(self, t, state, memory):
+        """Parts of what is computed, remembered, handed over, and given back."""
+        rates = state.omega / (0.1 + jnp.sqrt(jnp.sum(state.omega**2)))
+        q = state.attitude.as_quaternion().q
+        square = _shrunk(memory.square + jnp.outer(q, q)) @ memory.powers[0]
+        seen = square[:, :3] @ rates
+        first, one = _power(memory.powers[0] + square, rates)
+        second, other = _power(memory.powers[1] + jnp.outer(q, q), seen[:3])
+        left = _shrunk(memory.joined[:, :4]) @ square
+        joined = jnp.concatenate([left, _gram(memory.joined[:, 1:4])], axis=1)
+        command = -self.gain * (seen[:2] + one[2:] + other[:2] + joined[:2, 5])
+        return command, SlicedMemory(square, jnp.stack([first, second]), joined)
+
+
+def _shrunk(matrix):
+    return matrix / jnp.sqrt(1.0 + jnp.sum(matrix**2))
+
+
+def _power(matrix, x):
+    """A product, and what it makes of a vector that is shorter than its rows."""
+    power = _shrunk(matrix) @ matrix.T
+    return power, power[:, :3] @ x
+
+
+def _gram(rows):
+    """A function of its own that is given a part of each row alone."""
+    for _ in range(3):
+        rows = _shrunk(rows @ rows.T)
+    return rows
+
+
 def loop_of(law: AbstractSampledController) -> SampledLoop:
     """A spacecraft under a law, told the truth."""
     plant = RigidBody(Spacecraft(as_float([449.5, 264.6, 312.5])), ExactOrbit(1.1e-3))

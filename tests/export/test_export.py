@@ -28,12 +28,14 @@ from jaxsat.export import (
     vectors,
     with_library,
 )
-from jaxsat.export.contexts import has_rows, shapes_of
+from jaxsat.export.contexts import has_rows
 from jaxsat.export.naming import Names, comment, identifier
+from jaxsat.export.program import flight_program
 from jaxsat.export.rolling import rolled
+from jaxsat.export.source import source
 from jaxsat.results import OutputError, OutputFolder
 from jaxsat.simulation import SampledLoop
-from tests.export.laws import Filtered, Searching, loop_of, start
+from tests.export.laws import Filtered, Searching, Sliced, loop_of, start
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
 
@@ -327,9 +329,29 @@ def test_repeated_statements_become_loops_in_the_same_order():
 
 def test_parts_of_longer_rows_are_no_array_of_their_own():
     """x[i][:4] of rows of seven, given as rows of four, would be read at the wrong places."""
-    shapes = shapes_of([f"x[{i}][{j}]" for i in range(3) for j in range(7)] + ["v[4]", "alone"])
-    assert (shapes["x"], shapes["v"]) == ((3, 7), (5,))
+    shapes = {"x": (3, 7), "now->field": (3, 4)}
     assert not has_rows("x", (3, 4), shapes)
     assert has_rows("x", (2, 7), shapes)  # its first rows
     assert has_rows("x[2]", (4,), shapes)  # the beginning of one
     assert has_rows("now->field", (3, 4), shapes)
+    assert not has_rows("next->field", (3, 4), shapes)  # nothing is known of it
+
+
+def test_parts_of_longer_rows_are_copied_wherever_they_are():
+    """In fields of the next state and in arrays that a function gives back."""
+    program = flight_program(loop_of(Sliced(gain=[3.0, 2.0])), start())
+    text = source(program, [], libm=False)
+    calls = re.findall(r"^ +product_4x3_3\((.*?),", text, re.MULTILINE)
+    assert len(calls) == 2  # the step's own, and that of a function which is called twice
+    for given in calls:
+        assert re.search(rf"^ +const double {re.escape(given)}\[4\]\[3\] = ", text, re.MULTILINE)
+
+
+@needs("gcc")
+@pytest.mark.slow
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+def test_parts_of_longer_rows_agree_to_the_bit(tmp_path, single):
+    made = _written(tmp_path, _request(Sliced(gain=[3.0, 2.0]), single=single))
+    assert "0 numbers differ" in _make(tmp_path, "test", "CC=gcc")
+    assert np.isfinite(made.vectors.expected[:64]).all()
+    assert len(np.unique(made.vectors.expected[:64], axis=0)) == 64  # it does not come to rest
