@@ -101,7 +101,7 @@ class PlannedSettling(AbstractSampledController):
     """
 
     modes: ClassVar[type[enum.IntEnum]] = PlannedMode
-    no_flight_code: ClassVar[str | None] = "it plans in flight, and the C of a planner is not exact"
+    no_flight_code: ClassVar[str | None] = "it plans in flight, and that is 22,500 lines of C"
 
     settling: ThreeSlewSettling
     driven: DrivenFit
