@@ -11,6 +11,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
@@ -130,8 +131,12 @@ class ExternalEstimator(AbstractEstimator):
         """The library's estimate and memory."""
         del period
         arrays = eqx.filter(self.estimator, eqx.is_array)
-        measured = Measured(measurement.rate, measurement.attitude.q, measurement.seen)
-        seen = Seen(measurement.attitude, measurement.rate)
+        momentum = self.library.program.now.measured.wheel_momentum
+        if momentum is not None:  # which passes the estimator by, and `ExternalLaw` is told
+            momentum = jnp.zeros(momentum.shape)
+        attitude, rate = measurement.attitude, measurement.rate
+        measured = Measured(rate, attitude.q, measurement.seen, momentum)
+        seen = Seen(attitude, rate, momentum)
         call = _Call(self.library, "estimate")
         seen, memory = jax.pure_callback(
             call, (seen, memory), arrays, sample, measured, memory, vmap_method="broadcast_all"
@@ -171,7 +176,7 @@ class _Call:
             outputs: Any = found[:, : first.size].reshape(*when.shape, -1)
             outputs = outputs.astype(jax.dtypes.canonicalize_dtype(float))
         else:
-            like = Seen(Quaternion(seen.attitude), seen.rate)
+            like = Seen(Quaternion(seen.attitude), seen.rate, seen.wheel_momentum)
             outputs = _unpacked(found, like, when.shape)
         return outputs, _unpacked(after[:, place], memory, when.shape)
 

@@ -115,7 +115,7 @@ class FlightController(eqx.Module):
         found, memory = self.estimator.step(
             now.sample, self.law.period, _measurement(now.measured), memory
         )
-        return Seen(found.attitude, found.omega), memory
+        return Seen(found.attitude, found.omega, now.measured.wheel_momentum), memory
 
     def control(self, time: Array, seen: Seen, memory: PyTree) -> tuple[Array, Array, PyTree]:
         """The law's command (N m), its mode and its memory."""
@@ -170,12 +170,14 @@ class Measured(NamedTuple):
     """The rate measured by the gyro now (rad/s), and the attitude that has just arrived from the
     star tracker (unit quaternion, scalar first, relative to the orbit frame).
 
-    `seen` is false where no attitude has arrived.
+    `seen` is false where no attitude has arrived. If there are wheels, `wheel_momentum` is the
+    momentum of each as its tachometer tells it (N m s).
     """
 
     rate: Float[Array, "3"]
     attitude: Float[Array, "4"]
     seen: Array
+    wheel_momentum: Float[Array, " wheels"] | None = None
 
 
 def _measurement(measured: Measured) -> Measurement:

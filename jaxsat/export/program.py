@@ -87,10 +87,10 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
 
     start = as_type(start, dtype)
     estimates = flight.estimator is not None
-    momentum = None if estimates else start.wheel_momentum
+    momentum = start.wheel_momentum
     seen = Seen(start.attitude, start.omega, momentum)
     q = start.attitude.as_quaternion().q
-    measured = Measured(seen.omega, q, jnp.array(True)) if estimates else seen
+    measured = Measured(seen.omega, q, jnp.array(True), momentum) if estimates else seen
     now = Input(jnp.zeros((), dtype), jnp.zeros((), np.int32), measured)
     begun: Any = State(
         jax.eval_shape(lambda p: made(p).begin_law(seen), kept),

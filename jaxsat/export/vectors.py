@@ -182,7 +182,7 @@ def _observed(loop: SampledLoop, number, before: Any, following: Any) -> tuple[I
     measured: Any = Seen(told.attitude, told.omega, told.wheel_momentum)
     if before.navigation is not None:
         rate, attitude, seen = following.navigation.memory.given
-        measured = Measured(rate, attitude.q, seen)
+        measured = Measured(rate, attitude.q, seen, told.wheel_momentum)
         state = state._replace(estimator=before.navigation.memory.memory)
     return Input(time, jnp.asarray(number, jnp.int32), measured), state
 

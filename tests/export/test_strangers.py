@@ -40,9 +40,9 @@ LAWS = {"RecedingRiccati": "weight = 50", "Moody": "kp = 0.3\nkd = 2.0", "Partly
 
 SAMPLED = (
     "one-torque-damping", "oscillatory-dispersed", "pulsed-two-torque", "switching",
-    "switching-rounded", "thruster-dies", "two-torque-free",
+    "switching-rounded", "thruster-dies", "two-torque-free", "wheels-fail",
 )  # fmt: skip
-"""Every law and every kind of thrusters of the library once."""
+"""Every law and every kind of actuators of the library once."""
 
 
 @pytest.fixture(autouse=True)
