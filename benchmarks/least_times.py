@@ -20,9 +20,10 @@ import numpy as np
 from jaxsat.assembly.run import build
 from jaxsat.bounds import BoundObjective, best_of_starts, manoeuvre_of
 from jaxsat.comparison import LIMITS, ComparisonSetting, Start, comparison_scenario
+from jaxsat.comparison.front import arrives
 from jaxsat.comparison.studies import comparison_study
 from jaxsat.planning import Plan, Planner, PlanStatus
-from planner import arrives, compiled, in_parts
+from planner import compiled, in_parts
 
 GUESSES = 48
 SETTING = ComparisonSetting("nominal", LIMITS[0], "three-slew")

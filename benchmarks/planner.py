@@ -23,19 +23,14 @@ from jaxsat.assembly.run import build
 from jaxsat.attitude import Quaternion
 from jaxsat.bounds import (
     BoundObjective,
-    Manoeuvre,
-    Solution,
     best_of_starts,
     manoeuvre_of,
-    propagate,
 )
+from jaxsat.comparison.front import arrives
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.native import Mapped
 from jaxsat.planning import Plan, Planner, PlanStatus
 from jaxsat.processors import processors
-
-MAX_ANGLE, MAX_RATE = 1e-4, 1e-5
-"""A flight arrives if it ends so near the target (rad, rad/s), as one of `jaxsat bound` does."""
 
 
 def starts(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -63,14 +58,6 @@ def in_parts(code: Mapped, cases: tuple[np.ndarray, np.ndarray], planner: Planne
     with ThreadPoolExecutor(count) as pool:
         found = list(pool.map(lambda part: code(part, planner), parts))
     return Plan(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
-
-
-def arrives(manoeuvre: Manoeuvre, plan: Plan) -> bool:
-    """Whether the flight of a plan by DOP853 ends at the target."""
-    states = np.concatenate([plan.quaternion, plan.omega], axis=1)
-    duration = float(plan.duration)
-    end = propagate(manoeuvre, Solution(duration, duration, np.asarray(plan.torque), states))
-    return end.angle < MAX_ANGLE and end.rate < MAX_RATE
 
 
 def main() -> None:

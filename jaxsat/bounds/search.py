@@ -7,9 +7,6 @@ from jaxsat.bounds.manoeuvre import Manoeuvre
 from jaxsat.bounds.transcription import BoundObjective, Solution, Transcription
 from jaxsat.bounds.verification import Verification, propagate
 
-MAX_ANGLE, MAX_RATE = 1e-4, 1e-5
-"""A solution counts if its flight ends so near the target (rad, rad/s)."""
-
 
 class Bound(NamedTuple):
     """The best solution found, its own flight, and the values of all local optima, best first.
@@ -49,8 +46,7 @@ def best_of_starts(
         solution = transcription.solve(solver, seed * 1_000_003 + number)
         if solution is not None:
             verification = propagate(manoeuvre, solution)
-            there = manoeuvre.rates_only or verification.angle < MAX_ANGLE
-            if there and verification.rate < MAX_RATE:
+            if verification.arrives(rates_only=manoeuvre.rates_only):
                 found.append((solution, verification))
         if report is not None:
             report(number + 1, min((one.value for one, _ in found), default=float("inf")))

@@ -10,6 +10,9 @@ from jaxsat.bounds.transcription import Solution
 
 TOLERANCE = 1e-11
 
+MAX_ANGLE, MAX_RATE = 1e-4, 1e-5
+"""A flight arrives if it ends so near the target (rad, rad/s)."""
+
 
 class Verification(NamedTuple):
     """How far from the target a flight ends, in angle (rad) and relative rate (rad/s).
@@ -22,6 +25,10 @@ class Verification(NamedTuple):
     rate: float
     effort: float
     largest_thrust: float
+
+    def arrives(self, *, rates_only: bool = False) -> bool:
+        """Whether it ends at the target, or with `rates_only` at rest in any attitude."""
+        return (rates_only or self.angle < MAX_ANGLE) and self.rate < MAX_RATE
 
 
 def propagate(manoeuvre: Manoeuvre, solution: Solution) -> Verification:

@@ -22,9 +22,6 @@ from jaxsat.vehicle import Actuators
 STRETCHES = (1.005, 1.01, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 """Durations of the front over the least time."""
 
-MAX_ANGLE, MAX_RATE = 1e-4, 1e-5
-"""A flight arrives if it ends so near the target (rad, rad/s)."""
-
 
 class FrontPoint(NamedTuple):
     """A plan of the front: its duration (s) and effort ∫ Σ|T_i| dt (N m s)."""
@@ -98,7 +95,7 @@ def front(
     planner = Planner(loop.plant, thrusters.torque_axes, thrusters.limit, guesses=guesses)
     report("least time")
     quickest = _quickest(planner, start)
-    arriving = functools.partial(_arrives, manoeuvre)
+    arriving = functools.partial(arrives, manoeuvre)
     if not arriving(quickest):
         return Front(float(thrusters.limit), [], [float(quickest.duration)], [])
     plans = _cheapest(planner, start, quickest, arriving, report)
@@ -160,13 +157,14 @@ def _effort(plan: Plan) -> float:
     return float(plan.effort)
 
 
-def _arrives(manoeuvre: Manoeuvre, plan: Plan) -> bool:
+def arrives(manoeuvre: Manoeuvre, plan: Plan) -> bool:
+    """Whether a plan ends at the target when DOP853 flies it."""
     if int(plan.status) == PlanStatus.FAILED:
         return False
     states = np.concatenate([plan.quaternion, plan.omega], axis=1)
     duration = float(plan.duration)
-    end = propagate(manoeuvre, Solution(duration, duration, np.asarray(plan.torque), states))
-    return end.angle < MAX_ANGLE and end.rate < MAX_RATE
+    solution = Solution(duration, duration, np.asarray(plan.torque), states)
+    return propagate(manoeuvre, solution).arrives()
 
 
 def _flown(law: str, run: Run) -> FlownPoint:
