@@ -1,16 +1,43 @@
-"""Strict settings for every test: 64-bit floats, no silent rank promotion, shapes checked."""
+"""Strict settings for every test: 64-bit floats, no silent rank promotion, shapes checked.
 
+All processes of a run share what they compile: XLA's programs and jaxsat's kernels are kept in
+one folder that ends with the run, unless `JAX_COMPILATION_CACHE_DIR` names one that outlives it.
+"""
+
+import atexit
 import ctypes
 import gc
+import os
+import shutil
 import signal
 import sys
+import tempfile
 from pathlib import Path
 
-import jax
-import pytest
-from hypothesis import settings
+SHARED_COMPILATIONS = {
+    "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
+    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+    "EQX_ON_ERROR": "nan",  # a program that calls back into Python is never kept
+}
 
-from helpers import typechecking
+
+def _share_compilations() -> None:
+    """Keep compiled programs for the run; to be called before JAX is imported."""
+    for name, value in SHARED_COMPILATIONS.items():
+        os.environ.setdefault(name, value)
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+        folder = tempfile.mkdtemp(prefix="jaxsat-tests-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = folder
+
+
+_share_compilations()
+
+import jax  # noqa: E402
+import pytest  # noqa: E402
+from hypothesis import settings  # noqa: E402
+
+from helpers import tools, typechecking  # noqa: E402
 
 pytest.register_assert_rewrite("scenario.mistakes", "engine.native.rule_checks")
 
@@ -68,3 +95,18 @@ def _programs_do_not_fill_the_memory():
 
 def _resident() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Count the tests that did not run for want of a tool."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    for name, count in sorted(tools.missing_in(report.longrepr for report in skipped).items()):
+        terminalreporter.write_line(f"{count} skipped: {name} is not installed")
+
+
+def pytest_sessionfinish(session):
+    """Fail if a tool that `JAXSAT_TOOLS` names is not there: its tests would not run in silence."""
+    absent = tools.absent_of_required()
+    if absent and not hasattr(session.config, "workerinput"):
+        print(f"\nJAXSAT_TOOLS names tools that are not installed: {', '.join(absent)}")
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED

@@ -1,7 +1,6 @@
 """Exported controllers are compiled and agree with the compiled engine to the bit."""
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 from jax.extend.core import jaxpr_as_fun
 
+from helpers.tools import needs
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.dynamics import PlantState
@@ -38,11 +38,6 @@ from jaxsat.simulation import SampledLoop
 from tests.export.laws import Filtered, Searching, Sliced, loop_of, start
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
-
-
-def needs(tool: str):
-    """Skips a test where a tool is not installed."""
-    return pytest.mark.skipif(shutil.which(tool) is None, reason=f"{tool} is not installed")
 
 
 @pytest.fixture(autouse=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from helpers.tools import needs
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.export import Request, export, vectors
@@ -75,7 +76,7 @@ def _agrees(folder: Path, scenario, compilers, *, single: bool = False) -> None:
         assert " 0 numbers differ" in done.stdout
 
 
-@pytest.mark.skipif(shutil.which("clang") is None, reason="clang is not installed")
+@needs("clang")
 @pytest.mark.slow
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
 @pytest.mark.parametrize("law", LAWS)
@@ -85,7 +86,7 @@ def test_a_plug_in_law_agrees_to_the_bit(tmp_path, folder, law, single):
     _agrees(tmp_path, load(place), ["gcc", "clang"], single=single)
 
 
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+@needs("gcc")
 @pytest.mark.slow
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
 @pytest.mark.parametrize("name", SAMPLED)

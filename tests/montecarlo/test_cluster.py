@@ -1,7 +1,6 @@
 """Studies on the workers of a dask cluster: the same bits, whatever becomes of the workers."""
 
 import os
-import shutil
 import socket
 import sys
 import threading
@@ -11,6 +10,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 
+from helpers.tools import needs
 from jaxsat.montecarlo import run_study
 from jaxsat.montecarlo.ensemble import _by_column
 from jaxsat.results import OutputError
@@ -147,7 +147,7 @@ def test_a_scheduler_that_goes_away_is_told(tmp_path, whole):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("sbatch") is None, reason="needs Slurm")
+@needs("slurm")
 def test_a_slurm_job_computes(tmp_path, whole):
     jobqueue = pytest.importorskip("dask_jobqueue")
     options = {"cores": 1, "memory": "2GB", "walltime": "00:10:00"}

@@ -1,6 +1,5 @@
 """Pulses, wheels and the gravity gradient against Basilisk, where it is installed."""
 
-import importlib.util
 import json
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from jaxtyping import Array, Float
 from scipy.spatial.transform import Rotation
 
 from helpers.thruster_layouts import allocated, canted, thruster_set
+from helpers.tools import needs
 from jaxsat.attitude import Quaternion
 from jaxsat.control import AbstractSampledController, Coast
 from jaxsat.dynamics import PlantState, RigidBody
@@ -30,9 +30,7 @@ from jaxsat.vehicle import (
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(
-        importlib.util.find_spec("Basilisk") is None, reason="Basilisk (bsk) is not installed"
-    ),
+    needs("Basilisk"),
 ]
 
 INERTIA = np.array([[0.30, 0.01, -0.02], [0.01, 0.55, 0.015], [-0.02, 0.015, 0.62]])

@@ -1,19 +1,17 @@
 """Pages in a real browser: no error, no network, no barrier, and the attitude that was saved."""
 
 import json
-import shutil
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from helpers.pages import body_about, run_dataset
+from helpers.tools import executable, needs
 from jaxsat.attitude import Quaternion
 from jaxsat.page import report_page
 
-BROWSER = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
+BROWSER = executable("chromium")
 OPTIONS = (
     *("--no-sandbox", "--disable-gpu", "--disable-background-networking"),
     *("--disable-component-update", "--disable-sync"),
@@ -21,7 +19,7 @@ OPTIONS = (
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed"),
+    needs("chromium"),
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
 ]
 

@@ -2,20 +2,20 @@
 
 import asyncio
 import json
-import shutil
 import subprocess
 
 import numpy as np
 import pytest
 
 from helpers.pages import run_dataset
+from helpers.tools import executable, needs
 
-BROWSER = next(filter(None, map(shutil.which, ("firefox-esr", "firefox"))), None)
+BROWSER = executable("firefox")
 PORT = "WebDriver BiDi listening on "
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(BROWSER is None, reason="no Firefox is installed"),
+    needs("firefox"),
     pytest.mark.filterwarnings("ignore::ResourceWarning"),
 ]
 
