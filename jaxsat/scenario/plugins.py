@@ -21,7 +21,7 @@ from typing import Any
 
 from jaxsat.declaration import LawDeclaration, PartDeclaration
 from jaxsat.declaration.sensors import ESTIMATORS
-from jaxsat.errors import JaxsatError
+from jaxsat.errors import FOREIGN, JaxsatError
 
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
@@ -193,11 +193,11 @@ def _imported(kind: PluginKind, name: str, module: str) -> ModuleType:
                 " beside the scenario, in the current folder or among the installed packages",
             ) from None
         raise _of_their_code(kind, name, module, error) from error
-    except Exception as error:
+    except FOREIGN as error:
         raise _of_their_code(kind, name, module, error) from error
 
 
-def _of_their_code(kind: PluginKind, name: str, module: str, error: Exception) -> PluginError:
+def _of_their_code(kind: PluginKind, name: str, module: str, error: BaseException) -> PluginError:
     spec = importlib.util.find_spec(module.partition(".")[0])
     reason = f"{type(error).__name__}: {error}{place_in(spec and spec.origin, error)}"
     return PluginError(kind, f"must name a module that can be imported, got {name}: {reason}")
