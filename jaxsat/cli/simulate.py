@@ -67,6 +67,11 @@ def simulate(
             files = folder.names
     except OutputError as error:
         raise output_problem(error) from None
+    from jaxsat.results.coarseness import coarseness
+
+    told = coarseness(dataset)
+    if told:
+        print_stderr(told, "warning: ")
     if not quiet:
         print_summary(dataset, scenario, chosen.control.law, seconds, target, files)
     finish_report(planned, quiet=quiet)
