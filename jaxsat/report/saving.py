@@ -35,7 +35,8 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
             for name, value in dict.items(rcParamsDefault)
             if not name.startswith(OF_PROCESS)
         }
-        with rc_context(style | {"svg.hashsalt": "jaxsat"}):  # names in SVG are random otherwise
+        style["svg.hashsalt"] = "jaxsat"  # names in SVG are random otherwise
+        with rc_context(style):
             made = figures() if callable(figures) else figures
             for name, figure in made.items():
                 drawn |= _drawn(name, figure)

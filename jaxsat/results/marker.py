@@ -30,6 +30,9 @@ FORMAT = 1
 
 COMPLETE = {"complete": True}
 
+OF_SYSTEMS = frozenset({".DS_Store", "Thumbs.db", "desktop.ini", ".directory"})
+"""Files that file managers leave wherever they look, and that hold nothing of anybody's."""
+
 
 Made = Callable[[str], bool]
 """Whether a file or folder is one that a build makes of what jaxsat wrote, by its name within."""
@@ -147,7 +150,8 @@ class Marker:
             elif not stat.S_ISREG(mode):
                 known = False
             else:
-                known = name in self._partials or (name in self._hashes and self.is_unchanged(name))
+                known = name in self._partials or Path(name).name in OF_SYSTEMS
+                known = known or (name in self._hashes and self.is_unchanged(name))
             if not known and not (_is_plain(mode) and is_made_of_it(name)):
                 found.append(name)
         return sorted(found)
