@@ -16,6 +16,10 @@ class JaxsatError(Exception):
     """
 
 
+FOREIGN = (Exception, SystemExit)
+"""What code that is not jaxsat's may end with: also by `sys.exit`, which is no success here."""
+
+
 class ArgumentError(JaxsatError, ValueError):
     """An argument that breaks a rule: "Argument `argument` must …, but got …."
 

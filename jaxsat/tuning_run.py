@@ -28,6 +28,7 @@ from jaxsat.tuning.summary import summary_page
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 TUNED, SUMMARY, BASELINES = "tuned.toml", "summary.md", "baselines.json"
 
@@ -144,8 +145,7 @@ def conclude(
     tuned = tuned_scenario(scenario, plan, state.best_point)
     result = TuningResult(scenario, tuned, plan, state, receipt, verdict, found)
     if folder is not None:
-        _write_figures(result, folder)
-        folder.write(SUMMARY, result.summary)
+        _write_results(result, folder)
     return result
 
 
@@ -159,16 +159,23 @@ def _write_json(folder: TuningFolder | None, name: str, data: Any) -> None:
         folder.write(name, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
 
 
-def _write_figures(result: TuningResult, folder: TuningFolder) -> None:
-    """The history, and the figures made of it and of the verdict."""
+def _write_results(result: TuningResult, folder: TuningFolder) -> None:
+    """The history, the summary, and the figures made of the history and of the verdict."""
     from jaxsat.report.saving import save_figures
+    from jaxsat.results import dataset_bytes
+
+    folder.write("history.nc", dataset_bytes(result.history))
+    folder.write(SUMMARY, result.summary)
+    save_figures(lambda: _figures(result), folder.write)
+
+
+def _figures(result: TuningResult) -> "dict[str, Figure]":
     from jaxsat.report.tuning_figures import (
         baselines_figure,
         before_after_figure,
         gains_figure,
         loss_figure,
     )
-    from jaxsat.results import dataset_bytes
 
     title, history = result.original.title, result.history
     columns = (result.verdict.before.columns, result.verdict.after.columns)
@@ -180,5 +187,4 @@ def _write_figures(result: TuningResult, folder: TuningFolder) -> None:
     if result.baselines:
         traces = {entry.method: entry.trace for entry in result.baselines}
         figures["baselines"] = baselines_figure(traces, f"{title}: other ways")
-    folder.write("history.nc", dataset_bytes(history))
-    save_figures(figures, folder.write)
+    return figures

@@ -83,3 +83,49 @@ def test_a_table_of_signals_is_read_back_to_the_last_bit():
     np.testing.assert_array_equal(found["time_s"], run["time"])
     np.testing.assert_array_equal(found["omega_1_rad_s"], run["omega"].values[:, 1])
     np.testing.assert_array_equal(found["quaternion_0"], run["quaternion"].values[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("epoch", "begin", "end"),
+    [
+        ("2300-01-01T00:00:00", "2300-01-01T00:00:00.000000000", "2300-01-01T00:00:"),
+        ("9998-12-31T23:59:59.75", "9998-12-31T23:59:59.750000000", "9999-01-01T00:00:"),
+        ("1972-01-01T00:00:00", "1972-01-01T00:00:00.000000000", "1972-01-01T00:00:"),
+    ],
+)
+def test_epochs_beyond_64_bits_of_nanoseconds(epoch, begin, end):
+    text = attitude_ephemeris(run_dataset(), np.datetime64(epoch, "us"), frame="orbit")
+    assert f"START_TIME = {begin}\n" in text
+    assert f"STOP_TIME = {end}" in text
+    first, *_ = text.partition("DATA_START\n")[2].split()
+    assert first == begin
+
+
+@pytest.mark.parametrize(
+    ("epoch", "message"),
+    [
+        ("1971-12-31T23:59:59", "must lie in 1972 to 9999"),
+        ("9999-12-31T23:59:59", "must lie in 1972 to 9999"),
+        ("2016-12-31T23:59:58", "leap second, got that at the end of 2016-12-31"),
+        ("1972-06-30T23:59:59", "leap second, got that at the end of 1972-06-30"),
+    ],
+)
+def test_times_that_utc_cannot_tell_are_refused(epoch, message):
+    with pytest.raises(ConversionError, match=message):
+        attitude_ephemeris(run_dataset(), np.datetime64(epoch, "us"), frame="orbit")
+
+
+def test_leap_seconds_are_no_matter_of_other_times():
+    attitude_ephemeris(run_dataset(), np.datetime64("2017-01-01T00:00:00", "s"), frame="orbit")
+
+
+def test_the_text_is_printable_ascii():
+    run = run_dataset()
+    run.attrs["title"] = "Größe ω²\u202e" + "x" * 200
+    text = attitude_ephemeris(run, EPOCH, frame="orbit")
+    assert text.isascii()
+    assert "OBJECT_NAME = Grosse" in text or "OBJECT_NAME = Gro" in text
+    with pytest.raises(ConversionError, match="printable ASCII"):
+        attitude_ephemeris(run, EPOCH, frame="orbit", object_name="Größe")
+    with pytest.raises(ConversionError, match="printable ASCII"):
+        attitude_ephemeris(run, EPOCH, frame="orbit", object_id="1\nSTART")

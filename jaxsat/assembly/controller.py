@@ -21,6 +21,7 @@ from jaxsat.environment import (
     AbstractDisturbance,
     NoDisturbance,
 )
+from jaxsat.errors import FOREIGN
 from jaxsat.scenario.control_tables import ModelTable
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue
@@ -53,7 +54,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         made = law.from_table(values, context)
     except UnsuitableModel as error:
         raise BuildError(_unsuitable(law, table, error)) from error
-    except Exception as error:
+    except FOREIGN as error:
         if not is_plugin(law.name):
             raise
         raise BuildError(

@@ -6,13 +6,14 @@ from typing import Literal
 
 from jaxsat.scenario import Scenario, read
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.overrides import Override
 
 Purpose = Literal["text", "motion", "run", "study", "tuning"]
 """What a scenario is loaded for; see `load`."""
 
 
 def load(
-    name_or_path: str | Path, overrides: Iterable[str] = (), *, purpose: Purpose = "run"
+    name_or_path: str | Path, overrides: Iterable[str | Override] = (), *, purpose: Purpose = "run"
 ) -> Scenario:
     """The scenario of that name in the library, or of that TOML file, with overrides.
 

@@ -15,6 +15,7 @@ from jaxsat.attitude import Quaternion
 from jaxsat.control import AbstractController, AbstractFeedbackLaw, AbstractSampledController
 from jaxsat.declaration.laws import Law
 from jaxsat.dynamics import PlantState
+from jaxsat.errors import FOREIGN
 from jaxsat.navigation import AbstractEstimator, Estimate, Measurement
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue, Location
@@ -37,7 +38,7 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
         memory = eqx.filter_eval_shape(controller.init, start)
         given = eqx.filter_eval_shape(_run, controller, start)
         told = eqx.filter_eval_shape(_what_is_told, controller, start)
-    except Exception as error:
+    except FOREIGN as error:
         raise BuildError(broken(law, LAW, law.controller, error)) from error
     method = _method(controller)
     if not (isinstance(given, tuple) and len(given) == 2):
@@ -52,7 +53,11 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
 
 
 def broken(
-    part: Law | Part, location: Location, made: type, error: Exception, wanted: str = "can be run"
+    part: Law | Part,
+    location: Location,
+    made: type,
+    error: BaseException,
+    wanted: str = "can be run",
 ) -> Issue:
     """What an exception of a part's own code is told as."""
     text = str(error).strip().split("\n", 1)[0]
@@ -71,7 +76,7 @@ def made_part(part: Part, location: Location, table: PartTable, context: Any) ->
     """What a part's `from_table` makes of a checked table; raises `BuildError` otherwise."""
     try:
         made = part.made.from_table(values_of(part.declaration.keys, table), context)
-    except Exception as error:
+    except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error, "can be built")) from error
     if not isinstance(made, part.made):
         _refuse(part, location, "is made by its `from_table`", made)
@@ -83,7 +88,7 @@ def require_torque(part: Part, location: Location, torque: Callable[..., Any], *
     """Raise `BuildError` where a part, called once, raises or gives no torque of shape (3,)."""
     try:
         found = eqx.filter_eval_shape(torque, *given)
-    except Exception as error:
+    except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     place = _defined(part.made, "__call__")
     _require_shape(part, location, found, (3,), f"gives {{}}, a torque in N m{place}")
@@ -102,7 +107,7 @@ def require_estimates(
     try:
         memory = eqx.filter_eval_shape(estimator.init, upright, zero)
         found = eqx.filter_eval_shape(estimator.step, jnp.array(0), period, measurement, memory)
-    except Exception as error:
+    except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     place = _defined(part.made, "step")
     if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[0], Estimate)):
@@ -127,7 +132,7 @@ def require_events(
         count = actuators.event_count
         found = eqx.filter_eval_shape(actuators.event_functions, *given)
         piece = actuators.smooth_piece(jnp.ones(count, bool))
-    except Exception as error:
+    except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     wanted = "gives {} from `event_functions`, as `event_count` says"
     _require_shape(part, location, found, (count,), wanted + _defined(part.made, "event_functions"))

@@ -1,5 +1,6 @@
 """The commands, and the handling of every exception that they raise."""
 
+import contextlib
 import sys
 import warnings
 from collections.abc import Sequence
@@ -8,7 +9,7 @@ from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 import jaxsat
 from jaxsat.cli.bound import bound
-from jaxsat.cli.bugs import report_error, thread_errors_reported
+from jaxsat.cli.bugs import ending_of, report_error, thread_errors_reported
 from jaxsat.cli.compare import compare
 from jaxsat.cli.computing import import_interruptibly
 from jaxsat.cli.controllability import controllability
@@ -78,8 +79,12 @@ def run(tokens: Sequence[str] | None = None) -> int:
     except FailedRun as failure:
         print_stderr(str(failure))
         return FAILED_RUN
-    except (BrokenPipeError, SystemExit):  # of the help, whose reader has seen enough
-        return SUCCESS
+    except SystemExit as ended:  # of code that is not jaxsat's; its status says nothing
+        print_stderr(
+            "control.law, a disturbance, actuators or an estimator: must be such that its code "
+            f"returns, got {ending_of(ended)}"
+        )
+        return USER_MISTAKE
     except Exception as error:
         report_error(error)
         return FAILED_RUN
@@ -90,9 +95,12 @@ def _command(tokens: Sequence[str] | None) -> int:
     command, given, _ = app.parse_args(tokens, exit_on_error=False, print_error=False)
     if given.arguments.get("quiet", False):
         stop_progress()
-    if command.__module__.startswith("jaxsat."):  # not the help
-        computes = command.__module__ != "jaxsat.cli.scenarios"
-        import_interruptibly("jaxsat.scenario", *(["jaxsat.results"] if computes else []))
+    if not command.__module__.startswith("jaxsat."):
+        with contextlib.suppress(BrokenPipeError):  # of the help, whose reader has seen enough
+            command(*given.args, **given.kwargs)
+        return SUCCESS
+    computes = command.__module__ != "jaxsat.cli.scenarios"
+    import_interruptibly("jaxsat.scenario", *(["jaxsat.results"] if computes else []))
     result = command(*given.args, **given.kwargs)
     return result if isinstance(result, int) else SUCCESS
 

@@ -2,6 +2,7 @@
 
 import os
 import platform
+import re
 import sys
 import tempfile
 import threading
@@ -26,12 +27,25 @@ def failure_of(error: BaseException) -> FailedRun | None:
     """What to tell of an exception that means a lack of memory or a failing disk, else None."""
     from jaxsat.results.errors import FAILURES
 
+    if isinstance(error, BrokenPipeError):
+        return FailedRun("a process that was to take part in this has gone")
     if isinstance(error, OSError) and error.errno in FAILURES:
         where = "" if error.filename is None else f"{error.filename}: "
         return FailedRun(f"{where}{error.strerror}")
     if isinstance(error, MemoryError) or any(sign in str(error) for sign in OUT_OF_MEMORY_TEXTS):
         return FailedRun("not enough memory; ask for fewer cases at once")
     return None
+
+
+def ending_of(error: SystemExit) -> str:
+    """What ended Python, and where: "sys.exit(3) (law.py:12)"."""
+    code = "" if error.code is None else clean(repr(error.code), MAX_MESSAGE_LENGTH)
+    frames = traceback.extract_tb(error.__traceback__)
+    places = [f'"{one.filename}", line {one.lineno}' for one in frames]
+    places += [line for note in getattr(error, "__notes__", ()) for line in note.split("\n")]
+    found = [match for place in places if (match := re.search(r'"(.+)", line (\d+)', place))]
+    where = f" ({found[-1][1]}:{found[-1][2]})" if found else ""
+    return f"sys.exit({code}){where}"
 
 
 def report_error(error: Exception) -> None:

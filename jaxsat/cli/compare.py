@@ -39,6 +39,8 @@ from jaxsat.cli.words import command_line
 from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from jaxsat.comparison import (
         Comparison,
         ComparisonRow,
@@ -239,8 +241,7 @@ def _write(
     least: Sequence[dict[str, Any]],
     seed: int,
 ) -> None:
-    from jaxsat.comparison import horizon, least_times
-    from jaxsat.report.comparison_figures import settling_comparison
+    from jaxsat.comparison import least_times
     from jaxsat.report.saving import save_figures
     from jaxsat.results import provenance
 
@@ -256,12 +257,18 @@ def _write(
         ],
         **provenance(),
     }
+    text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    folder.write(RESULT, text)
+    save_figures(lambda: _figures(rows), folder.write)
+
+
+def _figures(rows: Sequence["ComparisonRow"]) -> "dict[str, Figure]":
+    from jaxsat.comparison import horizon
+    from jaxsat.report.comparison_figures import settling_comparison
+
     panels: dict[tuple[str, float | None], dict[str, Any]] = {}
     for row in rows:
         panels.setdefault(row.setting[:2], {})[row.setting.law] = row.settling_times
     horizons = {row.setting[:2]: horizon(row.setting.torque_limit) for row in rows}
     title = "Three axes with two torques, third rate free"
-    text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    figures = {"comparison": settling_comparison(panels, horizons, title)}
-    save_figures(figures, folder.write)
-    folder.write(RESULT, text)
+    return {"comparison": settling_comparison(panels, horizons, title)}

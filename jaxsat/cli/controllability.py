@@ -15,10 +15,14 @@ from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout, show_table
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from matplotlib.figure import Figure
 
     from jaxsat.controllability import Analysis, FailureCase, Judgement
     from jaxsat.scenario import Scenario
+
+    Drift = tuple[list[str], Callable[[], dict[str, Figure]]]
 
 COLOURS = {
     "controllable": "green",
@@ -93,7 +97,7 @@ def controllability(
         names = ", ".join(chosen.disturbance.torques)
         lines.append(f"Disturbances not included: {names}.")
     show_progress("following the drift")
-    found = interruptibly(lambda: _follow_drift(chosen)) if drift else ([], {})
+    found = interruptibly(lambda: _follow_drift(chosen)) if drift else ([], dict)
     if out is not None:
         show_progress("drawing maps")
         _write_folder(out, overwrite, chosen, judgement, cases, lines, found)
@@ -163,8 +167,8 @@ def _magnetic_lines(scenario: "Scenario") -> list[str]:
     return magnetic_words(found, sizes.max(initial=0.0), bool(left.wheels))
 
 
-def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]":
-    """What simulation says of the drift: lines for a person, and figures by file name."""
+def _follow_drift(scenario: "Scenario") -> "Drift":
+    """What simulation says of the drift: lines for a person, and what draws it."""
     import jax.numpy as jnp
     import numpy as np
 
@@ -176,7 +180,6 @@ def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]"
         pack,
         recurrence,
     )
-    from jaxsat.report.controllability_figures import energy_chart, recurrence_chart
 
     plant = build_plant(scenario)
     inertia, omega = plant.spacecraft.inertia, jnp.asarray(scenario.initial.omega_rad_s)
@@ -185,7 +188,7 @@ def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]"
         jnp.asarray(table.amplitude_N_m),
         jnp.asarray(table.frequency_rad_s),
     )
-    lines, figures = [], {}
+    lines, drawn = [], {}
     if jnp.any(omega != 0):
         found = recurrence(
             DriftField(inertia), pack(jnp.eye(3), omega), radius=0.3, step=0.2, count=100_000
@@ -195,7 +198,7 @@ def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]"
             f"start in {found.times[-1]:.0f} s. That almost every state returns is Poincaré's "
             "theorem; a simulation only shows it."
         )
-        figures["recurrence"] = recurrence_chart(found.times, found.distances, found.radius)
+        drawn["recurrence"] = (found.times, found.distances, found.radius)
     if jnp.any(amplitude * frequency != 0):
         found = energy_counterexample(inertia, amplitude, frequency)
         axis = int(np.argmax(np.abs(found.omega)))
@@ -208,9 +211,14 @@ def _follow_drift(scenario: "Scenario") -> "tuple[list[str], dict[str, Figure]]"
             + (f"; refuted (passed at {passed:.3g} s)" if found.excess > 0 else "; not refuted")
         )
         bound = energy_bound(inertia, found.energies[0], amplitude, jnp.asarray(found.times))
-        figures["energy"] = energy_chart(
-            found.times, found.energies, found.claimed, np.asarray(bound)
-        )
+        drawn["energy"] = (found.times, found.energies, found.claimed, np.asarray(bound))
+
+    def figures() -> "dict[str, Figure]":
+        from jaxsat.report.controllability_figures import energy_chart, recurrence_chart
+
+        charts = {"recurrence": recurrence_chart, "energy": energy_chart}
+        return {name: charts[name](*given) for name, given in drawn.items()}
+
     return lines, figures
 
 
@@ -221,7 +229,7 @@ def _write_folder(
     judgement: "Judgement",
     cases: "Sequence[FailureCase]",
     lines: list[str],
-    drift: "tuple[list[str], dict[str, Figure]]",
+    drift: "Drift",
 ) -> None:
     from jaxsat.controllability import failure_csv, failure_markdown
     from jaxsat.report.controllability_page import controllability_page
@@ -239,7 +247,7 @@ def _write_folder(
         folder.write("failures.csv", failure_csv(cases))
         dataset = failure_dataset(cases, judgement, title=title, scenario=text)
         folder.write("failures.nc", dataset_bytes(dataset))
-        save_figures({**_figures(judgement, cases), **drift[1]}, folder.write)
+        save_figures(lambda: {**_figures(judgement, cases), **drift[1]()}, folder.write)
 
     try:
         with OutputFolder(out, kind="controllability", overwrite=overwrite) as folder:

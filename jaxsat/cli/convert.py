@@ -1,15 +1,24 @@
 """`jaxsat convert`: the trajectory of a run in a format that other programs read."""
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.options import Flag, OptionalPath, Text, mistake, place
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stderr, print_stdout
 
 if TYPE_CHECKING:
     import numpy as np
+
+
+EPOCH = re.compile(
+    r"(\d{4}-\d\d-\d\dT(?:[01]\d|2[0-3]):[0-5]\d(?::[0-5]\d)?)(?:\.(\d{1,9}))?Z?", re.ASCII
+)
+"""A date and time; one with the 60th second, a leap second, is none that a run can begin in."""
+
+FIRST_YEAR, LAST_YEAR = "1678", "2262"
 
 
 def convert(
@@ -34,7 +43,7 @@ def convert(
     to
         aem: quaternions over UTC as defined by CCSDS 504.0-B; csv: all signals, one column each.
     out
-        File to write; by default that of the run with .aem or .csv.
+        File to write; by default beside the run, with its name and .aem or .csv.
     epoch
         UTC at the start of the run, such as 2026-03-20T12:00:00; for AEM.
     frame
@@ -50,7 +59,7 @@ def convert(
         Print only warnings and errors.
     """
     path = place("RUN", run)
-    target = out or Path(f"{path.name if path.is_dir() else path.stem}.{to}")
+    target = out or _beside(path, to)
     if to == "csv" and epoch is not None:
         raise UserMistake("--epoch: must be given with --to aem, as CSV has seconds")
     start = _epoch(epoch) if to == "aem" else None
@@ -69,6 +78,19 @@ def convert(
     return SUCCESS
 
 
+def _beside(run: Path, ending: str) -> Path:
+    """Beside the folder of a run, also where its trajectory is given; else beside the file."""
+    from jaxsat.results.marker import MARKER
+
+    if not run.is_dir():
+        if not (run.parent / MARKER).is_file():
+            return run.with_name(f"{run.stem}.{ending}")
+        run = run.parent
+    if run.name in ("", ".."):
+        run = run.resolve()
+    return run.parent / f"{run.name or 'run'}.{ending}"
+
+
 def _converted(
     path: Path,
     start: "np.datetime64 | None",
@@ -78,10 +100,14 @@ def _converted(
 ) -> str:
     from jaxsat.conversion import ConversionError, attitude_ephemeris, signal_table
     from jaxsat.results import open_trajectory
+    from jaxsat.results.coarseness import coarseness
 
     dataset = open_trajectory(path)
     if start is None:
         return signal_table(dataset)
+    told = coarseness(dataset)
+    if told:
+        print_stderr(f"{path}: {told}", "warning: ")
     try:
         return attitude_ephemeris(
             dataset,
@@ -97,13 +123,19 @@ def _converted(
 def _epoch(text: str | None) -> "np.datetime64":
     import numpy as np
 
-    form = "a date and time in UTC such as 2026-03-20T12:00:00"
+    form = "a date and time in UTC such as 2026-03-20T12:00:00, without another zone"
     if text is None:
         raise UserMistake(f"--epoch: must be given with --to aem, {form}, got nothing")
-    try:
-        found = np.datetime64(text.strip().removesuffix("Z"), "ns")
-    except ValueError:
-        raise mistake("--epoch", form, text) from None
-    if np.isnat(found) or "T" not in text:
+    found = EPOCH.fullmatch(text.strip())
+    if found is None:
         raise mistake("--epoch", form, text)
-    return found
+    try:
+        begin = np.datetime64(found[1], "s")
+    except ValueError:  # such as February 30
+        raise mistake("--epoch", form, text) from None
+    digits = (found[2] or "").ljust(9, "0")
+    if digits.endswith("000"):  # microseconds reach beyond all years, nanoseconds to 2262
+        return begin + np.timedelta64(int(digits[:6]), "us")
+    if not FIRST_YEAR < found[1] < LAST_YEAR:
+        raise mistake("--epoch", f"{form}, with at most six decimals", text)
+    return begin + np.timedelta64(int(digits), "ns")

@@ -16,6 +16,8 @@ from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, output_problem
 from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from jaxsat.comparison import Front
     from jaxsat.scenario import Scenario
 
@@ -112,14 +114,19 @@ def _found(scenario: "Scenario", laws: Sequence[str], guesses: int) -> "Front":
 
 
 def _write(folder: Any, title: str, found: Sequence["Front"]) -> None:
-    from jaxsat.report.front_figure import front_figure
     from jaxsat.report.saving import save_figures
     from jaxsat.results import provenance
 
     data = [one.as_data() for one in found]
-    save_figures({FIGURE: front_figure(data, f"{title}: time against effort")}, folder.write)
     record = {"command": command_line(), "fronts": data, **provenance()}
     folder.write(RESULT, json.dumps(record, indent=1, allow_nan=False) + "\n")
+
+    def figure() -> "Figure":
+        from jaxsat.report.front_figure import front_figure
+
+        return front_figure(data, f"{title}: time against effort")
+
+    save_figures({FIGURE: figure}, folder.write)
 
 
 def _lines(found: Sequence["Front"]) -> list[str]:

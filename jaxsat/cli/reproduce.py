@@ -112,7 +112,7 @@ def _write(folder: "OutputFolder", datasets: "dict[str, xr.Dataset]") -> "list[C
     folder.write("verdicts.md", heading + markdown_table(claims))
     for name, dataset in datasets.items():
         folder.write(f"{name}.nc", dataset_bytes(dataset))
-    save_figures(paper_figures(datasets), folder.write)
+    save_figures(lambda: paper_figures(datasets), folder.write)
     return claims
 
 

@@ -18,6 +18,8 @@ from jaxsat.cli.words import command_line
 from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from jaxsat.comparison import ScenarioComparison
     from jaxsat.montecarlo import StudyProgress
     from jaxsat.results import ResumableFolder
@@ -115,18 +117,25 @@ def _require_suitable(scenario: "Scenario", options: Options) -> None:
 def _write(
     folder: "ResumableFolder", scenario: "Scenario", found: "ScenarioComparison", seed: int
 ) -> None:
-    from jaxsat.report.comparison_figures import recovery_comparison, settling_comparison
     from jaxsat.report.saving import save_figures
     from jaxsat.results import provenance
 
     record = {"command": command_line(), "seed": seed, **found.as_data(), **provenance()}
+    folder.write(RESULT, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    save_figures(lambda: _figures(scenario, found, record["rows"]), folder.write)
+
+
+def _figures(
+    scenario: "Scenario", found: "ScenarioComparison", rows: list[dict[str, Any]]
+) -> "dict[str, Figure]":
+    from jaxsat.report.comparison_figures import recovery_comparison, settling_comparison
+
     title = scenario.title
     times = {row.setting.law: row.settling_times for row in found.rows}
     panel: tuple[str, float | None] = ("the same cases under every law", None)
     horizons: dict[tuple[str, float | None], float] = {panel: scenario.simulation.duration_s}
     figures = {"comparison": settling_comparison({panel: times}, horizons, title)}
-    recovered = {row["law"]: row["recovered"] for row in record["rows"] if "recovered" in row}
+    recovered = {row["law"]: row["recovered"] for row in rows if "recovered" in row}
     if recovered:
         figures["recovered"] = recovery_comparison(recovered, title)
-    save_figures(figures, folder.write)
-    folder.write(RESULT, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    return figures

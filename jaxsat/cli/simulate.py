@@ -16,6 +16,7 @@ from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
     from jaxsat.results import OutputFolder
     from jaxsat.scenario import Scenario
@@ -66,6 +67,11 @@ def simulate(
             files = folder.names
     except OutputError as error:
         raise output_problem(error) from None
+    from jaxsat.results.coarseness import coarseness
+
+    told = coarseness(dataset)
+    if told:
+        print_stderr(told, "warning: ")
     if not quiet:
         print_summary(dataset, scenario, chosen.control.law, seconds, target, files)
     finish_report(planned, quiet=quiet)
@@ -95,7 +101,6 @@ def _run(scenario: "Scenario") -> tuple["xr.Dataset", float]:
 
 
 def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") -> None:
-    from jaxsat.report.figures import trajectory_figures
     from jaxsat.report.saving import save_figures
     from jaxsat.results import dataset_bytes
 
@@ -103,7 +108,14 @@ def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") 
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
     folder.write("run.json", record + "\n")
     folder.write("trajectory.nc", dataset_bytes(dataset))
-    save_figures(trajectory_figures(dataset), folder.write)
+    save_figures(lambda: figures_of(dataset), folder.write)
+
+
+def figures_of(dataset: "xr.Dataset") -> "dict[str, Figure]":
+    """The figures of a trajectory by file name."""
+    from jaxsat.report.figures import trajectory_figures
+
+    return trajectory_figures(dataset)
 
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:

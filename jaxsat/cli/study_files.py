@@ -10,6 +10,7 @@ from jaxsat.cli.terminal import UserMistake, output_problem, print_stderr, print
 if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
+    from matplotlib.figure import Figure
 
     from jaxsat.montecarlo import Study, Summary
     from jaxsat.report.study_figures import DrawnNumber
@@ -29,7 +30,6 @@ def write_figures(
     import numpy as np
 
     from jaxsat.report.saving import save_figures
-    from jaxsat.report.study_figures import fan_figures, study_figures
     from jaxsat.results import OutputError, open_study
 
     def write() -> None:
@@ -37,12 +37,16 @@ def write_figures(
         count = summary.cases
         columns = {"settling_time": np.asarray(dataset["settling_time"][:count])}
         ranked = [entry.name for entry in summary.ranking if entry.matters][:2]
-        drawn = {label: _drawn(dataset, label, count) for label in ranked}
-        figures = study_figures(columns, drawn, title)
         every = max(1, study.program.intervals // FAN_INSTANTS)
         signals = _histories(study, np.arange(min(count, FAN_CASES)), every)
         times = study.program.instants(every) * float(study.program.interval)
-        figures |= fan_figures(times, signals, title)
+
+        def figures() -> "dict[str, Figure]":
+            from jaxsat.report.study_figures import fan_figures, study_figures
+
+            drawn = {label: _drawn(dataset, label, count) for label in ranked}
+            return study_figures(columns, drawn, title) | fan_figures(times, signals, title)
+
         with figures_folder(folder) as made:
             save_figures(figures, made.write)
 
@@ -129,7 +133,7 @@ def write_one_case(
     quiet: bool,
 ) -> None:
     """One case again, as a folder like that of `jaxsat simulate`."""
-    from jaxsat.report.figures import trajectory_figures
+    from jaxsat.cli.simulate import figures_of
     from jaxsat.report.saving import save_figures
     from jaxsat.results import OutputError, OutputFolder, dataset_bytes
 
@@ -138,7 +142,7 @@ def write_one_case(
             dataset, drawn = interruptibly(lambda: replayed(scenario, study, number))
             folder.write("scenario.toml", dataset.attrs["scenario"])
             folder.write("trajectory.nc", dataset_bytes(dataset))
-            save_figures(trajectory_figures(dataset), folder.write)
+            save_figures(lambda: figures_of(dataset), folder.write)
     except OutputError as error:
         raise output_problem(error) from None
     except ValueError as error:

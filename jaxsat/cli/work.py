@@ -1,5 +1,6 @@
 """An estimate of the work, printed before it starts; too much is refused without --yes."""
 
+import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,10 +13,11 @@ if TYPE_CHECKING:
     from jaxsat.montecarlo import Work
 
 MAX_STEPS = 10**12
-"""About a day of ten processors with the native engine; docs/scenarios.md names all three."""
+"""About a day of ten processors with the native engine; docs/scenarios.md names all."""
 
 MAX_MEMORY = 8 * 10**9
 MAX_DISK = 20 * 10**9
+MAX_FILES = 10**6
 REPORT_FACTOR = 100
 """Work within this factor of a limit is told in a line of its own."""
 
@@ -23,13 +25,14 @@ REPORT_FACTOR = 100
 def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet: bool) -> None:
     """Tell what the parts take, one after the other; raises `UserMistake` for too much of it."""
     parts = list(parts)
-    trajectories, steps, disk = (
-        sum(getattr(part, name) for part in parts) for name in ("trajectories", "steps", "disk")
+    trajectories, steps, disk, files = (
+        sum(getattr(part, name) for part in parts)
+        for name in ("trajectories", "steps", "disk", "files")
     )
     memory = max(part.memory for part in parts)
     text = (
         f"{trajectories:,} trajectories, {steps:,} steps, "
-        f"about {_bytes(memory)} of memory and {_bytes(disk)} of disk"
+        f"about {_bytes(memory)} of memory and {_bytes(disk)} of disk in {files:,} files"
     )
     show_progress(f"compiling; work: {text}")
     excesses = [
@@ -39,12 +42,14 @@ def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet:
             ("memory", memory, MAX_MEMORY, _bytes(MAX_MEMORY)),
             ("disk", disk, MAX_DISK, _bytes(MAX_DISK)),
             ("disk", disk, _free(target), "the free disk space"),
+            ("files", files, MAX_FILES, f"{MAX_FILES:,} (larger chunks make fewer)"),
+            ("files", files, _free_files(target), "what the disk has room for"),
         )
         if value > most
     ]
     if excesses and not yes:
         raise UserMistake(f"too much work ({text}; {', '.join(excesses)}); give --yes to do it")
-    near = (steps / MAX_STEPS, memory / MAX_MEMORY, disk / MAX_DISK)
+    near = (steps / MAX_STEPS, memory / MAX_MEMORY, disk / MAX_DISK, files / MAX_FILES)
     if not quiet and max(near) * REPORT_FACTOR > 1:
         print_stderr(f"work: {text}")
 
@@ -56,6 +61,17 @@ def _free(target: Path) -> int | float:
             return shutil.disk_usage(place).free
         except OSError:
             continue
+    return float("inf")
+
+
+def _free_files(target: Path) -> int | float:
+    """How many files there can still be where a target will be."""
+    for place in (target, *target.absolute().parents):
+        try:
+            status = os.statvfs(place)
+        except (OSError, AttributeError):  # nothing is there; not on Windows
+            continue
+        return status.f_favail if status.f_files else float("inf")
     return float("inf")
 
 

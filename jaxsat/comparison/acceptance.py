@@ -17,6 +17,7 @@ from jaxsat.assembly.load import load
 from jaxsat.scenario import Problem, Scenario, ScenarioError, ScenarioWarning
 from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.laws import is_plugin, known_law
+from jaxsat.scenario.overrides import override
 from jaxsat.search_path import add_folders
 
 LEVELS = ("nominal", "mc", "hard")
@@ -98,8 +99,8 @@ def comparison_scenario(setting: ComparisonSetting) -> Scenario:
         base = load(
             f"acceptance-{setting.level}",
             [
-                f"spacecraft.torque_limit_N_m={setting.torque_limit!r}",
-                f"simulation.duration_s={horizon(setting.torque_limit)!r}",
+                override("spacecraft.torque_limit_N_m", setting.torque_limit),
+                override("simulation.duration_s", horizon(setting.torque_limit)),
             ],
         )
     data = base.model_dump(exclude_none=True)

@@ -229,11 +229,13 @@ class FineStage(eqx.Module):
 
 
 class OscillatorySettlingMemory(NamedTuple):
-    """Memories of the stage and the estimator, and the rates asked for."""
+    """Memories of the stage and the estimator, the rates asked for, and how many samples there
+    were."""
 
     fine: FineMemory
     estimator: EstimatorMemory
     reference: Float[Array, "2"]
+    samples: Int[Array, ""]
 
 
 class OscillatorySettling(AbstractSampledController):
@@ -262,19 +264,24 @@ class OscillatorySettling(AbstractSampledController):
         """At rest, nothing estimated."""
         omega = self.form.seen(state).omega
         return OscillatorySettlingMemory(
-            self.fine.init(omega), self.estimator.init(omega), jnp.zeros(2, omega.dtype)
+            self.fine.init(omega),
+            self.estimator.init(omega),
+            jnp.zeros(2, omega.dtype),
+            jnp.array(0),
         )
 
     def step(
         self, t: RealScalar, state: PlantState, memory: OscillatorySettlingMemory
     ) -> tuple[Float[Array, "2"], OscillatorySettlingMemory]:
-        """Estimate, then the fine stage."""
+        """Estimate, then the fine stage, whose clock begins with the law."""
+        del t
+        clock = memory.samples * self.period
         seen = self.form.seen(state)
         third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
         seen = seen.relative_to(third.turn)
-        torque, reference, fine = self.fine.step(t, seen, third, memory.fine)
+        torque, reference, fine = self.fine.step(clock, seen, third, memory.fine)
         command = self.form.command(clipped(torque, self.torque_limit))
-        return command, OscillatorySettlingMemory(fine, estimator, reference)
+        return command, OscillatorySettlingMemory(fine, estimator, reference, memory.samples + 1)
 
     def rate_error(self, state: PlantState, memory: OscillatorySettlingMemory) -> Float[Array, "2"]:
         """ω - ω_d while oscillating, zero in the end game, rad/s."""

@@ -154,7 +154,8 @@ class PlannedSettling(AbstractSampledController):
         driven = self.driven.sampled(t, state, memory.driven, self.period)
         program, stage = self.program(memory.settling, driven), memory.stage
         given = jnp.where(stage == SETTLING, SETTLING, Phase.OSCILLATING)
-        torque, settling = self.settling.in_phase(t, state, memory.settling, given)
+        t = self.settling.clock(memory.settling)
+        torque, settling = self.settling.in_phase(state, memory.settling, given)
         now, x = t / program.time_unit, self._seen(program, state, settling)
         ended = (stage == SETTLING) & (memory.settling.phase == Phase.OSCILLATING)
         lost = ended & (settling.phase == Phase.STOPPING)

@@ -248,10 +248,10 @@ class SlewPlanner(eqx.Module):
 
 
 class ThreeSlewMemory(NamedTuple):
-    """The slews, and whether they are planned."""
+    """The slews, and how many samples there were, at the first of which they were planned."""
 
     slewing: Slewing
-    planned: Bool[Array, ""]
+    samples: Int[Array, ""]
 
 
 class ThreeSlewLaw(AbstractSampledController):
@@ -270,21 +270,22 @@ class ThreeSlewLaw(AbstractSampledController):
 
     def init(self, state: PlantState) -> ThreeSlewMemory:
         """Nothing planned."""
-        return ThreeSlewMemory(self.planner.init(state.omega), jnp.array(False))
+        return ThreeSlewMemory(self.planner.init(state.omega), jnp.array(0))
 
     def step(
         self, t: RealScalar, state: PlantState, memory: ThreeSlewMemory
     ) -> tuple[Float[Array, "2"], ThreeSlewMemory]:
         """Plan at the first sample, fly at every other."""
+        t = memory.samples * self.period
         seen = self.planner.form.seen(state)
         flown = self.planner.advance(t, seen, memory.slewing, self.period)
         done = memory.slewing.leg == Leg.SLEWED
         flown = choose(done, memory.slewing, flown)
         plan = self.planner.plan(t, seen)
-        slewing = choose(memory.planned, flown, plan)
+        slewing = choose(memory.samples > 0, flown, plan)
         stopped = slewing._replace(to_go=jnp.where(slewing.leg == Leg.SLEWED, 0.0, slewing.to_go))
         torque = clipped(self.planner.torque(seen.omega, stopped), self.planner.torque_limit)
-        return self.planner.form.command(torque), ThreeSlewMemory(slewing, jnp.array(True))
+        return self.planner.form.command(torque), ThreeSlewMemory(slewing, memory.samples + 1)
 
     def rate_error(self, state: PlantState, memory: ThreeSlewMemory) -> Float[Array, "2"]:
         """Rates less those of the profile; before the first sample the rates, rad/s."""

@@ -35,7 +35,10 @@ class Phase(enum.IntEnum):
 
 
 class SettlingMemory(NamedTuple):
-    """The phase but `HOLDING`, the memories of its parts, and when the phase began (s)."""
+    """The phase but `HOLDING`, the memories of its parts, and when the phase began (s).
+
+    `samples` counts those since the law began, from which all its times count.
+    """
 
     phase: Int[Array, ""]
     signs: Signs
@@ -44,6 +47,7 @@ class SettlingMemory(NamedTuple):
     since: RealScalar
     estimator: EstimatorMemory
     reference: Float[Array, "2"]
+    samples: Int[Array, ""]
 
 
 class ThreeSlewSettling(AbstractSampledController):
@@ -95,18 +99,25 @@ class ThreeSlewSettling(AbstractSampledController):
             jnp.zeros_like(omega[0]),
             self.estimator.init(omega),
             jnp.zeros(2, omega.dtype),
+            jnp.array(0),
         )
+
+    def clock(self, memory: SettlingMemory) -> RealScalar:
+        """Time of the next sample since the law began, s."""
+        return memory.samples * self.period
 
     def step(
         self, t: RealScalar, state: PlantState, memory: SettlingMemory
     ) -> tuple[Float[Array, "2"], SettlingMemory]:
         """Estimate, choose the phase, run the three parts and take the one whose turn it is."""
-        return self.in_phase(t, state, memory, jnp.zeros_like(memory.phase))
+        del t
+        return self.in_phase(state, memory, jnp.zeros_like(memory.phase))
 
     def in_phase(
-        self, t: RealScalar, state: PlantState, memory: SettlingMemory, given: Int[Array, ""]
+        self, state: PlantState, memory: SettlingMemory, given: Int[Array, ""]
     ) -> tuple[Float[Array, "2"], SettlingMemory]:
         """As `step`, in a phase that is given; 0 where it is chosen."""
+        t = self.clock(memory)
         seen = self.form.seen(state)
         third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
         seen = seen.relative_to(third.turn)
@@ -133,7 +144,9 @@ class ThreeSlewSettling(AbstractSampledController):
         )
         slew_reference = self.planner.references(slewing)
         reference = _by_phase(phase, tracking.rate, slew_reference, fine_reference)
-        following = SettlingMemory(phase, signs, slewing, fine, since, estimator, reference)
+        following = SettlingMemory(
+            phase, signs, slewing, fine, since, estimator, reference, memory.samples + 1
+        )
         return self.form.command(clipped(torque, self.torque_limit)), following
 
     def rate_error(self, state: PlantState, memory: SettlingMemory) -> Float[Array, "2"]:

@@ -1,4 +1,4 @@
-"""What a design leaves in its folder, every file whole; the record last."""
+"""What a design leaves in its folder, every file whole; the record before the figures."""
 
 import json
 from typing import TYPE_CHECKING
@@ -21,17 +21,17 @@ PAGE, RECORD = "design.md", "design.json"
 
 
 def write_files(found: ControllerDesign, folder: ResumableFolder) -> None:
-    """Figures, the page, the designed scenario, and the record as JSON."""
-    if found.verification is not None:
-        from jaxsat.report.saving import save_figures
-
-        save_figures(_figures(found), folder.write)
+    """The page, the designed scenario, the record as JSON, and figures."""
     folder.write(PAGE, design_page(found))
     if found.scenario is not None:
         comment = design_comment(found, jaxsat.__version__)
         folder.write(DESIGNED, comment + dump(found.scenario))
     record = found.as_data() | {"headline": headline(found)} | provenance()
     folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    if found.verification is not None:
+        from jaxsat.report.saving import save_figures
+
+        save_figures(lambda: _figures(found), folder.write)
 
 
 def _figures(found: ControllerDesign) -> "dict[str, Figure]":

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 from jaxsat.assembly.load import load
 from jaxsat.scenario import Scenario, library
 from jaxsat.scenario.limits import MAX_FILE_SIZE
+from jaxsat.scenario.overrides import override
+from jaxsat.text import clean
 
 ALL = "all"
 """In place of a law: every law of jaxsat that fits."""
@@ -18,19 +20,20 @@ UNNAMED_LAW = "three-slew"
 UNTIMED = 1.0
 """Duration (s) of a scenario whose file has none."""
 
-_DEFAULTS: Mapping[str, tuple[tuple[str, ...], str]] = {
-    "title": (("title",), "{stem}"),
-    "orbit.rate_rad_s": (("orbit.rate_rad_s", "orbit.altitude_km"), "0.0"),
+_DEFAULTS: Mapping[str, tuple[tuple[str, ...], Any]] = {
+    "title": (("title",), ""),
+    "orbit.rate_rad_s": (("orbit.rate_rad_s", "orbit.altitude_km"), 0.0),
     "initial.quaternion": (
         ("initial.quaternion", "initial.w", "initial.z_rad", "initial.z_deg"),
-        "[1.0, 0.0, 0.0, 0.0]",
+        [1.0, 0.0, 0.0, 0.0],
     ),
-    "initial.omega_rad_s": (("initial.omega_rad_s", "initial.omega_deg_s"), "[0.0, 0.0, 0.0]"),
-    "control.law": (("control.law",), f'"{UNNAMED_LAW}"'),
-    "simulation.duration_s": (("simulation.duration_s",), f"{UNTIMED}"),
-    "simulation.save_every_s": (("simulation.save_every_s",), "0.5"),
+    "initial.omega_rad_s": (("initial.omega_rad_s", "initial.omega_deg_s"), [0.0, 0.0, 0.0]),
+    "control.law": (("control.law",), UNNAMED_LAW),
+    "simulation.duration_s": (("simulation.duration_s",), UNTIMED),
+    "simulation.save_every_s": (("simulation.save_every_s",), 0.5),
 }
-"""Keys that may be left out, by any of which a file gives them, and what they are then."""
+"""Keys that may be left out, by any of which a file gives them, and what they are then; the title
+is the file's name."""
 
 
 class Vehicle(NamedTuple):
@@ -51,8 +54,8 @@ def read_vehicle(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Veh
     given = list(overrides)
     present = _keys(_parsed(name_or_path)) | {text.partition("=")[0].strip() for text in given}
     lacking = [key for key, (spellings, _) in _DEFAULTS.items() if not present & {*spellings}]
-    stem = Path(name_or_path).stem or "vehicle"
-    added = [f"{key}={_DEFAULTS[key][1].format(stem=stem)}" for key in lacking]
+    name = clean(Path(name_or_path).stem) or "vehicle"
+    added = [override(key, name if key == "title" else _DEFAULTS[key][1]) for key in lacking]
     scenario = load(name_or_path, [*added, *given], purpose="motion")
     law = ALL if "control.law" in lacking else scenario.control.law
     return Vehicle(scenario, ALL if law == "coast" else law, "simulation.duration_s" not in lacking)

@@ -15,7 +15,7 @@ from jaxsat.engine.native.ir import Call, Function, Scalar, Value
 from jaxsat.engine.native.trace import Trace
 from jaxsat.export.wishes import name_of
 
-READ = ("p->", "in->", "now->", "seen->", "attitude[")
+READ = ("p->", "at->", "in->", "now->", "seen->", "attitude[")
 """Begin of what is read where it is."""
 
 

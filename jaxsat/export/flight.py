@@ -42,11 +42,18 @@ class Seen(NamedTuple):
 
 
 class Input(NamedTuple):
-    """One sample: time (s), the number of the sample from 0 on, and what was measured."""
+    """One sample: its time (s) and number, from any time and number on, and what was measured."""
 
     time: Float[Array, ""]
     sample: Int[Array, ""]
     measured: PyTree
+
+
+class Begin(NamedTuple):
+    """Time (s) and number of the sample at which the controller began, from which it counts."""
+
+    time: Float[Array, ""]
+    sample: Int[Array, ""]
 
 
 class State(NamedTuple):
@@ -55,6 +62,7 @@ class State(NamedTuple):
     law: PyTree
     estimator: PyTree = None
     modulation: PyTree = None
+    begin: Begin | None = None
 
 
 class Output(NamedTuple):

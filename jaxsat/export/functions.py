@@ -54,7 +54,6 @@ class Unit(AbstractUnit):
         if full not in self.helpers:
             for one in needs:
                 self.need(*one)
-            self.names.new(full)
             self.helpers[full] = text
         return full
 

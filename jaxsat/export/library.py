@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from jaxsat.export.harness import reader, writer
 from jaxsat.export.layout import Struct
 from jaxsat.export.program import FlightProgram
+from jaxsat.export.source import reads_clock
 
 STAGES = ("estimate", "control")
 
@@ -60,6 +61,8 @@ def _batch(program: FlightProgram, stage: str, *, seen_in: bool) -> list[str]:
         lines += ["    controller_output output;"]
     if program.estimates:
         lines += ["    controller_seen told;"]
+    clocked = reads_clock(program.calls[stage])
+    lines += ["    controller_clock clock;"] if clocked else []
     place = 0
     names = [("parameters", "parameters"), ("input", "input")]
     names += [("seen", "told")] if seen_in else []
@@ -69,6 +72,9 @@ def _batch(program: FlightProgram, stage: str, *, seen_in: bool) -> list[str]:
         place += size
     if uses_out:
         lines.append("    (void)memset(&output, 0, sizeof(output));")
+    if clocked:
+        real = "(float)" if program.single else ""
+        lines += [f"    clock.time = {real}input.time;", "    clock.sample = input.sample;"]
     lines += ["    after = before;", f"    {_call(program, stage)}"]
     source = "told" if writes_seen else "output"
     lines += [
@@ -86,8 +92,8 @@ def _batch(program: FlightProgram, stage: str, *, seen_in: bool) -> list[str]:
 def _call(program: FlightProgram, stage: str) -> str:
     call = program.calls[stage]
     given = {
-        "p": "&parameters", "in": "&input", "seen": "&told", "now": "&before", "next": "&after",
-        "out": "&output",
+        "p": "&parameters", "at": "&clock", "in": "&input", "seen": "&told", "now": "&before",
+        "next": "&after", "out": "&output",
     }  # fmt: skip
     name, _, rest = call.partition("(")
     args = [given[arg] for arg in re.findall(r"\w+", rest)]

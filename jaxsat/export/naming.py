@@ -7,26 +7,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-KEYWORDS = frozenset((
-    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else",
-    "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "register",
-    "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef",
-    "union", "unsigned", "void", "volatile", "while", "bool", "true", "false", "asm", "typeof",
-    "and", "or", "not", "xor", "class", "new", "delete", "this", "namespace", "template", "try",
-    "catch", "throw", "private", "public", "protected", "operator", "friend", "using",
-    "virtual", "explicit", "export", "mutable", "near", "far", "main", "NULL", "NAN", "INFINITY"
-))  # fmt: skip
-LIBRARY = frozenset((
-    "acos", "asin", "atan", "atan2", "acosh", "asinh", "atanh", "cbrt", "ceil", "copysign",
-    "cos", "cosh", "erf", "erfc", "exp", "exp2", "expm1", "fabs", "fdim", "floor", "fma",
-    "fmax", "fmin", "fmod", "frexp", "gamma", "hypot", "ilogb", "index", "isfinite", "isinf",
-    "isnan", "j0", "j1", "jn", "ldexp", "lgamma", "log", "log10", "log1p", "log2", "logb",
-    "lrint", "lround", "memcpy", "memset", "modf", "nan", "nearbyint", "nextafter", "pow",
-    "remainder", "rint", "round", "scalbn", "signbit", "signgam", "sin", "sinh", "sqrt", "tan",
-    "tanh", "tgamma", "time", "trunc", "y0", "y1", "yn", "abs", "div", "exit", "free", "rand",
-    "remove", "rename", "signal"
-))  # fmt: skip
-RESERVED = KEYWORDS | LIBRARY | {f"{name}f" for name in LIBRARY}
+from jaxsat.export.reserved import WORDS, is_reserved
 
 _LETTERS = {
     "×": "x", "·": "*", "⊗": "(x)", "→": "->", "∫": "integral ", "Σ": "sum ", "√": "sqrt ",
@@ -84,17 +65,20 @@ class Names:
     def __init__(
         self, taken: Iterable[str] = (), *, fields: bool = False, outer: "Names | None" = None
     ):
-        self.taken = (set(KEYWORDS) if fields else set(RESERVED)) | set(taken)
+        self.taken, self._fields = set(taken), fields
         self.outer, self.inside = outer, set[str]()
         self._last: dict[str, int] = {}
 
     def _is_taken(self, name: str) -> bool:
         """Whether it stands for something here, or would hide or be hidden by something."""
         beyond = self.outer is not None and name in self.outer.taken
-        return name in self.taken or name in self.inside or beyond
+        means = name in WORDS if self._fields else is_reserved(name)
+        return means or name in self.taken or name in self.inside or beyond
 
     def new(self, wish: str) -> str:
         """An identifier that is this one, or this one with a number."""
+        if not self._fields and is_reserved(f"{wish}_2"):  # of a family whose names all are
+            wish = f"x_{wish}"
         name = wish
         while self._is_taken(name):
             self._last[wish] = self._last.get(wish, 1) + 1

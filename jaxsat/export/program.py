@@ -1,5 +1,6 @@
 """A flight controller as programs of scalars: its stages, and the structures that they work on."""
 
+import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +15,7 @@ from jaxsat.engine.fingerprint import fingerprint
 from jaxsat.engine.native.ir import Block, Value, uses
 from jaxsat.engine.native.scalar_program import ScalarProgram, scalar_program
 from jaxsat.export.flight import (
+    Begin,
     FlightController,
     Input,
     Measured,
@@ -43,7 +45,9 @@ class FlightProgram:
 
     `whole(parameters, input, state)` is the step as one function, the reference of the proof, and
     `start(parameters, attitude, input)` what is before the first; `parameters` are the arrays of
-    the structure, `now` and `begun` an input and a state for their shapes. `order` tells of each
+    the structure, `now` and `begun` an input and a state for their shapes. These take time and
+    sample from the first on; the structures have them from any time on, in double precision, and
+    the state has when that was. `order` tells of each
     array of `FlightController` which of the parameters it is. `calls` are those of the stages in
     C, once they are written.
     """
@@ -115,13 +119,22 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
 
     out = jax.eval_shape(whole, kept, now, begun)[0]
     names = Names(fields=True)
-    own = fields_of(now._replace(measured=None), names)
+    instant: Any = jax.ShapeDtypeStruct((), np.float64), jax.ShapeDtypeStruct((), np.int32)
+    own = fields_of(Input(instant[0], instant[1], None), names)
+    remembered = begun._replace(begin=Begin(*instant))
     in_fields = (*own, *fields_of(measured, names))
     structs = {
         "parameters": Struct("controller_parameters", "Gains and what the law believes.", fields),
         "input": Struct("controller_input", about(Input), in_fields),
-        "state": Struct("controller_state", about(State), fields_of(begun, Names(fields=True))),
+        "state": Struct(
+            "controller_state", about(State), fields_of(remembered, Names(fields=True))
+        ),
         "output": Struct("controller_output", about(Output), fields_of(out, Names(fields=True))),
+        "clock": Struct(
+            "controller_clock",
+            "Time (s) and number of a sample since the controller began.",
+            fields_of(now._replace(measured=None), Names(fields=True)),
+        ),
         "seen": Struct("controller_seen", about(Seen), fields_of(seen, Names(fields=True))),
     }
     stages, starts = _stages(made, kept, now, begun, seen, q, structs)
@@ -136,7 +149,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         modes,
         estimates,
         dtype == np.float32,
-        fingerprint(traces),
+        _hash(traces, structs),
         whole,
         begin,
         now,
@@ -146,12 +159,18 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
     )
 
 
+def _hash(traces, structs: dict[str, Struct]) -> str:
+    """Of the operations, and of the structures that they work on."""
+    layout = [line for struct in structs.values() for line in struct.declaration()]
+    return hashlib.sha256("\n".join([fingerprint(traces), *layout]).encode()).hexdigest()
+
+
 def _stages(made, kept, now, begun, seen, q, structs) -> tuple[list[Stage], list[Stage]]:
     """Those of a sample, and those before the first."""
     estimates = made(kept).estimator is not None
     p = structs["parameters"].elements("p->")
-    measured = structs["input"].elements("in->")
-    told = structs["seen"].elements("seen->") if estimates else measured[2:]
+    measured, clock = structs["input"].elements("in->")[2:], structs["clock"].elements("at->")
+    told = structs["seen"].elements("seen->") if estimates else measured
     state = {
         part: [text for one in _under(structs["state"], part) for text in one.elements("{}->")]
         for part in State._fields
@@ -168,7 +187,7 @@ def _stages(made, kept, now, begun, seen, q, structs) -> tuple[list[Stage], list
             lambda p, now, memory: made(p).estimate(now, memory),
             (kept, now, begun.estimator),
         )
-        inputs = [*p, *measured, *at("estimator", "now")]
+        inputs = [*p, *clock, *measured, *at("estimator", "now")]
         outputs = [*structs["seen"].elements("seen->"), *at("estimator", "next")]
         stages.append(Stage("estimate", "The estimator", program, inputs, outputs))
     program = scalar_program(
@@ -177,7 +196,7 @@ def _stages(made, kept, now, begun, seen, q, structs) -> tuple[list[Stage], list
         (kept, now.time, seen, begun.law),
     )
     outputs = [*out["torque"], *out["mode"], *at("law", "next")]
-    inputs = [*p, measured[0], *told, *at("law", "now")]
+    inputs = [*p, clock[0], *told, *at("law", "now")]
     stages.append(Stage("control", "The law", program, inputs, outputs))
     command = program.outputs[0]
     program = scalar_program(

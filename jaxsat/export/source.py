@@ -9,7 +9,7 @@ from jaxsat.engine.native.ir import Value
 from jaxsat.export.contexts import Context
 from jaxsat.export.expressions import literal
 from jaxsat.export.functions import Unit, python_function
-from jaxsat.export.naming import comment, identifier
+from jaxsat.export.naming import Names, comment, identifier
 from jaxsat.export.program import FlightProgram, Stage
 from jaxsat.export.text import in_lines, wrapped
 
@@ -17,6 +17,7 @@ GUARD = "CONTROLLER_H"
 
 TYPES_OF_POINTERS = {
     "p": "const controller_parameters *p",
+    "at": "const controller_clock *at",
     "in": "const controller_input *in",
     "attitude": "const {real} attitude[4]",
     "seen": "const controller_seen *seen",
@@ -27,6 +28,7 @@ TYPES_OF_POINTERS = {
 
 STRUCTURES = {
     "p": "parameters",
+    "at": "clock",
     "in": "input",
     "seen": "seen",
     "now": "state",
@@ -42,8 +44,9 @@ def header(program: FlightProgram, intro: Sequence[str]) -> str:
     lines += ["#include <stdbool.h>", "#include <stdint.h>", ""]
     if len(program.modes) > 1:
         lines += ["/* The numbers of controller_output.mode */"]
+        names = Names(fields=True)
         lines += [
-            f"#define CONTROLLER_MODE_{identifier(name).upper()} ({number})"
+            f"#define CONTROLLER_{names.new(identifier('mode', name)).upper()} ({number})"
             for name, number in program.modes.items()
         ]
         lines.append("")
@@ -69,7 +72,10 @@ def header(program: FlightProgram, intro: Sequence[str]) -> str:
         "const controller_input *in,",
         "                     controller_state *state);",
         "",
-        *comment("One sample: reads the measurement, writes the commands and the next state."),
+        *comment(
+            "One sample: reads the measurement, writes the commands and the next state. Time and "
+            "sample of the input may begin anywhere: they count from those of controller_init."
+        ),
         "void controller_step(const controller_parameters *p, const controller_input *in,",
         "                     controller_state *state, controller_output *out);",
         "",
@@ -92,6 +98,9 @@ def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
     lines += ["#include <float.h>", "#include <math.h>", "#include <string.h>", ""]
     lines += _PRAGMAS
     lines += _defaults(program)
+    if any(reads_clock(call) for call in calls.values()):
+        unit.need("sub", np.dtype(np.int32))
+        lines += [*program.structs["clock"].declaration(), ""]
     if program.estimates:
         lines += [*program.structs["seen"].declaration(), ""]
     lines += [*unit.tables, ""] if unit.tables else []
@@ -100,6 +109,11 @@ def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
     for function in unit.functions:
         lines += [*function, ""]
     return "\n".join([*lines, *_entry_points(program, calls), ""])
+
+
+def reads_clock(call: str) -> bool:
+    """Whether a stage that is called so reads the time or the number of the sample."""
+    return re.search(r"\bat\b", call) is not None
 
 
 def _shapes(program: FlightProgram) -> dict[str, tuple[int, ...]]:
@@ -172,8 +186,17 @@ def _stage(unit: Unit, stage: Stage) -> str:
     return f"{name}({', '.join(printed.pointers)});"
 
 
+def _clock(time: str, sample: str) -> list[str]:
+    """A clock and the pointer to it."""
+    return [
+        f"  const controller_clock passed = {{.time = {time}, .sample = {sample}}};",
+        "  const controller_clock *at = &passed;",
+    ]
+
+
 def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
     real = "float" if program.single else "double"
+    zero, narrowed = ("0.0f", "(float)") if program.single else ("0.0", "")
     attitude = f"const {real} attitude[4], " if program.estimates else ""
     begin = [
         f"void controller_init(const controller_parameters *p, {attitude}"
@@ -182,8 +205,9 @@ def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
         "{",
         "  controller_state *next = state;",
     ]
-    body = []
+    body = ["  state->begin_time = in->time;", "  state->begin_sample = in->sample;"]
     if program.estimates:
+        begin += _clock(zero, "0") if reads_clock(calls["estimate"]) else []
         body += [
             "  const controller_state *now = state;",
             "  controller_seen first;",
@@ -200,7 +224,7 @@ def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
     text = "\n".join(body)
     unused = [
         f"  (void){name};"
-        for name in ("p", "in", "attitude", "next")
+        for name in ("p", "attitude", "next")
         if (name != "attitude" or program.estimates)
         and not re.search(rf"(?<!\w){name}(?!\w)", text)
     ]
@@ -214,6 +238,9 @@ def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
         "  const controller_state *now = state;",
     ]
     body = []
+    if any(reads_clock(calls.get(name, "")) for name in ("estimate", "control")):
+        time = f"{narrowed}(in->time - state->begin_time)"
+        step += _clock(time, "sub_i32(in->sample, state->begin_sample)")
     if program.estimates:
         step += ["  controller_seen told;", "  controller_seen *seen = &told;"]
     body += [f"  {calls[name]}" for name in ("estimate", "control", "allocate") if calls.get(name)]

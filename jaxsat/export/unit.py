@@ -9,7 +9,7 @@ import numpy as np
 from jaxsat.engine.native.ir import Function, Memory
 from jaxsat.engine.native.trace import Trace
 
-POINTERS = ("p", "in", "attitude", "seen", "now", "next", "out")
+POINTERS = ("p", "at", "in", "attitude", "seen", "now", "next", "out")
 """The structures that functions may be given, in the order of their parameters."""
 
 

@@ -13,7 +13,7 @@ from jaxsat.control import AbstractSampledController
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.native.mapped import Mapped
 from jaxsat.engine.runge_kutta import explicit_step, tableau_of
-from jaxsat.export.flight import Input, Measured, Seen, State
+from jaxsat.export.flight import Begin, Input, Measured, Seen, State
 from jaxsat.export.program import FlightProgram
 from jaxsat.navigation import AbstractEstimator, Estimate, Measurement
 from jaxsat.simulation import SampledLoop
@@ -25,6 +25,9 @@ CASES, SAMPLES, EDGES = 8, 1280, 512
 
 LONGEST = 20_000
 """Samples of a run."""
+
+BEGINS = (0.0, 1e4, 8e8)
+"""Times (s) at which controllers begin."""
 
 EXTREMES = (
     0.0, -0.0, 1.0, -1.0, 1e-300, -1e-300, 1e-12, 1e12, 1e300, -1e300, np.inf, -np.inf, np.nan,
@@ -85,13 +88,21 @@ def vectors(
     with jax.enable_x64(True):
         now, state = _closed_loops(loop, start, duration, seed)
         rng = np.random.default_rng(seed)
+        count = len(now.time)
+        instants: Any = rng.choice(BEGINS, count), rng.integers(0, 2**20, count, np.int32)
+        begin = Begin(*instants)
+        now = now._replace(time=begin.time + now.time, sample=begin.sample + now.sample)
+        state = state._replace(begin=begin)
         now, state = _with_edges(rng, now), _with_edges(rng, state)
     return Vectors(_rows((now, state)), expected(program, now, state))
 
 
 def expected(program: FlightProgram, now: Input, state: State) -> Float[np.ndarray, "n expected"]:
     """Outputs and next states of these samples (with a leading axis), as rows."""
+    begin: Any = state.begin
     with jax.enable_x64(not program.single), np.errstate(all="ignore"):
+        since = now.time - begin.time, now.sample - begin.sample
+        now, state = now._replace(time=since[0], sample=since[1]), state._replace(begin=None)
         now, state = (
             jax.tree.map(lambda x, like: np.asarray(x).astype(like.dtype), tree, example)
             for tree, example in ((now, program.now), (state, program.begun))
@@ -102,8 +113,8 @@ def expected(program: FlightProgram, now: Input, state: State) -> Float[np.ndarr
             return program.whole(shared, *case)
 
         reference = Mapped(step, examples, program.parameters, contract=False)
-        out = reference((now, state), [np.asarray(x) for x in program.parameters])
-    return _rows(out)
+        out, after = reference((now, state), [np.asarray(x) for x in program.parameters])
+    return _rows((out, after._replace(begin=begin)))
 
 
 def _rows(tree: PyTree) -> Float[np.ndarray, "n numbers"]:

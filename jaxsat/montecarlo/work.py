@@ -21,8 +21,18 @@ LANE = 4000
 """Bytes that a case takes in the compiled loop, about."""
 
 
+BLOCK = 4096
+"""Bytes of disk that the smallest file or folder takes, and by which they grow."""
+
+RECORD = 80
+"""Bytes of the ledger for a file of a chunk."""
+
+OWN_COLUMNS = 2
+"""Of small whole numbers, which a store has beside those of the study."""
+
+
 class Work(NamedTuple):
-    """Trajectories, the steps of all of them, bytes of memory and of disk; all about.
+    """Trajectories, the steps of all of them, bytes of memory and of disk, and files; all about.
 
     Adaptive steps count as one an interval, so that there are at least so many.
     """
@@ -31,6 +41,7 @@ class Work(NamedTuple):
     steps: int
     memory: int
     disk: int
+    files: int = 0
 
 
 def study_work(study: Study, until: StopRule | None = None, workers: int = 1) -> Work:
@@ -39,16 +50,21 @@ def study_work(study: Study, until: StopRule | None = None, workers: int = 1) ->
     if until is not None:
         chunks = math.ceil(most_cases(until, cases) / study.chunk) + workers
         cases = min(cases, chunks * study.chunk)
-    case = 1 + sum(
-        math.prod(column.shape) * np.dtype(column.dtype).itemsize
-        for column in study.columns().values()
-    )
+    shapes = [(one.shape, np.dtype(one.dtype).itemsize) for one in study.columns().values()]
+    shapes += OWN_COLUMNS * [((), 8)]
+    case = sum(math.prod(shape) * size for shape, size in shapes)
     together = min(study.chunk, study.count)
     memory = cases * SUMMARISED + workers * together * case * COMPUTED
     memory += workers * study.engine.batch_size * LANE
     if isinstance(study.design, LatinHypercube):
         memory += 8 * cases * sum(study.case_factory.dimensions().values())
-    return Work(cases, cases * study.program.intervals * _substeps(study), memory, cases * case)
+    steps = cases * study.program.intervals * _substeps(study)
+    sizes = [study.chunk * math.prod(shape) * size for shape, size in shapes]
+    folders = sum(len(shape) for shape, _ in shapes)
+    blocks = folders + sum(-(-size // BLOCK) for size in sizes)
+    chunks = -(-cases // study.chunk)
+    disk = chunks * (blocks * BLOCK + len(sizes) * RECORD)
+    return Work(cases, steps, memory, disk, chunks * (len(sizes) + folders))
 
 
 def _substeps(study: Study) -> int:

@@ -1,4 +1,4 @@
-"""Reads the files of a folder of results; an unreadable file becomes one message."""
+"""Reads the files of a folder of results; an unreadable or changed file becomes one message."""
 
 import contextlib
 from collections.abc import Iterator, Mapping
@@ -7,20 +7,21 @@ from typing import Any
 
 from jaxsat.page.content import Facts
 from jaxsat.results import OutputError
-from jaxsat.results.files import parse_json, read_or_explain
+from jaxsat.results.files import parse_json
+from jaxsat.results.marker import read_unchanged
 
 
 def read_record(path: Path) -> Mapping[str, Any]:
     """The JSON object that a file holds; raises `OutputError`."""
-    found = parse_json(read_or_explain(path))
+    found = parse_json(read_unchanged(path))
     if not isinstance(found, Mapping):
         raise OutputError(f"{path} is damaged, or was not written by jaxsat.")
     return found
 
 
 def read_lines(path: Path) -> str:
-    """The text of a file, empty where it is not there; raises `OutputError`."""
-    return (read_or_explain(path) or b"").decode(errors="replace")
+    """The text of a file, empty where there never was one; raises `OutputError`."""
+    return (read_unchanged(path) or b"").decode(errors="replace")
 
 
 @contextlib.contextmanager

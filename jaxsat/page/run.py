@@ -15,6 +15,7 @@ from jaxsat.page.content import (
     Chart,
     Charts,
     Facts,
+    Lines,
     Listing,
     Replay,
     Section,
@@ -26,6 +27,7 @@ from jaxsat.page.replay import craft, failures_of
 from jaxsat.report.signal_figures import BOUND, further_signals
 from jaxsat.report.time_axes import mode_names
 from jaxsat.results import time_at_rest, time_to_settle
+from jaxsat.results.coarseness import coarseness
 from jaxsat.scenario.laws import known_law
 from jaxsat.text import capitalised
 
@@ -78,6 +80,8 @@ def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Section:
         Listing("Scenario file", str(dataset.attrs.get("scenario", "")), "scenario.toml"),
     ]
     verdict = run_verdict(dataset, scenario, failures)
+    if told := coarseness(dataset):
+        blocks.insert(1, Lines("Note", [f"{capitalised(told)}."]))
     return Section(_title(dataset, name), f"Run in {name}", verdict, blocks, plots)
 
 

@@ -10,7 +10,9 @@ from jaxsat.page.design import design_section
 from jaxsat.page.run import run_section
 from jaxsat.page.study import study_section
 from jaxsat.results import OutputError, open_trajectory
-from jaxsat.results.files import parse_json, read_or_explain
+from jaxsat.results.files import parse_json
+from jaxsat.results.marker import read_unchanged
+from jaxsat.scenario.plugins import without_imports
 
 MOST_TOGETHER = 6
 """Spacecraft that are replayed side by side."""
@@ -30,9 +32,11 @@ MADE_BY: Mapping[str, Callable[[Path], Section]] = {
 def sections_of(paths: Sequence[Path]) -> list[Section]:
     """A section for each path; with several runs one more before them, which replays all at once.
 
+    No module that a result names is imported.
     Raises `OutputError` for what is no result of jaxsat or is damaged.
     """
-    sections = [_section(path) for path in paths]
+    with without_imports():
+        sections = [_section(path) for path in paths]
     crafts = [
         craft
         for section in sections
@@ -66,6 +70,6 @@ def _run(path: Path) -> Section:
     dataset = open_trajectory(path)
     if not {"time", "quaternion", "pointing_error_total", "omega"} <= set(dataset.variables):
         raise OutputError(f"{path} contains no trajectory.")
-    record = parse_json(read_or_explain(path / "run.json")) if path.is_dir() else None
+    record = parse_json(read_unchanged(path / "run.json")) if path.is_dir() else None
     command = record.get("command", "") if isinstance(record, Mapping) else ""
     return run_section(dataset, path.name, str(command))

@@ -1,20 +1,67 @@
-"""Figures to files."""
+"""Figures to files. A figure that fails is told and left out; matplotlib is imported here at last.
+
+What a user has set for matplotlib has no part in it: equal results give equal figures.
+"""
 
 import io
+import warnings
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
-from matplotlib import rc_context
-from matplotlib.figure import Figure
+from jaxsat.text import clean
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Figures = Mapping[str, "Figure | Callable[[], Figure]"]
+"""Figures by file name, or what makes them."""
+
+OF_PROCESS = ("backend", "interactive", "toolbar", "timezone", "date.epoch", "webagg", "tk.")
+"""Settings of matplotlib, by their beginnings, that are no matter of style."""
 
 
-def save_figures(figures: Mapping[str, Figure], write: Callable[[str, bytes], object]) -> None:
+def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str, bytes], Any]):
     """Give every figure as PNG and SVG to `write`, which takes a file's name and its content.
 
-    They bear no date, so that equal runs give equal files.
+    They bear no date. Warns, with the name, of one that cannot be drawn; of all if `figures`, where
+    it makes them, cannot. What `write` raises is raised.
     """
-    with rc_context({"svg.hashsalt": "jaxsat"}):  # names inside the SVG are random otherwise
-        for name, figure in figures.items():
-            for ending, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
-                buffer = io.BytesIO()
-                figure.savefig(buffer, format=ending, metadata=metadata)
-                write(f"{name}.{ending}", buffer.getvalue())
+    drawn: dict[str, bytes] = {}
+    try:
+        from matplotlib import rc_context, rcParamsDefault
+
+        style: dict[Any, Any] = {
+            name: value
+            for name, value in dict.items(rcParamsDefault)
+            if not name.startswith(OF_PROCESS)
+        }
+        style["svg.hashsalt"] = "jaxsat"  # names in SVG are random otherwise
+        with rc_context(style):
+            made = figures() if callable(figures) else figures
+            for name, figure in made.items():
+                drawn |= _drawn(name, figure)
+    except Exception as error:
+        _tell("figures", error)
+    for name, content in drawn.items():
+        write(name, content)
+
+
+def _drawn(name: str, figure: "Figure | Callable[[], Figure]") -> dict[str, bytes]:
+    """A figure's files; none where it cannot be drawn."""
+    found = {}
+    try:
+        made = figure() if callable(figure) else figure
+        for ending, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
+            buffer = io.BytesIO()
+            made.savefig(buffer, format=ending, metadata=metadata)
+            found[f"{name}.{ending}"] = buffer.getvalue()
+    except Exception as error:
+        _tell(f"figure {name}", error)
+        return {}
+    return found
+
+
+def _tell(what: str, error: Exception) -> None:
+    reason = clean(str(error).strip().split("\n")[0], 200)
+    text = f"{what}: not drawn, {type(error).__name__}{': ' * bool(reason)}{reason}"
+    warnings.warn(text, RuntimeWarning, stacklevel=3)

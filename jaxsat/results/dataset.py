@@ -2,7 +2,6 @@
 
 import enum
 import io
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,10 +12,10 @@ import xarray as xr
 
 from jaxsat.control.sampled import mode_label
 from jaxsat.pointing import pointing
-from jaxsat.results.errors import OutputError, one_line, reason, system_failure
-from jaxsat.results.files import read_or_explain, save_file
+from jaxsat.results.errors import OutputError, one_line
+from jaxsat.results.files import save_file
 from jaxsat.results.labels import AXES
-from jaxsat.results.marker import Marker
+from jaxsat.results.marker import read_unchanged
 from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Assessment, Signals, Trajectory
 from jaxsat.text import clean
@@ -211,16 +210,9 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
     """
     path = Path(path)
     file = path / "trajectory.nc" if path.is_dir() else path
-    data = read_or_explain(Path(os.path.realpath(file)))
+    data = read_unchanged(file)
     if data is None:
         raise OutputError(f"{file} is no file that can be read.")
-    try:
-        marker = Marker.read(file.parent)
-    except OSError as error:
-        message = f"{file.parent} cannot be read: {reason(error)}."
-        raise system_failure(message, error) from error
-    if marker is not None and file.name in marker.names and not marker.has_written(file.name, data):
-        raise OutputError(f"{file} was damaged, or changed, since jaxsat wrote it.")
     try:
         with h5py.File(io.BytesIO(data)):
             pass  # what is no HDF5 at all h5netcdf does not close without complaint

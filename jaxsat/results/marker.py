@@ -12,7 +12,15 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from jaxsat.results.files import content_hash, new_token, partial_name, read_file, write_file
+from jaxsat.results.errors import OutputError, reason, system_failure
+from jaxsat.results.files import (
+    content_hash,
+    new_token,
+    partial_name,
+    read_file,
+    read_or_explain,
+    write_file,
+)
 from jaxsat.results.journal import Journal
 
 MARKER = ".jaxsat"
@@ -21,6 +29,9 @@ MARKER = ".jaxsat"
 FORMAT = 1
 
 COMPLETE = {"complete": True}
+
+OF_SYSTEMS = frozenset({".DS_Store", "Thumbs.db", "desktop.ini", ".directory"})
+"""Files that file managers leave wherever they look, and that hold nothing of anybody's."""
 
 
 Made = Callable[[str], bool]
@@ -139,7 +150,8 @@ class Marker:
             elif not stat.S_ISREG(mode):
                 known = False
             else:
-                known = name in self._partials or (name in self._hashes and self.is_unchanged(name))
+                known = name in self._partials or Path(name).name in OF_SYSTEMS
+                known = known or (name in self._hashes and self.is_unchanged(name))
             if not known and not (_is_plain(mode) and is_made_of_it(name)):
                 found.append(name)
         return sorted(found)
@@ -184,6 +196,27 @@ def _is_file(entry: Mapping[str, Any]) -> bool:
         return False
     inside = [Path(text) for text in (texts[0], texts[2])]  # the folder, whoever wrote the marker
     return not any(path.is_absolute() or ".." in path.parts for path in inside)
+
+
+def read_unchanged(path: Path) -> bytes | None:
+    """The content of a plain file, None where there is none.
+
+    Raises `OutputError` where the system will not read it, and for a file that jaxsat wrote to its
+    folder and that is not there any longer or is not as jaxsat wrote it.
+    """
+    data = read_or_explain(Path(os.path.realpath(path)))
+    try:
+        marker = Marker.read(path.parent)
+    except OSError as error:
+        message = f"{path.parent} cannot be read: {reason(error)}."
+        raise system_failure(message, error) from error
+    if marker is None or path.name not in marker.names:
+        return data
+    if data is None:
+        raise OutputError(f"{path} was removed, or replaced, since jaxsat wrote it.")
+    if not marker.has_written(path.name, data):
+        raise OutputError(f"{path} was damaged, or changed, since jaxsat wrote it.")
+    return data
 
 
 def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:

@@ -42,6 +42,11 @@ class Override:
         return ".".join(self.path)
 
 
+def override(key: str, value: Any) -> Override:
+    """One whose value is known, so that nothing takes it for another: a title 0 stays text."""
+    return Override(f"{key}={value}", tuple(key.split(".")), value)
+
+
 def parse_override(text: str) -> Override | Problem:
     """Take `KEY=VALUE` apart; a VALUE that is no TOML value is taken as text."""
     source = f"--set {text}"

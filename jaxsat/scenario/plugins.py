@@ -4,6 +4,7 @@ A scenario names them by the name of an entry point, or as "module:Class". Modul
 the folder of the scenario file and the current folder too, but only where a scenario asks for one.
 """
 
+import contextlib
 import difflib
 import functools
 import importlib
@@ -11,8 +12,10 @@ import importlib.util
 import inspect
 import pkgutil
 import re
+import sys
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextvars import ContextVar
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -21,7 +24,7 @@ from typing import Any
 
 from jaxsat.declaration import LawDeclaration, PartDeclaration
 from jaxsat.declaration.sensors import ESTIMATORS
-from jaxsat.errors import JaxsatError
+from jaxsat.errors import FOREIGN, JaxsatError
 
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
@@ -182,7 +185,26 @@ def _files(folder: Path, package: str) -> list[Path]:
     return [path for path in candidates if path.is_file()]
 
 
+_IMPORTS: ContextVar[bool] = ContextVar("_IMPORTS", default=True)
+"""Whether modules that are named may be imported."""
+
+
+@contextlib.contextmanager
+def without_imports() -> Iterator[None]:
+    """Inside, no module is imported for its name's sake: what names parts is only looked at.
+
+    Parts of modules that are imported already can be used.
+    """
+    token = _IMPORTS.set(False)
+    try:
+        yield
+    finally:
+        _IMPORTS.reset(token)
+
+
 def _imported(kind: PluginKind, name: str, module: str) -> ModuleType:
+    if not _IMPORTS.get() and module not in sys.modules:
+        raise PluginError(kind, f"must name a module that is imported already, got {name}")
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
@@ -193,11 +215,11 @@ def _imported(kind: PluginKind, name: str, module: str) -> ModuleType:
                 " beside the scenario, in the current folder or among the installed packages",
             ) from None
         raise _of_their_code(kind, name, module, error) from error
-    except Exception as error:
+    except FOREIGN as error:
         raise _of_their_code(kind, name, module, error) from error
 
 
-def _of_their_code(kind: PluginKind, name: str, module: str, error: Exception) -> PluginError:
+def _of_their_code(kind: PluginKind, name: str, module: str, error: BaseException) -> PluginError:
     spec = importlib.util.find_spec(module.partition(".")[0])
     reason = f"{type(error).__name__}: {error}{place_in(spec and spec.origin, error)}"
     return PluginError(kind, f"must name a module that can be imported, got {name}: {reason}")

@@ -51,7 +51,7 @@ def library() -> dict[str, Traversable]:
 
 def read(
     name_or_path: str | Path,
-    overrides: Iterable[str] = (),
+    overrides: Iterable[str | Override] = (),
     *,
     law: bool = True,
     trial: Callable[[Scenario], list[Issue]] = lambda scenario: [],
@@ -121,12 +121,12 @@ def _nested(overrides: Sequence[Override]) -> Mapping[str, Any]:
     return apply_overrides({}, overrides)[0]
 
 
-def _overrides(texts: Iterable[str]) -> list[Override | Problem]:
+def _overrides(texts: Iterable[str | Override]) -> list[Override | Problem]:
     texts = list(texts)
     if len(texts) > MAX_OVERRIDES:
         message = f"must be given at most {MAX_OVERRIDES} times, got {len(texts)}"
         raise ScenarioError([Problem("--set", message)])
-    return [parse_override(text) for text in texts]
+    return [one if isinstance(one, Override) else parse_override(one) for one in texts]
 
 
 @dataclass(frozen=True)

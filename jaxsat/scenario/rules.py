@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from jaxsat import declaration
 from jaxsat.declaration.laws import Law
+from jaxsat.errors import FOREIGN
 from jaxsat.scenario.coordinates import Values
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import is_plugin, known_law
@@ -83,7 +84,7 @@ def _rules_of(law: Law) -> Iterator[Rule]:
 def _findings(law: Law, declared: declaration.Rule, values: Values) -> Iterator[Issue]:
     try:
         found = [at(*one) for one in declared.check(*(values[key] for key in declared.keys))]
-    except Exception as error:
+    except FOREIGN as error:
         if not is_plugin(law.name):
             raise
         what = f"{type(error).__name__}: {error}{place_in(inspect.getfile(law.controller), error)}"

@@ -27,6 +27,10 @@ def test_a_run_becomes_a_file_of_its_name(command_line, run, tmp_path):
         (("--to", "aem"), "--epoch: must be given with --to aem"),
         (("--to", "aem", "--epoch", "noon"), "--epoch: must be a date and time in UTC such as"),
         (("--to", "aem", "--epoch", "2026-03-20"), "--epoch: must be a date and time"),
+        (("--to", "aem", "--epoch", "2026-03-20T12:00:00+02:00"), "without another zone"),
+        (("--to", "aem", "--epoch", "2016-12-31T23:59:60"), "--epoch: must be a date and time"),
+        (("--to", "aem", "--epoch", "2026-02-30T00:00:00"), "--epoch: must be a date and time"),
+        (("--to", "aem", "--epoch", "2300-01-01T00:00:00.123456789"), "at most six decimals"),
         (("--to", "csv", "--epoch", "2026-03-20T12:00:00"), "must be given with --to aem"),
         (("--to", "aem", "--epoch", "2026-03-20T12:00:00"), "its scenario has no [orbit]"),
     ],
@@ -36,3 +40,25 @@ def test_mistakes_are_told_and_nothing_is_written(command_line, run, tmp_path, t
     assert (status, out) == (2, "")
     assert message in err
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+def test_it_is_written_beside_the_run(command_line, run, tmp_path, monkeypatch):
+    from jaxsat.results.marker import MARKER
+
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert command_line("convert", "../mine", "--to", "csv")[0] == 0
+    assert (tmp_path / "mine.csv").exists()
+    assert command_line("convert", "../mine/trajectory.nc", "--to", "csv")[0] == 0
+    assert (tmp_path / "mine" / "trajectory.csv").exists()
+    (tmp_path / "mine" / MARKER).touch()  # a folder of jaxsat's, where a file would be foreign
+    status, _, err = command_line("convert", "../mine/trajectory.nc", "--to", "csv")
+    assert (status, "mine.csv already exists" in err) == (2, True)
+    monkeypatch.chdir(tmp_path / "mine")
+    assert "mine.csv already exists" in command_line("convert", ".", "--to", "csv")[2]
+
+
+def test_an_epoch_beyond_64_bits_is_right(command_line, run, tmp_path):
+    aem = ("convert", "mine", "--to", "aem", "--frame", "orbit", "--epoch", "2300-01-01T00:00:00.5")
+    assert command_line(*aem)[0] == 0
+    assert "START_TIME = 2300-01-01T00:00:00.500000000" in (tmp_path / "mine.aem").read_text()

@@ -104,6 +104,22 @@ def test_a_lack_of_memory_or_disk_is_no_bug(failing, tmp_path, error, message):
     assert not list((tmp_path / "tmp").iterdir())
 
 
+@pytest.mark.parametrize("code", [0, None, 1, "words"])
+def test_code_of_others_that_ends_python_is_no_success(failing, code):
+    status, out, err = failing(raising(SystemExit(code)))
+    assert (status, out) == (2, "")
+    assert err.startswith("jaxsat: control.law")
+    assert "got sys.exit(" in err
+    assert "test_last_resort.py:" in err
+
+
+def test_a_pipe_that_is_closed_inside_is_no_success(failing, tmp_path):
+    status, _, err = failing(raising(BrokenPipeError(errno.EPIPE, "Broken pipe")))
+    assert status == 1
+    assert "has gone" in err
+    assert not list((tmp_path / "tmp").iterdir())
+
+
 def test_a_traceback_that_cannot_be_written_is_not_printed(failing, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "nowhere"))
     status, _, err = failing(raising(KeyError("k")))

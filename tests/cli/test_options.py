@@ -186,6 +186,9 @@ def test_too_much_work_is_refused_without_yes(command_line, monkeypatch, tmp_pat
     assert status == 2
     assert "too much work (1,000,000,000 trajectories" in err
     assert "give --yes" in err
+    status, _, err = command_line(*whole, "1e6", "--chunk", "1")
+    assert status == 2
+    assert "files above 1,000,000 (larger chunks make fewer)" in err
     started = []
     monkeypatch.setattr("jaxsat.cli.montecarlo._run", lambda *_: started.append(1) or 1 / 0)
     assert command_line(*whole, "1e9", "--yes")[0] == 1

@@ -248,3 +248,9 @@ def test_a_larger_end_game_is_as_large_as_the_tolerances_of_settling_allow():
 )
 def test_there_is_no_larger_end_game(name, changes):
     assert with_larger_end_game(Candidate("any", jaxsat.load(name, changes))) is None
+
+
+@pytest.mark.parametrize("name", ["0", "true", "2024-01-01", "[a]", "nan", "'x'"])
+def test_the_name_of_a_file_is_a_title_whatever_it_reads_as(bare, name):
+    odd = bare.rename(bare.with_name(f"{name}.toml"))
+    assert read_vehicle(odd).scenario.title == name

@@ -135,3 +135,17 @@ def loop_of(law: AbstractSampledController) -> SampledLoop:
 def start() -> PlantState:
     """A slow tumble."""
     return PlantState(Quaternion(as_float([0.5, 0.5, -0.5, 0.5])), as_float([0.01, -0.02, 0.015]))
+
+
+class Clocked(AbstractSampledController):
+    """It commands the time, and the time times a rate; its memory counts for nothing."""
+
+    period: Float[Array, ""] = eqx.field(converter=as_float, default=0.5)
+
+    def init(self, state: PlantState) -> Array:
+        """Nothing."""
+        return jnp.zeros_like(state.omega[0])
+
+    def step(self, t, state, memory):
+        """Both."""
+        return jnp.stack([t, t * state.omega[1]]), memory + t

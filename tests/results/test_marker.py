@@ -4,6 +4,7 @@ import pytest
 
 from jaxsat.results import folder as module
 from jaxsat.results.folder import MARKER, OutputError, OutputFolder
+from jaxsat.results.marker import Marker
 from results.folders import write
 
 
@@ -136,3 +137,15 @@ def test_stranger_that_comes_while_computing_is_kept(tmp_path):
         work()
     assert (target / "thesis.tex").read_text() == "years of work"
     assert (target / "data.txt").read_text() == "old"
+
+
+@pytest.mark.parametrize("name", [".DS_Store", "Thumbs.db", "desktop.ini"])
+def test_what_file_managers_leave_is_no_obstacle(tmp_path, name):
+    folder = tmp_path / "made"
+    folder.mkdir()
+    marker = Marker.make(folder, "run", {})
+    marker.write("a.txt", b"a")
+    (folder / name).write_bytes(b"\0")
+    assert marker.foreign_files() == []
+    assert marker.remove_folder() == []
+    assert not folder.exists()
