@@ -222,8 +222,8 @@ def set_wheel_momentum(perturbed: PerturbedLoop, momentum: Values) -> PerturbedL
 def set_rotor_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """Relative changes of the inertia of each rotor; that of body and wheels stays."""
 
-    def inertia(loop):
-        return cast(Wheels, loop.plant.wheels).rotor_inertia
+    def inertia(loop) -> Array:
+        return cast(Array, cast(Wheels, loop.plant.wheels).rotor_inertia)
 
     return in_loop(perturbed, inertia, inertia(perturbed.loop) * (1 + change))
 

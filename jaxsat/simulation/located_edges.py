@@ -6,7 +6,7 @@ false position (the Illinois rule), each time integrated from the last such inst
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -149,7 +149,7 @@ def through_located_parts(
         there = last | bracket.closed | (~bracket.open & (least >= 0))
         left = now.states.left(margins, drive, drag)
         come = jnp.where(bracket.closed, margins, jnp.inf)
-        momentum = now.states.snapped(wheels, plant.wheel_momentum, come)
+        momentum = now.states.snapped(wheels, cast(Array, plant.wheel_momentum), come)
         plant = PlantState(plant.attitude, plant.omega, momentum)
         return choose(there, begun(x, plant, carry, left), now._replace(bracket=tried))
 

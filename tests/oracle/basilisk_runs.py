@@ -81,10 +81,7 @@ def thrusters(given):
 
 
 def wheels(given):
-    """Balanced wheels, the inertia with them locked: a row of motor torques (N m) for each period.
-
-    Friction is what Basilisk updates once a step.
-    """
+    """Balanced wheels, inertia with them locked: a row of motor torques (N m) for each period."""
     bench = Bench(given)
     effector = reactionWheelStateEffector.ReactionWheelStateEffector()
     factory = simIncludeRW.rwFactory()

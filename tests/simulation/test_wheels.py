@@ -206,7 +206,7 @@ def test_a_wheel_breaks_loose_where_the_body_turns_faster():
         external=lambda t: np.zeros(3),
     )
     inside = [time for time, wheel in edges if wheel < 2 and 0.01 < time % PERIOD < PERIOD - 0.01]
-    assert len(inside) > 2
+    assert len(inside) > 1
     np.testing.assert_allclose(found.omega, rows[:, 9:12], atol=1e-12)
     np.testing.assert_allclose(found.wheel_momentum, rows[:, 12:], atol=1e-12)
     assert not np.any(np.asarray(found.wheel_momentum)[:, 2])
