@@ -331,9 +331,11 @@ class RigidBody(eqx.Module):
         self, state: PlantState, rate: Float[Array, "3"], wheel_torque, turns
     ) -> Float[Array, " wheels"] | None:
         """dh/dt = -c - J_w aᵀdω/dt, N m."""
-        if wheel_torque is None and state.wheel_momentum is None:
-            return None
-        found = jnp.zeros_like(state.wheel_momentum) if wheel_torque is None else -wheel_torque
+        if wheel_torque is None:
+            if state.wheel_momentum is None:
+                return None
+            wheel_torque = jnp.zeros_like(state.wheel_momentum)
+        found = -wheel_torque
         wheels = self.wheels
         if wheels is None or wheels.rotor_inertia is None:
             return found
