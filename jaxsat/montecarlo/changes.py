@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -222,8 +222,8 @@ def set_wheel_momentum(perturbed: PerturbedLoop, momentum: Values) -> PerturbedL
 def set_rotor_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """Relative changes of the inertia of each rotor; that of body and wheels stays."""
 
-    def inertia(loop) -> Array:
-        return cast(Array, cast(Wheels, loop.plant.wheels).rotor_inertia)
+    def inertia(loop) -> Any:
+        return cast(Wheels, loop.plant.wheels).rotor_inertia
 
     return in_loop(perturbed, inertia, inertia(perturbed.loop) * (1 + change))
 
