@@ -1,17 +1,37 @@
 """The plant: a rigid body in a circular orbit, equations (1), (10), (11), (36), (37); with wheels a
 gyrostat (Hughes, Spacecraft Attitude Dynamics, 1986, section 3.4).
+
+With J the inertia with the wheels locked, h the momenta of rotors relative to the body, J_w their
+inertias about their axes A, and c the torques of their motors and friction on the body:
+
+    J dω/dt + A dh/dt = -ω × (Jω + A h) + T + T_d,  dh/dt = -c - J_w aᵀdω/dt
+
+so that (J - Σ J_w a aᵀ) dω/dt = -ω × (Jω + A h) + A c + T + T_d. A wheel that friction or its limit
+keeps from turning has no term in that sum.
 """
 
 import dataclasses
+from typing import cast
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.attitude import AbstractAttitude
-from jaxsat.checks import as_float, as_optional_float
+from jaxsat.checks import as_float, as_optional_float, require_inertia
 from jaxsat.environment import AbstractDisturbance, AbstractOrbit, DipoleField, NoDisturbance
-from jaxsat.vehicle import Magnetorquers, Spacecraft, Wheels
+from jaxsat.vehicle import (
+    Magnetorquers,
+    Spacecraft,
+    WheelPiece,
+    Wheels,
+    WheelStates,
+    first_states,
+    inverse_of,
+)
+
+STATE_PASSES = 3
+"""How often it is asked which wheels are held, each time with the rates that this gives."""
 
 
 class PlantState(eqx.Module):
@@ -41,8 +61,8 @@ class RigidBody(eqx.Module):
 
     With `wheels` the inertia is that with the wheels locked. A state without wheel momenta is that
     of the body whose wheels stand still. `magnetorquers` act in the Earth's magnetic `field`.
-    Raises `ValueError` for wheels of a body whose third rate is held, and for magnetorquers without
-    a field.
+    Raises `ValueError` for wheels of a body whose third rate is held, for rotors with more inertia
+    than the body has with them, and for magnetorquers without a field.
     """
 
     spacecraft: Spacecraft
@@ -58,6 +78,8 @@ class RigidBody(eqx.Module):
             raise ValueError("Argument `field` must be given with `magnetorquers`.")
         if self.third_rate_held and self.wheels is not None:
             raise ValueError("The third rate of a body with wheels must not be held.")
+        if self.wheels is not None and self.wheels.rotor_inertia is not None:
+            require_inertia("inertia less that of all rotors", self.free_inertia())
 
     def relative_rate(self, state: PlantState) -> Float[Array, "3"]:
         """Equation (11): ω_r, the angular velocity relative to the orbit frame, rad/s."""
@@ -77,17 +99,27 @@ class RigidBody(eqx.Module):
             return momentum
         return momentum + self.wheels.axes @ wheel_momentum
 
+    def free_inertia(self, turns: Bool[Array, " wheels"] | None = None) -> Float[Array, "3 3"]:
+        """J - Σ J_w a aᵀ over the wheels that turn, by default all, kg m²."""
+        wheels = self.wheels
+        if wheels is None or wheels.rotor_inertia is None:
+            return self.spacecraft.inertia
+        return self.spacecraft.inertia - wheels.rotors(turns)
+
     def angular_acceleration(
         self,
         omega: Float[Array, "3"],
         torque: Float[Array, "3"],
         wheel_momentum: Float[Array, " wheels"] | None = None,
+        turns: Bool[Array, " wheels"] | None = None,
     ) -> Float[Array, "3"]:
         """Equation (1): J dω/dt = -ω × (J ω + A h) + torque, solved for dω/dt, rad/s².
 
-        `torque` (N m) is all that acts on the body, that of the wheels A u included.
+        `torque` (N m) is all that acts on the body, that of the wheels A c included. With rotors
+        that have an inertia J on the left is `free_inertia` of the wheels that turn, by default of
+        all.
         """
-        inverse = self.spacecraft.inverse_inertia
+        inverse = inverse_of(self.free_inertia(turns))
         momentum = self._momentum(omega, wheel_momentum)
         acceleration = inverse @ (torque - jnp.cross(omega, momentum))
         if self.third_rate_held:
@@ -122,42 +154,111 @@ class RigidBody(eqx.Module):
         state: PlantState,
         command: Float[Array, " wheels"] | None,
         struck: Bool[Array, " f"] | None = None,
+        external: Float[Array, "3"] | None = None,
     ) -> Float[Array, " wheels"] | None:
         """What each wheel does to the body along its axis on a command, N m; None without wheels.
 
         Without a command, None, it is what friction does. `struck` tells which failures of wheels
-        have struck, None for none.
+        have struck, None for none. `external` (N m) is the torque of all but the wheels, None for
+        none, on which that of wheels with a rotor inertia depends.
         """
         if self.wheels is None or state.wheel_momentum is None:
             return None
-        wheels, momentum, command = self._driven_wheels(self.wheels, state, command, struck)
-        return wheels.torque(momentum, command)
+        piece = self.wheel_drive(state, command, struck, external)
+        assert piece is not None
+        state = self.after_wheel_failures(state, struck)
+        torque = piece.torque(cast(Array, state.wheel_momentum))
+        if piece.turns is None:
+            return torque
+        return jnp.where(piece.turns, torque, -self._drag(state, external, torque, piece.turns))
+
+    def wheel_drive(
+        self,
+        state: PlantState,
+        command: Float[Array, " wheels"] | None,
+        struck: Bool[Array, " f"] | None = None,
+        external: Float[Array, "3"] | None = None,
+    ) -> WheelPiece | None:
+        """What drives wheels at one instant, and which of them turn; None without wheels.
+
+        The arguments are those of `wheel_torque`.
+        """
+        if self.wheels is None or state.wheel_momentum is None:
+            return None
+        wheels, state, command = self._driven_wheels(self.wheels, state, command, struck)
+        momentum = cast(Array, state.wheel_momentum)
+        if wheels.rotor_inertia is None:
+            torque = wheels.torque(momentum, command)
+            return WheelPiece(torque, jnp.zeros_like(torque))
+        drive = wheels.motor_torque(command)
+        states = self.wheel_states(wheels, state, drive, external)
+        return states.piece(wheels, drive)
+
+    def wheel_states(
+        self,
+        wheels: Wheels,
+        state: PlantState,
+        drive: Float[Array, " wheels"],
+        external: Float[Array, "3"] | None,
+        states: WheelStates | None = None,
+    ) -> WheelStates:
+        """Which of `wheels`, whose motors make `drive` (N m), are held, and which turn.
+
+        By their momenta, or from the `states` on in which they were. `external` (N m) is the torque
+        of all else.
+        """
+        momentum = cast(Array, state.wheel_momentum)
+        states = first_states(wheels, momentum) if states is None else states
+        for _ in range(STATE_PASSES if wheels.limited is None else 0):
+            drag = self.wheel_drag(state, external, states.piece(wheels, drive))
+            margins = states.margins(wheels, momentum, drive, drag)
+            states = states.left(margins, drive, drag)
+        return states
+
+    def wheel_drag(
+        self, state: PlantState, external: Float[Array, "3"] | None, piece: WheelPiece
+    ) -> Float[Array, " wheels"]:
+        """J_w a·dω/dt of each wheel, N m; `external` (N m) is the torque of all but the wheels."""
+        return self._drag(
+            state, external, piece.torque(cast(Array, state.wheel_momentum)), piece.turns
+        )
+
+    def _drag(self, state: PlantState, external, torque, turns) -> Float[Array, " wheels"]:
+        wheels = self.wheels
+        assert wheels is not None
+        assert wheels.rotor_inertia is not None
+        total = wheels.axes @ torque + (0.0 if external is None else external)
+        rate = self.angular_acceleration(state.omega, total, state.wheel_momentum, turns)
+        return wheels.rotor_inertia * (wheels.axes.T @ rate)
 
     def _driven_wheels(
         self, wheels: Wheels, state: PlantState, command, struck
-    ) -> tuple[Wheels, Float[Array, " wheels"], Float[Array, " wheels"]]:
-        """Wheels that fail no more, their momenta, and what is commanded of their motors."""
-        momentum = self.after_wheel_failures(state, struck).wheel_momentum
-        assert momentum is not None
+    ) -> tuple[Wheels, PlantState, Float[Array, " wheels"]]:
+        """Wheels that fail no more, the state, and what is commanded of their motors."""
+        state = self.after_wheel_failures(state, struck)
+        momentum = cast(Array, state.wheel_momentum)
         command = jnp.zeros_like(momentum) if command is None else command
         if wheels.failures is not None and struck is not None:
             condition = wheels.failures.condition(struck, wheels.count)
             wheels, command = wheels.driven(condition, momentum, command)
-        return wheels, momentum, command
+        return wheels, state, command
 
     def after_wheel_failures(
         self, state: PlantState, struck: Bool[Array, " f"] | None
     ) -> PlantState:
         """The state right after failures of wheels have struck: those that seize stand still.
 
-        J ω + A h is what it was. Once more, it changes nothing.
+        J ω + A h is what it was, and so is J_w aᵀω + h of each other wheel. Once more, it changes
+        nothing.
         """
         wheels, momentum = self.wheels, state.wheel_momentum
         if wheels is None or wheels.failures is None or momentum is None or struck is None:
             return state
         stopped = wheels.failures.condition(struck, wheels.count).stopped
         given = jnp.where(stopped, momentum, 0.0)
-        kick = self.spacecraft.inverse_inertia @ (wheels.axes @ given)
+        kick = inverse_of(self.free_inertia(~stopped)) @ (wheels.axes @ given)
+        if wheels.rotor_inertia is not None:
+            momentum = momentum - wheels.rotor_inertia * (wheels.axes.T @ kick)
         momentum = jnp.where(stopped, 0.0, momentum)
         return PlantState(state.attitude, state.omega + kick, momentum)
 
@@ -166,12 +267,21 @@ class RigidBody(eqx.Module):
         state: PlantState,
         command: Float[Array, " wheels"] | None,
         struck: Bool[Array, " f"] | None = None,
+        external: Float[Array, "3"] | None = None,
     ) -> Float[Array, " m"]:
-        """The wheels' event functions on a command, of which there are none without wheels."""
+        """The wheels' event functions on a command, of which there are none without wheels.
+
+        The arguments are those of `wheel_torque`.
+        """
         if self.wheels is None or state.wheel_momentum is None:
             return jnp.zeros(0, state.omega.dtype)
-        wheels, momentum, command = self._driven_wheels(self.wheels, state, command, struck)
-        return wheels.event_functions(momentum, command)
+        wheels, state, command = self._driven_wheels(self.wheels, state, command, struck)
+        momentum = cast(Array, state.wheel_momentum)
+        if wheels.rotor_inertia is None:
+            return wheels.event_functions(momentum, command)
+        drive = wheels.motor_torque(command)
+        piece = self.wheel_states(wheels, state, drive, external).piece(wheels, drive)
+        return wheels.event_functions(momentum, command, self.wheel_drag(state, external, piece))
 
     def wheel_piece(self, signs: Bool[Array, " m"]) -> "RigidBody":
         """This body with each wheel at its momentum limit or not, as the wheels' events tell."""
@@ -201,17 +311,44 @@ class RigidBody(eqx.Module):
         state: PlantState,
         torque: Float[Array, "3"],
         wheel_torque: Float[Array, " wheels"] | None = None,
+        turns: Bool[Array, " wheels"] | None = None,
     ) -> PlantState:
         """Time derivative of the state at time `t` (s) under a thruster torque, N m.
 
-        `wheel_torque` (N m) is what each wheel does to the body along its axis, None for nothing.
+        `wheel_torque` (N m) is what motor and friction of each wheel do to the body along its axis,
+        None for nothing. `turns` tells which wheels do not keep their momentum, None for all;
+        the others make no such torque.
         """
         total = self.control_torque(torque, wheel_torque) + self.disturbance_torque(t, state)
-        momentum_rate = None if wheel_torque is None else -wheel_torque
-        if momentum_rate is None and state.wheel_momentum is not None:
-            momentum_rate = jnp.zeros_like(state.wheel_momentum)
+        rate = self.angular_acceleration(state.omega, total, state.wheel_momentum, turns)
         return PlantState(
             state.attitude.rate(self.relative_rate(state)),
-            self.angular_acceleration(state.omega, total, state.wheel_momentum),
-            momentum_rate,
+            rate,
+            self._momentum_rate(state, rate, wheel_torque, turns),
         )
+
+    def _momentum_rate(
+        self, state: PlantState, rate: Float[Array, "3"], wheel_torque, turns
+    ) -> Float[Array, " wheels"] | None:
+        """dh/dt = -c - J_w aᵀdω/dt, N m."""
+        if wheel_torque is None:
+            if state.wheel_momentum is None:
+                return None
+            wheel_torque = jnp.zeros_like(state.wheel_momentum)
+        found = -wheel_torque
+        wheels = self.wheels
+        if wheels is None or wheels.rotor_inertia is None:
+            return found
+        found = found - wheels.rotor_inertia * (wheels.axes.T @ rate)
+        return found if turns is None else jnp.where(turns, found, 0.0)
+
+    def made_by_wheels(self, rate: PlantState) -> Float[Array, " wheels"] | None:
+        """c = -(dh/dt + J_w aᵀdω/dt) of each wheel, N m, at a time derivative of the state.
+
+        Of a wheel that keeps its momentum it is what turns its rotor with the body. None without
+        wheels.
+        """
+        wheels, momentum = self.wheels, rate.wheel_momentum
+        if wheels is None or momentum is None or wheels.rotor_inertia is None:
+            return None if momentum is None else -momentum
+        return -(momentum + wheels.rotor_inertia * (wheels.axes.T @ rate.omega))

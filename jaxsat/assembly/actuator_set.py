@@ -23,7 +23,9 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
     axes = np.array([one.axis for one in wheels], float).reshape(-1, 3).T
     axes = axes / np.linalg.norm(axes, axis=0)
     inertia = np.asarray(Spacecraft(scenario.spacecraft.inertia_kg_m2).inertia)
-    stored = np.array([one.momentum_N_m_s for one in wheels], float)
+    omega = np.array(scenario.initial.omega_rad_s)
+    relative = np.array([one.momentum_N_m_s for one in wheels], float)
+    rotors = np.array([one.rotor_inertia_kg_m2 or 0.0 for one in wheels])
     torques, forces, signs, failed = _thrusters(scenario)
     names = [one.name for one in scenario.thruster] or [None] * len(failed)
     jets, spun = _names(names, [one.name for one in wheels])
@@ -34,8 +36,9 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
         names=jets,
         wheel_axes=axes,
         wheel_names=spun,
-        stored=stored,
-        momentum=inertia @ np.array(scenario.initial.omega_rad_s) + axes @ stored,
+        stored=relative + rotors * (axes.T @ omega),
+        rotors=rotors,
+        momentum=inertia @ omega + axes @ relative,
     )
     failed = [*failed, *(one.failed for one in wheels)]
     return found, [place for place, gone in enumerate(failed) if not gone]

@@ -23,12 +23,13 @@ from jaxsat.environment import (
 )
 from jaxsat.errors import FOREIGN
 from jaxsat.scenario.control_tables import ModelTable
+from jaxsat.scenario.coordinates import free_inertia
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law, is_plugin
 from jaxsat.scenario.layout import believed_axes, torque_limit
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.wheel_tables import left_by_wheels
+from jaxsat.scenario.wheel_tables import left_by_wheels, rotors
 from jaxsat.vehicle import Spacecraft
 
 
@@ -72,7 +73,10 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
 
 
 def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) -> RigidBody:
-    """What the controller believes, with the periodic torques that it measures."""
+    """What the controller believes, with the periodic torques that it measures.
+
+    Its inertia is that which turns under a torque: without rotors, which wheels leave behind.
+    """
     inertia = table.inertia_kg_m2 or scenario.spacecraft.inertia_kg_m2
     relation = table.orbit_relation or scenario.orbit.relation
     rate = orbit_rate(scenario) if table.orbit_rate_rad_s is None else table.orbit_rate_rad_s
@@ -81,6 +85,8 @@ def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) ->
         amplitude = np.where(measured, scenario.disturbance.amplitude_N_m, 0.0)
         known = periodic_torque(amplitude, scenario.disturbance)
     held = scenario.spacecraft.third_rate == "held" or _wheels_hold_the_third_rate(scenario)
+    if rotors(scenario.wheel).any():
+        inertia = free_inertia(inertia, scenario.wheel)
     return RigidBody(Spacecraft(as_float(inertia)), orbit_of(relation, rate), known, held)
 
 

@@ -74,10 +74,10 @@ def thruster_context(scenario: Scenario) -> ThrusterContext | None:
     )
     whole = isinstance(model.modulation, DeltaSigma | PulseWidth)
     pulse = np.asarray(thrusters.min_on_time) if whole else zero
-    return ThrusterContext(model, thruster_costs(scenario), _rate_noise(scenario), pulse)
+    return ThrusterContext(model, thruster_costs(scenario), rate_noise(scenario), pulse)
 
 
-def _rate_noise(scenario: Scenario) -> float:
+def rate_noise(scenario: Scenario) -> float:
     """Standard deviation (rad/s) of the rates that a sampled law is told, from sample to sample."""
     if scenario.gyro is not None:
         gyro = Gyro.from_table(values_of(GYRO_KEYS, scenario.gyro))

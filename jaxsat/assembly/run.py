@@ -92,10 +92,14 @@ def build(scenario: Scenario) -> Run:
 def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
     """Plant and thrusters without the control law, whatever that is, and the start.
 
+    Coulomb friction and failures of wheels, which have no part in what can be done, are left out.
     Raises `BuildError` as `build` does.
     """
     with at_key("spacecraft"):
-        loop = ContinuousLoop(build_plant(scenario), Coast(), ideal_thrusters(scenario, torques=0))
+        plant = build_plant(scenario)
+        if plant.wheels is not None:
+            plant = dataclasses.replace(plant, wheels=plant.wheels.without_corners())
+        loop = ContinuousLoop(plant, Coast(), ideal_thrusters(scenario, torques=0))
     simulation = scenario.simulation.model_copy(update={"attitude": "quaternion"})
     with at_key("initial"):
         start = build_start(scenario.model_copy(update={"simulation": simulation}))

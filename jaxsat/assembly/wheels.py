@@ -4,6 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array
 
+from jaxsat.assembly.pulsed_thrusters import rate_noise
 from jaxsat.checks import as_array
 from jaxsat.control.context import WheelContext
 from jaxsat.declaration.sensors import DELAY
@@ -20,16 +21,12 @@ def build_wheels(scenario: Scenario) -> Wheels | None:
     tables = scenario.wheel
     if not tables:
         return None
-    viscous = _unless_zero(tables, "viscous_friction_N_m_s")
-    inertia = None
-    if viscous is not None:
-        inertia = np.array([one.rotor_inertia_kg_m2 or 1.0 for one in tables])
     return Wheels(
         wheel_axes(tables),
         limits_of(tables, "torque_limit_N_m"),
         limits_of(tables, "momentum_limit_N_m_s"),
-        inertia,
-        viscous,
+        _unless_zero(tables, "rotor_inertia_kg_m2"),
+        _unless_zero(tables, "viscous_friction_N_m_s"),
         _unless_zero(tables, "coulomb_friction_N_m"),
         _failures(scenario),
     )
@@ -44,7 +41,7 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
     delay = 0.0 if scenario.sampling is None else getattr(scenario.sampling, DELAY.name)
     failed = np.array([one.failed for one in scenario.wheel])
     known = eqx.tree_at(lambda x: x.failures, wheels, None, is_leaf=lambda x: x is None)
-    return WheelContext(known, failed, _tachometer_noise(scenario), delay)
+    return WheelContext(known, failed, _tachometer_noise(scenario), delay, rate_noise(scenario))
 
 
 def build_tachometers(scenario: Scenario) -> Tachometers | None:
@@ -88,7 +85,7 @@ def limits_of(tables: tuple[WheelTable, ...], name: str) -> np.ndarray | None:
 
 
 def _unless_zero(tables: tuple[WheelTable, ...], name: str) -> np.ndarray | None:
-    values = np.array([getattr(one, name) for one in tables])
+    values = np.array([getattr(one, name) or 0.0 for one in tables])
     return values if values.any() else None
 
 

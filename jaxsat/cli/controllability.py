@@ -124,7 +124,7 @@ def _analyse(
     disturbance = scenario.disturbance.amplitude_N_m
     if judgement.decision is not None and not judgement.coasting:
         analysis = analyse(
-            inertia,
+            judgement.inertia if left.free_rotors.any() else inertia,
             left.columns,
             disturbance=disturbance if any(disturbance) else None,
             orbit_rate=orbit_rate(scenario),

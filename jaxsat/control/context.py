@@ -30,19 +30,22 @@ class WheelContext(NamedTuple):
 
     `wheels` have the limits and the friction that are declared, and no failures in flight. `failed`
     tells which had failed before the start. `momentum_noise` (N m s) is the standard deviation of
-    each tachometer, zero where they are exact. Commands act `delay` (s) late.
+    each tachometer, `rate_noise` (rad/s) that of the rates that the law is told, zero where they
+    are exact. Commands act `delay` (s) late.
     """
 
     wheels: Wheels
     failed: Bool[np.ndarray, " m"]
     momentum_noise: Float[np.ndarray, " m"]
     delay: float
+    rate_noise: float = 0.0
 
 
 class LawContext(NamedTuple):
     """What a scenario tells a law besides the law's own keys.
 
-    `model` is what the controller believes of the plant, with the disturbance that it measures.
+    `model` is what the controller believes of the plant, with the disturbance that it measures. Its
+    inertia is the one that turns under a torque: with wheels it is without that of their rotors.
     `torque_limit` (N m) is that of each thruster, None if unlimited. The periodic disturbance has
     `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z. The unit
     columns of `torque_axes` are the torque axes of the working thrusters. `thrusters` is None but

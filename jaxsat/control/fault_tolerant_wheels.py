@@ -20,7 +20,7 @@ from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.fault_tolerant import FAULT_TOLERANT_WHEELS
 from jaxsat.diagnosis import MOST_RETURNS, Diagnosis, DiagnosisMemory, Stage, WheelFilter
-from jaxsat.diagnosis.wheel_filter import LEAST_NOISE
+from jaxsat.diagnosis.wheel_filter import LEAST_NOISE, WheelReading
 from jaxsat.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
@@ -106,6 +106,9 @@ class FaultTolerantWheels(AbstractSampledController):
         limit = np.asarray(told.wheels.torque_limit)
         least = LEAST_NOISE * values["period_s"] * limit
         noise = np.maximum(told.momentum_noise, least)
+        if told.wheels.rotor_inertia is not None:  # of the part J_w a·ω of two samples
+            rotors = np.asarray(told.wheels.rotor_inertia)
+            noise = np.hypot(noise, np.sqrt(2) * rotors * told.rate_noise)
         watch = WheelFilter(
             wheels=told.wheels,
             momentum_noise=as_array(noise),
@@ -130,7 +133,7 @@ class FaultTolerantWheels(AbstractSampledController):
     def init(self, state: PlantState) -> WheelLawMemory:
         """All wheels work but those that are known to have failed."""
         momentum = cast(Array, state.wheel_momentum)
-        diagnosis = self.diagnosis.init(momentum)
+        diagnosis = self.diagnosis.init(WheelReading(momentum, state.omega))
         condition = diagnosis.condition
         condition = condition._replace(
             failed=self.known, part=jnp.where(self.known, 0.0, condition.part)
@@ -158,12 +161,14 @@ class FaultTolerantWheels(AbstractSampledController):
         """The torque of each wheel on the body, N m."""
         momentum = cast(Array, state.wheel_momentum)
         all_needed = jnp.ones_like(self.known)
+        reading = WheelReading(momentum, state.omega)
         diagnosis = self.diagnosis.step(
-            momentum, memory.impulse, self.period, memory.diagnosis, all_needed
+            reading, memory.impulse, self.period, memory.diagnosis, all_needed
         )
         wheeled = self.allocation.find(diagnosis.condition, momentum, memory.wheeled)
-        turning, rests = self._turning(state, momentum, wheeled, memory)
-        torque, healthy = self._torque(t, state, momentum, wheeled, memory.healthy)
+        inertial = self._inertial_momentum(state, momentum)
+        turning, rests = self._turning(state, inertial, wheeled, memory)
+        torque, healthy = self._torque(t, state, inertial, wheeled, memory.healthy)
         unloading = UNLOADING * self.healthy.natural_frequency
         shared = self.allocation.torques(wheeled, torque, momentum, unloading)
         settles = (wheeled.left == Left.THREE_AXES) | ((wheeled.left == Left.PLANE) & rests)
@@ -185,6 +190,14 @@ class FaultTolerantWheels(AbstractSampledController):
             rests,
             self._mode(diagnosis, wheeled, rests),
         )
+
+    def _inertial_momentum(self, state: PlantState, momentum: OfEach) -> OfEach:
+        """h + J_w aᵀω (N m s): with the inertia of the body without rotors, which the model has, it
+        makes up the total momentum, and motor and friction alone change it."""
+        wheels = self.allocation.wheels
+        if wheels.rotor_inertia is None:
+            return momentum
+        return momentum + wheels.rotor_inertia * (wheels.axes.T @ state.omega)
 
     def _torque(
         self, t, state: PlantState, momentum, wheeled: Wheeled, memory: QuaternionFeedbackMemory

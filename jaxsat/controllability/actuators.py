@@ -23,9 +23,12 @@ class ActuatorSet:
     - `wheel_axes`: columns of any length; a wheel takes up momentum of either sign.
     - `momentum`: total angular momentum Jω + Σ a h at the start, N m s, body axes; without
       external torque it is conserved in inertial axes.
-    - `stored`: momentum of each wheel along its axis, N m s.
+    - `stored`: momentum of each rotor about its axis, J_w (Ω + a·ω), N m s: its own one h relative
+      to the body and J_w a·ω. It is that which a motor alone changes.
+    - `rotors`: inertia J_w of each rotor about its axis, kg m².
     - `coasting`: momentum Σ a h of the wheels that have failed, N m s, body axes. A dead motor
-      leaves it as it is until friction has stopped the wheel.
+      leaves it as it is until friction has stopped the wheel. `coasting_rotors` is Σ J_w a aᵀ of
+      the same, kg m².
     """
 
     torques: Float[np.ndarray, "3 m"]
@@ -36,7 +39,9 @@ class ActuatorSet:
     wheels: tuple[str, ...]
     momentum: Float[np.ndarray, "3"]
     stored: Float[np.ndarray, " k"]
+    rotors: Float[np.ndarray, " k"]
     coasting: Float[np.ndarray, "3"]
+    coasting_rotors: Float[np.ndarray, "3 3"]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -55,9 +60,7 @@ class ActuatorSet:
         """
         count = len(self.thrusters)
         lost = [i - count for i in range(count, len(self.names)) if i not in kept]
-        axes = self.wheel_axes[:, lost]
-        lengths = np.linalg.norm(axes, axis=0)
-        momenta = axes / np.where(lengths > 0, lengths, 1.0) @ self.stored[lost]
+        axes = self._unit_axes[:, lost]
         jets = [i for i in kept if i < count]
         spun = [i - count for i in kept if i >= count]
         return dataclasses.replace(
@@ -69,13 +72,26 @@ class ActuatorSet:
             wheel_axes=self.wheel_axes[:, spun],
             wheels=tuple(self.wheels[i] for i in spun),
             stored=self.stored[spun],
-            coasting=self.coasting + momenta,
+            rotors=self.rotors[spun],
+            coasting=self.coasting + axes @ self.stored[lost],
+            coasting_rotors=self.coasting_rotors + (axes * self.rotors[lost]) @ axes.T,
         )
+
+    @property
+    def _unit_axes(self) -> Float[np.ndarray, "3 k"]:
+        lengths = np.linalg.norm(self.wheel_axes, axis=0)
+        return self.wheel_axes / np.where(lengths > 0, lengths, 1.0)
+
+    @property
+    def free_rotors(self) -> Float[np.ndarray, "3 3"]:
+        """Σ J_w a aᵀ of all wheels, kg m²: what does not turn with the body under a torque."""
+        axes = self._unit_axes
+        return self.coasting_rotors + (axes * self.rotors) @ axes.T
 
     @property
     def once_stopped(self) -> "ActuatorSet":
         """The same once friction has stopped the wheels that coast."""
-        return dataclasses.replace(self, coasting=np.zeros(3))
+        return dataclasses.replace(self, coasting=np.zeros(3), coasting_rotors=np.zeros((3, 3)))
 
     @property
     def with_wheels_still(self) -> "ActuatorSet":
@@ -93,11 +109,13 @@ def actuator_set(
     wheel_names: Sequence[str] | None = None,
     momentum: Numbers = (0.0, 0.0, 0.0),
     stored: Numbers | None = None,
+    rotors: Numbers | None = None,
 ) -> ActuatorSet:
     """Check arrays and make an `ActuatorSet` of them.
 
-    `torques` and `forces` (3, m), `wheel_axes` (3, k), `momentum` (3,), `stored` (k,), by default
-    zeros; `two_sided` for all thrusters or for each. Names default to g1, g2, … and w1, w2, ….
+    `torques` and `forces` (3, m), `wheel_axes` (3, k), `momentum` (3,), `stored` and `rotors` (k,),
+    by default zeros; `two_sided` for all thrusters or for each. Names default to g1, g2, … and w1,
+    w2, ….
     Raises ValueError or TypeError for a wrong shape, entries that are not finite, and names that do
     not match or repeat.
     """
@@ -115,11 +133,22 @@ def actuator_set(
     wheels = _names("wheel_names", wheel_names, "w", axes.shape[1])
     if len({*thrusters, *wheels}) < len(thrusters) + len(wheels):
         raise ValueError(f"Actuators must have different names, but got {[*thrusters, *wheels]}")
-    momenta = finite("stored", np.zeros(len(wheels)) if stored is None else stored)[0]
-    if momenta.shape != (len(wheels),):
-        raise ValueError(f"Argument `stored` must hold {len(wheels)} momenta, got {momenta.shape}")
-    still = np.zeros(3)
-    return ActuatorSet(columns, signs, pushes, thrusters, axes, wheels, total, momenta, still)
+    momenta, inertias = (
+        _of_each(*x, len(wheels)) for x in (("stored", stored), ("rotors", rotors))
+    )
+    return ActuatorSet(
+        columns,
+        signs,
+        pushes,
+        thrusters,
+        axes,
+        wheels,
+        total,
+        momenta,
+        inertias,
+        np.zeros(3),
+        np.zeros((3, 3)),
+    )
 
 
 def thruster_torques(
@@ -141,6 +170,13 @@ def _columns(name: str, values: Numbers) -> Float[np.ndarray, "3 m"]:
     if array.ndim != 2 or array.shape[0] != 3:
         raise ValueError(f"Argument `{name}` must have shape (3, m), but got {array.shape}")
     return array
+
+
+def _of_each(name: str, values: Numbers | None, count: int) -> Float[np.ndarray, " k"]:
+    found = finite(name, np.zeros(count) if values is None else values)[0]
+    if found.shape != (count,):
+        raise ValueError(f"Argument `{name}` must hold {count} numbers, but got {found.shape}")
+    return found
 
 
 def _names(name: str, given: Sequence[str] | None, letter: str, count: int) -> tuple[str, ...]:

@@ -12,7 +12,11 @@ from jaxtyping import Float
 
 from jaxsat.controllability.actuators import ActuatorSet, actuator_set
 from jaxsat.controllability.judgement import Judgement
-from jaxsat.controllability.judging import actuator_layout, judge_only
+from jaxsat.controllability.judging import (
+    actuator_layout,
+    judge_once_stopped,
+    judge_only,
+)
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.wording import lost_words
 
@@ -125,7 +129,10 @@ def failure_table(
             judgement = judge_only(layout, actuators, working, tolerance)
             stopped = None
             if judgement.coasting:
-                stopped = judge_only(layout, still, working, tolerance).verdict
+                later = judge_only(layout, still, working, tolerance)
+                if np.any(actuators.rotors):  # of another body: that with the stopped ones locked
+                    later = judge_once_stopped(judgement, tolerance) or later
+                stopped = later.verdict
             cases.append(
                 FailureCase(
                     failed=tuple(labels[i] for i in failed),

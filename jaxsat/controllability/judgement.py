@@ -34,7 +34,8 @@ class Judgement:
     - "borderline": the data or their rounding decide;
     - "uncontrollable".
 
-    Wheels that have failed coast, with the momentum `actuators.coasting` (β).
+    Wheels that have failed coast, with the momentum `actuators.coasting` (β). `inertia` is without
+    the rotors of all wheels, as torques turn it.
 
     `rank` of `dimension`: directions that brackets reach at rest, of all that the conserved
     momentum leaves. `laws`: the kind of law that can be flown. `cone` is that of thrusters and

@@ -11,7 +11,13 @@ from jaxsat.controllability.cone import ROUNDING, TorqueCone, torque_cone
 from jaxsat.controllability.decision import RANK_OF_DIMENSION, RankDecision, decide_rank
 from jaxsat.controllability.drift_barrier import momentum_barrier
 from jaxsat.controllability.judgement import Judgement, Laws, Verdict
-from jaxsat.controllability.layout import TOLERANCE, Layout, Numbers, make_layout
+from jaxsat.controllability.layout import (
+    TOLERANCE,
+    Layout,
+    Numbers,
+    inertia_matrix,
+    make_layout,
+)
 from jaxsat.controllability.wheels import (
     MomentumLevelSet,
     momentum_level_set,
@@ -20,7 +26,12 @@ from jaxsat.controllability.wheels import (
 
 
 def actuator_layout(inertia: Numbers, actuators: ActuatorSet) -> Layout:
-    """The brackets of all thrusters and wheels, for `judge_only`."""
+    """The brackets of all thrusters and wheels, for `judge_only`; `inertia` with wheels locked.
+
+    Rotors that turn or coast are no part of the inertia that a torque turns.
+    """
+    if np.any(actuators.free_rotors):
+        inertia = inertia_matrix(inertia)[0] - actuators.free_rotors
     return make_layout(inertia, actuators.columns, labels=actuators.names)
 
 
@@ -41,7 +52,9 @@ def judge_once_stopped(
     """The judgement once friction has stopped the wheels that coast; None where none does."""
     if not judgement.coasting:
         return None
-    return judge(judgement.inertia, judgement.actuators.once_stopped, tolerance=tolerance)
+    actuators = judgement.actuators
+    locked = judgement.inertia + actuators.free_rotors
+    return judge(locked, actuators.once_stopped, tolerance=tolerance)
 
 
 def judge_only(

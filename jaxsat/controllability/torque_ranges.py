@@ -107,6 +107,7 @@ def judge_ranges(
             wheel_axes=actuators.wheel_axes,
             wheel_names=actuators.wheels,
             momentum=actuators.momentum,
+            rotors=actuators.rotors,
         ),
     )
 

@@ -1,9 +1,11 @@
 """Reaction wheels on their momentum level set.
 
 Wheels with the axes A turn the body by taking up momentum: J dω/dt = −ω × (Jω + A h) + A u,
-dh/dt = −u, J with the wheels locked. Without external torque the total H = Jω + A h is constant in
-inertial axes: every n perpendicular to all wheels has n·Jω = n·CH for ever, C the attitude. So
-states are counted, and judged, on the level set of that momentum:
+dh/dt = −u. Here J is the inertia without the rotors about their axes, and h the momentum of each
+rotor that its motor alone changes, J_w (Ω + a·ω); with the wheels locked, and relative to the body,
+their sum Jω + A h is the same. Without external torque this total H is constant in inertial axes:
+every n perpendicular to all wheels has n·Jω = n·CH for ever, C the attitude. So states are counted,
+and judged, on the level set of that momentum:
 
 - three independent axes: attitude and rate, 6 dimensions, all within reach;
 - two: n·Jω = n·CH leaves 5 dimensions. The two rates ω with n·Jω = 0 are driven directly and their

@@ -16,6 +16,7 @@ from jaxsat.montecarlo.sensitivities import Sensitivities
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.layout import believed_axes
+from jaxsat.scenario.wheel_tables import rotors
 
 MOST_FLOWN = 400
 """Failing cases that are flown again at most."""
@@ -206,4 +207,5 @@ def _couplings(scenario: Scenario, columns: Columns) -> np.ndarray:
         for place, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
             bodies[:, i, j] += extra[:, place]
             bodies[:, j, i] += extra[:, place]
+    bodies = bodies - rotors(scenario.wheel)
     return np.array([coupling(body, directions) for body in bodies])

@@ -16,7 +16,7 @@ from jaxsat.errors import JaxsatError
 from jaxsat.inertia import normal_axes
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.cautions import HELD_TURN
-from jaxsat.scenario.coordinates import inertia_matrix
+from jaxsat.scenario.coordinates import free_inertia, inertia_matrix
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.layout import believed_axes, torque_limit
 
@@ -106,17 +106,16 @@ def scale_of(scenario: Scenario) -> Scale:
 
     Raises `UnsuitableVehicle` where no torque limit is known.
     """
-    wheels = [one.torque_limit_N_m for one in scenario.wheel if not one.failed]
-    limits = [limit for limit in (torque_limit(scenario), *wheels) if limit is not None]
-    if not limits:
+    limit = torque_limit(scenario)
+    if limit is None:
         key = "[[wheel]] torque_limit_N_m" if scenario.wheel else "spacecraft.torque_limit_N_m"
         raise UnsuitableVehicle(f"{key} must be given in N m: gains are scaled by it")
-    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    inertia = free_inertia(scenario.spacecraft.inertia_kg_m2, scenario.wheel)
     try:
         _, (first, second, _) = normal_axes(inertia, torque_directions(believed_axes(scenario)))
     except ValueError:
         first, second = np.linalg.eigvalsh(inertia)[1:]
-    return Scale((float(first), float(second)), float(min(limits)))
+    return Scale((float(first), float(second)), float(limit))
 
 
 def coupling(inertia: np.ndarray, directions: np.ndarray) -> float:

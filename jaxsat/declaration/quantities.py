@@ -42,6 +42,12 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
                 axis="product_of_inertia",
             ),
             DispersibleQuantity(
+                "rotor_inertia",
+                "relative change of the rotor inertia of each wheel, which the law does not know; "
+                "that of the whole body stays",
+                axis="wheel",
+            ),
+            DispersibleQuantity(
                 "misalignment",
                 "turn of each torque axis towards two directions across it",
                 "rad",

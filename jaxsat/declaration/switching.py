@@ -1,7 +1,8 @@
 """What the switching law declares."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from jaxsat.declaration.keys import Finding, Key, Rule, number
 from jaxsat.declaration.law import LawDeclaration
@@ -24,9 +25,12 @@ def _within(part: str, keys: tuple[Key, ...]) -> tuple[Key, ...]:
     )
 
 
-def _slopes_are_limited(limit: float | None, *slopes: tuple | None) -> Iterator[Finding]:
+def _slopes_are_limited(
+    limit: float | None, wheels: Sequence[Any], *slopes: tuple | None
+) -> Iterator[Finding]:
+    limited = limit is not None or any(one.torque_limit_N_m is not None for one in wheels)
     for name, value in zip(SLOPE_LIMITS, slopes, strict=True):
-        if limit is None and value is None:
+        if not limited and value is None:
             yield Finding(
                 f"control.{name}",
                 "must be given in rad/s² while spacecraft.torque_limit_N_m is left out, "
@@ -89,6 +93,7 @@ SWITCHING = LawDeclaration(
         Rule(
             (
                 "spacecraft.torque_limit_N_m",
+                "wheel",
                 *(f"control.{name}" for name in SLOPE_LIMITS),
             ),
             _slopes_are_limited,

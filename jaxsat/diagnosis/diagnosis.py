@@ -94,14 +94,14 @@ class Diagnosis(eqx.Module):
         """How many CUSUM tests an actuator has."""
         return 1 + len(self.filter.hypotheses.tests)
 
-    def init(self, reading: Float[Array, " n"]) -> DiagnosisMemory:
+    def init(self, reading: PyTree) -> DiagnosisMemory:
         """All actuators work."""
         count = self.filter.count
-        zero = jnp.zeros(count, reading.dtype)
+        zero = jnp.zeros(count, jax.tree.leaves(reading)[0].dtype)
         return DiagnosisMemory(
             self.filter.init(reading),
             self.filter.noise,
-            jnp.zeros((self.tests_of_each, count), reading.dtype),
+            jnp.zeros((self.tests_of_each, count), zero.dtype),
             jnp.array(int(Stage.QUIET)),
             zero[0],
             Evidence.none(count),
@@ -127,7 +127,7 @@ class Diagnosis(eqx.Module):
 
     def step(
         self,
-        reading: Float[Array, " n"],
+        reading: PyTree,
         commanded: Float[Array, " m"],
         period: RealScalar,
         memory: DiagnosisMemory,

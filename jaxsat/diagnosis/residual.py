@@ -99,7 +99,7 @@ class AbstractResidualFilter(eqx.Module):
         """Standard deviation of what is read."""
 
     @abc.abstractmethod
-    def init(self, reading: Float[Array, " n"]) -> PyTree:
+    def init(self, reading: PyTree) -> PyTree:
         """Nothing measured yet."""
 
     @abc.abstractmethod
@@ -109,7 +109,7 @@ class AbstractResidualFilter(eqx.Module):
     @abc.abstractmethod
     def step(
         self,
-        reading: Float[Array, " n"],
+        reading: PyTree,
         commanded: Float[Array, " m"],
         condition: "Condition",
         period: RealScalar,

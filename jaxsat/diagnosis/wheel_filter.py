@@ -1,8 +1,9 @@
 """Momenta of wheels that were not commanded: innovations of one filter for each wheel.
 
 A wheel's tachometer tells its momentum h relative to the body. Its motor is commanded the torque c
-on the body, friction f brakes the rotor, so that dh/dt = -(c + f). What failures leave is told by
-each wheel alone, whatever the body does.
+on the body, friction f brakes the rotor, so that dh/dt = -(c + f) - J_w a·dω/dt with the inertia
+J_w of a rotor about its axis a. The last term is known from the rates, so what failures leave is
+told by each wheel alone, whatever the body does.
 """
 
 from typing import ClassVar, NamedTuple, cast
@@ -45,10 +46,18 @@ NEAR_LIMIT = 0.98
 """Of the largest momentum: from there on a motor may make less than it is commanded."""
 
 
+class WheelReading(NamedTuple):
+    """The momenta that tachometers tell, N m s, and the rate of the body, rad/s."""
+
+    momentum: OfEach
+    rate: Float[Array, "3"]
+
+
 class WheelMemory(NamedTuple):
     """Filtered momenta (N m s), their variances, and each wheel's signatures in them (N m s).
 
-    `seized` tells which wheels stood still at once and have not turned since.
+    `seized` tells which wheels stood still at once and have not turned since. `taken` (N m s) is
+    the momentum J_w a·ω that rotors had with the body, None without a rotor inertia.
     """
 
     momentum: OfEach
@@ -57,6 +66,7 @@ class WheelMemory(NamedTuple):
     flow: OfEach
     seized: Bool[Array, " m"]
     started: Bool[Array, ""]
+    taken: OfEach | None = None
 
 
 class WheelResidual(NamedTuple):
@@ -114,10 +124,20 @@ class WheelFilter(AbstractResidualFilter):
         assert limit is not None
         return limit
 
-    def init(self, reading: OfEach) -> WheelMemory:
+    def init(self, reading: OfEach | WheelReading) -> WheelMemory:
         """Nothing measured yet."""
-        none = jnp.zeros_like(reading)
-        return WheelMemory(reading, self.momentum_noise**2, none, none, none > 0, jnp.array(False))
+        momentum, taken = self._told(reading)
+        none, no = jnp.zeros_like(momentum), jnp.array(False)
+        return WheelMemory(momentum, self.momentum_noise**2, none, none, none > 0, no, taken)
+
+    def _told(self, reading: OfEach | WheelReading) -> tuple[OfEach, OfEach | None]:
+        """The momenta relative to the body, and those that rotors have with it."""
+        if not isinstance(reading, WheelReading):
+            return reading, None
+        wheels = self.wheels
+        if wheels.rotor_inertia is None:
+            return reading.momentum, None
+        return reading.momentum, wheels.rotor_inertia * (wheels.axes.T @ reading.rate)
 
     def restarted(
         self, memory: WheelMemory, verdict: Bool[Array, ""], alarm: Bool[Array, ""]
@@ -135,9 +155,8 @@ class WheelFilter(AbstractResidualFilter):
         torque = condition.flow * self.full
         if wheels.coulomb_friction is not None:
             torque = torque + wheels.coulomb_friction
-        if wheels.viscous_friction is not None and wheels.rotor_inertia is not None:
-            viscous = wheels.viscous_friction / wheels.rotor_inertia
-            torque = torque + viscous * jnp.abs(momentum)
+        if wheels.viscous_friction is not None:
+            torque = torque + wheels.decay * jnp.abs(momentum)
         return torque
 
     def side(self, momentum: OfEach) -> OfEach:
@@ -151,22 +170,28 @@ class WheelFilter(AbstractResidualFilter):
 
     def step(
         self,
-        reading: OfEach,
+        reading: OfEach | WheelReading,
         commanded: OfEach,
         condition: Condition,
         period: RealScalar,
         memory: WheelMemory,
     ) -> tuple[WheelResidual, WheelMemory]:
-        """The residuals of the period that ends with the momenta that are read (N m s)."""
+        """The residuals of the period that ends with what is read; rates count with rotors."""
+        reading, taken = self._told(reading)
+        left_behind = 0.0
+        if taken is not None and memory.taken is not None:
+            left_behind = taken - memory.taken
         noise, started, before = self.momentum_noise**2, memory.started, memory.momentum
         full = period * self.full
         made = condition.part * commanded
+        driving = made + left_behind
+        held = period * self.held(before, driving / period, condition)
         made = made - period * self.held(before, made / period, condition)
         friction, side = period * self.friction(before, condition), self.side(before)
         braked = friction * side
-        expected = before - made - braked
+        expected = before - (driving - held) - braked
         limit = self.wheels.momentum_limit
-        doubt = self.uncertainty**2 * (made**2 + braked**2)
+        doubt = self.uncertainty**2 * (made**2 + left_behind**2 + braked**2)
         rests = jnp.abs(before) < jnp.abs(made) + jnp.abs(friction) + STILL * self.momentum_noise
         doubt = doubt + jnp.where(rests, friction**2, 0.0)
         if limit is not None:
@@ -191,6 +216,7 @@ class WheelFilter(AbstractResidualFilter):
             left * flow,
             still & (jumped | memory.seized),
             jnp.array(True),
+            taken,
         )
         driven = (1 - jnp.abs(side)) * made / (jnp.abs(made) + self.momentum_noise)
         found = WheelResidual(innovation, variance, jnp.diag(loss), jnp.diag(flow), driven)

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -32,7 +32,7 @@ from jaxsat.montecarlo.perturbed import (
 )
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import parts_of
-from jaxsat.vehicle import Spacecraft
+from jaxsat.vehicle import Spacecraft, Wheels
 from jaxsat.vehicle.sensors import turned_slightly
 
 LEAST_TORQUE = 1e-30
@@ -43,12 +43,40 @@ def possible_inertia(inertia: Float[Array, "3 3"]) -> Bool[Array, ""]:
     """Whether a body of positive mass density can have this inertia: ½ tr(J) I - J > 0.
 
     The triangle inequality of the principal moments in the form that products of inertia leave
-    simple; it implies J > 0. By leading minors.
+    simple; it implies J > 0.
     """
-    second = jnp.trace(inertia) / 2 * jnp.eye(3, dtype=inertia.dtype) - inertia
-    two = second[0, 0] * second[1, 1] - second[0, 1] * second[1, 0]
-    three = jnp.dot(second[0], jnp.cross(second[1], second[2]))
-    return (second[0, 0] > 0) & (two > 0) & (three > 0)
+    return _positive(jnp.trace(inertia) / 2 * jnp.eye(3, dtype=inertia.dtype) - inertia)
+
+
+def possible_body(loop: AbstractLoop) -> Bool[Array, ""]:
+    """Whether a body can have the plant's inertia, and the rotors of its wheels are part of it."""
+    return _with_rotors(loop.plant.spacecraft.inertia, loop.plant.wheels)
+
+
+def possible_belief(loop: AbstractLoop) -> Bool[Array, ""]:
+    """The same of the inertia that the controller believes, which is without the rotors."""
+    parts = parts_of(Spacecraft, controller_of(loop))
+    return _with_rotors(parts[0].inertia + rotors_of(loop), loop.plant.wheels)
+
+
+def _with_rotors(inertia: Float[Array, "3 3"], wheels: Wheels | None) -> Bool[Array, ""]:
+    possible = possible_inertia(inertia)
+    if wheels is None or wheels.rotor_inertia is None:
+        return possible
+    return possible & _positive(inertia - wheels.rotors()) & jnp.all(wheels.rotor_inertia >= 0)
+
+
+def _positive(matrix: Float[Array, "3 3"]) -> Bool[Array, ""]:
+    """Whether a symmetric matrix is positive definite, by its leading minors."""
+    two = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
+    three = jnp.dot(matrix[0], jnp.cross(matrix[1], matrix[2]))
+    return (matrix[0, 0] > 0) & (two > 0) & (three > 0)
+
+
+def rotors_of(loop: AbstractLoop) -> Float[Array, "3 3"] | float:
+    """Σ J_w a aᵀ of the plant's wheels, kg m²."""
+    wheels = loop.plant.wheels
+    return 0.0 if wheels is None or wheels.rotor_inertia is None else wheels.rotors()
 
 
 def scaled_inertia(inertia: Float[Array, "3 3"], change: Values) -> Float[Array, "3 3"]:
@@ -126,11 +154,13 @@ def set_constant_torque(perturbed: PerturbedLoop, torque: Values) -> PerturbedLo
 
 
 def set_model_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """Relative changes of the inertia that the controller believes."""
+    """Relative changes of the inertia that the controller believes, with the wheels locked."""
+    rotors = rotors_of(perturbed.nominal)
 
     def changed(part):
-        known = isinstance(part, Spacecraft)
-        return Spacecraft(scaled_inertia(part.inertia, change)) if known else part
+        if not isinstance(part, Spacecraft):
+            return part
+        return Spacecraft(scaled_inertia(part.inertia + rotors, change) - rotors)
 
     controller = map_parts(changed, Spacecraft, controller_of(perturbed.loop))
     return perturbed._replace(loop=with_controller(perturbed.loop, controller))
@@ -187,6 +217,15 @@ def set_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
 def set_wheel_momentum(perturbed: PerturbedLoop, momentum: Values) -> PerturbedLoop:
     """Other initial momenta of the wheels relative to the body, N m s."""
     return perturbed._replace(start=dataclasses.replace(perturbed.start, wheel_momentum=momentum))
+
+
+def set_rotor_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
+    """Relative changes of the inertia of each rotor; that of body and wheels stays."""
+
+    def inertia(loop) -> Any:
+        return cast(Wheels, loop.plant.wheels).rotor_inertia
+
+    return in_loop(perturbed, inertia, inertia(perturbed.loop) * (1 + change))
 
 
 def set_rate_error(perturbed: PerturbedLoop, error: Values) -> PerturbedLoop:

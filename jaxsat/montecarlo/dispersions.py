@@ -14,21 +14,21 @@ from jaxsat.checks import as_array
 from jaxsat.declaration.quantities import EXCLUSIVE
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import AbstractCaseFactory, Case
-from jaxsat.montecarlo.changes import follow_frequency, possible_inertia
+from jaxsat.montecarlo.changes import follow_frequency, possible_belief, possible_body
 from jaxsat.montecarlo.designs import open_uniform
 from jaxsat.montecarlo.dispersion_problems import dispersion_problems, limits_of
 from jaxsat.montecarlo.distributions import AbstractDistribution
 from jaxsat.montecarlo.perturbed import PerturbedLoop, controller_of, with_controller
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.vehicle import Sensors, Spacecraft
+from jaxsat.vehicle import Sensors
 
 Tree = TypeVar("Tree")
 
 ATTEMPTS = 32
 """Inertias drawn at most before a case is given up as impossible."""
 
-BODY = ("inertia", "products_of_inertia")
+BODY = ("inertia", "products_of_inertia", "rotor_inertia")
 BELIEF = ("model_inertia",)
 
 
@@ -132,10 +132,10 @@ class Dispersed(AbstractCaseFactory):
             for name in dimensions
         }
         possible = self._within_limits(drawn)
-        for group, inertia_of in ((BODY, _body_inertia), (BELIEF, _believed_inertia)):
+        for group, possible_in in ((BODY, possible_body), (BELIEF, possible_belief)):
             names = [name for name in group if name in drawn]
             if names:
-                redrawn, fine = self._possible(names, coordinates, own_key, inertia_of)
+                redrawn, fine = self._possible(names, coordinates, own_key, possible_in)
                 drawn |= redrawn
                 possible = possible & fine
         return drawn, possible
@@ -153,7 +153,7 @@ class Dispersed(AbstractCaseFactory):
                 good = good & jnp.all((values >= low) & (values <= high))
         return good
 
-    def _possible(self, names, coordinates, own_key, inertia_of):
+    def _possible(self, names, coordinates, own_key, possible_in):
         """The first of several draws of `names` that makes a possible body.
 
         Where there is none, the very first.
@@ -169,7 +169,7 @@ class Dispersed(AbstractCaseFactory):
             perturbed = PerturbedLoop(self.loop, self.start, self.loop)
             for name in names:
                 perturbed = QUANTITIES[name].apply(perturbed, values[name])
-            return values, possible_inertia(inertia_of(perturbed.loop))
+            return values, possible_in(perturbed.loop)
 
         def unlucky(state):
             turn, (_, fine) = state
@@ -205,15 +205,6 @@ def number_at(tree: PyTree, name: str) -> Any:
     for part in name.split("."):
         tree = getattr(tree, part)
     return tree
-
-
-def _body_inertia(loop: AbstractLoop) -> Float[Array, "3 3"]:
-    return loop.plant.spacecraft.inertia
-
-
-def _believed_inertia(loop: AbstractLoop) -> Float[Array, "3 3"]:
-    parts = jax.tree.leaves(controller_of(loop), is_leaf=lambda part: isinstance(part, Spacecraft))
-    return next(part.inertia for part in parts if isinstance(part, Spacecraft))
 
 
 def _with_sensor_key(loop: AbstractLoop, key: noise.Key) -> AbstractLoop:

@@ -186,6 +186,13 @@ def moments_of(loop: AbstractLoop) -> Float[Array, "3"]:
     return loop.plant.spacecraft.moments
 
 
+def rotors_of(loop: AbstractLoop) -> Float[Array, " wheels"]:
+    """The inertia of each rotor, kg m²."""
+    inertia = cast(Wheels, loop.plant.wheels).rotor_inertia
+    assert inertia is not None
+    return inertia
+
+
 def periodic_of(loop: AbstractLoop) -> PeriodicTorque:
     """The plant's one periodic torque."""
     (torque,) = parts_of(PeriodicTorque, loop.plant.disturbance)

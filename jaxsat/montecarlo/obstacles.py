@@ -120,6 +120,13 @@ def needs_wheels(loop: AbstractLoop) -> str | None:
     return None if loop.plant.wheels is not None else "the spacecraft has no wheels"
 
 
+def needs_rotors(loop: AbstractLoop) -> str | None:
+    """Of spacecraft with wheels whose rotors have an inertia."""
+    wheels = loop.plant.wheels
+    known = wheels is not None and wheels.rotor_inertia is not None
+    return needs_wheels(loop) or (None if known else "no wheel has a rotor inertia")
+
+
 def needs_magnetorquers(loop: AbstractLoop) -> str | None:
     """Of spacecraft with magnetorquers."""
     there = loop.plant.magnetorquers is not None

@@ -20,6 +20,7 @@ from jaxsat.montecarlo.obstacles import (
     needs_outage,
     needs_periodic,
     needs_reference,
+    needs_rotors,
     needs_sensors,
     needs_thrusters,
     needs_torque_level,
@@ -102,6 +103,12 @@ QUANTITIES: dict[str, Quantity] = {
         changes.set_products,
         needs_torque_level,
         limits.of_products,
+    ),
+    "rotor_inertia": Quantity(
+        _wheels,
+        changes.set_rotor_inertia,
+        needs_rotors,
+        limits.changing(ranges.MOMENT, limits.rotors_of),
     ),
     "misalignment": Quantity(
         _thrusters(2),

@@ -183,8 +183,12 @@ def _judged(
 ) -> int:
     inertia = np.asarray(loop.plant.spacecraft.inertia)
     wheels = loop.plant.wheels
-    axes = np.zeros((3, 0)) if wheels is None else np.asarray(wheels.axes)[:, kept]
-    actuators = actuator_set(torques, wheel_axes=axes, momentum=momentum)
+    axes, rotors = np.zeros((3, 0)), None
+    if wheels is not None:
+        axes = np.asarray(wheels.axes)[:, kept]
+        known = wheels.rotor_inertia
+        rotors = None if known is None else np.asarray(known)[kept]
+    actuators = actuator_set(torques, wheel_axes=axes, momentum=momentum, rotors=rotors)
     judgement = judge_ranges(inertia, actuators, low, high)
     if judgement is not None and judgement.laws == "three torques":
         return TorquesLeft.THREE_AXES

@@ -19,6 +19,7 @@ from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import working_axes
 from jaxsat.scenario.rules import at, rule, rule_over
+from jaxsat.scenario.wheel_tables import limit_of_wheels
 from jaxsat.scenario.wording import shown
 
 MAX_SAMPLES = 2_000_000
@@ -200,14 +201,19 @@ def _error_coordinates_hold(values):
         )
 
 
-@rule("control.law", "spacecraft.torque_limit_N_m", "thruster")
-def _gains_need_a_limit(law, limit, thrusters):
-    if find_law(law).declaration.needs_torque_limit and limit is None and not thrusters:
-        yield at(
-            "spacecraft.torque_limit_N_m",
-            f'must be given in N m under the law "{law}", whose gains depend on it, got nothing',
-            True,
-        )
+@rule("control.law", "spacecraft.torque_limit_N_m", "thruster", "wheel")
+def _gains_need_a_limit(law, limit, thrusters, wheels):
+    declaration = find_law(law).declaration
+    if not declaration.needs_torque_limit or limit is not None or thrusters:
+        return
+    if limit_of_wheels(wheels, declaration.torques or 0) is not None:
+        return
+    message = f'must be given in N m under the law "{law}", whose gains depend on it, got nothing'
+    for number, one in enumerate(wheels):
+        if not one.failed:
+            yield Issue(("wheel", number, "torque_limit_N_m"), message, (), True)
+    if not wheels:
+        yield at("spacecraft.torque_limit_N_m", message, True)
 
 
 FIXED_KEYS = ("step_s",)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxsat.ranges import STATE_LIMIT
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import command_map
+from jaxsat.scenario.wheel_tables import WheelTable, rotors
 
 Values = Mapping[str, Any]
 """Scenario values by dotted key."""
@@ -77,6 +78,11 @@ def inertia_matrix(inertia: tuple) -> np.ndarray:
     """The inertia as a matrix, from either of its forms."""
     array = np.array(inertia)
     return np.diag(array) if array.ndim == 1 else array
+
+
+def free_inertia(inertia: tuple, wheels: tuple[WheelTable, ...]) -> np.ndarray:
+    """What turns under a torque of an inertia with the wheels locked: it without rotors, kg m²."""
+    return inertia_matrix(inertia) - rotors(wheels)
 
 
 def _model_is_plant(values: Values, inertia: np.ndarray) -> bool:

@@ -10,7 +10,7 @@ from jaxsat.allocation import torque_directions, usable_share
 from jaxsat.declaration.domain import NUMBERS
 from jaxsat.inertia import normal_axes
 from jaxsat.ranges import SETTLED_RATE
-from jaxsat.scenario.coordinates import inertia_matrix
+from jaxsat.scenario.coordinates import free_inertia
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import believed_axes, torque_limit
@@ -56,12 +56,10 @@ def dimensionless_numbers(scenario: Scenario) -> dict[str, float]:
     }
     if axes.shape[1] == 2:
         found["axes_angle"] = math.acos(min(1.0, abs(float(axes[:, 0] @ axes[:, 1]))))
-    wheels = [one.torque_limit_N_m for one in scenario.wheel if any(one.axis[:2])]
-    limits = [torque_limit(scenario), *wheels]
-    known = [limit for limit in limits if limit is not None]
+    known = torque_limit(scenario)
     found["disturbance_rate"] = _disturbance_rate(scenario, inertia) / SETTLED_RATE
-    if known:
-        limit = min(known) * usable_share(axes, frame[:2])
+    if known is not None:
+        limit = known * usable_share(axes, frame[:2])
         found |= _timed_numbers(scenario, frame[2], math.sqrt(mean / limit), limit)
     return found
 
@@ -96,5 +94,5 @@ def believed_normal_form(scenario: Scenario):
     """The inertia that the law believes, its axes x, y, n in rows, and S1, S2, n·Jn, kg m²."""
     believed = getattr(scenario.control, "model", None)
     given = getattr(believed, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
-    inertia = inertia_matrix(given)
+    inertia = free_inertia(given, scenario.wheel)
     return inertia, *normal_axes(inertia, torque_directions(believed_axes(scenario)))

@@ -17,6 +17,7 @@ from jaxsat.allocation import (
 )
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.thruster_tables import signs, working_torques
+from jaxsat.scenario.wheel_tables import limit_of_wheels
 
 
 def working_axes(
@@ -54,14 +55,20 @@ def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> n
 
 
 def torque_limit(scenario: Any) -> float | None:
-    """The largest torque (N m) that the law asks for about each axis; None for no limit."""
-    given, torques = (
-        scenario.spacecraft.torque_limit_N_m,
-        find_law(scenario.control.law).declaration.torques,
-    )
-    if given is not None or not scenario.thruster or not torques:
+    """The largest torque (N m) that the law asks for about each axis; None for no limit.
+
+    By default it is what wheels and thrusters can make about all commanded axes at once.
+    """
+    given = scenario.spacecraft.torque_limit_N_m
+    torques = find_law(scenario.control.law).declaration.torques
+    if given is not None or not torques:
         return given
-    return largest_torque(least_duties(scenario, torques))
+    limits = []
+    if scenario.wheel:
+        limits.append(limit_of_wheels(scenario.wheel, torques))
+    if scenario.thruster:
+        limits.append(largest_torque(least_duties(scenario, torques)))
+    return min((one for one in limits if one is not None), default=None)
 
 
 def least_duties(scenario: Any, torques: int) -> np.ndarray:

@@ -1,11 +1,14 @@
 """Rules on `[[wheel]]`."""
 
+import numpy as np
+
 from jaxsat.allocation import least_squares_map, what_is_left
+from jaxsat.scenario.coordinates import free_inertia
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import working_axes
-from jaxsat.scenario.rules import at, rule
-from jaxsat.scenario.wheel_tables import left_by_wheels
+from jaxsat.scenario.rules import at, rule, rule_over
+from jaxsat.scenario.wheel_tables import left_by_wheels, rotors
 from jaxsat.scenario.wording import shown
 
 MISSING = 1e-9
@@ -26,6 +29,26 @@ def _each_wheel_is_whole(wheels):
         if names.index(names[number]) < number:
             message = f"must be a name of its own, got {shown(names[number])} again"
             yield Issue(("wheel", number, "name"), message)
+
+
+@rule_over("wheel", "spacecraft.inertia_kg_m2")
+def _rotors_are_part_of_the_body(values):
+    wheels = values["wheel"]
+    if not rotors(wheels).any():
+        return
+    for key in ("spacecraft.inertia_kg_m2", "control.model.inertia_kg_m2"):
+        given = values.get(key)
+        if given is None:
+            continue
+        if np.linalg.eigvalsh(free_inertia(given, wheels))[0] > 0:
+            continue
+        most = max(range(len(wheels)), key=lambda k: wheels[k].rotor_inertia_kg_m2 or 0.0)
+        yield Issue(
+            ("wheel", most, "rotor_inertia_kg_m2"),
+            f"must be a part of {key}, which is that with the wheels locked: less the rotors of "
+            "all wheels about their axes it must be positive definite, got "
+            f"{shown(wheels[most].rotor_inertia_kg_m2)}",
+        )
 
 
 @rule("wheel", "control.law")

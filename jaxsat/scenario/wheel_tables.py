@@ -25,7 +25,11 @@ class WheelTable(Table):
         "Momentum relative to the body at the start", "N m s", 0.0
     )
     rotor_inertia_kg_m2: Annotated[Number, within(MOMENT)] | None = quantity(
-        "Inertia of its rotor about the axis, needed for viscous friction", "kg m²", None
+        "Inertia of its rotor about the axis, part of spacecraft.inertia_kg_m2; its momentum then "
+        "also changes as the body turns faster, and viscous friction needs it. Without it, 0 is "
+        "assumed: the momentum changes by motor and friction alone",
+        "kg m²",
+        None,
     )
     viscous_friction_N_m_s: Annotated[Number, within(FRICTION)] = quantity(
         "Viscous friction, for each rad/s of the rotor", "N m s", 0.0
@@ -43,6 +47,13 @@ class WheelTable(Table):
     )
 
 
+def rotors(wheels: tuple[WheelTable, ...]) -> np.ndarray:
+    """Σ J_w a aᵀ (3, 3) of all wheels, kg m²."""
+    axes = wheel_axes(wheels)
+    inertia = np.array([one.rotor_inertia_kg_m2 or 0.0 for one in wheels])
+    return (inertia * axes) @ axes.T
+
+
 def wheel_axes(wheels: tuple[WheelTable, ...]) -> np.ndarray:
     """A unit column for each wheel."""
     return unit_columns(np.array([one.axis for one in wheels], float).reshape(-1, 3).T)
@@ -57,3 +68,20 @@ def left_by_wheels(wheels: tuple[WheelTable, ...], torques: int) -> np.ndarray:
     """The part (torques, torques) of a command that the working wheels do not make."""
     axes = wheel_axes(tuple(one for one in wheels if not one.failed))
     return what_is_left(axes, least_squares_map(axes, torques))
+
+
+def limit_of_wheels(wheels: tuple[WheelTable, ...], torques: int) -> float | None:
+    """The largest command (N m) about all axes at once for which no working wheel is at its limit.
+
+    Of what they make of it; None for no limit.
+    """
+    working = tuple(one for one in wheels if not one.failed)
+    if torques not in (2, 3):
+        return None
+    shares = np.abs(least_squares_map(wheel_axes(working), torques)).sum(axis=1)
+    limits = [
+        one.torque_limit_N_m / share
+        for one, share in zip(working, shares, strict=True)
+        if one.torque_limit_N_m is not None and share > 1e-9
+    ]
+    return min(limits, default=None)

@@ -1,6 +1,5 @@
 """Holds of a sampled loop divided where something fails, or a wheel comes to rest or its limit."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -8,9 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.simulation.located_edges import Integrate, external_torque, through_located_parts
 from jaxsat.vehicle import AbstractActuators, Hold, Wheels
 
-Integrate = Callable[[Float[Array, ""], Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
+__all__ = ["Asked", "external_torque", "through_hold"]
 
 
 class Asked(NamedTuple):
@@ -55,7 +55,7 @@ def through_hold(
 
     def through(struck, t, hold, plant, carry):
         plant, hold, wheels, command = _after(body, actuators, asked, struck, hold, plant)
-        return _between_failures(wheels, command, t, hold, plant, integrate, carry)
+        return _between_failures(body, wheels, command, t, hold, plant, integrate, carry)
 
     if not at.size:
         return through(_Struck(*jnp.split(at <= 0, ends)), t, hold, plant, carry)
@@ -105,6 +105,7 @@ def _after(
 
 
 def _between_failures(
+    body: RigidBody,
     wheels: Wheels | None,
     command: Float[Array, " wheels"] | None,
     t: Float[Array, ""],
@@ -115,11 +116,13 @@ def _between_failures(
 ) -> tuple[PlantState, PyTree]:
     """The plant and the carry at the end of a hold in which nothing fails.
 
-    The ends of its parts are closed forms of the momenta at the begin.
+    Without a rotor inertia the ends of its parts are closed forms of the momenta at the begin.
     """
     momentum = plant.wheel_momentum
     if wheels is None or command is None or momentum is None:
         return integrate(t, hold, plant, carry)
+    if wheels.rotor_inertia is not None and (wheels.edge_count or wheels.seized is not None):
+        return through_located_parts(body, wheels, command, t, hold, plant, integrate, carry)
     if not wheels.edge_count:
         piece = wheels.piece(momentum, command, hold.length)
         return integrate(t, hold._replace(wheels=piece), plant, carry)

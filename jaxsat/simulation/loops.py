@@ -7,7 +7,7 @@ controller.
 
 import abc
 import dataclasses
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -178,12 +178,23 @@ class ContinuousLoop(AbstractContinuousLoop):
         command, memory_rate = self.controller(t, plant, state.memory)
         torque = self.actuators.after_failures(thrusters)(command)
         share = self.actuators.wheel_command(command)
-        wheel_torque = self.plant.wheel_torque(plant, share, wheels)
-        rate = LoopState(self.plant.rate(t, plant, torque, wheel_torque), memory_rate)
+        external = self._external(t, plant, torque)
+        piece = self.plant.wheel_drive(plant, share, wheels, external)
+        made = turns = None
+        if piece is not None:
+            made, turns = piece.torque(cast(Array, plant.wheel_momentum)), piece.turns
+        rate = self.plant.rate(t, plant, torque, made, turns)
         relative_rate = self.plant.relative_rate(plant)
         error = self.controller.rate_error(plant)
-        torque = self.plant.control_torque(torque, wheel_torque)
-        return Motion(rate, plant, relative_rate, error, torque)
+        torque = self.plant.control_torque(torque, self.plant.made_by_wheels(rate))
+        return Motion(LoopState(rate, memory_rate), plant, relative_rate, error, torque)
+
+    def _external(self, t, plant: PlantState, torque) -> Float[Array, "3"] | None:
+        """The torque of all but the wheels, N m, where the motion of rotors depends on it."""
+        wheels = self.plant.wheels
+        if wheels is None or wheels.rotor_inertia is None:
+            return None
+        return torque + self.plant.disturbance_torque(t, plant)
 
     def signals(self, t: Float[Array, ""], state: LoopState) -> Signals:
         """Everything worth saving at one instant."""
@@ -191,8 +202,8 @@ class ContinuousLoop(AbstractContinuousLoop):
         signals = continuous_signals(
             self.plant, self.controller, t, motion.plant, state.memory, motion.torque
         )
-        rate = motion.rate.plant.wheel_momentum
-        return signals if rate is None else dataclasses.replace(signals, wheel_torque=-rate)
+        made = self.plant.made_by_wheels(motion.rate.plant)
+        return signals if made is None else dataclasses.replace(signals, wheel_torque=made)
 
     def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
         """Those of controller, actuators and wheels' momenta, and the time since each failure."""
@@ -201,8 +212,10 @@ class ContinuousLoop(AbstractContinuousLoop):
         own = self.controller.event_functions(plant)
         events = [own, self.actuators.event_functions(command)]
         if _wheel_events(self.plant):
-            share = self.actuators.wheel_command(command)
-            events.append(self.plant.wheel_events(plant, share, self._struck(t)[1]))
+            share, (thrusters, wheels) = self.actuators.wheel_command(command), self._struck(t)
+            torque = self.actuators.after_failures(thrusters)(command)
+            external = self._external(t, plant, torque)
+            events.append(self.plant.wheel_events(plant, share, wheels, external))
         if self.failure_times.size:
             events.append(t - jnp.minimum(self.failure_times, NEVER))
         return jnp.concatenate(events)

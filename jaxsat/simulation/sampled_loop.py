@@ -15,7 +15,7 @@ from jaxsat.control.controller import Memory
 from jaxsat.control.magnetic import MagneticSteering
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.navigation import Navigation, NavigationState, Told
-from jaxsat.simulation.divided_holds import Asked, through_hold
+from jaxsat.simulation.divided_holds import Asked, external_torque, through_hold
 from jaxsat.simulation.loops import AbstractLoop, plant_signals
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.vehicle import (
@@ -274,22 +274,21 @@ class SampledLoop(AbstractLoop):
         self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]
     ) -> PlantState:
         """Time derivative of the plant `elapsed` seconds after a hold began, at time `t` (s)."""
-        wheels = hold.wheel_torque(state.wheel_momentum)
-        return self.plant.rate(t, state, self._external(t, state, hold, elapsed), wheels)
+        external = external_torque(self.plant, t, state, hold, elapsed)
+        made = hold.wheel_torque(state.wheel_momentum)
+        turns = None if hold.wheels is None else hold.wheels.turns
+        return self.plant.rate(t, state, external, made, turns)
 
     def torque(
         self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]
     ) -> Float[Array, "3"]:
         """The torque of all actuators at `t` (s), `elapsed` seconds after a hold began, N m."""
-        wheels = hold.wheel_torque(state.wheel_momentum)
-        return self.plant.control_torque(self._external(t, state, hold, elapsed), wheels)
-
-    def _external(self, t, state: PlantState, hold: Hold, elapsed) -> Float[Array, "3"]:
-        """The torque of thrusters and magnetorquers, N m."""
-        torque = hold.torque_after(elapsed)
-        if hold.dipole is None:
-            return torque
-        return torque + self.plant.magnetic_torque(t, state, hold.dipole)
+        external = external_torque(self.plant, t, state, hold, elapsed)
+        wheels = self.plant.wheels
+        if wheels is None or wheels.rotor_inertia is None:
+            return self.plant.control_torque(external, hold.wheel_torque(state.wheel_momentum))
+        made = self.plant.made_by_wheels(self.plant_rate(t, state, hold, elapsed))
+        return self.plant.control_torque(external, made)
 
 
 def _sampled_signals(loop, t, state, memory, told: Told, torque, asked: Asked) -> Signals:
@@ -297,11 +296,12 @@ def _sampled_signals(loop, t, state, memory, told: Told, torque, asked: Asked) -
     none = jnp.full((), jnp.nan, error.dtype)
     mode = jnp.asarray(loop.controller.mode(memory), error.dtype)
     struck = None if loop.plant.wheels is None else t >= loop.plant.wheels.failure_times
-    wheels = loop.plant.wheel_torque(state, asked.wheels, struck)
     dipoles, torquers = None, loop.plant.magnetorquers
     if torquers is not None:
         dipoles = torquers.dipoles(asked.dipoles, t >= torquers.failure_times)
         torque = torque + loop.plant.magnetic_torque(t, state, torquers.axes @ dipoles)
+    external = torque + loop.plant.disturbance_torque(t, state)
+    wheels = loop.plant.wheel_torque(state, asked.wheels, struck, external)
     torque = loop.plant.control_torque(torque, wheels)
     signals = plant_signals(loop.plant, t, state, torque, error, none, mode)
     telemetry = loop.controller.telemetry(memory)

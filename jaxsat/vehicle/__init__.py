@@ -28,7 +28,7 @@ from jaxsat.vehicle.modulation import (
 )
 from jaxsat.vehicle.pulsed_thrusters import PulsedThrusters
 from jaxsat.vehicle.sensors import DrawnSensors, Sensors
-from jaxsat.vehicle.spacecraft import Spacecraft
+from jaxsat.vehicle.spacecraft import Spacecraft, inverse_of
 from jaxsat.vehicle.star_tracker import StarTracker
 from jaxsat.vehicle.tachometers import Tachometers
 from jaxsat.vehicle.thruster_set import ThrusterSet
@@ -44,7 +44,9 @@ from jaxsat.vehicle.wheel_actuators import (
     WheelDrives,
 )
 from jaxsat.vehicle.wheel_failures import WheelFailureKind, WheelFailures
-from jaxsat.vehicle.wheels import WheelPiece, Wheels
+from jaxsat.vehicle.wheel_piece import WheelPiece
+from jaxsat.vehicle.wheel_states import WheelStates, first_states
+from jaxsat.vehicle.wheels import Wheels
 
 __all__ = [
     "AbstractActuators",
@@ -83,8 +85,11 @@ __all__ = [
     "WheelFailureKind",
     "WheelFailures",
     "WheelPiece",
+    "WheelStates",
     "Wheels",
     "allocation",
+    "first_states",
+    "inverse_of",
     "one_thruster_coupling",
     "two_thruster_coupling",
 ]

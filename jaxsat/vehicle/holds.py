@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.vehicle.wheels import WheelPiece
+from jaxsat.vehicle.wheel_piece import WheelPiece
 
 RealScalar = Float[Array, ""]
 

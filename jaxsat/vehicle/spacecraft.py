@@ -21,6 +21,13 @@ def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:
     return jnp.diag(array) if known is None else as_array(np.diag(known))
 
 
+def inverse_of(inertia: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+    """Inverse of an inertia by cofactors: cheap inside a loop and free of LAPACK."""
+    a, b, c = inertia
+    cofactors = jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
+    return cofactors.T / jnp.dot(a, cofactors[0])
+
+
 class Spacecraft(eqx.Module):
     """A rigid spacecraft with an inertia in body axes, kg m².
 
@@ -43,10 +50,8 @@ class Spacecraft(eqx.Module):
 
     @property
     def inverse_inertia(self) -> Float[Array, "3 3"]:
-        """Inverse of the inertia by cofactors: cheap inside a loop and free of LAPACK."""
-        a, b, c = self.inertia
-        cofactors = jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
-        return cofactors.T / jnp.dot(a, cofactors[0])
+        """Inverse of the inertia."""
+        return inverse_of(self.inertia)
 
     def obeys_triangle_inequality(self) -> bool:
         """Whether a body of positive mass density can have this inertia (a tolerance of 1e-9)."""

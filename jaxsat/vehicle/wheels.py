@@ -2,45 +2,32 @@
 
 A wheel's momentum h is that relative to the body, and the inertia of the spacecraft is the one with
 its wheels locked. A motor that is commanded a torque c turns the body by c and the wheel by -c;
-viscous and Coulomb friction b and τ brake the wheel and take the body along:
+viscous and Coulomb friction b and τ brake the wheel and take the body along. A rotor with the
+inertia J_w about its axis a also stays behind where the body turns faster:
 
-    dh/dt = -(c + b h / J_w + τ sign h)
+    dh/dt = -(c + b h / J_w + τ sign h) - J_w a·dω/dt
 
-At its limit a wheel takes no torque that would raise its momentum further. While a command stays,
-the momentum of each wheel is a scalar linear ODE, monotonic in time, so the instants at which it
-comes to zero, where Coulomb friction may hold it, and to its limit are closed forms.
+At its limit a wheel takes no torque that would raise its momentum further. Without a rotor inertia,
+and while a command stays, the momentum of each wheel is a scalar linear ODE, monotonic in time, so
+the instants at which it comes to zero, where Coulomb friction may hold it, and to its limit are
+closed forms. With one they depend on the body: `jaxsat.vehicle.wheel_states`.
 """
 
 from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jaxsat.checks import as_float, require_finite, require_positive
+from jaxsat.checks import as_float, concrete, require_finite, require_positive
 from jaxsat.errors import ArgumentError
 from jaxsat.vehicle.axes import unit_axes
 from jaxsat.vehicle.wheel_failures import WheelCondition, WheelFailures
-
-SMALL = 1e-4
-"""Below this -log(1 - x)/x is taken from its series, whose next term is x⁵/6."""
+from jaxsat.vehicle.wheel_piece import WheelPiece, time_to
 
 OfEach = ArrayLike | list | tuple | None
 """One number, one for each wheel, or None."""
-
-
-class WheelPiece(NamedTuple):
-    """Wheels between two edges: the torque on the body along their axes is drive + decay h, N m.
-
-    `drive` in N m and `decay` in 1/s, of shape (wheels,), stay while the command does.
-    """
-
-    drive: Float[Array, " wheels"]
-    decay: Float[Array, " wheels"]
-
-    def torque(self, momentum: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
-        """The torque on the body along each axis, N m, at these momenta, N m s."""
-        return self.drive + self.decay * momentum
 
 
 class _Course(NamedTuple):
@@ -60,10 +47,11 @@ class Wheels(eqx.Module):
     """Reaction wheels along any axes, of shape (3, wheels) in body axes, scaled to unit length.
 
     `torque_limit` (N m) bounds each motor's torque and `momentum_limit` (N m s) each momentum.
-    `viscous_friction` (N m s/rad), which needs the `rotor_inertia` (kg m²), and `coulomb_friction`
-    (N m) brake the rotors. Each is one number, or one for each wheel, and None for none.
-    `failures` strike them in flight. `limited` holds each wheel at its momentum limit or off it,
-    see `smooth_piece`. Raises `ValueError` for numbers that no wheel has.
+    `rotor_inertia` (kg m²) is that of each rotor about its axis, part of the spacecraft's inertia.
+    `viscous_friction` (N m s/rad), which needs it, and `coulomb_friction` (N m) brake the rotors.
+    Each is one number, or one for each wheel, and None for none. `failures` strike them in flight.
+    `limited` holds each wheel at its momentum limit or off it, see `smooth_piece`, `seized` those
+    at rest that have seized. Raises `ValueError` for numbers that no wheel has.
     """
 
     axes: Float[Array, "3 wheels"]
@@ -74,6 +62,7 @@ class Wheels(eqx.Module):
     coulomb_friction: Float[Array, " wheels"] | None
     failures: WheelFailures | None
     limited: Bool[Array, " wheels"] | None
+    seized: Bool[Array, " wheels"] | None
 
     def __init__(
         self,
@@ -93,17 +82,24 @@ class Wheels(eqx.Module):
         self.coulomb_friction = self._of_each(coulomb_friction)
         self.failures = failures
         self.limited = None
+        self.seized = None
 
     def __check_init__(self):
-        for name in ("torque_limit", "momentum_limit", "rotor_inertia"):
+        for name in ("torque_limit", "momentum_limit"):
             if getattr(self, name) is not None:
                 require_positive(name, getattr(self, name))
-        for name in ("viscous_friction", "coulomb_friction"):
+        for name in ("rotor_inertia", "viscous_friction", "coulomb_friction"):
             if getattr(self, name) is not None:
                 require_finite(name, getattr(self, name))
                 require_positive(name, getattr(self, name), zero_allowed=True)
-        if self.viscous_friction is not None and self.rotor_inertia is None:
+        if self.viscous_friction is None:
+            return
+        if self.rotor_inertia is None:
             raise ArgumentError("rotor_inertia", "must be given with viscous friction", None)
+        friction, inertia = concrete(self.viscous_friction), concrete(self.rotor_inertia)
+        if friction is not None and inertia is not None and np.any((friction > 0) & (inertia == 0)):
+            message = "must be above zero for each wheel with viscous friction"
+            raise ArgumentError("rotor_inertia", message, inertia)
 
     def _of_each(self, value: OfEach) -> Float[Array, " wheels"] | None:
         return None if value is None else as_float(value) * jnp.ones(self.count)
@@ -118,6 +114,21 @@ class Wheels(eqx.Module):
         """How many `edges` there are in a hold."""
         return self.count * sum(x is not None for x in (self.coulomb_friction, self.momentum_limit))
 
+    def rotors(self, turns: Bool[Array, " wheels"] | None = None) -> Float[Array, "3 3"]:
+        """Σ J_w a aᵀ (kg m²) over the wheels that turn, by default all: their part of the body."""
+        if self.rotor_inertia is None:
+            return jnp.zeros((3, 3))
+        inertia = self.rotor_inertia if turns is None else jnp.where(turns, self.rotor_inertia, 0.0)
+        return self.axes @ (inertia[:, None] * self.axes.T)
+
+    @property
+    def decay(self) -> Float[Array, " wheels"]:
+        """b / J_w: the part of a momentum that viscous friction takes a second, 1/s."""
+        if self.viscous_friction is None or self.rotor_inertia is None:
+            return jnp.zeros(self.count)
+        inertia = jnp.where(self.rotor_inertia > 0, self.rotor_inertia, 1.0)
+        return self.viscous_friction / inertia
+
     def motor_torque(self, command: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
         """The torque that motors make on a command, N m, without friction and momentum limit."""
         if self.torque_limit is None:
@@ -127,7 +138,10 @@ class Wheels(eqx.Module):
     def torque(
         self, momentum: Float[Array, " wheels"], command: Float[Array, " wheels"]
     ) -> Float[Array, " wheels"]:
-        """The torque on the body along each axis, N m, at one instant; dh/dt is its negative."""
+        """The torque on the body along each axis, N m, at one instant; dh/dt is its negative.
+
+        So it is without a rotor inertia, or while the body turns evenly.
+        """
         torque = self._unlimited(momentum, command)
         if self.momentum_limit is None:
             return torque
@@ -150,9 +164,7 @@ class Wheels(eqx.Module):
 
     def _piece(self, drive, side) -> WheelPiece:
         """Wheels off their limits whose Coulomb friction has these signs."""
-        decay = jnp.zeros_like(drive)
-        if self.viscous_friction is not None and self.rotor_inertia is not None:
-            decay = decay + self.viscous_friction / self.rotor_inertia
+        decay = jnp.zeros_like(drive) + self.decay
         if self.coulomb_friction is None:
             return WheelPiece(drive, decay)
         rests = side == 0
@@ -180,14 +192,24 @@ class Wheels(eqx.Module):
         viscous = self.viscous_friction
         if viscous is not None:
             viscous = condition.friction * viscous
+        seized = None if self.rotor_inertia is None else condition.stopped
         wheels = eqx.tree_at(
-            lambda one: (one.coulomb_friction, one.viscous_friction, one.failures),
+            lambda one: (one.coulomb_friction, one.viscous_friction, one.failures, one.seized),
             self,
-            (coulomb, viscous, None),
+            (coulomb, viscous, None, seized),
             is_leaf=lambda x: x is None,
         )
         torque = condition.command(self.motor_torque(command), momentum, self.torque_limit)
         return wheels, torque
+
+    def without_corners(self) -> "Wheels":
+        """The same without Coulomb friction and failures in flight."""
+        return eqx.tree_at(
+            lambda one: (one.coulomb_friction, one.failures),
+            self,
+            (None, None),
+            is_leaf=lambda x: x is None or isinstance(x, WheelFailures),
+        )
 
     # A held command: edges, and the piece between two of them.
 
@@ -201,7 +223,8 @@ class Wheels(eqx.Module):
 
         The command stays for the `period` (s), from `momentum` (N m s) on. Each wheel has one edge
         where it comes to rest, if there is Coulomb friction, and one at its limit, if it has one:
-        `period` where that does not happen.
+        `period` where that does not happen. So it is without a rotor inertia, or while the body
+        turns evenly.
         """
         course = self._course(momentum, command)
         found = [] if self.coulomb_friction is None else [course.zero]
@@ -221,7 +244,8 @@ class Wheels(eqx.Module):
         course, drive = self._course(momentum, command), self.motor_torque(command)
         piece = self._piece(drive, jnp.where(elapsed < course.zero, course.before, course.after))
         limited = elapsed >= course.limit
-        return WheelPiece(*(jnp.where(limited, 0.0, x) for x in piece))
+        drive, decay = jnp.where(limited, 0.0, piece.drive), jnp.where(limited, 0.0, piece.decay)
+        return WheelPiece(drive, decay)
 
     def _course(self, momentum, command) -> _Course:
         drive = self.motor_torque(command)
@@ -232,13 +256,13 @@ class Wheels(eqx.Module):
         if self.coulomb_friction is not None:
             piece = self._piece(drive, before)
             slows = piece.torque(momentum) * momentum > 0
-            zero = jnp.where(slows, _time_to(jnp.zeros_like(momentum), momentum, piece), never)
+            zero = jnp.where(slows, time_to(jnp.zeros_like(momentum), momentum, piece), never)
         if self.momentum_limit is not None:
             crosses = jnp.isfinite(zero)
             begin = jnp.where(crosses, 0.0, momentum)
             piece = self._piece(drive, jnp.where(crosses, after, before))
             target = -jnp.sign(piece.torque(begin)) * self.momentum_limit
-            limit = jnp.where(crosses, zero, 0.0) + _time_to(target, begin, piece)
+            limit = jnp.where(crosses, zero, 0.0) + time_to(target, begin, piece)
         return _Course(before, after, zero, limit)
 
     # A command that changes continuously: events, and the smooth piece between two of them.
@@ -249,16 +273,19 @@ class Wheels(eqx.Module):
         return 0 if self.momentum_limit is None else self.count
 
     def event_functions(
-        self, momentum: Float[Array, " wheels"], command: Float[Array, " wheels"]
+        self,
+        momentum: Float[Array, " wheels"],
+        command: Float[Array, " wheels"],
+        drag: float | Float[Array, " wheels"] = 0.0,
     ) -> Float[Array, " m"]:
         """Positive for each wheel that is held at its limit.
 
-        A wheel comes to it by its momentum and leaves it by its command alone, so that rounding
-        of a momentum at the limit is no event.
+        A wheel comes to it by its momentum and leaves it by what drives it alone, so that rounding
+        of a momentum at the limit is no event. `drag` (N m) is J_w a·dω/dt of each.
         """
         if self.momentum_limit is None:
             return jnp.zeros(0, momentum.dtype)
-        growth = -self._unlimited(momentum, command) * momentum
+        growth = -(self._unlimited(momentum, command) + drag) * momentum
         arrives = jnp.minimum((momentum / self.momentum_limit) ** 2 - 1, growth)
         return arrives if self.limited is None else jnp.where(self.limited, growth, arrives)
 
@@ -268,25 +295,3 @@ class Wheels(eqx.Module):
 
     def _held(self, limited: Bool[Array, " wheels"]) -> "Wheels":
         return eqx.tree_at(lambda x: x.limited, self, limited, is_leaf=lambda x: x is None)
-
-
-def _time_to(target, begin, piece: WheelPiece) -> Float[Array, " wheels"]:
-    """Seconds until momenta come from `begin` to `target`, ahead of them; infinite for never.
-
-    None are left to a target that is behind them by rounding.
-    """
-    speed = -piece.torque(begin)
-    moves = (speed != 0) & jnp.isfinite(target)
-    distance = jnp.where(moves, target - begin, 0.0)
-    straight = jnp.maximum(distance / jnp.where(moves, speed, 1.0), 0.0)
-    share = piece.decay * straight  # of the way to where friction alone would stop them
-    reached = moves & (share < 1)
-    return jnp.where(reached, straight * _log_ratio(jnp.where(reached, share, 0.0)), jnp.inf)
-
-
-def _log_ratio(x: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
-    """-log(1 - x) / x for x in [0, 1), 1 at zero."""
-    series = 1 + x * (1 / 2 + x * (1 / 3 + x * (1 / 4 + x / 5)))
-    small = x < SMALL
-    away = jnp.where(small, 0.5, x)
-    return jnp.where(small, series, -jnp.log1p(-away) / away)

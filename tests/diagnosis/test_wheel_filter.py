@@ -7,6 +7,7 @@ import pytest
 
 from jaxsat.diagnosis import DiagnosedKind, Diagnosis, WheelFilter, average_run_length
 from jaxsat.diagnosis.residual import RESTLESSNESS
+from jaxsat.diagnosis.wheel_filter import WheelReading
 from jaxsat.vehicle import Wheels
 
 PERIOD, NOISE, FULL, COULOMB = 0.1, 2e-3, 0.4, 0.01
@@ -148,6 +149,24 @@ def test_a_dead_wheel_that_works_again_is_used_again(follow):
     assert failed[end].tolist() == [False, False, True, False]
     assert not failed[-1].any()
     assert np.all(np.asarray(kinds)[-1] == -1)
+
+
+def test_what_a_turning_body_does_to_rotors_is_no_failure():
+    """Wheels that nothing drives, by hand: h + J_w a·ω stays, whatever the rate."""
+    inertia = np.array([0.2, 0.1, 0.3, 0.2])
+    axes = np.eye(3)[:, [0, 1, 2, 0]]
+    watch = WheelFilter(Wheels(axes, FULL, rotor_inertia=inertia), np.full(COUNT, NOISE), 0.1)
+    times = PERIOD * np.arange(40)
+    rates = np.stack([0.5 * np.sin(times), 0.3 * times, 0.4 * np.cos(2 * times)], axis=1)
+    momenta = 3.0 - inertia * (rates @ axes)
+    assert np.abs(np.diff(momenta, axis=0)).max() > 5 * NOISE
+    condition = diagnosis().init(jnp.zeros(COUNT)).condition
+    memory = watch.init(WheelReading(jnp.asarray(momenta[0]), jnp.asarray(rates[0])))
+    step = jax.jit(lambda *given: watch.step(*given))
+    for momentum, rate in zip(momenta, rates, strict=True):
+        reading = WheelReading(jnp.asarray(momentum), jnp.asarray(rate))
+        residual, memory = step(reading, jnp.zeros(COUNT), condition, jnp.array(PERIOD), memory)
+        np.testing.assert_allclose(residual.innovation, 0, atol=1e-14)
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """Every dispersed name reaches the model, and only possible bodies are drawn."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -25,6 +26,7 @@ from jaxsat.montecarlo import (
     with_gains,
 )
 from jaxsat.montecarlo.changes import possible_inertia
+from jaxsat.vehicle import Wheels
 from montecarlo.copies import backstepping, copies_of, sampled
 
 J = np.array([449.5, 264.6, 312.5])
@@ -88,7 +90,7 @@ SENSORS = {name for name in QUANTITIES if name.startswith(("gyro", "tracker"))}
 """Of loops with an estimator: tests/navigation/test_dispersed_sensors.py."""
 
 MAGNETORQUERS = {"dipole_limit", "magnetorquer_misalignment", "failed_magnetorquer"}
-OTHERWISE = {"misalignment", "attitude_error", "rate_error", "wheel_momentum"}
+OTHERWISE = {"misalignment", "attitude_error", "rate_error", "wheel_momentum", "rotor_inertia"}
 OTHERWISE |= {*FAILURES, *SENSORS, *MAGNETORQUERS}
 
 
@@ -245,3 +247,18 @@ def test_gains_displace_those_of_the_controller():
 def test_what_cannot_be_dispersed_is_refused(loop, distributions, message):
     with pytest.raises(ValueError, match=message):
         Dispersed(loop(), start(), Dispersions(distributions), 0)
+
+
+def test_rotors_are_dispersed_in_the_plant_alone_and_stay_a_part_of_the_body():
+    """Draws of more than the body has, 264.6 kg m² about y, are drawn again."""
+    loop, axes = sampled(), np.eye(3)[:, :2]
+    wheels = Wheels(axes, rotor_inertia=[100.0, 50.0])
+    loop = eqx.tree_at(lambda x: x.plant.wheels, loop, wheels, is_leaf=lambda x: x is None)
+    copy = copies_of(loop, 60, rotor_inertia=Uniform([-0.5, -0.9], [0.5, 9.0]))
+    found = np.asarray(copy.loop.plant.wheels.rotor_inertia)
+    np.testing.assert_allclose(found, [100.0, 50.0] * (1 + np.asarray(copy.drawn["rotor_inertia"])))
+    assert found[:, 1].max() < 264.6
+    assert np.ptp(found[:, 1]) > 150
+    assert np.ptp(np.asarray(copy.loop.plant.spacecraft.inertia), axis=0).max() == 0
+    believed = np.asarray(copy.loop.controller.rate_law.model.spacecraft.inertia)
+    assert np.ptp(believed, axis=0).max() == 0

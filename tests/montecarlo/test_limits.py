@@ -30,6 +30,7 @@ NOMINAL |= {"tracker_update_period": 0.1, "tracker_rate_limit": 1.0}
 BEYOND = {
     "inertia": (-1.0, 1e12),
     "products_of_inertia": (-1.5, 1.5),
+    "rotor_inertia": (-1.0, 1e14),
     "misalignment": (-1.1, 1.1),
     "torque_gain": (-1.1, 2e3),
     "disturbance_amplitude": (-1e13, 1e13),
@@ -77,8 +78,8 @@ def test_every_quantity_has_its_test():
 
 
 WHEELS = (
-    "wheel=[{axis=[1.0,0.0,0.0],momentum_limit_N_m_s=20.0},"
-    "{axis=[0.0,1.0,0.0],momentum_limit_N_m_s=20.0}]",
+    "wheel=[{axis=[1.0,0.0,0.0],momentum_limit_N_m_s=20.0,rotor_inertia_kg_m2=0.1},"
+    "{axis=[0.0,1.0,0.0],momentum_limit_N_m_s=20.0,rotor_inertia_kg_m2=0.1}]",
     "failure=[{of='wheel 1',at_s=5.0,kind='dead'}]",
 )
 
@@ -105,7 +106,7 @@ def changes(name):
     if name.startswith(("gyro", "tracker")):
         return (*SENSORS, "sampling.rate_noise_rad_s=0", "sampling.attitude_noise_rad=0")
     found = ("sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5")
-    return (*found, *(WHEELS if "wheel" in name else ()))
+    return (*found, *(WHEELS if "wheel" in name or "rotor" in name else ()))
 
 
 def refused(name, distribution, *more):

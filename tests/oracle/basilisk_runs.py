@@ -81,13 +81,18 @@ def thrusters(given):
 
 
 def wheels(given):
-    """Balanced wheels: a row of motor torques (N m) for each period."""
+    """Balanced wheels, inertia with them locked: a row of motor torques (N m) for each period."""
     bench = Bench(given)
     effector = reactionWheelStateEffector.ReactionWheelStateEffector()
     factory = simIncludeRW.rwFactory()
     for axis, speed in zip(given["axes"], given["speeds"], strict=True):
         factory.create(
-            "custom", axis, Js=given["rotor"], Omega=speed / macros.RPM, useMaxTorque=False
+            "custom",
+            axis,
+            Js=given["rotor"],
+            Omega=speed / macros.RPM,
+            useMaxTorque=False,
+            **given["friction"],
         )
     factory.addToSpacecraft("wheels", effector, bench.craft)
     message = messaging.ArrayMotorTorqueMsg()

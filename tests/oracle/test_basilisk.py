@@ -102,25 +102,27 @@ def test_pulses():
     assert turn_between(attitude, np.asarray(run.signals.quaternion)[1:]).max() < 1e-3
 
 
-def test_wheels():
-    """In the variables in which a motor's torque is all that changes a wheel's momentum: that in
-    inertial axes, beside an inertia without the wheels' own about their axes.
-    """
+@pytest.mark.parametrize("friction", [{}, {"fCoulomb": 2e-4, "cViscous": 3e-6}])
+def test_wheels(friction):
+    """In the variables of a user: inertia with the wheels locked, momenta relative to the body."""
     axes = Rotation.from_rotvec([0.3, -0.5, 0.2]).as_matrix()
-    rotor, speeds = 2e-4, np.array([200.0, -150.0, 90.0])
-    period, count = 0.5, 80
+    rotor, speeds = 2e-2, np.array([20.0, -15.0, 9.0])
+    period, count, step = 0.5, 80, 0.005
     motors = commands(count + 1, 2e-3, 2)
-    inertia = INERTIA - rotor * axes @ axes.T
-    momentum = rotor * (speeds + axes.T @ OMEGA)
-    plant = RigidBody(Spacecraft(inertia), ExactOrbit(0.0), wheels=Wheels(axes))
+    coulomb, viscous = (friction.get(key, 0.0) for key in ("fCoulomb", "cViscous"))
+    wheels = Wheels(
+        axes, rotor_inertia=rotor, viscous_friction=viscous, coulomb_friction=coulomb or None
+    )
+    plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
     law = Schedule(jnp.asarray(-motors @ axes.T), jnp.array(period))
-    loop = SampledLoop(plant, law, ActuatorsWithWheels.of(axes, 3), substeps=2)
-    start = PlantState(Quaternion(START), OMEGA, momentum)
+    loop = SampledLoop(plant, law, ActuatorsWithWheels.of(axes, 3), substeps=8)
+    start = PlantState(Quaternion(START), OMEGA, rotor * speeds)
     run = simulate(loop, start, np.arange(count + 1) * period)
-    given = {"period": period, "step": 0.01, "torques": motors[:count].tolist()}
+    given = {"period": period, "step": step, "torques": motors[:count].tolist()}
     given |= {"axes": axes.T.tolist(), "rotor": rotor, "speeds": speeds.tolist()}
+    given["friction"] = friction | ({"useRWfriction": True} if friction else {})
     attitude, omega = found("wheels", **given)
-    np.testing.assert_allclose(run.signals.omega[1:], omega, atol=1e-12)
+    np.testing.assert_allclose(run.signals.omega[1:], omega, atol=1e-11)
     assert turn_between(attitude, np.asarray(run.signals.quaternion)[1:]).max() < 1e-7
 
 

@@ -6,16 +6,18 @@ import pytest
 
 from jaxsat.assembly.actuators import build_actuators
 from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
+from jaxsat.assembly.run import build, build_uncontrolled
 from jaxsat.control import AbstractController
 from jaxsat.results import trajectory_dataset
 from jaxsat.scenario import ScenarioError, dump
+from jaxsat.scenario.layout import torque_limit
 from jaxsat.scenario.overrides import apply_overrides, parse_override
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 from jaxsat.vehicle import ActuatorsWithWheels, PulsedActuatorsWithWheels
 
 X, Y = "{axis=[2.0,0.0,0.0]}", "{axis=[0.0,1.0,0.0]}"
+HEAVY = "{axis=[0.0,1.0,0.0],rotor_inertia_kg_m2=1.5}"
 
 
 def test_the_telescope_flies_the_law_whose_third_rate_its_wheels_hold():
@@ -82,6 +84,25 @@ def test_thrusters_make_what_wheels_leave():
     np.testing.assert_allclose(pulsed.rest, [[0, 0], [0, 1]])
 
 
+def test_the_limit_of_a_law_is_what_wheels_make_about_both_axes_at_once():
+    """Least squares by hand: about x and y each of the skew wheels makes ∓u1/√2 + u2/√2."""
+    skew = [
+        f"{{axis=[{x},1.0,0.0],torque_limit_N_m={limit}}}" for x, limit in ((1, 0.3), (-1, 0.2))
+    ]
+    scenario = load("two-wheel-telescope", [f"wheel=[{','.join(skew)}]"])
+    assert torque_limit(scenario) == pytest.approx(0.2 / np.sqrt(2))
+    assert torque_limit(load("two-wheel-telescope", [f"wheel=[{X},{Y}]"])) is None
+    found = load(
+        "two-wheel-telescope", [f"wheel=[{','.join(skew)}]", "spacecraft.torque_limit_N_m=9"]
+    )
+    assert torque_limit(found) == 9
+
+
+def test_what_needs_no_law_needs_no_law_that_bears_friction():
+    loop, _ = build_uncontrolled(load("wheels-fail", purpose="motion"))
+    assert loop.plant.wheels.coulomb_friction is None
+
+
 @pytest.mark.parametrize(
     ("name", "changes", "said"),
     [
@@ -97,6 +118,11 @@ def test_thrusters_make_what_wheels_leave():
             "free-third-rate",
             [f"wheel=[{X},{{axis=[0.0,1.0,0.0],coulomb_friction_N_m=0.1}}]"],
             "coulomb_friction_N_m",
+        ),
+        (
+            "two-wheel-telescope",
+            ["spacecraft.inertia_kg_m2=[1,1,1]", f"wheel=[{X},{HEAVY}]"],
+            "rotor_inertia_kg_m2.*must be a part of spacecraft.inertia_kg_m2",
         ),
         (
             "switching",

@@ -33,9 +33,11 @@ AXES = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, -0.5], [0.1, 0.0, 0.7]])
 AXES = AXES / np.linalg.norm(AXES, axis=0)
 PERIOD, PERIODS = 0.5, 40
 PUSH = np.array([0.002, -0.001, 0.003])
+ROTOR, VISCOUS = 0.4, 0.012
 WHEELS = [
-    {"torque_limit": 0.25, "momentum_limit": limit, "inertia": 0.01, "viscous": 3e-4, "coulomb": c}
-    for limit, c in ((0.15, 0.02), (0.2, 0.005), (np.inf, 0.05))
+    {"torque_limit": 0.25, "momentum_limit": limit, "inertia": ROTOR, "viscous": VISCOUS}
+    | {"coulomb": coulomb}
+    for limit, coulomb in ((0.15, 0.02), (0.2, 0.005), (np.inf, 0.05))
 ]
 OMEGA, MOMENTA = [0.05, -0.03, 0.1], [0.1, -0.2, 0.0]
 
@@ -52,15 +54,8 @@ class Waves(AbstractSampledController):
         return 0.25 * jnp.sin(jnp.array([0.9, 1.3, 0.5]) * t + jnp.arange(3.0)), memory
 
 
-def body(**changes):
-    wheels = Wheels(
-        AXES,
-        0.25,
-        [0.15, 0.2, np.inf],
-        0.01,
-        3e-4,
-        changes.pop("coulomb", [0.02, 0.005, 0.05]),
-    )
+def body(rotor=ROTOR, viscous=VISCOUS, **changes):
+    wheels = Wheels(AXES, 0.25, [0.15, 0.2, np.inf], rotor, viscous, [0.02, 0.005, 0.05])
     return RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels, **changes)
 
 
@@ -81,7 +76,7 @@ def asked(loop, periods=PERIODS):
     return shares / np.maximum(np.abs(shares).max(axis=1, keepdims=True) / 0.25, 1)
 
 
-def expected(commands, period=PERIOD, external=PUSH):
+def expected(commands, period=PERIOD, external=PUSH, wheels=WHEELS):
     return gyrostat.fly(
         np.eye(3),
         OMEGA,
@@ -90,7 +85,7 @@ def expected(commands, period=PERIOD, external=PUSH):
         period,
         inertia=INERTIA,
         axes=AXES,
-        wheels=WHEELS,
+        wheels=wheels,
         external=lambda t: external,
     )
 
@@ -99,16 +94,19 @@ SHARED = ActuatorsWithWheels.of(AXES, 3, wheel_limit=0.25)
 
 
 @pytest.mark.slow
-def test_wheels_come_to_rest_and_to_their_limits_at_their_true_instants():
-    loop = SampledLoop(body(disturbance=ConstantTorque(PUSH)), Waves(PERIOD), SHARED, 4)
+@pytest.mark.parametrize(("rotor", "viscous"), [(None, None), (ROTOR, VISCOUS)])
+def test_wheels_come_to_rest_and_to_their_limits_at_their_true_instants(rotor, viscous):
+    plant = body(rotor, viscous, disturbance=ConstantTorque(PUSH))
+    loop = SampledLoop(plant, Waves(PERIOD), SHARED, 4)
     found = flown(loop).signals
-    rows, edges = expected(asked(loop))
+    given = {"inertia": rotor or 0.0, "viscous": viscous or 0.0}
+    rows, edges = expected(asked(loop), wheels=[one | given for one in WHEELS])
     assert len(edges) > 15
     np.testing.assert_allclose(found.wheel_momentum, rows[:, 12:], atol=1e-12)
     np.testing.assert_allclose(found.omega, rows[:, 9:12], atol=1e-11)
     largest = np.abs(found.wheel_momentum).max(axis=0)
     np.testing.assert_allclose(largest[:2], [0.15, 0.2], rtol=1e-12)
-    # where a wheel rests, or is at its limit and pushed on, it makes no torque
+    # without a rotor inertia a wheel at rest, or at its limit and pushed on, makes no torque
     torque = np.asarray(found.torque) - np.asarray(found.wheel_torque) @ AXES.T
     np.testing.assert_allclose(torque, 0, atol=1e-15)
 
@@ -168,3 +166,49 @@ def test_wheels_beside_pulses_move_as_beside_held_torques(delay):
         np.testing.assert_allclose(
             getattr(found.assessment, name), getattr(expected.assessment, name), rtol=1e-3
         )
+
+
+class Still(AbstractSampledController):
+    """No command."""
+
+    period: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def init(self, state):
+        return None
+
+    def step(self, t, state, memory):
+        return jnp.zeros(3), memory
+
+
+def test_a_wheel_breaks_loose_where_the_body_turns_faster():
+    """Three wheels at rest in a body that tumbles: Coulomb friction holds them up to its limit, in
+    the middle of periods in which nothing is asked of them."""
+    omega, coulomb = np.array([0.5, 1.1, -0.4]), np.array([0.02, 0.05, 9.0])
+    plant = RigidBody(
+        Spacecraft(INERTIA),
+        ExactOrbit(0.0),
+        wheels=Wheels(AXES, rotor_inertia=ROTOR, coulomb_friction=coulomb),
+    )
+    loop = SampledLoop(plant, Still(PERIOD), SHARED, 4)
+    state = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), omega, np.zeros(3))
+    method, times = fixed(PERIOD, diffrax.Dopri8()), np.arange(9) * PERIOD
+    found = simulate(loop, state, times, method=method).signals
+    free = {"torque_limit": 1.0, "momentum_limit": np.inf, "inertia": ROTOR, "viscous": 0.0}
+    rows, edges = gyrostat.fly(
+        np.eye(3),
+        omega,
+        np.zeros(3),
+        np.zeros((8, 3)),
+        PERIOD,
+        inertia=INERTIA,
+        axes=AXES,
+        wheels=[free | {"coulomb": one} for one in coulomb],
+        external=lambda t: np.zeros(3),
+    )
+    inside = [time for time, wheel in edges if wheel < 2 and 0.01 < time % PERIOD < PERIOD - 0.01]
+    assert len(inside) > 1
+    np.testing.assert_allclose(found.omega, rows[:, 9:12], atol=1e-12)
+    np.testing.assert_allclose(found.wheel_momentum, rows[:, 12:], atol=1e-12)
+    assert not np.any(np.asarray(found.wheel_momentum)[:, 2])
+    held = np.asarray(found.wheel_torque)[:, 2]  # what turns the rotor with the body
+    assert np.abs(held).max() > 0.01
