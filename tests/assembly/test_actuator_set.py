@@ -60,7 +60,7 @@ def test_thrusters_that_no_law_can_use_are_judged(tmp_path):
 
 def test_wheels_carry_the_momentum_of_body_and_wheels():
     scenario = load(PAPER, ("initial.omega_rad_s=[0.0, 0.0, 0.0]",), purpose="motion")
-    wheel = {"name": None, "failed": False, "momentum_N_m_s": 0.5}
+    wheel = {"name": None, "failed": False, "momentum_N_m_s": 0.5, "rotor_inertia_kg_m2": None}
     wheels = (
         SimpleNamespace(**wheel, axis=(0.0, 0.0, 2.0)),
         SimpleNamespace(**{**wheel, "failed": True, "name": "g1"}, axis=(0.0, 3.0, 4.0)),
