@@ -96,7 +96,7 @@ def _command(tokens: Sequence[str] | None) -> int:
     if given.arguments.get("quiet", False):
         stop_progress()
     if not command.__module__.startswith("jaxsat."):
-        with contextlib.suppress(BrokenPipeError):  # of the help, whose reader has seen enough
+        with contextlib.suppress(BrokenPipeError, SystemExit):  # of a reader who has seen enough
             command(*given.args, **given.kwargs)
         return SUCCESS
     computes = command.__module__ != "jaxsat.cli.scenarios"

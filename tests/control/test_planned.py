@@ -120,6 +120,8 @@ def test_what_begins_a_new_plan():
     t, here = jnp.array(100.0), run.start
     now = t / unit
     first = law.init(here)._replace(searched=0 * now)
+    samples = jnp.array(round(float(t / law.settling.period)))
+    first = first._replace(settling=first.settling._replace(samples=samples))
     assert 0.2 * unit < 1.2 < law.search.most_closing_pieces * 0.5 < 3.0
 
     def following(rest, **changes):

@@ -113,8 +113,9 @@ def test_the_end_game_oscillates_at_the_frequency_that_is_given(name):
     if name == "three-slew":
         memory = memory._replace(phase=jnp.array(Phase.OSCILLATING))
 
-    def torque(clock):
-        command, after = step(jnp.array(clock), state, memory)
+    def torque(clock):  # of the law, which counts its samples
+        counted = memory._replace(samples=jnp.array(clock / float(controller.period)))
+        command, after = step(jnp.array(0.0), state, counted)
         assert controller.mode(after) == FineMode.HOLDING
         return np.asarray(command)
 
