@@ -164,8 +164,9 @@ def test_no_phase_is_stayed_in_in_vain():
         state = PlantState(WZ([0.0, 0.0], z), [spin, -ORBIT_RATE, s])
         memory = controller.init(state)
         slewing = memory.slewing._replace(end=jnp.zeros(()))
-        memory = memory._replace(phase=jnp.array(begin), slewing=slewing)
-        return int(step(jnp.array(t), state, memory)[1].phase)
+        samples = jnp.array(t / float(controller.period))  # the law's clock counts them
+        memory = memory._replace(phase=jnp.array(begin), slewing=slewing, samples=samples)
+        return int(step(jnp.array(0.0), state, memory)[1].phase)
 
     early, late = 0.9 * patience, 1.1 * patience
     assert phase(Phase.STOPPING, early, 0.9 * slow) == Phase.STOPPING
