@@ -16,6 +16,7 @@ from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, count_of
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.simulation import Signals
+from jaxsat.trees import strong
 
 SPARE = 8
 """Lanes behind the last case that only hold padding.
@@ -88,6 +89,7 @@ class AbstractBatchEngine(AbstractEngine):
 
     def _in_batches(self, run, program: Program, cases: PyTree, gains: PyTree, *rest):
         count = count_of(cases)
+        program, gains = strong((program, gains))
         cases = jax.tree.map(np.asarray, cases)
         batches = []
         for first in range(0, count, self.batch_size):
@@ -114,6 +116,7 @@ def _traced_batch(
     The numbers of engine and program are inputs. JAX keeps the traces of compiled functions, so
     the first run of such a batch is not traced again.
     """
+    engine, program, gains = strong((engine, program, gains))
     numbers, rest = eqx.partition((engine, program), eqx.is_array)
 
     def of_batch(array: Any) -> jax.ShapeDtypeStruct:

@@ -35,6 +35,7 @@ from jaxsat.simulation.methods import (
 from jaxsat.simulation.sampled_loop import Integrator, SampledLoop, SampledState
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
 from jaxsat.solvers import AbstractSolver, solver_of
+from jaxsat.trees import strong
 
 
 def simulate(
@@ -64,6 +65,7 @@ def simulate(
     method = default_method(loop) if method is None else method
     limit = as_float(state_limit)
     tolerances = Tolerances() if tolerances is None else tolerances
+    loop, start, times = strong((loop, start, times))
     if isinstance(loop, SampledLoop):
         numbers = sample_numbers(loop, times)
         samples, solver = int(numbers[-1]), _either_mode(solver_of(method.solver))

@@ -4,11 +4,10 @@ import dataclasses
 
 import diffrax
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from engine.examples import EXAMPLES, KICKS, WIDE, program, same_bits, sampled_example
+from engine.examples import EXAMPLES, GAIN, KICKS, WIDE, program, same_bits, sampled_example
 from jaxsat.engine import FixedStepper
 from jaxsat.simulation import Outcome, SampledLoop, simulate
 
@@ -23,7 +22,7 @@ def example(request):
 
 @pytest.fixture(scope="module")
 def found(example):
-    return example.scan.evaluate(program(example), KICKS)
+    return example.scan.evaluate(program(example), KICKS, GAIN)
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +50,7 @@ def test_bits_depend_on_no_other_case(example, found):
     prog, order = program(example), np.random.default_rng(2).permutation(11)
     for numbers in (order, [4], range(3, 11), [6, 6, 1]):
         numbers = np.array(numbers)
-        some = example.scan.evaluate(prog, KICKS[numbers])
+        some = example.scan.evaluate(prog, KICKS[numbers], GAIN)
         same_bits(some, jax.tree.map(lambda x, n=numbers: x[n], found))
 
 
@@ -59,7 +58,7 @@ def test_bits_depend_on_no_other_case(example, found):
 def test_a_diverging_case_is_coded_and_changes_no_other(example, found):
     kicks = np.array(KICKS)
     kicks[2], kicks[7] = np.nan, 1e7
-    mixed = example.scan.evaluate(program(example), kicks)
+    mixed = example.scan.evaluate(program(example), kicks, GAIN)
     assert mixed.code[2] == mixed.code[7] == int(Outcome.STATE_LIMIT)
     for name in ("cost", "effort", "z", "peak_rate"):
         assert np.all(np.isnan(getattr(mixed, name)[[2, 7]]))
@@ -70,6 +69,7 @@ def test_a_diverging_case_is_coded_and_changes_no_other(example, found):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("example", ["sampled", "continuous"], indirect=True, scope="module")
 def test_a_block_of_one_case_has_bits_of_its_own(example, found):
     """No padding and no companion: run, replay and history of a case go through one program."""
     prog, alone = program(example), dataclasses.replace(example.scan, batch_size=1)
@@ -101,8 +101,11 @@ def test_the_reference_keeps_cases_apart(example, expected):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "example", ["sampled", "continuous", "corners"], indirect=True, scope="module"
+)
 def test_a_replay_has_the_same_bits_and_the_history_of_simulate(example, found):
-    replay = example.scan.replay(program(example), KICKS[3])
+    replay = example.scan.replay(program(example), KICKS[3], GAIN)
     same_bits(replay.outputs, jax.tree.map(lambda x: x[3], found))
     case = example.case_factory(KICKS[3], None)
     method = example.reference.method
@@ -123,24 +126,10 @@ def test_a_replay_has_the_same_bits_and_the_history_of_simulate(example, found):
 def test_effort_of_a_sampled_loop_is_that_of_its_held_torques():
     """Every period's torque is held 0.07 s, and 0.03 s of the next."""
     example = sampled_example()
-    replay = example.scan.replay(program(example), KICKS[3])
+    replay = example.scan.replay(program(example), KICKS[3], GAIN)
     torque = np.abs(replay.signals.torque).sum(axis=1)  # what is made until the delay is over
     expected = 0.03 * torque[:-1].sum() + 0.07 * torque[1:].sum()
     np.testing.assert_allclose(replay.outputs.effort, expected, rtol=1e-12)
-
-
-@pytest.mark.slow
-def test_gradient_against_central_differences(example):
-    """Costs at shifted gains against the derivative carried along, exact for the steps taken.
-
-    That the reference has the same costs is shown above.
-    """
-    prog, gain, step = program(example), jnp.array(1.0), 1e-5
-    derivatives = example.scan.gradient(prog, KICKS[:2], gain).derivatives
-    costs = [example.scan.evaluate(prog, KICKS[:2], gain + shift).cost for shift in (step, -step)]
-    exact = (costs[0] - costs[1]) / (2 * step)
-    assert np.abs(exact).min() > 1e-3
-    np.testing.assert_allclose(derivatives, exact, rtol=1e-5)
 
 
 @pytest.mark.slow
@@ -150,8 +139,8 @@ def test_the_horizon_is_no_part_of_the_compiled_loop(example):
     The rates are decoded from the state by two programs, which may differ in the last bit.
     """
     longer, shorter = program(example), program(example, example.duration / 2)
-    half = example.scan.evaluate(shorter, KICKS[:3])
-    replay = example.scan.replay(longer, KICKS[1])
+    half = example.scan.evaluate(shorter, KICKS[:3], GAIN)
+    replay = example.scan.replay(longer, KICKS[1], GAIN)
     middle = replay.signals.omega[len(replay.times) // 2]
     np.testing.assert_array_max_ulp(half.omega[1], middle, maxulp=1)
 

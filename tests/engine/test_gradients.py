@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from engine.examples import KICKS, Kicked, smooth_law
-from helpers.paper import PAPER_THREE_AXIS, three_axis_start
+from helpers.paper import PAPER_THREE_AXIS, actuators, three_axis_start
 from helpers.switching import CASE, start, switching_loop
 from jaxsat.attitude import WZ
 from jaxsat.engine import (
@@ -21,7 +21,7 @@ from jaxsat.engine import (
     program_of,
 )
 from jaxsat.metrics import Tolerances
-from jaxsat.simulation import ErrorCoordinateLoop, Method, adaptive
+from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, Method, adaptive
 
 DURATION = 6.0
 COST = RunningCost(settling=2.0, unsettled=Unsettled(Tolerances(0.5, 0.5, 0.1)), limit=3.0)
@@ -31,11 +31,15 @@ def error_loop():
     return ErrorCoordinateLoop(*smooth_law()), three_axis_start(PAPER_THREE_AXIS)
 
 
+def continuous_loop():
+    return ContinuousLoop(*smooth_law(), actuators(3.0)), three_axis_start(PAPER_THREE_AXIS)
+
+
 def sampled_loop():
     return switching_loop(CASE), start()
 
 
-LOOPS = {"error": error_loop, "sampled": sampled_loop}
+LOOPS = {"error": error_loop, "continuous": continuous_loop, "sampled": sampled_loop}
 ENGINES = {
     "scan": ScanEngine(FixedStepper(), 2),
     "adaptive": ScanEngine(AdaptiveStepper(tolerance=Tolerance(1e-11, 1e-11)), 2),
@@ -56,7 +60,7 @@ def program(loop, begin, cost=COST):
 @pytest.mark.parametrize(
     ("kind", "engine", "mode"),
     [
-        ("error", "scan", "forward"),
+        ("continuous", "scan", "forward"),
         ("error", "scan", "reverse"),
         ("error", "adaptive", "forward"),
         ("error", "diffrax", "forward"),

@@ -95,29 +95,38 @@ def test_a_touch_is_no_trouble():
     assert np.all(np.isfinite(found.z[found.code == 0]))
 
 
+@pytest.fixture(scope="module")
+def dispersed():
+    """Dopri8 over 256 cases of the three-axis law: a study by duration, and a stepper."""
+
+    def study(duration):
+        overrides = [f"simulation.duration_s={duration}"]
+        return build_study(load("benchmark-three-axis", overrides), 256, seed=1, engine="scan")
+
+    def evaluated(study, tolerance, count=256, **options):
+        stepper = engine(tolerance, 256, diffrax.Dopri8(), **options)
+        return stepper.evaluate(study.program, study.cases(np.arange(count)))
+
+    return study, evaluated
+
+
 @pytest.mark.slow
-def test_a_surface_just_left_does_not_hide_the_next_one():
+def test_a_surface_just_left_does_not_hide_the_next_one(dispersed):
     """A step that begins on one surface and crosses another ends there, not where it began.
 
     Rounding leaves what has just been crossed next to zero on either side; taken for a switch it
     is one again and again, hundreds of times in four of these cases, which need 85 to 161 steps.
     """
-    scenario = load("benchmark-three-axis", ["simulation.duration_s=50"])
-    study = build_study(scenario, 256, seed=1, engine="scan")
-    bounded = engine(3e-8, batch_size=256, max_steps=200)
-    found = bounded.evaluate(study.program, study.cases(np.arange(256)))
+    study, evaluated = dispersed
+    found = evaluated(study(50), 3e-8, max_steps=200)
     assert np.all(found.code == int(Outcome.SUCCESS))
 
 
 @pytest.mark.slow
-def test_the_effort_of_long_steps_is_that_of_short_ones():
+def test_the_effort_of_long_steps_is_that_of_short_ones(dispersed):
     """In some steps of Dopri8 a torque changes its sign twice."""
-    scenario = load("benchmark-three-axis", ["simulation.duration_s=200"])
-    study = build_study(scenario, 16, seed=1, engine="scan")
-    long, short = (
-        engine(tolerance, 16, solver).evaluate(study.program, study.cases(np.arange(16)))
-        for tolerance, solver in ((3e-7, diffrax.Dopri8()), (1e-9, diffrax.Tsit5()))
-    )
+    study, evaluated = dispersed
+    long, short = (evaluated(study(200), tolerance, 16) for tolerance in (3e-7, 1e-12))
     np.testing.assert_allclose(long.effort, short.effort, rtol=1e-4)
 
 

@@ -16,10 +16,12 @@ SCENARIO = [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["cubesat-12u", "two-torque-free"])
-def test_ranges_are_those_of_a_single_run_in_every_engine(name):
+@pytest.mark.parametrize(
+    ("name", "law"), [("cubesat-12u", "quaternion-feedback"), ("two-torque-free", "oscillatory")]
+)
+def test_ranges_are_those_of_a_single_run_in_every_engine(name, law):
     """Of cases that do not differ, at the times that the run saves."""
-    scenario = load(name, SCENARIO)
+    scenario = load(name, [*SCENARIO, f"control.law={law}"])
     expected = build(scenario).simulate().torque_range
     assert expected is not None
     study = build_study(scenario, count=2, history=7)

@@ -10,6 +10,7 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
+from jaxsat.checks import as_float
 from jaxsat.engine.native import Mapped
 from jaxsat.errors import ArgumentError
 from jaxsat.planning import Plan, Planner, PlanStatus
@@ -18,8 +19,12 @@ from planning.spacecraft import PAPER, flown, planner, random_body, state, turne
 NOW = jnp.array(0.0)
 
 quickest = eqx.filter_jit(lambda made, start: made.quickest(NOW, start))
-cheapest = eqx.filter_jit(lambda made, start, duration: made.cheapest(NOW, start, duration))
 replanned = eqx.filter_jit(lambda made, t, start, plan: made.replanned(t, start, plan))
+_cheapest = eqx.filter_jit(lambda made, start, duration: made.cheapest(NOW, start, duration))
+
+
+def cheapest(made, start, duration):
+    return _cheapest(made, start, as_float(duration))
 
 
 def assert_arrives(made, start, plan):
@@ -59,7 +64,7 @@ def test_a_spin_about_a_driven_axis_is_stopped_and_turned_back():
 def test_least_effort_is_the_angular_momentum():
     """∫ Σ|T_i| dt >= |H(0)|; coasting to the target and braking there attains it."""
     made, start = planner(), turned_about_x(-0.1, 0.01)
-    plan = cheapest(made, start, jnp.array(60.0))
+    plan = cheapest(made, start, 60.0)
     exact = PAPER[0, 0] * 0.01
     assert plan.status == PlanStatus.SOLVED
     assert plan.duration == pytest.approx(60.0)
@@ -74,7 +79,7 @@ def test_least_effort_from_rest_to_rest():
     inertia, limit = PAPER[0, 0], 5.0
     duration = 1.5 * 2 * np.sqrt(inertia * 0.5 / limit)
     bang = (duration - np.sqrt(duration**2 - 4 * inertia * 0.5 / limit)) / 2
-    plan = cheapest(made, start, jnp.array(duration))
+    plan = cheapest(made, start, duration)
     assert plan.status == PlanStatus.SOLVED
     assert plan.effort == pytest.approx(2 * limit * bang, rel=0.02)
     assert_arrives(made, start, plan)
@@ -84,17 +89,17 @@ def test_least_effort_from_rest_to_rest():
 def test_a_duration_too_short_is_told():
     start = turned_about_x(0.5, 0.0)
     least = 2 * np.sqrt(PAPER[0, 0] * 0.5 / 5)
-    assert cheapest(planner(), start, jnp.array(0.9 * least)).status == PlanStatus.FAILED
-    assert cheapest(planner(), start, jnp.array(1.2 * least)).status == PlanStatus.SOLVED
+    assert cheapest(planner(), start, 0.9 * least).status == PlanStatus.FAILED
+    assert cheapest(planner(), start, 1.2 * least).status == PlanStatus.SOLVED
     for impossible in (0.0, -60.0, np.nan, np.inf):
-        plan = cheapest(planner(), start, jnp.array(impossible))
+        plan = cheapest(planner(), start, impossible)
         assert plan.status == PlanStatus.FAILED
 
 
 @pytest.mark.slow
 def test_a_duration_that_is_given_is_kept():
     """Also where it is shorter than any rest of a plan of least time: 0.05 τ is 0.41 s here."""
-    plan = cheapest(planner(), turned_about_x(0.0, 1e-3), jnp.array(0.2))
+    plan = cheapest(planner(), turned_about_x(0.0, 1e-3), 0.2)
     assert plan.duration == 0.2
     assert plan.status == PlanStatus.FLYABLE or plan.status == PlanStatus.SOLVED
 
@@ -124,7 +129,7 @@ def test_a_bad_case_spoils_no_other():
     wild = state([0.5, 0.5, 0.5, 0.5], [300.0, 200.0, -400.0])
     starts = [good[0], nan, good[1], wild, good[2]]
     batch = jax.tree.map(lambda *rows: jnp.stack(rows), *starts)
-    made = planner(guesses=6)
+    made = planner()
     plans = eqx.filter_jit(jax.vmap(lambda start: made.quickest(NOW, start)))(batch)
     assert plans.status[1] == plans.status[3] == PlanStatus.FAILED
     for number in (0, 2, 4):

@@ -39,14 +39,12 @@ def sampled(times):
 @pytest.mark.slow
 @pytest.mark.parametrize("run", [continuous, sampled])
 def test_the_saved_times_do_not_matter(run):
-    """The same instant and effort from two saved times, from many, and from unequal ones."""
-    found = [run(jnp.array(times)) for times in ([0.0, 20.0], np.linspace(0, 20, 201))]
-    found.append(run(jnp.array([0.0, 0.1, 7.3, 20.0])))
-    assert 0 < found[0].assessment.settled_from < 18
-    for other in found[1:]:
-        pair = map(jax.tree.leaves, (found[0].assessment, other.assessment))
-        for one, same in zip(*pair, strict=True):
-            np.testing.assert_allclose(one, same, rtol=1e-12)
+    """The same instant and effort from two saved times, and from many unequal ones."""
+    many = np.delete(np.linspace(0, 20, 201), [2, 3, 73, 118])
+    few, other = (run(jnp.array(times)).assessment for times in ([0.0, 20.0], many))
+    assert 0 < few.settled_from < 18
+    for one, same in zip(*map(jax.tree.leaves, (few, other)), strict=True):
+        np.testing.assert_allclose(one, same, rtol=1e-12)
 
 
 @pytest.mark.slow
