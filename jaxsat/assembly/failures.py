@@ -15,9 +15,6 @@ from jaxsat.scenario.thruster_tables import (
 )
 from jaxsat.vehicle import Actuators, FailureEvents, FailureKind, MagnetorquerFailures
 
-ONE_WAY = ("stuck-on", "stuck-at", "leaking")
-"""Failures that strike a two-sided thruster the way that it is declared."""
-
 
 def failing(scenario: Scenario, ideal: Actuators) -> Actuators:
     """Thrusters of `spacecraft.thruster_torque_axes` with what strikes those that work."""
@@ -36,27 +33,29 @@ def failing(scenario: Scenario, ideal: Actuators) -> Actuators:
         if one.turn_rad is not None:
             turned[:, place] = _rotated(turned[:, place], one.turn_rad)
         events.append((one, place, turned))
-    return dataclasses.replace(ideal, failures=_events(events))
+    return dataclasses.replace(ideal, failures=_events(events, None))
 
 
 def thruster_failures(
     tables: tuple[FailureTable, ...], thrusters: tuple[ThrusterTable, ...]
 ) -> FailureEvents | None:
-    """Events on working thrusters; those on one that has failed already change nothing."""
+    """Events on working thrusters; those on one that has failed already change nothing.
+
+    Kinds that strike one way of a two-sided thruster strike that which is declared.
+    """
     events = []
     places = _places(thrusters)
     nominal = working_torques(thrusters)
     for table in tables:
         number = number_of(table.of, "thruster", thrusters)
-        if number is None:
+        if number is None or not places[number]:
             continue
-        struck = places[number][:1] if table.kind in ONE_WAY else places[number]
-        for place in struck:
-            turned = nominal.copy()
-            if table.turn_rad is not None:
-                turned[:, place] = _turned(thrusters[number], nominal[:, place], table.turn_rad)
-            events.append((table, place, turned))
-    return _events(events)
+        turned = nominal.copy()
+        for place in places[number] if table.turn_rad is not None else ():
+            turned[:, place] = _turned(thrusters[number], nominal[:, place], table.turn_rad)
+        events.append((table, places[number][0], turned))
+    partner = [place for both in places for place in reversed(both)]
+    return _events(events, partner if any(len(both) > 1 for both in places) else None)
 
 
 def magnetorquer_failures(scenario: Scenario) -> MagnetorquerFailures | None:
@@ -79,7 +78,9 @@ def _kind(table: FailureTable) -> FailureKind:
     return FailureKind[table.kind.upper().replace("-", "_")]
 
 
-def _events(events: list[tuple[FailureTable, int, np.ndarray]]) -> FailureEvents | None:
+def _events(
+    events: list[tuple[FailureTable, int, np.ndarray]], partner: list[int] | None
+) -> FailureEvents | None:
     """Tables, which column each strikes, and the torques as it would turn them."""
     if not events:
         return None
@@ -89,6 +90,7 @@ def _events(events: list[tuple[FailureTable, int, np.ndarray]]) -> FailureEvents
         kind=[_kind(table) for table, _, _ in events],
         amount=[table.delay_s or table.fraction or 0.0 for table, _, _ in events],
         turned=np.stack([turned for _, _, turned in events]),
+        partner=partner,
     )
 
 

@@ -148,7 +148,7 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
             DispersibleQuantity(
                 "failed_thruster",
                 "number from 0, rounded, of the thruster that each [[failure]] of one strikes; "
-                "a two-sided one counts as two",
+                "a two-sided one counts as two, of which only what is stuck or leaks strikes one",
             ),
             DispersibleQuantity(
                 "failed_wheel",

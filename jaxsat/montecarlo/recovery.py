@@ -29,10 +29,14 @@ from jaxsat.results import Column
 from jaxsat.simulation import AbstractLoop, Outcome
 from jaxsat.simulation.parts import failures_of
 from jaxsat.vehicle import AbstractFailures, FailureKind
+from jaxsat.vehicle.failures import ONE_WAY
 
 STAY = 0.1
 """The part of the horizon for which a case must have been within the tolerances to count as
 settled then; as much as a settled case is at the end."""
+
+STUCK = [1 + kind for kind in ONE_WAY]
+"""Codes of failures of one of the two ways of a two-sided thruster."""
 
 OF_RECORD = {
     "longest_stay": Column(
@@ -188,7 +192,7 @@ class FailureRecovery:
             Recovery.ENDED_EARLY: found["code"] != int(Outcome.SUCCESS),
         }
         if "isolated_kind" in found:
-            reasons |= _errors(found)
+            reasons |= _errors(found, self.names)
         reasons[Recovery.SETTLED_THEN_LOST] = np.broadcast_to(lost, left.shape)
         return np.select(list(reasons.values()), list(map(int, reasons)), int(Recovery.TOO_SLOW))
 
@@ -199,33 +203,45 @@ def _of_wheels(column: Column) -> Column:
     return column._replace(dims=dims, long_name=column.long_name.replace("thruster", "wheel"))
 
 
-def failed_thrusters(found: Mapping[str, np.ndarray]) -> Int[np.ndarray, "cases m"]:
-    """The code of the last failure that struck each thruster, `NEVER` where none did."""
-    kinds, parts = found["failure_kind"], found["failed_part"]
+def failed_thrusters(
+    found: Mapping[str, np.ndarray], names: tuple[str, ...]
+) -> Int[np.ndarray, "cases m"]:
+    """The code of the last failure that struck each thruster, `NEVER` where none did.
+
+    The two ways of a two-sided thruster have the same one of the `names`, and fail together but
+    for the kinds `ONE_WAY`.
+    """
     verdict = found["isolated_kind"]
-    places, truth = np.arange(verdict.shape[1]), np.zeros(verdict.shape, int)
-    for event in range(kinds.shape[1]):
-        hit = (parts[:, event, None] == places) & (kinds[:, event, None] > 0)
-        truth = np.where(hit, kinds[:, event, None], truth)
+    count, truth = verdict.shape[1], np.zeros(verdict.shape, int)
+    same = np.array([[one == other for other in names[:count]] for one in names])
+    order = np.argsort(found["failure_time"], axis=1, kind="stable")
+    kinds, parts = (
+        np.take_along_axis(np.asarray(found[name]), order, axis=1)
+        for name in ("failure_kind", "failed_part")
+    )
+    for kind, part in zip(kinds.T, parts.T, strict=True):
+        alone = (part[:, None] == np.arange(count)) | ~np.isin(kind, STUCK)[:, None]
+        hit = same[part] & alone & (kind > NEVER)[:, None]
+        truth = np.where(hit, kind[:, None], truth)
     return truth
 
 
-def wrong_kind(found: Mapping[str, np.ndarray]) -> np.ndarray:
+def wrong_kind(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
     """Which thrusters (cases, m) are isolated as what they are not, where they could be right."""
-    truth, verdict = failed_thrusters(found), found["isolated_kind"]
+    truth, verdict = failed_thrusters(found, names), found["isolated_kind"]
     right = np.array([HYPOTHESES.get(code, NEVER) for code in range(len(FAILURES))])[truth]
     return (right != NEVER) & (verdict > NEVER) & (verdict != right)
 
 
-def _errors(found: Mapping[str, np.ndarray]) -> dict[Recovery, np.ndarray]:
+def _errors(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> dict[Recovery, np.ndarray]:
     """What a diagnosis got wrong of every case."""
-    truth, verdict = failed_thrusters(found), found["isolated_kind"]
+    truth, verdict = failed_thrusters(found, names), found["isolated_kind"]
     of_thruster = (found["failure_kind"] > NEVER) & (found["failed_part"] < truth.shape[1])
     wrong = {
         Recovery.MISSED_DETECTION: of_thruster & np.isnan(found["detection_time"]),
         Recovery.WRONG_THRUSTER_ISOLATED: (truth == NEVER) & (verdict > NEVER),
         Recovery.NOT_ISOLATED: (truth > NEVER) & (verdict == NEVER),
-        Recovery.WRONG_KIND_ISOLATED: wrong_kind(found),
+        Recovery.WRONG_KIND_ISOLATED: wrong_kind(found, names),
     }
     return {reason: np.asarray(one.any(axis=1)) for reason, one in wrong.items()}
 

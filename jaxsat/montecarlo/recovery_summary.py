@@ -117,11 +117,11 @@ def summarise_recovery(dataset: Mapping[Any, Any], done: np.ndarray) -> Recovery
     told = [name for name in (*COLUMNS, *OF_DIAGNOSIS) if name in dataset]
     found = {name: np.asarray(dataset[name])[done] for name in told}
     kinds = _kind_names(found["failure_kind"])
-    rows = [_of_kind(kind, _only(found, kinds == kind)) for kind in _in_order(kinds)]
-    if len(rows) > 1:
-        rows.append(_of_kind(ALL, found))
-    healthy = np.minimum(found["failure_time"].min(axis=1), found["ended_at"])
     names = flags_of(dataset["failed_part"]) or _numbered(found)
+    rows = [_of_kind(kind, _only(found, kinds == kind), names) for kind in _in_order(kinds)]
+    if len(rows) > 1:
+        rows.append(_of_kind(ALL, found, names))
+    healthy = np.minimum(found["failure_time"].min(axis=1), found["ended_at"])
     lost = np.flatnonzero(found["recovery"] != Recovery.RECOVERED)
     return RecoverySummary(
         rows,
@@ -136,7 +136,7 @@ def summarise_recovery(dataset: Mapping[Any, Any], done: np.ndarray) -> Recovery
 
 def _numbered(found: Mapping[str, np.ndarray]) -> tuple[str, ...]:
     isolated = found.get("isolated_kind")
-    count = found["failed_part"].max() + 1 if isolated is None else isolated.shape[1]
+    count = max(found["failed_part"].max() + 1, 0 if isolated is None else isolated.shape[1])
     return tuple(f"part {number + 1}" for number in range(count))
 
 
@@ -208,7 +208,7 @@ def _in_order(kinds: np.ndarray) -> list[str]:
     return sorted(there, key=place)
 
 
-def _of_kind(kind: str, found: Mapping[str, np.ndarray]) -> KindRecovery:
+def _of_kind(kind: str, found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindRecovery:
     codes = found["recovery"]
     cases, settled = len(codes), int((codes == Recovery.RECOVERED).sum())
     recoverable = cases - int((codes == Recovery.UNRECOVERABLE).sum())
@@ -224,17 +224,17 @@ def _of_kind(kind: str, found: Mapping[str, np.ndarray]) -> KindRecovery:
             for reason in Recovery
             if reason != Recovery.RECOVERED and (codes == reason).any()
         },
-        _diagnosis(found) if "isolated_kind" in found and kind != NONE else None,
+        _diagnosis(found, names) if "isolated_kind" in found and kind != NONE else None,
     )
 
 
-def _diagnosis(found: Mapping[str, np.ndarray]) -> KindDiagnosis:
-    truth, verdict = failed_thrusters(found), found["isolated_kind"]
+def _diagnosis(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindDiagnosis:
+    truth, verdict = failed_thrusters(found, names), found["isolated_kind"]
     at, alarm = found["failure_time"], found["detection_time"]
     struck = (found["failure_kind"] != NEVER) & (found["failed_part"] < truth.shape[1])
     delay = np.where(struck, alarm - at, np.nan)
     exactly = ((truth != NEVER) == (verdict != NEVER)).all(axis=1) & (truth != NEVER).any(axis=1)
-    right = exactly & ~wrong_kind(found).any(axis=1)
+    right = exactly & ~wrong_kind(found, names).any(axis=1)
     isolated = [
         found["isolation_time"][case, found["failed_part"][case, event]] - alarm[case, event]
         for case, event in itertools.product(*map(range, struck.shape))

@@ -99,20 +99,19 @@ def _levels(
     now_and_then = kinds == FailureKind.INTERMITTENT
     kinds = np.where(now_and_then, float(FailureKind.DELAYED), kinds)
     amounts = np.nan_to_num(struck["failure_amount"][:, : nominal.count])
+    at = np.where(kinds >= 0, struck["failure_time"][:, : nominal.count], np.inf)
 
-    def levels(thruster, kind, amount):
-        strikes = kind >= 0
-        at = jnp.where(strikes, 0.0, jnp.inf)
-        events = FailureEvents(thruster, at, kind, amount, nominal.turned)
+    def levels(thruster, at, kind, amount):
+        events = FailureEvents(thruster, at, kind, amount, nominal.turned, nominal.partner)
         if both:
-            gain, level, axes = events.two_signed(strikes, jnp.asarray(torque))
+            gain, level, axes = events.two_signed(kind >= 0, jnp.asarray(torque))
             return axes, level - jnp.abs(gain), level + jnp.abs(gain)
-        zero = jnp.zeros(())
-        found = events.condition(zero, zero, jnp.asarray(torque))
+        end = jnp.max(jnp.where(kind >= 0, at, 0.0))
+        found = events.condition(end, 0 * end, jnp.asarray(torque))
         return found.torque, found.floor, jnp.maximum(found.gain, found.floor)
 
     places = struck["failed_part"][:, : nominal.count]
-    found = jax.vmap(levels)(*map(jnp.asarray, (1.0 * places, kinds, amounts)))
+    found = jax.vmap(levels)(*map(jnp.asarray, (1.0 * places, at, kinds, amounts)))
     torques, low, high = map(np.asarray, found)
     return torques, low, high
 
@@ -140,15 +139,16 @@ def _wheels_left(
     full = np.broadcast_to(full, (wheels.count,))
     thrusters = thruster_torques_of(loop)[0].shape[1]
     kinds, amounts = struck["failure_kind"], struck["failure_amount"]
-    for case, event in np.argwhere(kinds >= dead):
+    sound = left.copy()
+    order = np.argsort(struck["failure_time"], axis=1, kind="stable")
+    for case, event in ((case, event) for case, row in enumerate(order) for event in row):
         place, kind = struck["failed_part"][case, event] - thrusters, kinds[case, event]
-        if place >= wheels.count:
+        if kind < dead or place >= wheels.count:
             continue
         stuck = kind == rubs and amounts[case, event] > (1 - LEAST_TORQUE) * full[place]
-        if stuck or kind in (dead, stopped, runs):
-            left[case, place] = False
-        silent = stuck or kind in (dead, stopped)
-        runaway[case, place] = (runaway[case, place] or kind == runs) and not silent
+        lost = stuck or kind in (dead, stopped, runs)
+        left[case, place] = sound[case, place] and not lost
+        runaway[case, place] = kind == runs
     return left, runaway
 
 

@@ -103,10 +103,10 @@ def new_figure(*, x_label: str = "", y_label: str = "", x_range: Any = None, **o
 class TimePlots:
     """Plots over one time axis: they are enlarged together and share cursor and marks.
 
-    `times` (s) are those of all signals; `marks` are instants (s) with what happens then.
+    `times` (s) are those of all signals; `marks` are instants (s) and what happens then.
     """
 
-    def __init__(self, times: np.ndarray, marks: Mapping[str, float]):
+    def __init__(self, times: np.ndarray, marks: Sequence[tuple[float, str]]):
         start, end = float(times[0]), float(times[-1])
         self.times = times
         self.range = Range1d(
@@ -214,7 +214,7 @@ class TimePlots:
         self, made: Any, first: Any, labels: Sequence[str], unit: str, bands: Mapping[int, Any]
     ) -> None:
         """Hover, cursor and marks."""
-        for instant in self._marks.values():
+        for instant, _ in self._marks:
             dashed = {"dimension": "height", "line_dash": "dashed", "tags": [INK]}
             made.add_layout(Span(location=instant, **dashed))
         made.add_layout(self.cursor)

@@ -16,6 +16,9 @@ MOST_SAMPLES = 20_000
 THINNEST = 0.12
 """Of a side of the body, in parts of the longest one."""
 
+ONE_WAY = ("stuck-on", "stuck-at", "leaking")
+"""Failures that strike a two-sided thruster the way that it is declared."""
+
 
 def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[str, Any]:
     """One spacecraft and its motion; arrays are base64 of little-endian floats."""
@@ -45,7 +48,9 @@ def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[
         "rods": rods,
         "dipoles": None if dipoles is None else _encoded(np.nan_to_num(dipoles), "<f4"),
         "phases": phases_of(dataset),
-        "failures": [{"what": what, "at": at} for what, at in failures_of(scenario).items()],
+        "failures": [
+            {"what": what, "at": at} for at, what in failures_of(scenario, dataset["time"].values)
+        ],
         "target": law is None or law.declaration.regulates_attitude,
         "thinned": int(every),
     }
@@ -68,12 +73,14 @@ def body_box(scenario: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     return axes.T, np.maximum(sides, THINNEST)
 
 
-def failures_of(scenario: Mapping[str, Any]) -> dict[str, float]:
-    """When what fails in flight, s, such as {"thruster 3 dead": 300}."""
-    found: dict[str, float] = {}
-    for table in scenario.get("failure", ()):
-        found[f"{table.get('of', '')} {table.get('kind', 'fails')}"] = float(table.get("at_s", 0.0))
-    return found
+def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[float, str]]:
+    """When (s) what fails until the last of the times, in order, such as (300, "wheel 2 dead")."""
+    found = [
+        (at, f"{table.get('of', '')} {table.get('kind', 'fails')}")
+        for table in scenario.get("failure", ())
+        if (at := float(table.get("at_s", 0.0))) <= times[-1]
+    ]
+    return sorted(found)
 
 
 def phases_of(dataset: xr.Dataset) -> list[dict[str, Any]]:
@@ -91,12 +98,23 @@ def phases_of(dataset: xr.Dataset) -> list[dict[str, Any]]:
     ]
 
 
-def _failed_from(scenario: Mapping[str, Any], kind: str, name: str) -> tuple[float | None, str]:
-    """From when on a part has failed and how; None where it never does."""
-    for table in scenario.get("failure", ()):
-        if str(table.get("of", "")) == f"{kind} {name}":
-            return float(table.get("at_s", 0.0)), str(table.get("kind", ""))
-    return None, ""
+def _failures_of_part(
+    scenario: Mapping[str, Any], kind: str, name: str, gone: bool, way: int = 1
+) -> list[dict[str, Any]]:
+    """From when on (s) a part has failed and how, in order of time; each replaces the one before.
+
+    It may be `gone` before the start. What is stuck or leaks leaves the way -1 of a two-sided
+    thruster as it is.
+    """
+    if gone:
+        return [{"at": 0.0, "kind": "failed"}]
+    found = [
+        {"at": float(table.get("at_s", 0.0)), "kind": str(table.get("kind", ""))}
+        for table in scenario.get("failure", ())
+        if str(table.get("of", "")) == f"{kind} {name}"
+        and (way > 0 or table.get("kind") not in ONE_WAY)
+    ]
+    return sorted(found, key=lambda one: one["at"])
 
 
 def _thrusters(
@@ -112,7 +130,6 @@ def _thrusters(
     drawn, column = [], 0
     for place, table in enumerate(tables, 1):
         name = str(table.get("name", place))
-        since, kind = _failed_from(scenario, "thruster", name)
         gone = bool(table.get("failed"))
         for sign in (1, -1)[: 1 + bool(table.get("two_sided"))]:
             force = _unit(table.get("direction"), sign)
@@ -122,8 +139,7 @@ def _thrusters(
                     "position": table.get("position_m"),
                     "force": force,
                     "axis": _torque_axis(table, sign),
-                    "failed": 0.0 if gone else since,
-                    "kind": "failed" if gone else kind,
+                    "failures": _failures_of_part(scenario, "thruster", name, gone, sign),
                     "column": column if known and not gone else None,
                 }
             )
@@ -140,8 +156,7 @@ def _ideal_thrusters(scenario: Mapping[str, Any]) -> list[dict[str, Any]]:
             "position": None,
             "force": None,
             "axis": _unit(axis, 1),
-            "failed": 0.0 if place in failed else None,
-            "kind": "failed" if place in failed else "",
+            "failures": _failures_of_part(scenario, "thruster", str(place), place in failed),
             "column": None,
         }
         for place, axis in enumerate(spacecraft.get("thruster_torque_axes") or (), 1)
@@ -167,11 +182,8 @@ def _along_axes(
     drawn = []
     for place, table in enumerate(tables, 1):
         name = str(table.get("name", place))
-        since, how = _failed_from(scenario, kind, name)
-        since, how = (0.0, "failed") if table.get("failed") else (since, how)
-        drawn.append(
-            {"name": name, "axis": _unit(table.get("axis"), 1), "failed": since, "kind": how}
-        )
+        failures = _failures_of_part(scenario, kind, name, bool(table.get("failed")))
+        drawn.append({"name": name, "axis": _unit(table.get("axis"), 1), "failures": failures})
     if signal not in data or data[signal].shape[1] != len(tables):
         return drawn, None
     values = data[signal].values

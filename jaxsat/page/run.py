@@ -3,7 +3,7 @@
 import hashlib
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -68,7 +68,7 @@ def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Section:
     """What the dataset of a run has to say; `name` is where it came from."""
     scenario = scenario_tables(dataset)
     dataset = _named_parts(_until_end(dataset), scenario)
-    failures = failures_of(scenario)
+    failures = failures_of(scenario, dataset["time"].values)
     plots = TimePlots(dataset["time"].values, failures) if len(dataset["time"]) > 1 else None
     blocks: list[Any] = [Facts("Scenario", scenario_facts(scenario))]
     if plots is not None:
@@ -116,7 +116,7 @@ def _named_parts(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> xr.Dataset
 
 
 def run_verdict(
-    dataset: xr.Dataset, scenario: Mapping[str, Any], failures: Mapping[str, float]
+    dataset: xr.Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
 ) -> Verdict:
     """When it settled, within what, by which law, and what failed on the way."""
     law = str(scenario.get("control", {}).get("law", "unknown"))
@@ -133,7 +133,7 @@ def run_verdict(
         settled = time_at_rest(dataset)
         within = rate.replace("_r", "")
     end = f"{number(float(dataset['time'][-1]), 6)} s"
-    more = [f"{capitalised(what)} at {number(at, 6)} s." for what, at in failures.items()]
+    more = [f"{capitalised(what)} at {number(at, 6)} s." for at, what in failures]
     if int(dataset.attrs.get("outcome_code", 0)) != 0:
         reason = dataset.attrs.get("outcome_explanation", "it failed")
         return Verdict(False, f"The run ended early, at {end}: {reason}.", more)

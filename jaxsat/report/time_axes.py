@@ -67,12 +67,12 @@ def finish(
 
 
 def failures(dataset: xr.Dataset) -> list[tuple[float, str]]:
-    """When (s) something fails during the run, and what, from the scenario of the dataset."""
+    """When (s) something fails during the run, and what, by the scenario; in order of time."""
     tables = tomllib.loads(dataset.attrs.get("scenario", "")).get("failure", [])
     end = float(dataset["time"][-1])
-    return [
+    return sorted(
         (float(one["at_s"]), f"{one['of']}: {one['kind']}") for one in tables if one["at_s"] <= end
-    ]
+    )
 
 
 def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:

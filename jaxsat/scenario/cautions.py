@@ -6,6 +6,7 @@ from jaxsat.inertia import torque_axis_frame
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.domain import believed_normal_form, domain_cautions
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.failure_cautions import failure_cautions
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import believed_axes
@@ -34,6 +35,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *domain_cautions(scenario),
         *_holding_cautions(scenario),
         *_one_torque_cautions(scenario),
+        *failure_cautions(scenario),
     ]
 
 

@@ -2,7 +2,7 @@
 
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
-from jaxsat.scenario.rules import rule
+from jaxsat.scenario.rules import rule, rule_over
 from jaxsat.scenario.thruster_tables import (
     IDEAL_FAILURES,
     MAGNETORQUER_FAILURES,
@@ -27,6 +27,19 @@ def _failures_have_something_to_strike(failures, thrusters, axes, wheels, magnet
             names = [f'"{part} {name}"' for part, all in parts.items() for name in names_of(all)]
             few = f"one of {', '.join(names[:6])}" if names else "an actuator"
             yield Issue(("failure", number, "of"), f"must name {few}, got {shown(one.of)}")
+
+
+@rule("failure")
+def _one_actuator_fails_once_at_a_time(failures):
+    for number, one in enumerate(failures):
+        for before, other in enumerate(failures[:number], 1):
+            if (one.of, one.at_s) == (other.of, other.at_s):
+                yield Issue(
+                    ("failure", number, "at_s"),
+                    f"must differ from that of failure {before}: of two failures of {one.of} the "
+                    f"later one replaces the earlier, and at one instant neither is (here "
+                    f'"{other.kind}" and "{one.kind}"), got {shown(one.at_s)}',
+                )
 
 
 @rule("failure", "thruster")
@@ -107,6 +120,33 @@ def _failures_suit_the_law(failures, law):
                 ("failure", number, "friction_N_m"),
                 f'must be left out under the law "{law}", whose torque changes all the time: '
                 f"Coulomb friction needs a sampled law, got {shown(one.friction_N_m)}",
+            )
+
+
+@rule_over("failure", "control.law")
+def _what_has_seized_stays_so_under_a_continuous_law(values):
+    """Where it may be freed by a later failure of the same wheel, or by one that is drawn so."""
+    law, failures = values["control.law"], values["failure"]
+    if find_law(law).declaration.sampled:
+        return
+    drawn = {
+        name: any(key.startswith(f"dispersion.{name}.") for key in values)
+        for name in ("failure_time_s", "failure_kind", "failed_wheel")
+    }
+    wheels = [(number, one) for number, one in enumerate(failures) if one.part == "wheel"]
+    for number, one in wheels:
+        frees = any(
+            (other.of == one.of or drawn["failed_wheel"])
+            and (other.kind == "stopped" or drawn["failure_kind"])
+            and (other.at_s < one.at_s or drawn["failure_time_s"])
+            for place, other in wheels
+            if place != number
+        )
+        if frees:
+            yield Issue(
+                ("failure", number, "of"),
+                f'must not be a wheel that may have "stopped" before, under the law "{law}": only '
+                f"a sampled law lets one that has seized turn again, got {shown(one.of)}",
             )
 
 

@@ -166,7 +166,10 @@ FailureName = Literal[
 
 
 class FailureTable(Table):
-    """`[[failure]]`: what happens to an actuator in flight; the law is not told."""
+    """`[[failure]]`: what happens to an actuator in flight; the law is not told.
+
+    Of several failures of one actuator the later one replaces the earlier.
+    """
 
     of: Line = choice(
         'What fails, such as "thruster 3", "wheel 2", "magnetorquer 1" or "thruster" and its name'

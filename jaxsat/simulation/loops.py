@@ -111,7 +111,7 @@ class ContinuousLoop(AbstractContinuousLoop):
 
     `struck` tells which failures of thrusters and then of wheels have struck, see `smooth_piece`;
     None is those whose time has come. Raises `ValueError` for wheels with Coulomb friction, at
-    once or after a failure.
+    once or after a failure, and for one that has seized and fails once more.
     """
 
     plant: RigidBody
@@ -129,6 +129,11 @@ class ContinuousLoop(AbstractContinuousLoop):
             raise ValueError(
                 "Wheels with Coulomb friction must have a command that is held, which that of a "
                 "continuous controller is not."
+            )
+        if wheels.failures is not None and wheels.failures.frees_a_wheel():
+            raise ValueError(
+                "A wheel that has seized must not fail once more under a continuous controller, "
+                "whose state has no jump of the momentum that the body got."
             )
 
     def is_smooth(self) -> bool:

@@ -1,5 +1,6 @@
 """What happens to a thruster in flight: failures as events at a time."""
 
+import abc
 import enum
 from typing import NamedTuple
 
@@ -7,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.checks import as_float
+from jaxsat.checks import as_float, as_optional_float
 
 
 class FailureKind(enum.IntEnum):
@@ -33,16 +34,33 @@ class FailureKind(enum.IntEnum):
     """It makes the opposite of the torque it should; one that has both signs."""
 
 
+ONE_WAY = (FailureKind.STUCK_ON, FailureKind.STUCK_AT, FailureKind.LEAKING)
+"""Kinds, one after another, that strike one of the two valves of a two-sided thruster."""
+
 CYCLE = 10.0
 """s, in which an intermittent thruster works and fails."""
+
+SOUND = -1.0
+"""In place of a kind: nothing has failed."""
+
+
+class LastFailure(NamedTuple):
+    """The event that each of m actuators is under: its place among all, -1 for none, its `kind`,
+    `SOUND` for none, its `amount`, and `since` when (s)."""
+
+    event: Float[Array, " m"]
+    kind: Float[Array, " m"]
+    amount: Float[Array, " m"]
+    since: Float[Array, " m"]
 
 
 class AbstractFailures(eqx.Module):
     """F failures: of one actuator each, by its number from 0, `at` (s), of a `kind`, by an amount.
 
-    The numbers are arrays, so that cases which differ in what fails, how and when share one
-    program; that of the actuator and `kind` are rounded, which lets a study draw them. A time of
-    infinity is never.
+    They act in the order of their times, and each replaces what struck its actuator before; of
+    those at one instant the last one does. The numbers are arrays, so that cases which differ in
+    what fails, how and when share one program; that of the actuator and `kind` are rounded, which
+    lets a study draw them. A time of infinity is never.
     """
 
     at: eqx.AbstractVar[Float[Array, " f"]]
@@ -50,15 +68,37 @@ class AbstractFailures(eqx.Module):
     amount: eqx.AbstractVar[Float[Array, " f"]]
 
     @property
+    @abc.abstractmethod
+    def number(self) -> Float[Array, " f"]:
+        """That of the actuator which each strikes."""
+
+    @property
     def count(self) -> int:
         """How many events there are."""
         return self.at.shape[0]
+
+    def hit(self, event: int, count: int) -> Bool[Array, " m"]:
+        """Which of `count` actuators an event strikes."""
+        return jnp.arange(count) == jnp.round(self.number[event])
+
+    def last(self, struck: Bool[Array, " f"], count: int) -> LastFailure:
+        """What each of `count` actuators is under once those events have struck."""
+        none = jnp.full(count, SOUND)
+        found = LastFailure(none, none, 0 * none, none - jnp.inf)
+        for event in range(self.count):
+            newer = self.hit(event, count) & struck[event] & (self.at[event] >= found.since)
+            this = (float(event), jnp.round(self.kind[event]), self.amount[event], self.at[event])
+            found = LastFailure(*map(lambda new, old: jnp.where(newer, new, old), this, found))
+        return found
 
 
 class FailureEvents(AbstractFailures):
     """Failures of thruster number `thruster`, of a `FailureKind`.
 
     `turned` (F, 3, m) are the torques (N m) of all thrusters as each event would turn them.
+    `partner` (m,) is, for each of the two ways of a two-sided thruster, the number of the other
+    one, and for others their own; None where there are none of these. An event strikes both ways
+    but for the kinds `ONE_WAY`.
     """
 
     thruster: Float[Array, " f"] = eqx.field(converter=as_float)
@@ -66,6 +106,21 @@ class FailureEvents(AbstractFailures):
     kind: Float[Array, " f"] = eqx.field(converter=as_float)
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
     turned: Float[Array, "f 3 m"] = eqx.field(converter=as_float)
+    partner: Float[Array, " m"] | None = eqx.field(converter=as_optional_float, default=None)
+
+    @property
+    def number(self) -> Float[Array, " f"]:
+        """That of the thruster which each strikes."""
+        return self.thruster
+
+    def hit(self, event: int, count: int) -> Bool[Array, " m"]:
+        """Which thrusters an event strikes, each way of a two-sided one on its own."""
+        one = super().hit(event, count)
+        if self.partner is None:
+            return one
+        kind = jnp.round(self.kind[event])
+        both = (kind < min(ONE_WAY)) | (kind > max(ONE_WAY))
+        return one | ((self.partner == jnp.round(self.thruster[event])) & both)
 
     def condition(
         self, t: Float[Array, ""], now: Float[Array, ""], torque: Float[Array, "3 m"]
@@ -75,18 +130,20 @@ class FailureEvents(AbstractFailures):
         Their torques in order are `torque`. Whether a valve is late, and whether an intermittent
         thruster works, is judged at the sample.
         """
-        found = Condition.sound(torque)
-        for event in range(self.count):
-            begin = self.at[event] - t
-            hit = jnp.arange(torque.shape[1]) == jnp.round(self.thruster[event])
-            found = found.after(
-                jnp.round(self.kind[event]),
-                self.amount[event],
-                self.turned[event],
-                hit & (now >= begin),
-                -begin,
-            )
-        return found
+        last = self.last(now >= self.at - t, torque.shape[1])
+        kind, amount = last.kind, last.amount
+        pauses = kind == FailureKind.INTERMITTENT
+        since = t - jnp.where(pauses, last.since, t)
+        within = since - CYCLE * jnp.floor(since / CYCLE)
+        silent = (kind == FailureKind.DEAD) | (kind == FailureKind.STUCK_AT)
+        silent = silent | (pauses & (within < amount * CYCLE))
+        held = (kind == FailureKind.STUCK_AT) | (kind == FailureKind.LEAKING)
+        return Condition(
+            jnp.where(silent, 0.0, jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)),
+            jnp.where(kind == FailureKind.STUCK_ON, 1.0, jnp.where(held, amount, 0.0)),
+            jnp.where(kind == FailureKind.DELAYED, amount, 0.0),
+            self._turned(last, torque),
+        )
 
     def two_signed(
         self, struck: Bool[Array, " f"], axes: Float[Array, "3 m"]
@@ -96,12 +153,14 @@ class FailureEvents(AbstractFailures):
         Their torque in parts of the limit is `gain` x commanded + `level`, along the third. They
         may be dead, degraded, stuck, turned or reversed.
         """
-        gain, level = _two_signed(self, self.thruster, struck, axes.shape[1])
+        last = self.last(struck, axes.shape[1])
+        return *_two_signed(last), self._turned(last, axes)
+
+    def _turned(self, last: LastFailure, torque: Float[Array, "3 m"]) -> Float[Array, "3 m"]:
         for event in range(self.count):
-            hit = (jnp.arange(gain.size) == jnp.round(self.thruster[event])) & struck[event]
-            turns = hit & (jnp.round(self.kind[event]) == FailureKind.TURNED)
-            axes = jnp.where(turns[None], self.turned[event], axes)
-        return gain, level, axes
+            turns = (last.event == event) & (last.kind == FailureKind.TURNED)
+            torque = jnp.where(turns[None], self.turned[event], torque)
+        return torque
 
 
 class MagnetorquerFailures(AbstractFailures):
@@ -116,33 +175,27 @@ class MagnetorquerFailures(AbstractFailures):
     kind: Float[Array, " f"] = eqx.field(converter=as_float)
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
 
+    @property
+    def number(self) -> Float[Array, " f"]:
+        """That of the magnetorquer which each strikes."""
+        return self.magnetorquer
+
     def two_signed(
         self, struck: Bool[Array, " f"], count: int
     ) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
         """State of so many magnetorquers: their dipole is `gain` x commanded + `level` x limit."""
-        return _two_signed(self, self.magnetorquer, struck, count)
+        return _two_signed(self.last(struck, count))
 
 
-def _two_signed(
-    events: FailureEvents | MagnetorquerFailures,
-    struck_one: Float[Array, " f"],
-    struck: Bool[Array, " f"],
-    count: int,
-) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-    """Gain and level of each of `count` actuators of either sign, of which events strike one."""
-    gain = jnp.ones(count)
-    level = jnp.zeros_like(gain)
-    for event in range(events.count):
-        hit = (jnp.arange(count) == jnp.round(struck_one[event])) & struck[event]
-        kind, amount = jnp.round(events.kind[event]), events.amount[event]
-        stuck = (kind == FailureKind.STUCK_ON) | (kind == FailureKind.STUCK_AT)
-        held = jnp.where(kind == FailureKind.STUCK_ON, 1.0, amount)
-        left = jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)
-        left = jnp.where(kind == FailureKind.REVERSED, -1.0, left)
-        left = jnp.where(stuck | (kind == FailureKind.DEAD), 0.0, left)
-        gain = jnp.where(hit, gain * left, gain)
-        level = jnp.where(hit, jnp.where(stuck, held, left * level), level)
-    return gain, level
+def _two_signed(last: LastFailure) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+    """Gain and level of each actuator of either sign."""
+    kind, amount = last.kind, last.amount
+    stuck = (kind == FailureKind.STUCK_ON) | (kind == FailureKind.STUCK_AT)
+    held = jnp.where(kind == FailureKind.STUCK_ON, 1.0, amount)
+    left = jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)
+    left = jnp.where(kind == FailureKind.REVERSED, -1.0, left)
+    left = jnp.where(stuck | (kind == FailureKind.DEAD), 0.0, left)
+    return left, jnp.where(stuck, held, 0.0)
 
 
 class Condition(NamedTuple):
@@ -158,20 +211,3 @@ class Condition(NamedTuple):
         """Nothing has failed."""
         one = jnp.ones(torque.shape[1])
         return Condition(one, 0 * one, 0 * one, torque)
-
-    def after(self, kind, amount, turned, hit, since) -> "Condition":
-        """With one more event, which hits some thrusters; `since` s later was the last sample."""
-        within = since - CYCLE * jnp.floor(since / CYCLE)
-        silent = (kind == FailureKind.DEAD) | (kind == FailureKind.STUCK_AT)
-        silent = silent | ((kind == FailureKind.INTERMITTENT) & (within < amount * CYCLE))
-        gain = jnp.where(silent, 0.0, jnp.where(kind == FailureKind.DEGRADED, amount, 1.0))
-        held = (kind == FailureKind.STUCK_AT) | (kind == FailureKind.LEAKING)
-        floor = jnp.where(kind == FailureKind.STUCK_ON, 1.0, jnp.where(held, amount, 0.0))
-        late = jnp.where(kind == FailureKind.DELAYED, amount, 0.0)
-        turns = hit & (kind == FailureKind.TURNED)
-        return Condition(
-            jnp.where(hit, self.gain * gain, self.gain),
-            jnp.where(hit, jnp.maximum(self.floor, floor), self.floor),
-            jnp.where(hit, self.delay + late, self.delay),
-            jnp.where(turns[None], turned, self.torque),
-        )

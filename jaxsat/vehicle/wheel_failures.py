@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.checks import as_float
+from jaxsat.checks import as_float, concrete
 from jaxsat.vehicle.failures import AbstractFailures
 
 
@@ -36,14 +37,34 @@ class WheelFailures(AbstractFailures):
     kind: Float[Array, " f"] = eqx.field(converter=as_float)
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
 
+    @property
+    def number(self) -> Float[Array, " f"]:
+        """That of the wheel which each strikes."""
+        return self.wheel
+
     def condition(self, struck: Bool[Array, " f"], wheels: int) -> "WheelCondition":
         """State of so many wheels once those events have struck."""
-        found = WheelCondition.sound(wheels)
-        for event in range(self.count):
-            hit = jnp.arange(wheels) == jnp.round(self.wheel[event])
-            kind = jnp.round(self.kind[event])
-            found = found.after(kind, self.amount[event], hit & struck[event])
-        return found
+        last = self.last(struck, wheels)
+        kind, amount = last.kind, last.amount
+        silent = (kind == WheelFailureKind.DEAD) | (kind == WheelFailureKind.STOPPED)
+        left = jnp.where(kind == WheelFailureKind.DEGRADED, amount, 1.0)
+        return WheelCondition(
+            jnp.where(silent, 0.0, left),
+            jnp.where(kind == WheelFailureKind.FRICTION_BY, amount, 1.0),
+            jnp.where(kind == WheelFailureKind.FRICTION_TO, amount, 0.0),
+            kind == WheelFailureKind.RUNAWAY,
+            kind == WheelFailureKind.STOPPED,
+        )
+
+    def frees_a_wheel(self) -> bool:
+        """Whether a wheel that has seized is struck once more, as far as the numbers are known."""
+        known = [concrete(one) for one in (self.wheel, self.at, self.kind)]
+        if any(one is None for one in known):
+            return False
+        events = sorted(zip(*map(np.asarray, known), strict=True), key=lambda one: one[1])
+        events = [(round(wheel), at, round(kind)) for wheel, at, kind in events if np.isfinite(at)]
+        stops = [one for one in events if one[2] == WheelFailureKind.STOPPED]
+        return any(one[0] == other[0] and other[1] > one[1] for one in stops for other in events)
 
 
 class WheelCondition(NamedTuple):
@@ -58,26 +79,6 @@ class WheelCondition(NamedTuple):
     coulomb: Float[Array, " wheels"]
     runaway: Bool[Array, " wheels"]
     stopped: Bool[Array, " wheels"]
-
-    @staticmethod
-    def sound(wheels: int) -> "WheelCondition":
-        """Nothing has failed."""
-        one, never = jnp.ones(wheels), jnp.zeros(wheels, bool)
-        return WheelCondition(one, one, 0 * one, never, never)
-
-    def after(self, kind, amount, hit) -> "WheelCondition":
-        """With one more event, which hits some wheels."""
-        silent = (kind == WheelFailureKind.DEAD) | (kind == WheelFailureKind.STOPPED)
-        gain = jnp.where(kind == WheelFailureKind.DEGRADED, amount, jnp.where(silent, 0.0, 1.0))
-        more = jnp.where(kind == WheelFailureKind.FRICTION_BY, amount, 1.0)
-        least = jnp.where(kind == WheelFailureKind.FRICTION_TO, amount, 0.0)
-        return WheelCondition(
-            jnp.where(hit, self.gain * gain, self.gain),
-            jnp.where(hit, self.friction * more, self.friction),
-            jnp.where(hit, jnp.maximum(self.coulomb, least), self.coulomb),
-            self.runaway | (hit & (kind == WheelFailureKind.RUNAWAY)),
-            self.stopped | (hit & (kind == WheelFailureKind.STOPPED)),
-        )
 
     def command(
         self,

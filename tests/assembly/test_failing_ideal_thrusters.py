@@ -5,7 +5,7 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.scenario import ScenarioError
+from jaxsat.scenario import ScenarioError, ScenarioWarning
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 from jaxsat.vehicle import FailureEvents, FailureKind, PulsedThrusters
 
@@ -19,7 +19,8 @@ LIMIT = "spacecraft.torque_limit_N_m=5.0"
 
 def test_events_strike_the_torques_that_work():
     """Of free-third-rate, whose third thruster has failed before the start."""
-    scenario = load("free-third-rate", [FAILURES, LIMIT])
+    with pytest.warns(ScenarioWarning, match='works at the start, .* got "thruster 3"'):
+        scenario = load("free-third-rate", [FAILURES, LIMIT])
     loop = build(scenario).loop
     assert isinstance(loop, ContinuousLoop)
     assert not loop.is_smooth()

@@ -134,13 +134,21 @@ high = 0.01
     assert one.omega.tobytes() == outputs.omega[5:6].tobytes()
 
 
+def turned_by(events):
+    """What each event makes of the torques of both ways of its thruster."""
+    ways = [
+        (event, way)
+        for event in range(events.count)
+        for way in np.flatnonzero(events.hit(event, 4))
+    ]
+    return [np.asarray(events.turned[event][:, way]) for event, way in ways]
+
+
 def test_a_thruster_is_turned_by_its_force_or_by_its_torque(tmp_path):
     quarter = 'at_s = 1\nkind = "turned"\nturn_rad = [0, 1.5707963267948966, 0]\n'
     texts = [f'[[failure]]\nof = "thruster {name}"\n{quarter}' for name in ("1", "pitch")]
     events = build(pushing(tmp_path, "".join(texts))).loop.actuators.failures
-    turned = [
-        np.asarray(events.turned[k][:, int(place)]) for k, place in enumerate(events.thruster)
-    ]
+    turned = turned_by(events)
     # A quarter turn about y leaves the force (0, -2.5, 0) at (0, 0, 2) and torques along y alone.
     expected = [[5, 0, 0], [-5, 0, 0], [0, 5, 0], [0, -5, 0]]
     np.testing.assert_allclose(turned, expected, atol=1e-12)
@@ -148,9 +156,7 @@ def test_a_thruster_is_turned_by_its_force_or_by_its_torque(tmp_path):
         text.replace("[0, 1.5707963267948966, 0]", "[1.5707963267948966, 0, 0]") for text in texts
     ]
     events = build(pushing(tmp_path, "".join(texts))).loop.actuators.failures
-    turned = [
-        np.asarray(events.turned[k][:, int(place)]) for k, place in enumerate(events.thruster)
-    ]
+    turned = turned_by(events)
     # About x the force points along -z through the centre, the torque of the second along z.
     np.testing.assert_allclose(turned, [[0, 0, 0], [0, 0, 0], [0, 0, 5], [0, 0, -5]], atol=1e-12)
 

@@ -153,6 +153,7 @@ def test_the_strength_of_each_thruster_decides_what_opposes_one_that_is_stuck_on
     """Of a pair of opposite thrusters the second is stuck on; the first is stronger, or weaker."""
     loop = build(load("thruster-dies")).loop
     struck = {
+        "failure_time": np.ones((3, 1)),
         "failure_kind": np.full((3, 1), FAILURES.index("stuck on")),
         "failed_part": np.ones((3, 1), int),
         "failure_amount": np.full((3, 1), np.nan),

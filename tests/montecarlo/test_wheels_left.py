@@ -12,8 +12,9 @@ from jaxsat.montecarlo.torques_left import torques_left
 
 
 def left(loop, *failures, momentum=(0.0, 0.0, 0.0)):
-    """Of one case: (wheel, kind, amount) of each failure."""
+    """Of one case: (wheel, kind, amount) of each failure, one second after the other."""
     struck = {
+        "failure_time": np.arange(float(len(failures)))[None],
         "failed_part": np.array([[wheel for wheel, *_ in failures]]),
         "failure_kind": np.array([[FAILURES.index(f"wheel {kind}") for _, kind, _ in failures]]),
         "failure_amount": np.array([[amount for *_, amount in failures]]),
@@ -42,6 +43,8 @@ def three():
         ([(0, "friction to", 0.37), (1, "dead", np.nan)], TorquesLeft.TWO_TORQUES),
         ([(0, "runaway", np.nan)], TorquesLeft.UNHELD_MOMENTUM),
         ([(0, "runaway", np.nan), (0, "dead", np.nan)], TorquesLeft.THREE_AXES),
+        ([(0, "dead", np.nan), (0, "runaway", np.nan)], TorquesLeft.UNHELD_MOMENTUM),
+        ([(0, "dead", np.nan), (1, "dead", np.nan), (0, "degraded", 0.5)], TorquesLeft.THREE_AXES),
     ],
 )
 def test_what_four_wheels_leave(four, failures, expected):

@@ -32,7 +32,7 @@ def test_the_verdict_says_when_it_settled_within_what_and_by_which_law(run_file,
 
 
 def test_parts_keep_the_names_that_they_were_given():
-    more = run_verdict(run_dataset(), {}, {"wheel RW-A dead": 3.0}).more
+    more = run_verdict(run_dataset(), {}, [(3.0, "wheel RW-A dead")]).more
     assert more[0] == "Wheel RW-A dead at 3 s."
 
 
@@ -58,15 +58,14 @@ def test_the_replay_has_every_saved_attitude_to_the_last_bit(page):
 def test_the_replay_draws_the_actuators_of_the_scenario_and_when_they_fail(page):
     craft = craft_of(page)
     up, down, gone = craft["thrusters"]
-    assert up["failed"] == down["failed"] == 3.5
-    assert up["kind"] == "dead"
+    assert up["failures"] == down["failures"] == [{"at": 3.5, "kind": "dead"}]
     np.testing.assert_allclose(up["force"], np.array([-1, 1, -2]) / np.sqrt(6))
     np.testing.assert_allclose(down["force"], -np.array(up["force"]))
     assert (up["column"], down["column"], gone["column"]) == (0, 1, None)
-    assert gone["failed"] == 0
+    assert gone["failures"] == [{"at": 0.0, "kind": "failed"}]
     np.testing.assert_allclose(gone["axis"], [0, 0, 1])
     (wheel,) = craft["wheels"]
-    assert wheel["failed"] is None
+    assert wheel["failures"] == []
     momentum = array(craft["momentum"], "<f4")
     np.testing.assert_allclose(momentum, run_dataset()["wheel_momentum"][:, 0] / 4, atol=1e-6)
     largest = max(abs(np.array(up["position"])) / np.array(craft["half"]))
@@ -80,14 +79,22 @@ def test_the_replay_draws_magnetorquers_and_when_they_fail():
             {"name": "rod", "axis": [0, 0, 2], "dipole_limit_A_m2": 0.5},
             {"axis": [1, 0, 0], "dipole_limit_A_m2": 0.2, "failed": True},
         ],
-        "failure": [{"of": "magnetorquer rod", "at_s": 2.0, "kind": "dead"}],
+        "failure": [
+            {"of": "magnetorquer rod", "at_s": at, "kind": kind}
+            for at, kind in ((2.0, "dead"), (1.0, "reversed"), (11.0, "stuck-on"))
+        ],
     }
     run = run_dataset()
     dipole = np.stack([np.linspace(-0.5, 0.5, len(run["time"])), 0 * run["time"].values], axis=1)
     made = craft(run.assign(dipole=(("time", "magnetorquer"), dipole)), told, "rods")
     rod, gone = made["rods"]
-    assert (rod["name"], rod["axis"], rod["failed"], rod["kind"]) == ("rod", [0, 0, 1], 2.0, "dead")
-    assert (gone["name"], gone["failed"]) == ("2", 0.0)
+    assert (rod["name"], rod["axis"]) == ("rod", [0, 0, 1])
+    assert [one["kind"] for one in rod["failures"]] == ["reversed", "dead", "stuck-on"]
+    told = [
+        {"what": f"magnetorquer rod {rod['failures'][k]['kind']}", "at": k + 1.0} for k in (0, 1)
+    ]
+    assert made["failures"] == told, "the third failure is after the end"
+    assert (gone["name"], gone["failures"]) == ("2", [{"at": 0.0, "kind": "failed"}])
     np.testing.assert_allclose(array(made["dipoles"], "<f4").reshape(-1, 2), dipole / [0.5, 0.2])
 
 

@@ -108,8 +108,9 @@ class Craft {
     });
   }
 
+  // The last failure of a part at a time, which replaces those before it.
   failedAt(part, time) {
-    return part.failed !== null && time >= part.failed;
+    return part.failures.filter((one) => time >= one.at).pop();
   }
 
   drawThrusters(painter, turned, time, colors) {
@@ -122,7 +123,8 @@ class Craft {
       if (one.position && one.force) this.drawNozzle(painter, turned, one, level, failed, colors);
       else if (one.axis) {
         const along = level === null ? dot(one.axis, Array.from(torque)) : level;
-        this.drawTorque(painter, turned, one, failed ? 0 : along, failed, colors);
+        const gone = failed && ["dead", "failed"].includes(failed.kind);
+        this.drawTorque(painter, turned, one, gone ? 0 : along, failed, colors);
       }
     }
   }
@@ -201,7 +203,7 @@ class Craft {
       ...this.data.wheels.map((one) => ["wheel", one]),
       ...this.data.rods.map((one) => ["magnetorquer", one])]
       .filter(([, one]) => this.failedAt(one, time))
-      .map(([what, one]) => `${what} ${one.name}: ${one.kind}`);
+      .map(([what, one]) => `${what} ${one.name}: ${this.failedAt(one, time).kind}`);
     const [place, part] = this.place(time);
     const next = this.error[Math.min(place + 1, this.error.length - 1)];
     parts.push(`pointing error ${(this.error[place] + part * (next - this.error[place])).toPrecision(3)}°`);
