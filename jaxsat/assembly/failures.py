@@ -51,8 +51,9 @@ def thruster_failures(
         if number is None or not places[number]:
             continue
         turned = nominal.copy()
-        for place in places[number] if table.turn_rad is not None else ():
-            turned[:, place] = _turned(thrusters[number], nominal[:, place], table.turn_rad)
+        if table.turn_rad is not None:
+            for place in places[number]:
+                turned[:, place] = _turned(thrusters[number], nominal[:, place], table.turn_rad)
         events.append((table, places[number][0], turned))
     partner = [place for both in places for place in reversed(both)]
     return _events(events, partner if any(len(both) > 1 for both in places) else None)

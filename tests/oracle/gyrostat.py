@@ -22,7 +22,7 @@ def drive_of(momentum, command, wheel):
 
 
 def failed(wheel, kind, amount):
-    """Return the wheel after a failure."""
+    """Return a sound wheel after a failure, which replaces those before it."""
     if kind == "dead":
         return wheel | {"gain": 0.0}
     if kind == "degraded":
@@ -163,14 +163,14 @@ def fly(start, omega, momenta, commands, period, *, inertia, axes, wheels, exter
     """
     c, omega, h = np.array(start, float), np.array(omega, float), np.array(momenta, float)
     rows, edges = [np.concatenate([c.ravel(), omega, h])], []
-    wheels, ahead = list(wheels), list(failures)
+    sound, wheels, ahead = list(wheels), list(wheels), list(failures)
     rotors = np.array([one["inertia"] for one in wheels])
     for number, command in enumerate(commands):
         t, last, excluded = number * period, (number + 1) * period, ()
         while t < last:
             while ahead and ahead[0][0] <= t:
                 _, which, kind, amount = ahead.pop(0)
-                wheels[which] = failed(wheels[which], kind, amount)
+                wheels[which] = failed(sound[which], kind, amount)
                 if kind == "stopped":  # by an impulse along its axis, all at once
                     others = [k for k, one in enumerate(wheels) if not one.get("stopped")]
                     absolute = h + rotors * (axes.T @ omega)

@@ -71,7 +71,7 @@ CASES = np.array(
     [  # thrusters, times, kinds, amounts
         [0, 0, NEVER, NEVER, K.DEAD, K.DEAD, 0, 0],
         [0, 1, 2.345, NEVER, K.DEAD, K.DEAD, 0, 0],
-        [1, 1, 1.5, 4.25, K.DEGRADED, K.REVERSED, 0.4, 0],
+        [1, 1, 4.25, 1.5, K.REVERSED, K.DEGRADED, 0, 0.4],  # not in the order of time
         [2, 0, 3.3, 3.3, K.STUCK_AT, K.STUCK_ON, -0.7, 0],
         [0, 0, 1.1, 5.0, K.TURNED, K.DEAD, 0, 0],
         [2, 1, 0.0, 7.999, K.REVERSED, K.STUCK_ON, 0, 0],
@@ -81,18 +81,19 @@ CASES = np.array(
 
 
 class ThreeThrusters:
-    """Gain, level and axis of three thrusters, changed by one event after the other."""
+    """Gain, level and axis of three thrusters, each as its last event leaves it."""
 
     def __init__(self):
         self.gain, self.level, self.axes = np.ones(3), np.zeros(3), AXES.copy()
 
     def strike(self, which, kind, amount):
         which = int(which)
+        self.gain[which], self.level[which], self.axes[:, which] = 1.0, 0.0, AXES[:, which]
         if kind in (K.DEAD, K.STUCK_ON, K.STUCK_AT):
             self.gain[which] = 0.0
             self.level[which] = {K.DEAD: 0.0, K.STUCK_ON: 1.0, K.STUCK_AT: amount}[kind]
         elif kind in (K.DEGRADED, K.REVERSED):
-            self.gain[which] *= amount if kind == K.DEGRADED else -1.0
+            self.gain[which] = amount if kind == K.DEGRADED else -1.0
         elif kind == K.TURNED:
             self.axes[:, which] = TURNED[:, which]
 

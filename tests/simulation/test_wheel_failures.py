@@ -38,6 +38,8 @@ FAILURES = {
     "friction to a level": [(7.3, 0, "friction-to", 0.1), NEVER],
     "runaway": [(1.3, 1, "runaway", 0.0), NEVER],
     "runaway, then stopped": [(3.21, 2, "runaway", 0.0), (9.87, 2, "stopped", 0.0)],
+    "stopped, then free again": [(5.1, 1, "stopped", 0.0), (8.7, 1, "degraded", 0.5)],
+    "friction up, then dead": [(2.3, 0, "friction-by", 8.0), (7.3, 0, "dead", 0.0)],
     "two in a period, one as it begins": [(4.0, 2, "degraded", 0.5), (4.02, 1, "stopped", 0.0)],
 }
 """(time, wheel, kind, amount); of as many events each, so that all are one program."""
@@ -96,7 +98,8 @@ def test_wheels_fail_at_their_true_instants_and_keep_the_total_momentum():
         total = Rotation.from_quat(q).apply(total)
         drift = np.abs(total - total[0]).max() / np.linalg.norm(total[0])
         assert drift < 1e-12, name
-        struck = {which for _, which, kind, _ in events if kind == "stopped"}
+        at_the_end = {which: kind for _, which, kind, _ in events}
+        struck = {which for which, kind in at_the_end.items() if kind == "stopped"}
         for which in struck:
             assert np.all(np.asarray(found.wheel_momentum)[20:, which] == 0)
 
