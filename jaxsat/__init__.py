@@ -6,16 +6,24 @@ The names for users are those of `__init__.pyi`, each imported when it is first 
 """
 
 import ast
-import importlib
 import importlib.util
+import sys
 import time
 from pathlib import Path
 from typing import Any
 
+from jaxsat.once import imported
+
 IMPORTED_NS = time.time_ns()
-"""When this was imported, before all other modules of the package."""
+"""When this was imported, before all other modules of the package but `once`."""
 
 __version__ = "0.1.0"
+
+if not getattr(sys, "_is_gil_enabled", lambda: True)():
+    raise ImportError(
+        "jaxsat must have a Python with its global interpreter lock, for threads of its machine "
+        f"code are tested with it alone, but got the free-threaded {sys.version.split()[0]}"
+    )
 
 
 def _homes() -> dict[str, str]:
@@ -31,10 +39,10 @@ __all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        return getattr(importlib.import_module(_HOMES[name]), name)
+        return getattr(imported(_HOMES[name]), name)
     place = f"jaxsat.{name}"
     if not name.startswith("_") and importlib.util.find_spec(place) is not None:
-        return importlib.import_module(place)
+        return imported(place)
     raise AttributeError(f"module 'jaxsat' has no attribute {name!r}")
 
 

@@ -1,11 +1,11 @@
 """Symmetric matrices in memories, of which a loop carries one half from sample to sample."""
 
-from functools import cache
-
 import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
+
+from jaxsat.once import once
 
 
 class Symmetric(eqx.Module):
@@ -42,7 +42,7 @@ def restored(tree: PyTree) -> PyTree:
     return jax.tree.map(whole, tree, is_leaf=lambda x: isinstance(x, _Half))
 
 
-@cache
+@once
 def _places(size: int) -> Int[np.ndarray, "n n"]:
     """Where in a half each element of the matrix is."""
     found = np.zeros((size, size), int)

@@ -11,13 +11,13 @@ convex hull nearest to zero separates the cone from the direction farthest from 
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.nonnegative import nonnegative_least_squares
+from jaxsat.once import once_property
 
 ROUNDING = 1e-9
 """Sines below this are rounding of the data, and so are columns shorter than this times the
@@ -69,7 +69,7 @@ class TorqueCone:
         """One of `KINDS`."""
         return KINDS[self.two_sided, self.span]
 
-    @cached_property
+    @once_property
     def normal(self) -> Float[np.ndarray, "3"] | None:
         """Normal n of the plane of the torques of both signs, None where these are no plane.
 

@@ -6,16 +6,17 @@ milliseconds where nested `jax.jvp` words take minutes. `lie.py` confirms it in 
 """
 
 import itertools
-from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
+
+from jaxsat.once import latest
 
 DEPTH = 7
 _LEVEL = 1e-8  # singular values below this, of normalised columns, count as zero
 
 
-@lru_cache(maxsize=4)
+@latest(4)
 def _monomials(degree: int):
     """Exponents up to a degree, derivative matrices, multiplication by small monomials."""
     powers = [p for p in itertools.product(range(degree + 1), repeat=3) if sum(p) <= degree]

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -27,6 +26,7 @@ from jaxsat.controllability.linear import (
 from jaxsat.controllability.local import LocalControllability, small_time_local_controllability
 from jaxsat.controllability.pointwise import rank_at_state
 from jaxsat.controllability.wording import rank_verdict
+from jaxsat.once import once_property
 
 # Directions in no special position, for "moving" and "disturbed" states.
 _MOVING = np.array([0.6180, -0.5291, 0.8437])
@@ -78,19 +78,19 @@ class Analysis:
     disturbance: Float[np.ndarray, "3"] | None
     orbit_rate: float
 
-    @cached_property
+    @once_property
     def away_from_rest(self) -> dict[str, int]:
         """How the rank rises with motion and with T_d; see `ranks_away_from_rest`."""
         return ranks_away_from_rest(self.inertia, self.reached, self.disturbance)
 
-    @cached_property
+    @once_property
     def local(self) -> LocalControllability:
         """Small-time local controllability at rest; see `small_time_local_controllability`."""
         return small_time_local_controllability(
             self.inertia, self.torque_axes, tolerance=self.tolerance
         )
 
-    @cached_property
+    @once_property
     def linear(self) -> LinearControllability | None:
         """The system linearised in the orbit frame, None where that is no equilibrium."""
         try:

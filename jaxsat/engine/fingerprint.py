@@ -7,7 +7,6 @@ wishes to XLA.
 
 import dataclasses
 import enum
-import functools
 import hashlib
 import inspect
 import operator
@@ -22,6 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
 from jaxtyping import PyTree
+
+from jaxsat.once import once
 
 if TYPE_CHECKING:
     from jaxsat.engine.interface import AbstractEngine, Mode
@@ -114,7 +115,7 @@ def _kind(aval: Any) -> str:
     return type(aval).__name__ if dtype is None else f"{_name(dtype)}{list(aval.shape)}"
 
 
-_name = functools.cache(str)  # NumPy takes its time for the name of a type
+_name = once(str)  # NumPy takes its time for the name of a type
 
 
 def _of_array(value: Any, aval: Any = None) -> str:

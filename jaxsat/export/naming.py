@@ -1,13 +1,13 @@
 """Names and comments of C files: identifiers from Python names, prose that ends no comment."""
 
 import ast
-import functools
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from jaxsat.export.reserved import WORDS, is_reserved
+from jaxsat.once import once
 
 _LETTERS = {
     "×": "x", "·": "*", "⊗": "(x)", "→": "->", "∫": "integral ", "Σ": "sum ", "√": "sqrt ",
@@ -98,7 +98,7 @@ def assigned_name(file: str, line: int) -> str | None:
     return None
 
 
-@functools.cache
+@once
 def _statements(file: str) -> dict[int, ast.stmt]:
     """Statements by each of the lines that they take; the innermost one."""
     tree = _tree(file)
@@ -147,7 +147,7 @@ def _statements_of(file: str) -> list[ast.stmt]:
     return [] if tree is None else tree.body
 
 
-@functools.cache
+@once
 def _tree(file: str) -> ast.Module | None:
     try:
         return ast.parse(Path(file).read_text(encoding="utf-8"))

@@ -5,8 +5,6 @@ alone (and, for Latin hypercubes, on the study's size), whatever else is asked f
 """
 
 import abc
-import functools
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat import noise
+from jaxsat.once import latest
 
 MAX_CASE_SIZE = 2**32 - 1
 _BITS = 52
@@ -119,7 +118,7 @@ def _draws(keys: tuple[np.ndarray, np.ndarray], count: int) -> np.ndarray:
     return (mantissa | one).view(dtype) - dtype.type(1) + info.epsneg
 
 
-@functools.lru_cache(maxsize=64)
+@latest(64)
 def _hypercube(seed: int, name: str, count: int, size: int) -> np.ndarray:
     from scipy.stats import qmc  # takes its time, and most studies draw independently
 
@@ -134,10 +133,8 @@ def _sobol_run(dimension: int, first: int, count: int) -> np.ndarray:
     sequence = qmc.Sobol(dimension, scramble=False)
     if first:
         sequence.fast_forward(first)
-    # a run is a piece of the study's sequence, which SciPy cannot know
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "The balance properties", UserWarning)
-        return sequence.random(count)
+    # a run is a piece of the study's sequence; of one number first, SciPy does not warn of that
+    return np.concatenate([sequence.random(1), sequence.random(count - 1)])
 
 
 def _shift(seed: int, name: str, count: int) -> np.ndarray:

@@ -4,7 +4,6 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +28,7 @@ from jaxsat.montecarlo.executors import AbstractExecutor, Serial
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.montecarlo.recovery import FailureRecovery
 from jaxsat.montecarlo.statistics import AbstractStopRule
+from jaxsat.once import once_property
 from jaxsat.pointing import pointing_error
 from jaxsat.results import Column, OutputError, StudyStore, machine
 from jaxsat.results.chunks import Coordinate, chunk_numbers
@@ -76,7 +76,7 @@ class Study:
         """How a case is made."""
         return self.program.case_factory  # pyright: ignore[reportReturnType]
 
-    @cached_property
+    @once_property
     def failures(self) -> FailureRecovery | None:
         """What tells of failures in flight; None where there are none."""
         program, copies = self.program, self.case_factory
@@ -288,7 +288,7 @@ class _ChunkWork:
         numbers = chunk_numbers(chunk, self.chunk, self.count)
         return self.study.values(numbers)
 
-    @cached_property
+    @once_property
     def _program_here(self) -> dict[str, Any]:
         """What the program is in this process, whose law or libraries may be others."""
         return self.study.program_identity()

@@ -2,12 +2,13 @@
 
 import abc
 import bisect
-import functools
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
+
+from jaxsat.once import latest
 
 LEVEL = 0.95
 
@@ -99,7 +100,7 @@ def percentile(values: np.ndarray, percent: float, level: float = LEVEL) -> Inte
     return Interval(_of_sorted(values, percent), low, high)
 
 
-@functools.lru_cache(maxsize=256)
+@latest(256)
 def _order_statistics(count: int, percent: float, level: float) -> tuple[int, int]:
     """How many order statistics are surely below a percentile, and from which on one is above."""
     from scipy import special  # takes its time, and a study that is computed has no use for it

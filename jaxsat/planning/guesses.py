@@ -1,12 +1,11 @@
 """Where the search for a plan begins: ways to the target with random bumps, or an earlier plan."""
 
-import functools
-
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsat.once import once
 from jaxsat.planning.transcription import STATES, PlanObjective, Transcription, Unknowns
 
 RealScalar = Float[Array, ""]
@@ -22,7 +21,7 @@ LEAST_DURATION, LEAST_REST = 0.5, 0.05
 """Of a guess, and of what is left of an earlier plan of least time, in units of τ."""
 
 
-@functools.cache
+@once
 def random_numbers(count: int) -> dict[str, Float[np.ndarray, "count ..."]]:
     """What makes the guesses differ: the same for every start, half of them for each sign of q."""
     random = np.random.default_rng(0)

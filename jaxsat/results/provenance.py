@@ -1,13 +1,13 @@
 """What made a result: versions, machine and time."""
 
 import datetime
-import functools
 import importlib.metadata
 import platform
 from pathlib import Path
 from typing import Any
 
 import jaxsat
+from jaxsat.once import once
 
 PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
 
@@ -21,7 +21,7 @@ def provenance() -> dict[str, Any]:
     }
 
 
-@functools.cache
+@once
 def _versions() -> dict[str, str]:
     versions = {"jaxsat": jaxsat.__version__, "python": platform.python_version()}
     return versions | {name: importlib.metadata.version(name) for name in PACKAGES}
@@ -43,7 +43,7 @@ def machine() -> dict[str, Any]:
     }
 
 
-@functools.cache
+@once
 def _processor() -> str:
     """The processor's name; on Linux that of its model, which `platform` does not tell."""
     try:

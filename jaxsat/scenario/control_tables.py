@@ -1,6 +1,5 @@
 """The `[control]` table, one class for each control law, made of what the law declares."""
 
-import functools
 import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from pydantic import ConfigDict, Field, SerializeAsAny, WrapValidator, create_model
 
 from jaxsat.declaration.laws import LAWS, Law
+from jaxsat.once import once
 from jaxsat.ranges import ORBIT_RATE
 from jaxsat.scenario.declared import fields_of
 from jaxsat.scenario.laws import find_law, is_plugin
@@ -37,7 +37,7 @@ class LawTable(Table):
     law: str = choice("The control law")
 
 
-@functools.cache
+@once
 def table_of(law: Law) -> type[LawTable]:
     """The class of the `[control]` table of a law."""
     fields: dict[str, Any] = {"law": (Literal[law.name], choice("The control law"))}

@@ -1,6 +1,5 @@
 """Tables of parts that a scenario names by `kind`, made of what the parts declare."""
 
-import functools
 import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import ConfigDict, SerializeAsAny, WrapValidator, create_model
 
 from jaxsat.declaration.disturbances import DISTURBANCES
+from jaxsat.once import once
 from jaxsat.scenario.declared import fields_of
 from jaxsat.scenario.plugins import ACTUATORS, DISTURBANCE, Part, PluginKind, find_part
 from jaxsat.scenario.quantities import Table, choice
@@ -37,7 +37,7 @@ class ActuatorsTable(PartTable):
     plugin: ClassVar[PluginKind] = ACTUATORS
 
 
-@functools.cache
+@once
 def table_of_part(base: type[PartTable], part: Part) -> type[PartTable]:
     """The class of the table of a part."""
 

@@ -6,7 +6,6 @@ the folder of the scenario file and the current folder too, but only where a sce
 
 import contextlib
 import difflib
-import functools
 import importlib
 import importlib.util
 import inspect
@@ -25,6 +24,7 @@ from typing import Any
 from jaxsat.declaration import LawDeclaration, PartDeclaration
 from jaxsat.declaration.sensors import ESTIMATORS
 from jaxsat.errors import FOREIGN, JaxsatError
+from jaxsat.once import once
 
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
@@ -87,7 +87,7 @@ class PluginError(JaxsatError, ValueError):
         self.key = kind.key
 
 
-@functools.cache
+@once
 def installed(kind: PluginKind) -> Mapping[str, Any]:
     """Parts of installed packages by name, not imported yet.
 

@@ -1,7 +1,6 @@
 """What pydantic finds, in the words of a scenario file: "must …, got …, did you mean …?"."""
 
 import difflib
-import functools
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -10,6 +9,7 @@ from pydantic.fields import FieldInfo
 
 from jaxsat.declaration.laws import LAWS
 from jaxsat.errors import ArgumentError
+from jaxsat.once import once
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue, Location, entry_of
 from jaxsat.scenario.laws import known_law, law_names
@@ -254,7 +254,7 @@ def _elsewhere(root: type[BaseModel], name: str, parents: list[str]) -> str:
     return f", did you mean {places[0]}?" if places else ""
 
 
-@functools.cache
+@once
 def dotted_keys(root: type[BaseModel]) -> list[tuple[str, ...]]:
     """Every key of a table class and the tables inside it."""
     found: dict[tuple[str, ...], None] = {}

@@ -1,7 +1,6 @@
 """Gradient descent from several starts, or evolution of a population without gradients, in steps
 that can be interrupted and resumed."""
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -12,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxsat.engine import Outputs
+from jaxsat.once import latest
 from jaxsat.simulation import Outcome
 from jaxsat.tuning.evolution import next_population
 from jaxsat.tuning.optimisers import OptimiserSettings
@@ -241,7 +241,7 @@ def _validated(plan: TuningPlan, state: DescentState) -> DescentState:
     return state
 
 
-@functools.lru_cache(maxsize=32)
+@latest(32)
 def _transformation(descent: OptimiserSettings, steps: int):
     """optax, for all starts beside one another so that each is clipped by itself."""
     made = descent.transformation(steps)

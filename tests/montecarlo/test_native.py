@@ -33,18 +33,15 @@ def whole():
 @pytest.fixture
 def calls(monkeypatch):
     """The names of the threads that run machine code."""
-    seen, run = [], kernel.RUN
+    study, seen = compiled(), []
+    functions = study.engine.kernel(study.program, study.cases(np.arange(2)))._functions
+    run = functions["run"]
 
-    def noted(address):
-        function = run(address)
+    def call(*arguments):
+        seen.append(threading.current_thread().name)
+        return run(*arguments)
 
-        def call(*arguments):
-            seen.append(threading.current_thread().name)
-            return function(*arguments)
-
-        return call
-
-    monkeypatch.setattr(kernel, "RUN", noted)
+    monkeypatch.setitem(functions, "run", call)
     return seen
 
 

@@ -39,6 +39,7 @@ _BYTES = 32
 """Of the key, and of a code."""
 
 _told = threading.Event()
+_threads = threading.Lock()
 
 
 class CacheWarning(UserWarning):
@@ -117,11 +118,12 @@ def keep(name: str, content: bytes) -> None:
 
 
 def _key(place: Path) -> bytes:
-    """The key of a folder, made for the first entry. Of several writers at once the last wins."""
-    key = read(place / KEY)
-    if key is None or len(key) != _BYTES:
-        write(place / KEY, secrets.token_bytes(_BYTES))
+    """The key of a folder, made for the first entry. Of several processes at once the last wins."""
+    with _threads:
         key = read(place / KEY)
+        if key is None or len(key) != _BYTES:
+            write(place / KEY, secrets.token_bytes(_BYTES))
+            key = read(place / KEY)
     if key is None or len(key) != _BYTES:
         raise _Unusable(f"{place / KEY} does not keep what is written to it")
     return key
@@ -143,9 +145,10 @@ def _remove_oldest(place: Path) -> None:
 
 
 def _tell(error: OSError) -> None:
-    if _told.is_set():
-        return
-    _told.set()
+    with _threads:
+        if _told.is_set():
+            return
+        _told.set()
     reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)
     warnings.warn(
         f"machine code cannot be kept for later runs, which takes them longer: {reason}",

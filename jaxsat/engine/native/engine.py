@@ -1,6 +1,5 @@
 """The compiled engine: cases in the lanes of vector registers, blocks of them in threads."""
 
-import threading
 from typing import Any
 
 import equinox as eqx
@@ -29,11 +28,12 @@ from jaxsat.engine.native.trajectory import LoweredTrajectory, lower_trajectory,
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.engine.stepper import AbstractStepper
+from jaxsat.once import Locks
 from jaxsat.processors import processors
 from jaxsat.simulation import Signals
 
 _kernels: dict[Any, Kernel] = {}
-_making = threading.Lock()
+_making = Locks()
 
 
 NO_LLVMLITE = "the compiled engine must have llvmlite, which is not installed"
@@ -180,7 +180,7 @@ def _kernel(
     gains = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), np.asarray(x).dtype), gains)
     whole = (stepper, program.of_any_length())
     key = (_kind(whole), _kind(case), _kind(gains), lanes, derivatives)
-    with _making:
+    with _making(key):
         if key not in _kernels:
 
             def lowered() -> LoweredTrajectory:

@@ -19,7 +19,6 @@ protected as those of `cache`.
 """
 
 import contextlib
-import functools
 import hashlib
 import importlib.metadata
 import io
@@ -37,6 +36,7 @@ from jaxtyping import PyTree
 import jaxsat
 from jaxsat.engine.native import cache, target
 from jaxsat.engine.native.arguments import Arguments
+from jaxsat.once import once
 
 PACKAGES = (
     *("jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix"),
@@ -131,12 +131,12 @@ class _Structure(pickle.Pickler):
         return NotImplemented
 
 
-@functools.cache
+@once
 def _known_roots() -> frozenset[str]:
     return frozenset({"jaxsat", *PACKAGES, *_BUILT_IN})
 
 
-@functools.cache
+@once
 def _surroundings() -> str | None:
     """Python, the packages, and jaxsat's own files; None where these are not all known."""
     sources = sources_hash(Path(jaxsat.__file__).parent, jaxsat.IMPORTED_NS)

@@ -5,7 +5,6 @@ import itertools
 import operator
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from typing import Any
 
 import jax
@@ -21,6 +20,7 @@ from jaxsat.engine.native.entry_points import emit_entry_point
 from jaxsat.engine.native.kept import MadeKernel, kept_or_made
 from jaxsat.engine.native.threads import in_own_thread, in_threads
 from jaxsat.engine.native.trajectory import LoweredTrajectory
+from jaxsat.once import once_property
 
 PIECE = 4
 """Vectors of cases that a thread takes at a time."""
@@ -45,15 +45,15 @@ class Kernel:
     def __init__(self, lower: Callable[[], LoweredTrajectory], lanes: int, name: str | None = None):
         self._lower, self.lanes = lower, lanes
         self._made = kept_or_made(name, lambda: self._make(name is not None))
-        names = ["run", "begin", "advance", "finish"]
-        self._keep, self._addresses = _linked(self._made.code, names)
+        entries = dict.fromkeys(["begin", "advance", "finish"], ENTRY_POINT)
+        self._functions = _linked(self._made.code, {"run": RUN, **entries})
 
-    @cached_property
+    @once_property
     def trajectory(self) -> LoweredTrajectory:
         """The entry points, lowered."""
         return self._lower()
 
-    @cached_property
+    @once_property
     def operations(self) -> str:
         """The `fingerprint` of what was traced."""
         return self._made.operations or fingerprint(self.trajectory.jaxprs)
@@ -63,7 +63,7 @@ class Kernel:
         """The LLVM code."""
         return self._module.text(target.host().attributes())
 
-    @cached_property
+    @once_property
     def _module(self) -> Module:
         trajectory, lanes = self.trajectory, self.lanes
         module = Module(lanes, target.host().masks)
@@ -91,8 +91,8 @@ class Kernel:
             fingerprint(lowered.jaxprs) if whole else "",
         )
 
-    @cached_property
-    def _observing(self) -> tuple[object, dict[str, int], int]:
+    @once_property
+    def _observing(self) -> tuple[Callable[..., None], int]:
         """The entry point that only a replay needs, made for the first, and its arena's size."""
         module = Module(self.lanes, target.host().masks)
         for entry in self.trajectory.entry_points:
@@ -100,7 +100,7 @@ class Kernel:
                 emit_entry_point(module, entry)
         text = module.text(target.host().attributes())
         code = in_own_thread(lambda stopped: cache.object_code(text))
-        return *_linked(code, [OBSERVE]), module.arena
+        return _linked(code, {OBSERVE: ENTRY_POINT})[OBSERVE], module.arena
 
     def run(self, trees: Trees, intervals: int, workers: int) -> Any:
         """Outputs of all cases.
@@ -111,7 +111,7 @@ class Kernel:
         """
         inputs, count = self._taken(trees, intervals)
         outputs, leaves = _room(self._made.outputs, count)
-        run = RUN(self._addresses["run"])
+        run = self._functions["run"]
         piece = self._piece(count, workers)
         pieces = iter(range(0, count, piece))
 
@@ -148,11 +148,8 @@ class Kernel:
         inputs, count = self._taken(trees, instants[-1])
         outputs, leaves = _room(self._made.outputs, count)
         seen, now = _room(self._made.signals, count)
-        begin, advance, finish = (
-            ENTRY_POINT(self._addresses[name]) for name in ("begin", "advance", "finish")
-        )
-        _, observing, arena_size = self._observing
-        observe = ENTRY_POINT(observing[OBSERVE])
+        begin, advance, finish = (self._functions[name] for name in ("begin", "advance", "finish"))
+        observe, arena_size = self._observing
 
         def work(stopped: threading.Event) -> list[PyTree]:
             arena, history = Memory(max(self._made.arena, arena_size)), []
@@ -183,9 +180,9 @@ class Kernel:
         return Memory(self._made.state_size), cases, (numbers < count).astype(np.uint8)
 
 
-def _linked(code: bytes, names: list[str]) -> tuple[object, dict[str, int]]:
+def _linked(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
     """Machine code in memory."""
-    return in_own_thread(lambda stopped: target.loaded(code, names))
+    return in_own_thread(lambda stopped: target.loaded(code, types))
 
 
 def _room(shapes: PyTree, count: int) -> tuple[PyTree, list[np.ndarray]]:

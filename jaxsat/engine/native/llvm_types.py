@@ -1,24 +1,24 @@
 """LLVM's words for types and constants."""
 
 import struct
-from functools import cache
 
 import numpy as np
 
 from jaxsat.engine.native.ir import Value
+from jaxsat.once import once
 
 TYPES = {"float64": "double", "float32": "float", "bool": "i1"} | {
     f"{sign}int{bits}": f"i{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
 }
 
 
-@cache
+@once
 def scalar_type(dtype: np.dtype) -> str:
     """The type of one number."""
     return TYPES[dtype.name]
 
 
-@cache
+@once
 def vector_type(dtype: np.dtype, lanes: int) -> str:
     """The type of a number in every lane."""
     return f"<{lanes} x {scalar_type(dtype)}>"

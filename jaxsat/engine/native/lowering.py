@@ -9,7 +9,6 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +23,7 @@ from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value
 from jaxsat.engine.native.trace import Element, Frame, Trace
 from jaxsat.errors import JaxsatError
+from jaxsat.once import once
 
 if TYPE_CHECKING:
     Elements = Any  # type checkers know no arrays of values
@@ -245,7 +245,7 @@ def is_wrapper(file: str) -> bool:
     return file.startswith((*_WRAPPERS, "<"))
 
 
-@cache
+@once
 def number_type(dtype: Any) -> np.dtype:
     """The type of the numbers that an array of this type is lowered to."""
     if jnp.issubdtype(dtype, jax.dtypes.prng_key):

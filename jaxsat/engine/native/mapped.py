@@ -2,7 +2,6 @@
 
 import threading
 from collections.abc import Callable
-from functools import cached_property
 
 import jax
 import numpy as np
@@ -25,6 +24,7 @@ from jaxsat.engine.native.lowering import (
     scalars_of,
 )
 from jaxsat.engine.native.threads import in_own_thread
+from jaxsat.once import once_property
 
 del rules  # imported for the table it fills
 
@@ -66,7 +66,7 @@ class Mapped:
         inputs, count = self._taken(cases, shared)
         leaves, structure = jax.tree.flatten(self._shape)
         outputs = [np.zeros((count, *leaf.shape), leaf.dtype) for leaf in leaves]
-        run = RUN(self._code[1]["run"])
+        run = self._run
 
         def work(stopped: threading.Event) -> None:
             del stopped
@@ -98,7 +98,7 @@ class Mapped:
             begin += size
         return jax.tree.unflatten(structure, outputs)
 
-    @cached_property
+    @once_property
     def _module(self) -> Module:
         module = Module(self.lanes, self.cpu.masks, self._contract)
         emit_entry_point(module, self.entry_point)
@@ -115,14 +115,14 @@ class Mapped:
         text = self.text
         return in_own_thread(lambda stopped: target.assembly(text, self.cpu))
 
-    @cached_property
-    def _code(self) -> tuple[object, dict[str, int]]:
+    @once_property
+    def _run(self) -> Callable[..., None]:
         here = target.host()
         if self.cpu.register > here.register:
             raise RuntimeError(f"This processor ({here.name}) cannot run code for {self.cpu.name}.")
         text = self.text
         return in_own_thread(
-            lambda stopped: target.loaded(target.object_code(text, self.cpu), ["run"])
+            lambda stopped: target.loaded(target.object_code(text, self.cpu), {"run": RUN})["run"]
         )
 
     def _taken(self, cases: PyTree, shared: PyTree) -> tuple[list[np.ndarray], int]:

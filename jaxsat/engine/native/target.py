@@ -1,13 +1,18 @@
-"""The processor of this machine, and machine code for it through llvmlite."""
+"""The processor of this machine, and machine code for it through llvmlite.
+
+Threads may use all of it at once: llvmlite holds a lock of its own during every call of LLVM.
+"""
 
 import os
 import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from importlib.util import find_spec
 from itertools import count
+from typing import Any
 
 from jaxsat.engine.native.ir import NativeBug
+from jaxsat.once import once
 
 LLVMLITE = find_spec("llvmlite") is not None
 """Whether machine code can be made here at all."""
@@ -44,7 +49,7 @@ class Host:
         return f"nounwind {target}" + (f'{wide} "stackrealign"' if self.register > 16 else "")
 
 
-@cache
+@once
 def host() -> Host:
     """The processor that runs this."""
     import llvmlite.binding as llvm
@@ -71,7 +76,7 @@ def version() -> str:
     return ".".join(map(str, llvm.llvm_version_info))
 
 
-@cache
+@once
 def _machine(cpu: Host):
     import llvmlite.binding as llvm
 
@@ -112,7 +117,7 @@ def assembly(text: str, cpu: Host | None = None) -> str:
     return _machine(cpu or host()).emit_assembly(optimised(text, cpu))
 
 
-@cache
+@once
 def _jit():
     import llvmlite.binding as llvm
 
@@ -124,12 +129,18 @@ def _jit():
     return llvm.create_lljit_compiler(target, use_jit_link=sys.platform != "win32")
 
 
-def loaded(code: bytes, names: list[str]) -> tuple[object, dict[str, int]]:
-    """Machine code in memory: what keeps it there, and the addresses of its functions."""
+def loaded(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
+    """Functions of machine code, of these `ctypes` types; it is in memory as long as one of them.
+
+    So whoever calls one has code that nobody frees.
+    """
     import llvmlite.binding as llvm
 
     library = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
-    for name in names:
+    for name in types:
         library.export_symbol(name)
     tracker = library.link(_jit(), f"jaxsat-{os.getpid()}-{next(_libraries)}")
-    return tracker, {name: tracker[name] for name in names}
+    functions = {name: kind(tracker[name]) for name, kind in types.items()}
+    for function in functions.values():
+        function.library = tracker
+    return functions

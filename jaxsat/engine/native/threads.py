@@ -5,7 +5,6 @@ caller chose for its threads. A frame of machine code takes up to some 50 kB in 
 and more in larger ones (`emitter.LARGEST`); LLVM recurses.
 """
 
-import functools
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -13,6 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import TypeVar
 
+from jaxsat.once import once
 from jaxsat.processors import all_processors
 
 STACK = 16 << 20
@@ -54,7 +54,7 @@ def in_own_thread(work: Callable[[threading.Event], T]) -> T:
         pool.shutdown()
 
 
-@functools.cache
+@once
 def _shared(process: int) -> ThreadPoolExecutor:
     del process
     return ThreadPoolExecutor(all_processors(), thread_name_prefix="jaxsat-native")

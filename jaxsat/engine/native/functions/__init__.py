@@ -9,7 +9,7 @@ domain, special values are NumPy's. 32-bit floats are computed in 64 bits and ro
 """
 
 from collections.abc import Callable
-from functools import lru_cache, wraps
+from functools import wraps
 
 import jax
 import jax.numpy as jnp
@@ -39,6 +39,7 @@ from jaxsat.engine.native.functions.trigonometric import (
     sincos,
     tan,
 )
+from jaxsat.once import once
 
 
 def _of_any_float(function: Callable) -> Callable:
@@ -90,7 +91,7 @@ FUNCTIONS: dict[str, Callable] = {
 }
 
 
-@lru_cache
+@once
 def program(name: str, *dtypes: DTypeLike) -> ClosedJaxpr:
     """The jaxpr of `FUNCTIONS[name]` for one number of each type.
 

@@ -1,0 +1,118 @@
+"""What threads share is made once: whoever comes while it is being made waits and takes the same.
+
+`functools.cache` and `functools.lru_cache` let two threads make one thing at once, and so does
+`functools.cached_property` from Python 3.12 on. One of the two is then freed, or replaces the
+other, while a thread still uses it: for machine code that is a crash.
+"""
+
+import functools
+import importlib
+import threading
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
+from types import ModuleType
+from typing import Any, Generic, ParamSpec, TypeVar, overload
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def once(function: Callable[P, T]) -> Callable[P, T]:
+    """`functools.cache` with a lock: for equal arguments the function is called once.
+
+    The function may call itself, but no thread that it waits for may call it.
+    """
+    return latest(None)(function)
+
+
+def latest(most: int | None) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """`once` for at most so many arguments: those unused for longest are forgotten."""
+
+    def guarded(function: Callable[P, T]) -> Callable[P, T]:
+        lock = threading.RLock()
+        made = functools.lru_cache(most)(function)  # noqa: TID251
+
+        @functools.lru_cache(most)  # noqa: TID251
+        def found(*args: Any, **keywords: Any) -> T:
+            with lock:
+                return made(*args, **keywords)
+
+        def forget(clear: Callable[[], None] = found.cache_clear) -> None:
+            with lock:
+                made.cache_clear()
+                clear()
+
+        found.cache_clear = forget
+        return functools.update_wrapper(found, function)  # pyright: ignore[reportReturnType]
+
+    return guarded
+
+
+class Locks:
+    """A lock for every key: different keys do not wait for one another.
+
+    A lock exists while somebody holds it or waits for it, so keys may be any number.
+    """
+
+    def __init__(self):
+        self._guard = threading.Lock()
+        self._known: dict[Hashable, tuple[threading.RLock, list[None]]] = {}
+
+    @contextmanager
+    def __call__(self, key: Hashable) -> Iterator[None]:
+        """Hold the lock of a key; the thread that holds it may do so again."""
+        with self._guard:
+            lock, users = self._known.setdefault(key, (threading.RLock(), []))
+            users.append(None)
+        try:
+            with lock:
+                yield
+        finally:
+            with self._guard:
+                users.pop()
+                if not users:
+                    del self._known[key]
+
+
+_importing = threading.RLock()
+
+
+def imported(module: str) -> ModuleType:
+    """A module that is imported when it is first used: no two threads do that at once.
+
+    Where packages import one another in a circle, as JAX's do, threads that come in by different
+    modules would see some that are not complete.
+    """
+    with _importing:
+        return importlib.import_module(module)
+
+
+_locks = Locks()
+
+
+class once_property(Generic[T]):
+    """`functools.cached_property` with a lock for every object.
+
+    The value lies in the object's `__dict__` and goes with it where it is copied or pickled; it
+    may be of a frozen class. There is no lock in the object.
+    """
+
+    def __init__(self, function: Callable[[Any], T]):
+        self._function, self.__doc__ = function, function.__doc__
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> "once_property[T]": ...
+    @overload
+    def __get__(self, instance: object, owner: type | None = None) -> T: ...
+    def __get__(self, instance: object | None, owner: type | None = None):
+        """The value; Python looks here only as long as there is none in `__dict__`."""
+        if instance is None:
+            return self
+        kept = vars(instance)
+        with _locks((id(instance), self._name)):  # who asks keeps the object, so its id is its own
+            if self._name not in kept:
+                kept[self._name] = self._function(instance)
+            return kept[self._name]
