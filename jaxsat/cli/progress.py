@@ -98,8 +98,9 @@ def showing_progress(text: str) -> Iterator[None]:
 
 def show_progress(text: str) -> None:
     """What the command is at now."""
-    if _display is not None:
-        _display.text = text
+    display = _display
+    if display is not None:
+        display.text = text
 
 
 def stop_progress() -> None:

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from engine.examples import KICKS, continuous_example, program, same_bits
-from helpers.threads import COUNT, at_once, one
+from helpers.threads import COUNT, at_once, made_once, one
 from jaxsat.engine import FixedStepper, NativeEngine
-from jaxsat.engine.native import Mapped, cache, engine, functions, kept, target, threads
+from jaxsat.engine.native import Mapped, cache, engine, target
 from jaxsat.engine.native.drivers import RUN
 
 LINKERS = []
 """Those in which other tests may have code."""
 
-X = np.linspace(0.0, 1.0, 37)
+X, HOST = np.linspace(0.0, 1.0, 37), target.host()
 
 
 def sines(x, factor):
@@ -33,12 +33,12 @@ def forget_llvm():
 
 
 @pytest.mark.parametrize(
-    "thing", [target.host, target._jit, lambda: target._machine(target.host())]
+    ("made", "given"), [(target.host, []), (target._machine, [HOST]), (target._jit, [])]
 )
-def test_threads_share_one_processor_and_one_linker(thing):
+def test_threads_share_one_processor_and_one_linker(made, given):
     for _ in range(3):
         forget_llvm()
-        one(at_once(thing))
+        made_once(lambda: made(*given), made)
 
 
 def test_a_function_is_compiled_once_by_the_threads_that_call_it_first():
@@ -104,18 +104,3 @@ def test_threads_share_one_key_and_one_warning(tmp_path, monkeypatch):
         warnings.simplefilter("always")
         at_once(lambda: cache.kept("0.o"))
     assert len(told) == 1
-
-
-@pytest.mark.parametrize(
-    "thing",
-    [
-        lambda: functions.program("atan2", "float64", "float64"),
-        kept._surroundings,
-        lambda: threads._shared(-1),
-    ],
-    ids=["program", "surroundings", "threads"],
-)
-def test_threads_share_what_the_engine_remembers(thing):
-    for made in (functions.program, kept._surroundings):
-        made.cache_clear()
-    one(at_once(thing))
