@@ -4,18 +4,22 @@ Machine code is in `engine/native/test_cold_threads.py`.
 """
 
 import itertools
+import threading
+import warnings
 from dataclasses import replace
 
-import jax
 import numpy as np
 import pytest
 
 import jaxsat
 from helpers.threads import at_once, made_once
+from jaxsat import collection
+from jaxsat.comparison.acceptance import ComparisonSetting, comparison_scenario
 from jaxsat.controllability import analyse, pointwise, torque_cone
 from jaxsat.declaration import PartDeclaration
 from jaxsat.declaration.laws import LAWS
-from jaxsat.engine.native import functions, kept, threads
+from jaxsat.engine.native import functions, kept
+from jaxsat.engine.native.threads import _shared
 from jaxsat.export import naming
 from jaxsat.montecarlo import designs, ensemble, statistics
 from jaxsat.planning import guesses
@@ -57,7 +61,7 @@ FUNCTIONS = [
     (functions.program, lambda: ("atan2", "float64", "float64")),
     (kept._surroundings, tuple),
     (kept._known_roots, tuple),
-    (threads._shared, lambda: (-1,)),
+    (_shared, lambda: (-1,)),
 ]
 
 
@@ -110,12 +114,37 @@ def test_threads_add_one_folder(tmp_path, monkeypatch):
         _ADDED[:] = before
 
 
-def test_threads_draw_a_study_with_one_set_of_warning_filters():
-    import warnings
-
-    before = list(warnings.filters)
+def test_a_study_is_drawn_and_read_without_filters_of_warnings(monkeypatch):
+    """Python has one set of them for all threads; SciPy and scenarios warn nevertheless."""
     study = tumbling(design=designs.Sobol(3))
-    first, *rest = at_once(lambda: study.cases(np.arange(37)))
-    for other in rest:
-        jax.tree.map(np.testing.assert_array_equal, other, first)
-    assert warnings.filters == before
+    study.cases(np.arange(2))  # imports SciPy
+    with monkeypatch.context() as patched:
+        patched.setattr(warnings, "catch_warnings", None)
+        study.cases(np.arange(37))
+        scenario = comparison_scenario(ComparisonSetting("hard", 3.0, "three-slew"))
+    assert scenario.spacecraft.torque_limit_N_m == 3.0
+
+
+def test_threads_leave_the_search_for_dead_cycles_as_it_was(monkeypatch):
+    """Also where one comes in while another one goes out."""
+    enabled, looked, left = collection.gc.isenabled, threading.Event(), threading.Event()
+
+    def slowly():
+        found = enabled()
+        if not found:
+            looked.set()
+            left.wait(0.2)
+        return found
+
+    def come():
+        with collection.no_collection():
+            pass
+
+    monkeypatch.setattr(collection.gc, "isenabled", slowly)
+    other = threading.Thread(target=come)
+    with collection.no_collection():
+        other.start()
+        assert looked.wait(60)
+    left.set()
+    other.join()
+    assert enabled()

@@ -1,19 +1,24 @@
 """Loading scenarios that can be built for what they are loaded for."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Literal
 
 from jaxsat.scenario import Scenario, read
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.overrides import Override
+from jaxsat.scenario.read import warn
 
 Purpose = Literal["text", "motion", "run", "study", "tuning"]
 """What a scenario is loaded for; see `load`."""
 
 
 def load(
-    name_or_path: str | Path, overrides: Iterable[str | Override] = (), *, purpose: Purpose = "run"
+    name_or_path: str | Path,
+    overrides: Iterable[str | Override] = (),
+    *,
+    purpose: Purpose = "run",
+    caution: Callable[[str], None] = warn,
 ) -> Scenario:
     """The scenario of that name in the library, or of that TOML file, with overrides.
 
@@ -21,8 +26,8 @@ def load(
     everything is looked at; "study", for which the dispersions must also be such as the loop has;
     "tuning", for which also the gains to tune; "motion", without the control law; "text", for which
     nothing is built.
-    Raises `ScenarioError` with every problem at once; warns with `ScenarioWarning` of what is
-    allowed but likely a mistake. JAX is imported once all keys are right.
+    Raises `ScenarioError` with every problem at once; tells `caution` of what is allowed but likely
+    a mistake, by default a `ScenarioWarning`. JAX is imported once all keys are right.
     """
 
     law = purpose != "motion"
@@ -36,4 +41,4 @@ def load(
             scenario, law=law, study=purpose in ("study", "tuning"), tuning=purpose == "tuning"
         )
 
-    return read(name_or_path, overrides, law=law, trial=trial)
+    return read(name_or_path, overrides, law=law, trial=trial, caution=caution)

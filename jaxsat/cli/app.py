@@ -31,6 +31,7 @@ from jaxsat.cli.terminal import (
     UserMistake,
     print_mistake,
     print_stderr,
+    print_warning,
 )
 from jaxsat.cli.tune import tune
 from jaxsat.collection import no_collection
@@ -107,4 +108,4 @@ def _command(tokens: Sequence[str] | None) -> int:
 
 def _show_warning(message: Warning | str, *place: object) -> None:
     del place  # in the source, which says nothing to a user
-    print_stderr(str(message), "warning: ")
+    print_warning(str(message))

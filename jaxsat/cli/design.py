@@ -29,6 +29,7 @@ from jaxsat.cli.terminal import (
     print_stderr,
     print_stdout,
     print_text,
+    print_warning,
 )
 from jaxsat.cli.tune import progress_text as tuning_progress_text
 from jaxsat.cli.work import require_approval
@@ -169,22 +170,15 @@ def design(
 
 def _vehicle(scenario: str, overrides: tuple[str, ...]) -> "Vehicle":
     """The vehicle of a file; raises `UserMistake` with every problem."""
-    import warnings
-
     show_progress(f"reading {scenario}")
     use_double_precision()
     from jaxsat.controller_design import read_vehicle
-    from jaxsat.scenario import ScenarioError, ScenarioWarning
+    from jaxsat.scenario import ScenarioError
 
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", ScenarioWarning)
-        try:
-            vehicle = read_vehicle(scenario, overrides)
-        except ScenarioError as error:
-            raise UserMistake(str(error), located=True) from None
-    for warning in caught:
-        print_stderr(f"{warning.message}", "warning: ")
-    return vehicle
+    try:
+        return read_vehicle(scenario, overrides, caution=print_warning)
+    except ScenarioError as error:
+        raise UserMistake(str(error), located=True) from None
 
 
 def _concluded(found: "ControllerDesign", target: Path, quiet: bool) -> int:

@@ -98,6 +98,11 @@ def print_stderr(message: str, prefix: str = "jaxsat: ") -> None:
             _silence(sys.stderr)
 
 
+def print_warning(message: str) -> None:
+    """Write to standard error what is likely a mistake and stops nothing."""
+    print_stderr(message, "warning: ")
+
+
 def print_mistake(mistake: UserMistake) -> None:
     """Write a mistake to standard error."""
     print_stderr(str(mistake), "" if mistake.located else "jaxsat: ")

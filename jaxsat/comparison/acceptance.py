@@ -4,7 +4,6 @@ Starts, spacecraft, disturbance and dispersions are the scenarios `acceptance-LE
 Here is what differs between the laws: their tables, and how long they are given.
 """
 
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from jaxsat.assembly.load import load
-from jaxsat.scenario import Problem, Scenario, ScenarioError, ScenarioWarning
+from jaxsat.scenario import Problem, Scenario, ScenarioError
 from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.laws import is_plugin, known_law
 from jaxsat.scenario.overrides import override
@@ -94,15 +93,14 @@ def comparison_scenario(setting: ComparisonSetting) -> Scenario:
             f"Argument `law` must be one of {', '.join(known)}, an installed law, a law of the "
             f'form "module:Class" or the name of a {FILE} file, but got {setting.law}.'
         )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ScenarioWarning)  # the table tells of untuned limits once
-        base = load(
-            f"acceptance-{setting.level}",
-            [
-                override("spacecraft.torque_limit_N_m", setting.torque_limit),
-                override("simulation.duration_s", horizon(setting.torque_limit)),
-            ],
-        )
+    base = load(
+        f"acceptance-{setting.level}",
+        [
+            override("spacecraft.torque_limit_N_m", setting.torque_limit),
+            override("simulation.duration_s", horizon(setting.torque_limit)),
+        ],
+        caution=lambda text: None,  # the table tells of untuned limits once
+    )
     data = base.model_dump(exclude_none=True)
     data["title"] = f"{base.title}: {setting.law}, {setting.torque_limit:g} N m"
     data["control"] = _control(setting.law)

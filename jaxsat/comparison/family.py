@@ -6,7 +6,6 @@ times by τ (`docs/laws.md`), so that they are as large for every spacecraft as 
 """
 
 import math
-import warnings
 from typing import Any, NamedTuple
 
 import jax
@@ -18,7 +17,7 @@ from jaxsat.allocation import torque_directions, usable_share
 from jaxsat.assembly.load import load
 from jaxsat.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS
 from jaxsat.inertia import normal_axes
-from jaxsat.scenario import Scenario, ScenarioWarning
+from jaxsat.scenario import Scenario
 from jaxsat.scenario.holding import nearest_held, rotation
 
 SEED = 20261122
@@ -206,9 +205,7 @@ def family_scenario(member: FamilyMember, law: str) -> Scenario:
     data["control"] = {"law": law, "period_s": member.period}
     data["simulation"]["duration_s"] = PERIODS * member.period
     data["simulation"]["save_every_s"] = member.period
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ScenarioWarning)
-        return Scenario.model_validate(data)
+    return Scenario.model_validate(data)
 
 
 def _scale(data: dict[str, Any], keys: tuple[str, ...], factor: float) -> None:

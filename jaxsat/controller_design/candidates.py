@@ -1,7 +1,6 @@
 """Which laws of jaxsat fit what is left, with gains without dimension."""
 
 import math
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -18,7 +17,7 @@ from jaxsat.declaration.settling import HOLDING_AMPLITUDE
 from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.perturbed import controller_of
-from jaxsat.scenario import Scenario, ScenarioWarning
+from jaxsat.scenario import Scenario
 from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.laws import known_law
 
@@ -224,12 +223,10 @@ def _made(
 ) -> Scenario | str:
     """The scenario under a law, completed; or why the law does not fit."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ScenarioWarning)
-            scale = scale_of(_with_control(scenario, table(UNIT), UNIT))
-            made = complete(_with_control(scenario, table(scale), scale), scale)
-            build(made)
-            return made
+        scale = scale_of(_with_control(scenario, table(UNIT), UNIT))
+        made = complete(_with_control(scenario, table(scale), scale), scale)
+        build(made)
+        return made
     except ValidationError as error:
         issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
         told = (f"{key_of(issue.location)} {issue.message}" for issue in issues)

@@ -1,7 +1,7 @@
 """A vehicle from a scenario file that need not say more than what is left of it."""
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,6 +9,7 @@ from jaxsat.assembly.load import load
 from jaxsat.scenario import Scenario, library
 from jaxsat.scenario.limits import MAX_FILE_SIZE
 from jaxsat.scenario.overrides import override
+from jaxsat.scenario.read import warn
 from jaxsat.text import clean
 
 ALL = "all"
@@ -44,19 +45,24 @@ class Vehicle(NamedTuple):
     timed: bool
 
 
-def read_vehicle(name_or_path: str | Path, overrides: Iterable[str] = ()) -> Vehicle:
+def read_vehicle(
+    name_or_path: str | Path,
+    overrides: Iterable[str] = (),
+    *,
+    caution: Callable[[str], None] = warn,
+) -> Vehicle:
     """The scenario of a file whose vehicle is to get a controller.
 
     What `jaxsat.load` needs and a vehicle does not have may be left out: title, orbit (inertial
     pointing then), start (at rest in the wanted attitude), law (all that fit; so with "coast"),
-    duration. Raises `ScenarioError` as `jaxsat.load` does.
+    duration. Raises `ScenarioError` and tells `caution` as `jaxsat.load` does.
     """
     given = list(overrides)
     present = _keys(_parsed(name_or_path)) | {text.partition("=")[0].strip() for text in given}
     lacking = [key for key, (spellings, _) in _DEFAULTS.items() if not present & {*spellings}]
     name = clean(Path(name_or_path).stem) or "vehicle"
     added = [override(key, name if key == "title" else _DEFAULTS[key][1]) for key in lacking]
-    scenario = load(name_or_path, [*added, *given], purpose="motion")
+    scenario = load(name_or_path, [*added, *given], purpose="motion", caution=caution)
     law = ALL if "control.law" in lacking else scenario.control.law
     return Vehicle(scenario, ALL if law == "coast" else law, "simulation.duration_s" not in lacking)
 

@@ -49,12 +49,18 @@ def library() -> dict[str, Traversable]:
     return dict(sorted(named.items()))
 
 
+def warn(text: str) -> None:
+    """Warn with `ScenarioWarning` whoever has a scenario read."""
+    warnings.warn(text, ScenarioWarning, stacklevel=3)
+
+
 def read(
     name_or_path: str | Path,
     overrides: Iterable[str | Override] = (),
     *,
     law: bool = True,
     trial: Callable[[Scenario], list[Issue]] = lambda scenario: [],
+    caution: Callable[[str], None] = warn,
 ) -> Scenario:
     """The scenario of that name in the library, or of that TOML file.
 
@@ -64,7 +70,7 @@ def read(
 
     Without `law` the rules that concern the control law are left out. `trial` tells what else
     stands against a scenario whose keys are all right. Raises `ScenarioError` with every problem at
-    once; warns with `ScenarioWarning` of what is allowed but likely a mistake.
+    once; tells `caution` of what is allowed but likely a mistake, by default a `ScenarioWarning`.
     """
     source = _read(name_or_path)
     parsed = _overrides(overrides)
@@ -94,7 +100,7 @@ def read(
     if scenario is None or problems:
         raise ScenarioError(_unique(problems))
     for issue in cautions(scenario, law):
-        warnings.warn(str(places.problem(issue)), ScenarioWarning, stacklevel=2)
+        caution(str(places.problem(issue)))
     return scenario
 
 
