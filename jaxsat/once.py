@@ -81,7 +81,8 @@ def imported(module: str) -> ModuleType:
     """A module that is imported when it is first used: no two threads do that at once.
 
     Where packages import one another in a circle, as JAX's do, threads that come in by different
-    modules would see some that are not complete.
+    modules would see some that are not complete. No module may call this as it is imported: its
+    thread holds Python's lock of that module, for which the thread with this lock may wait.
     """
     with _importing:
         return importlib.import_module(module)

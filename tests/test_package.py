@@ -31,6 +31,13 @@ def test_import_is_light_and_switches_nothing():
     assert done.stdout.split() == ["False", "False"]
 
 
+def test_no_module_takes_what_comes_on_demand_as_it_is_imported():
+    """Its thread would wait for one that imports on demand, and that one for this module."""
+    files = Path(jaxsat.__file__).parent.rglob("*.py")
+    texts = {file: file.read_text(encoding="utf-8") for file in files}
+    assert not [file for file, text in texts.items() if re.search("(?m)^from jaxsat import", text)]
+
+
 def modules():
     """All of the package's, but what begins a program."""
     names = (found.name for found in pkgutil.walk_packages(jaxsat.__path__, "jaxsat."))

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat import noise
+import jaxsat.noise as noise
 from jaxsat.allocation import torque_directions, usable_share
 from jaxsat.assembly.load import load
 from jaxsat.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS

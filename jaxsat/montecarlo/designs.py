@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat import noise
+import jaxsat.noise as noise
 from jaxsat.once import latest
 
 MAX_CASE_SIZE = 2**32 - 1

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat import ranges
+import jaxsat.ranges as ranges
 from jaxsat.checks import concrete
 from jaxsat.control import InternalModel
 from jaxsat.declaration.quantities import DISPERSIBLE

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree, UInt32
 
-from jaxsat import noise
+import jaxsat.noise as noise
 from jaxsat.checks import as_array
 from jaxsat.declaration.quantities import EXCLUSIVE
 from jaxsat.dynamics import PlantState

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat import ranges
+import jaxsat.ranges as ranges
 from jaxsat.checks import as_float, concrete
 from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
 from jaxsat.montecarlo.actuator_changes import thruster_count, thrusters_of, torquers_of

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from jaxsat import ranges
+import jaxsat.ranges as ranges
 from jaxsat.attitude import WZ
 from jaxsat.environment import AbstractOrbit
 from jaxsat.montecarlo import actuator_changes, changes, limits, sensor_changes

@@ -3,9 +3,9 @@
 What needs xarray, which takes its time, is imported when first used.
 """
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.once import imported
 from jaxsat.results.errors import OutputError, system_failure
 from jaxsat.results.files import refuse_existing, save_file
 from jaxsat.results.folder import OutputFolder
@@ -70,7 +70,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _LATER:
         raise AttributeError(f"module 'jaxsat.results' has no attribute {name!r}")
-    return getattr(imported(f"jaxsat.results.{_LATER[name]}"), name)
+    return getattr(importlib.import_module(f"jaxsat.results.{_LATER[name]}"), name)
 
 
 def __dir__() -> list[str]:

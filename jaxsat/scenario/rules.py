@@ -5,7 +5,7 @@ import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from jaxsat import declaration
+import jaxsat.declaration as declaration
 from jaxsat.declaration.laws import Law
 from jaxsat.errors import FOREIGN
 from jaxsat.scenario.coordinates import Values
