@@ -68,7 +68,8 @@ class NativeEngine(AbstractEngine):
 
     def identity(self) -> dict[str, Any]:
         """Steps, and the processor, whose instructions round as they do."""
-        processor = {"llvm": target.version(), "vector": target.host().register * 8}
+        host = target.host()
+        processor = {"llvm": target.version(), "vector": host.register * 8, "fused": host.fuses}
         return {"name": "native", **self.stepper.identity(), **processor}
 
     def traced(
@@ -98,7 +99,7 @@ class NativeEngine(AbstractEngine):
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
         """Outputs of all cases, in as many threads as there are workers."""
         kernel = self.kernel(program, cases, gains)
-        trees = self._trees(cases, program, gains)
+        trees = self.trees(cases, program, gains)
         return kernel.run(trees, program.intervals, self.workers or processors())
 
     def observed(
@@ -106,7 +107,7 @@ class NativeEngine(AbstractEngine):
     ) -> tuple[Outputs, Signals]:
         """`evaluate`, to the same bits, and signals at `instants`; in one thread."""
         kernel = self.kernel(program, cases, gains)
-        found, signals = kernel.replay(self._trees(cases, program, gains), instants.tolist())
+        found, signals = kernel.replay(self.trees(cases, program, gains), instants.tolist())
         return found, with_ranges_ahead(signals)
 
     def gradient(
@@ -120,11 +121,12 @@ class NativeEngine(AbstractEngine):
             raise ValueError(f'Argument `mode` must be "forward" here, but got "{mode}".')
         _require_floats(gains)
         kernel = self.kernel(program, cases, gains, derivatives=True)
-        trees = self._trees(cases, program, gains)
+        trees = self.trees(cases, program, gains)
         found = kernel.run(trees, program.intervals, self.workers or processors())
         return CostGradient(found.outputs, _by_gain(found.derivatives, gains))
 
-    def _trees(self, cases: PyTree, program: Program, gains: PyTree) -> dict[str, PyTree]:
+    def trees(self, cases: PyTree, program: Program, gains: PyTree) -> dict[str, PyTree]:
+        """What a kernel takes, by the names of its arguments."""
         numbers = jax.tree.leaves(numbers_of(self.stepper, program))
         return {"cases": cases, "numbers": numbers, "gains": gains}
 

@@ -65,17 +65,7 @@ class Kernel:
 
     @once_property
     def _module(self) -> Module:
-        trajectory, lanes = self.trajectory, self.lanes
-        module = Module(lanes, target.host().masks)
-        for entry in trajectory.entry_points:
-            if entry.function.name != OBSERVE:
-                emit_entry_point(module, entry)
-        if trajectory.going is None:
-            module.functions["run"] = run_blocks(lanes, ["begin", "advance", "finish"])
-        else:
-            module.functions["advance"] = advance_lanes(lanes, trajectory.going)
-            module.functions["run"] = run_lanes(lanes, trajectory.going)
-        return module
+        return module_of(self.trajectory, self.lanes, target.host())
 
     def _make(self, whole: bool) -> MadeKernel:
         """What is kept, without the fingerprint unless it is to be `whole`."""
@@ -178,6 +168,20 @@ class Kernel:
         cases = Memory(8 * self.lanes).bytes.view(np.int64)
         cases[:] = np.minimum(numbers, count - 1)
         return Memory(self._made.state_size), cases, (numbers < count).astype(np.uint8)
+
+
+def module_of(trajectory: LoweredTrajectory, lanes: int, cpu: target.Host) -> Module:
+    """All entry points but that of replays, and `run`, for a processor."""
+    module = Module(lanes, cpu.masks)
+    for entry in trajectory.entry_points:
+        if entry.function.name != OBSERVE:
+            emit_entry_point(module, entry)
+    if trajectory.going is None:
+        module.functions["run"] = run_blocks(lanes, ["begin", "advance", "finish"])
+    else:
+        module.functions["advance"] = advance_lanes(lanes, trajectory.going)
+        module.functions["run"] = run_lanes(lanes, trajectory.going)
+    return module
 
 
 def _linked(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:

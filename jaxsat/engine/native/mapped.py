@@ -118,7 +118,7 @@ class Mapped:
     @once_property
     def _run(self) -> Callable[..., None]:
         here = target.host()
-        if self.cpu.register > here.register:
+        if self.cpu.architecture != here.architecture or self.cpu.register > here.register:
             raise RuntimeError(f"This processor ({here.name}) cannot run code for {self.cpu.name}.")
         text = self.text
         return in_own_thread(

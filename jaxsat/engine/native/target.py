@@ -1,4 +1,4 @@
-"""The processor of this machine, and machine code for it through llvmlite.
+"""The processor of this machine, and machine code for it and others through llvmlite.
 
 Threads may use all of it at once: llvmlite holds a lock of its own during every call of LLVM.
 """
@@ -25,11 +25,22 @@ _libraries = count()
 
 @dataclass(frozen=True)
 class Host:
-    """What LLVM calls this processor, its features, and the bytes of one vector register."""
+    """What LLVM calls a processor, its features, its vector registers' bytes, and its system."""
 
     name: str
     features: str
     register: int
+    triple: str
+
+    @property
+    def architecture(self) -> str:
+        """The first part of the triple: x86_64, aarch64, or arm64 as macOS calls it."""
+        return self.triple.split("-")[0]
+
+    @property
+    def fuses(self) -> bool:
+        """Whether it has operations that multiply and add with one rounding."""
+        return self.architecture != "x86_64" or "+fma" in self.features.split(",")
 
     @property
     def lanes(self) -> int:
@@ -55,18 +66,22 @@ def host() -> Host:
     import llvmlite.binding as llvm
 
     found = llvm.get_host_cpu_features()
-    register = (
+    register = (  # SSE2 and NEON, which every 64-bit x86 and ARM has, and longer ones of x86
         64 if found.get("avx512f") and found.get("avx512dq") else 32 if found.get("avx") else 16
     )
-    return Host(llvm.get_host_cpu_name(), found.flatten(), register)
+    return Host(llvm.get_host_cpu_name(), found.flatten(), register, llvm.get_default_triple())
 
 
-_REGISTERS = {"x86-64": 16, "x86-64-v2": 16, "x86-64-v3": 32, "x86-64-v4": 64}
+_NAMED = {
+    "x86-64": (16, "x86_64-linux-gnu"),
+    "x86-64-v3": (32, "x86_64-linux-gnu"),
+    "cortex-a53": (16, "aarch64-linux-gnu"),
+}
 
 
-def lesser(name: str) -> Host:
-    """An older processor that this one can do everything of, by LLVM's name: for tests."""
-    return Host(name, "", _REGISTERS[name])
+def named(name: str) -> Host:
+    """Another processor by LLVM's name, of those that tests make code for."""
+    return Host(name, "", *_NAMED[name])
 
 
 def version() -> str:
@@ -80,9 +95,13 @@ def version() -> str:
 def _machine(cpu: Host):
     import llvmlite.binding as llvm
 
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    target = llvm.Target.from_default_triple()
+    if cpu.architecture == host().architecture:
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+    else:  # which takes 30 ms
+        llvm.initialize_all_targets()
+        llvm.initialize_all_asmprinters()
+    target = llvm.Target.from_triple(cpu.triple)
     return target.create_target_machine(
         cpu=cpu.name, features=cpu.features, opt=2, reloc="pic", codemodel="default", jit=True
     )

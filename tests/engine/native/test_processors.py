@@ -10,7 +10,7 @@ from jax import lax
 
 from engine.native.user_programs import SUBJECTS, arguments
 from jaxsat.engine.native import Mapped
-from jaxsat.engine.native.target import host, lesser
+from jaxsat.engine.native.target import host, named
 
 CASES = 37
 NAMES = ("x86-64", "x86-64-v3")
@@ -25,7 +25,7 @@ def _check(function, cases, name: str) -> None:
     """Bits of the interpreter where nothing can be fused, else its numbers."""
     if not _can_run(name):
         pytest.skip(f"this processor is no {name}")
-    mapped = Mapped(function, jax.tree.map(lambda x: x[0], cases), cpu=lesser(name))
+    mapped = Mapped(function, jax.tree.map(lambda x: x[0], cases), cpu=named(name))
     register = "%xmm" if name == "x86-64" else "%ymm"
     assert register in mapped.assembly()
     assert "%zmm" not in mapped.assembly()
