@@ -3,11 +3,11 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Inexact
 
 from jaxsat.errors import ArgumentError
 from jaxsat.inertia import require_known_inertia
+from jaxsat.jax_internals import Tracer
 
 
 def as_array(known: np.ndarray) -> Array:

@@ -15,9 +15,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.extend.core import Primitive
-from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
+
+from jaxsat.jax_internals import Primitive, ad, batching, mlir
 
 SINE = (
     -0.16666666666666666,

@@ -7,7 +7,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr
 from jaxtyping import Array, PyTree
 
 from jaxsat.collection import no_collection
@@ -15,6 +14,7 @@ from jaxsat.engine.fingerprint import fingerprint
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, count_of
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
+from jaxsat.jaxprs import Jaxpr, jaxpr_of
 from jaxsat.simulation import Signals
 from jaxsat.trees import strong
 
@@ -61,7 +61,7 @@ class AbstractBatchEngine(AbstractEngine):
 
     def traced(
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
-    ) -> dict[str, ClosedJaxpr]:
+    ) -> dict[str, Jaxpr]:
         """The operations of a batch."""
         return _traced_batch(self, program, cases, gains, mode)
 
@@ -110,7 +110,7 @@ def _traced_batch(
     cases: PyTree,
     gains: PyTree,
     mode: Mode | None,
-) -> dict[str, ClosedJaxpr]:
+) -> dict[str, Jaxpr]:
     """The operations of one batch of an engine that is compiled by XLA.
 
     The numbers of engine and program are inputs. JAX keeps the traces of compiled functions, so
@@ -129,4 +129,4 @@ def _traced_batch(
             return engine.run_batch(program, cases, gains)
         return engine.differentiate_batch(program, cases, gains, mode)
 
-    return {"batch": jax.make_jaxpr(run)(numbers, jax.tree.map(of_batch, cases), gains)}
+    return {"batch": jaxpr_of(run, numbers, jax.tree.map(of_batch, cases), gains)}

@@ -19,9 +19,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
 from jaxtyping import PyTree
 
+from jaxsat.jax_internals import WISH
+from jaxsat.jaxprs import Equation, Jaxpr, Literal
 from jaxsat.once import once
 
 if TYPE_CHECKING:
@@ -30,18 +31,6 @@ if TYPE_CHECKING:
 
 OPERATIONS = "operations"
 """Key of the hash in what tells programs apart."""
-
-COMPILATION = {
-    *("name", "inline", "keep_unused", "donated_invars", "compiler_options_kvs", "ctx_mesh"),
-    *("in_shardings", "out_shardings", "in_layouts", "out_layouts", "sharding", "out_sharding"),
-}
-"""Parameters of operations that say how they are compiled."""
-
-RULES = {"jvp_jaxpr_fun", "fwd_jaxpr_thunk", "bwd", "out_trees", "symbolic_zeros"}
-"""Parameters for derivatives; where one is taken, the rule's operations are in the trace."""
-
-WISHES = {"xla_metadata_value"}
-"""Operations that return their operands, with a hint to XLA."""
 
 LIBRARIES = {"jax", "equinox"}
 """Told by their versions: the machine code of their Python functions differs with Python's."""
@@ -69,13 +58,13 @@ def program_identity(
     }
 
 
-def fingerprint(traces: Mapping[str, ClosedJaxpr]) -> str:
+def fingerprint(traces: Mapping[str, Jaxpr]) -> str:
     """A hash of traced programs; the same in every process and on every machine."""
     known: dict[int, str] = {}
     return _hash(*(f"{name} {_told(trace, known)}" for name, trace in sorted(traces.items())))
 
 
-def told_parameters(equation: Any) -> str:
+def told_parameters(equation: Equation) -> str:
     """What an operation's parameters say of what is computed."""
     return _told(_params(equation), {})
 
@@ -87,27 +76,28 @@ def _hash(*texts: str) -> str:
 def _of_jaxpr(jaxpr: Jaxpr, known: dict[int, str]) -> str:
     """The hash of how the results come from the inputs."""
     if id(jaxpr) not in known:
-        inputs = [*jaxpr.constvars, *jaxpr.invars]
+        inputs = [*(variable for variable, _ in jaxpr.constants), *jaxpr.inputs]
         kinds = [_kind(variable.aval) for variable in inputs]
         found: dict[Any, str] = {variable: f"input {i}" for i, variable in enumerate(inputs)}
 
         def read(atom: Any) -> str:
-            return _of_array(atom.val, atom.aval) if isinstance(atom, Literal) else found[atom]
+            return _of_array(atom.value, atom.aval) if isinstance(atom, Literal) else found[atom]
 
-        for equation in jaxpr.eqns:
-            taken = [read(atom) for atom in equation.invars]
-            if equation.primitive.name in WISHES:
-                found.update(zip(equation.outvars, taken, strict=True))
+        for equation in jaxpr.equations:
+            taken = [read(atom) for atom in equation.inputs]
+            if equation.name == WISH:
+                found.update(zip(equation.outputs, taken, strict=True))
                 continue
-            made = _hash(equation.primitive.name, _told(_params(equation), known), *taken)
-            found.update((variable, f"{i} {made}") for i, variable in enumerate(equation.outvars))
-        known[id(jaxpr)] = _hash(*kinds, "->", *map(read, jaxpr.outvars))
+            made = _hash(equation.name, _told(_params(equation), known), *taken)
+            found.update((variable, f"{i} {made}") for i, variable in enumerate(equation.outputs))
+        known[id(jaxpr)] = _hash(*kinds, "->", *map(read, jaxpr.outputs))
     return known[id(jaxpr)]
 
 
-def _params(equation: Any) -> dict[str, Any]:
-    ignored = COMPILATION | RULES
-    return {key: value for key, value in equation.params.items() if key not in ignored}
+def _params(equation: Equation) -> dict[str, Any]:
+    """All but a function's name, and what is not given: another version may not have it."""
+    told = equation.parameters.items()
+    return {key: value for key, value in told if key != "name" and value is not None}
 
 
 def _kind(aval: Any) -> str:
@@ -130,11 +120,9 @@ def _of_array(value: Any, aval: Any = None) -> str:
 def _told(value: Any, known: dict[int, str]) -> str:
     """A parameter of an operation as text that depends on nothing but what it says."""
     match value:
-        case ClosedJaxpr():
-            constants = [_of_array(constant) for constant in value.consts]
-            return " ".join([_of_jaxpr(value.jaxpr, known), *constants])
         case Jaxpr():
-            return _of_jaxpr(value, known)
+            constants = [_of_array(constant) for _, constant in value.constants]
+            return " ".join([_of_jaxpr(value, known), *constants])
         case None | bool() | str() | bytes() | float() | complex() | np.dtype():
             return repr(value)
         case enum.Enum():

@@ -6,11 +6,11 @@ from typing import Any, Literal, NamedTuple
 import equinox as eqx
 import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr
 from jaxtyping import Float, PyTree
 
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
+from jaxsat.jaxprs import Jaxpr
 from jaxsat.simulation import Signals
 
 
@@ -51,7 +51,7 @@ class AbstractEngine(eqx.Module):
     @abc.abstractmethod
     def traced(
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
-    ) -> dict[str, ClosedJaxpr]:
+    ) -> dict[str, Jaxpr]:
         """The operations that are compiled for such cases, part by part; see `fingerprint`.
 
         With a `mode` they are those of `gradient`. The numbers of the program are inputs.

@@ -11,12 +11,13 @@ import pytest
 
 from jaxsat import compiler
 from jaxsat.engine.fingerprint import fingerprint
+from jaxsat.jaxprs import jaxpr_of
 
 X = jnp.array([0.3, -0.7, 1.1])
 
 
 def of(function, *examples):
-    return fingerprint({"program": jax.make_jaxpr(function)(*(examples or (X,)))})
+    return fingerprint({"program": jaxpr_of(function, *(examples or (X,)))})
 
 
 def jitted(sign, name="inner"):

@@ -4,13 +4,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from jax._src import source_info_util
-from jax.extend.core import JaxprEqn
-
 from jaxsat.engine.native.lowering import is_wrapper
+from jaxsat.jax_internals import Place
+from jaxsat.jaxprs import Equation
 
-Place = tuple[tuple[str, str, int, int], ...]
-"""The calls of an operation, from the outermost: function, file, line and column."""
+Places = tuple[Place, ...]
+"""The calls of an operation, from the outermost."""
 
 
 @dataclass
@@ -23,13 +22,13 @@ class Node:
 
     name: str
     file: str
-    caller: Place
+    caller: Places
     first: int
     end: int
     items: list["int | Node"]
-    eqns: list[JaxprEqn] = field(default_factory=list)
-    before: list[JaxprEqn] = field(default_factory=list)
-    call: JaxprEqn | None = None
+    eqns: list[Equation] = field(default_factory=list)
+    before: list[Equation] = field(default_factory=list)
+    call: Equation | None = None
 
     @property
     def height(self) -> int:
@@ -37,24 +36,19 @@ class Node:
         return max((1 + x.height for x in self.items if isinstance(x, Node)), default=0)
 
 
-def call_tree(eqns: Sequence[JaxprEqn], inside: int | None) -> Node:
+def call_tree(eqns: Sequence[Equation], inside: int | None) -> Node:
     """The tree of a program's calls; that of a branch or a body is `inside` so many functions."""
     places = [place_of(eqn) for eqn in eqns]
     depth = _common(places)
     if inside is not None:
         depth = min(depth, max(inside - 1, 0))
-    kinds = [(eqn.primitive.name, *(str(var.aval) for var in eqn.outvars)) for eqn in eqns]
+    kinds = [(eqn.name, *(str(var.aval) for var in eqn.outputs)) for eqn in eqns]
     return _grown(places, 0, len(places), depth, kinds)
 
 
-def place_of(eqn: JaxprEqn) -> Place:
-    """The calls that an operation comes from."""
-    frames = source_info_util.user_frames(eqn.source_info.traceback)
-    return tuple(
-        (frame.function_name, frame.file_name, frame.start_line, frame.start_column)
-        for frame in frames
-        if not is_wrapper(frame.file_name)
-    )[::-1]
+def place_of(eqn: Equation) -> Places:
+    """The calls that an operation comes from, without those of libraries that only call others."""
+    return tuple([one for one in eqn.place if not is_wrapper(one.file)])
 
 
 def nodes_of(node: Node) -> Iterator[Node]:
@@ -65,7 +59,7 @@ def nodes_of(node: Node) -> Iterator[Node]:
             yield from nodes_of(item)
 
 
-def _common(places: Sequence[Place]) -> int:
+def _common(places: Sequence[Places]) -> int:
     """How many of the outermost functions are the same for all, one less."""
     depth = 0
     least = min(map(len, places), default=1)
@@ -74,10 +68,13 @@ def _common(places: Sequence[Place]) -> int:
     return depth
 
 
-def _grown(places: Sequence[Place], first: int, end: int, depth: int, kinds: list) -> Node:
+def _grown(places: Sequence[Places], first: int, end: int, depth: int, kinds: list) -> Node:
     """The tree of the calls in a function that stands at this depth of the places."""
-    inside = places[first][depth] if first < end and len(places[first]) > depth else ("", "", 0, 0)
-    node = Node(inside[0], inside[1], places[first][:depth] if first < end else (), first, end, [])
+    is_there = first < end and len(places[first]) > depth
+    inside = places[first][depth] if is_there else Place("", "", 0, 0)
+    node = Node(
+        inside.function, inside.file, places[first][:depth] if first < end else (), first, end, []
+    )
     here = first
     while here < end:
         key = _called_at(places[here], depth)
@@ -94,7 +91,7 @@ def _grown(places: Sequence[Place], first: int, end: int, depth: int, kinds: lis
     return node
 
 
-def _called_at(place: Place, depth: int):
+def _called_at(place: Places, depth: int):
     """From where a function at this depth calls which one, or None for an operation of its own."""
     return (*place[depth], *place[depth + 1][:2]) if len(place) > depth + 1 else None
 

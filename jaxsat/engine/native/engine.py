@@ -5,7 +5,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
 from jaxsat.checks import require_counts
@@ -28,6 +27,7 @@ from jaxsat.engine.native.trajectory import LoweredTrajectory, lower_trajectory,
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.engine.stepper import AbstractStepper
+from jaxsat.jaxprs import Jaxpr
 from jaxsat.once import Locks
 from jaxsat.processors import processors
 from jaxsat.simulation import Signals
@@ -74,7 +74,7 @@ class NativeEngine(AbstractEngine):
 
     def traced(
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
-    ) -> dict[str, ClosedJaxpr]:
+    ) -> dict[str, Jaxpr]:
         """The operations that the machine code is made from, phase by phase."""
         return self.kernel(program, cases, gains, derivatives=mode is not None).trajectory.jaxprs
 

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax._src import source_info_util
-from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 from jaxsat.engine.native.builder import Builder, is_uniform
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, NativeBug, Scalar, Value
 from jaxsat.engine.native.trace import Element, Frame, Trace
 from jaxsat.errors import JaxsatError
+from jaxsat.jax_internals import is_tested, summary_of, versions
+from jaxsat.jaxprs import Equation, Jaxpr, Literal, jaxpr_of
 from jaxsat.once import once
 
 if TYPE_CHECKING:
@@ -81,77 +81,64 @@ def lowers(*names: str) -> Callable[[Rule], Rule]:
     return register
 
 
-def lower(b: Builder, closed: ClosedJaxpr, arrays: Sequence[Elements]) -> list[Elements]:
+def lower(b: Builder, jaxpr: Jaxpr, arrays: Sequence[Elements]) -> list[Elements]:
     """The outputs of a jaxpr for these inputs."""
-    constants = [as_elements(constant) for constant in closed.consts]
-    return lower_open(b, closed.jaxpr, constants, arrays)
-
-
-def lower_open(
-    b: Builder, jaxpr: Jaxpr, constants: Sequence[Elements], arrays: Sequence[Elements]
-) -> list[Elements]:
-    """The outputs of a jaxpr whose constants are given with it."""
-    known = dict(zip(jaxpr.constvars, constants, strict=True))
-    known.update(zip(jaxpr.invars, arrays, strict=True))
+    known = {variable: as_elements(value) for variable, value in jaxpr.constants}
+    known.update(zip(jaxpr.inputs, arrays, strict=True))
 
     def read(atom: Any):
         if isinstance(atom, Literal):
-            aval: Any = atom.aval
-            return as_elements(atom.val, aval.dtype)
+            return as_elements(atom.value, atom.aval.dtype)
         return known[atom]
 
     note_repeated(b, jaxpr)
     note_pairs(b, jaxpr)
-    for eqn in jaxpr.eqns:
-        outputs = _apply(b, eqn, [read(atom) for atom in eqn.invars])
-        known.update(zip(eqn.outvars, outputs, strict=True))
-    return [read(atom) for atom in jaxpr.outvars]
+    for eqn in jaxpr.equations:
+        outputs = _apply(b, eqn, [read(atom) for atom in eqn.inputs])
+        known.update(zip(eqn.outputs, outputs, strict=True))
+    return [read(atom) for atom in jaxpr.outputs]
 
 
 def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
     """Tell the builder which long functions are called several times."""
-    called = [eqn.params["jaxpr"] for eqn in jaxpr.eqns if eqn.primitive.name in ("jit", "pjit")]
+    called = [eqn.parameters["body"] for eqn in jaxpr.equations if eqn.is_call]
     for inner, times in Counter(map(id, called)).items():
         found = next(one for one in called if id(one) == inner)
-        if times >= REPEATED and equations(found.jaxpr) >= LONG:
+        if times >= REPEATED and equations(found) >= LONG:
             b.repeated[inner] = found
 
 
 def note_pairs(b: Builder, jaxpr: Jaxpr) -> None:
     """Tell the builder of which variables both sine and cosine are needed: they share much."""
     sin, cos = (
-        {eqn.invars[0] for eqn in jaxpr.eqns if eqn.primitive.name in names and _varies(eqn)}
+        {eqn.inputs[0] for eqn in jaxpr.equations if eqn.name in names and _varies(eqn)}
         for names in (("sin", "jaxsat_sin"), ("cos", "jaxsat_cos"))
     )
     b.sine_and_cosine |= sin & cos
 
 
-def _varies(eqn: JaxprEqn) -> bool:
-    return not isinstance(eqn.invars[0], Literal)
+def _varies(eqn: Equation) -> bool:
+    return not isinstance(eqn.inputs[0], Literal)
 
 
 def equations(jaxpr: Jaxpr) -> int:
     """How many equations a jaxpr has, those of the jaxprs inside it included."""
     count = 0
-    for eqn in jaxpr.eqns:
-        count += 1
-        for value in eqn.params.values():
-            for inner in value if isinstance(value, tuple | list) else [value]:
-                inner = getattr(inner, "jaxpr", inner)
-                if hasattr(inner, "eqns"):
-                    repeated = eqn.params.get("length", 1) if eqn.primitive.name == "scan" else 1
-                    count += repeated * equations(inner)
+    for eqn in jaxpr.equations:
+        repeated = eqn.parameters.get("length", 1) if eqn.name == "scan" else 1
+        count += 1 + repeated * sum(map(equations, eqn.programs()))
     return count
 
 
-def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elements]:
-    name = eqn.primitive.name
+def _apply(b: Builder, eqn: Equation, arrays: list[Elements]) -> Sequence[Elements]:
+    name = eqn.name
     try:
         if name not in RULES:
-            raise CannotLower(f"The primitive `{name}` has no native rule")
-        for var in eqn.outvars:
-            aval: Any = var.aval
-            number_type(aval.dtype)
+            raise CannotLower(f"The primitive `{name}` has no native rule: {versions()}")
+        if eqn.unknown:
+            raise CannotLower(f"The native rules do not know {eqn.unknown}: {versions()}")
+        for var in eqn.outputs:
+            number_type(var.aval.dtype)
         before = b.written
         with b.at(() if b.trace is None else _frames(eqn, b.trace)):
             outputs = RULES[name](b, eqn, *arrays)
@@ -167,6 +154,9 @@ def _apply(b: Builder, eqn: JaxprEqn, arrays: list[Elements]) -> Sequence[Elemen
     except NativeBug:
         raise
     except Exception as error:
+        if not is_tested():
+            what = f"The rule of `{name}` broke down ({error!r}): {versions()}"
+            raise CannotLower(what, _where(eqn)) from error
         raise NativeBug(f"the rule of `{name}` ({_where(eqn)})", error) from error
     return [outputs] if isinstance(outputs, np.ndarray) else outputs
 
@@ -181,18 +171,18 @@ def written(
     avals = [getattr(example, "aval", example) for example in examples]
     kinds = [jax.ShapeDtypeStruct(aval.shape, aval.dtype) for aval in avals]
     try:
-        return lower(b, jax.make_jaxpr(function)(*kinds), arrays)
+        return lower(b, jaxpr_of(function, *kinds), arrays)
     except CannotLower as error:  # its place would be ours
         raise CannotLower(error.what) from None
 
 
-def _is_call(eqn: JaxprEqn) -> bool:
+def _is_call(eqn: Equation) -> bool:
     """Whether what failed in an equation is an equation inside it."""
-    return any(key in eqn.params for key in ("jaxpr", "call_jaxpr", "branches", "body_jaxpr"))
+    return "body" in eqn.parameters or "branches" in eqn.parameters
 
 
-def _where(eqn: JaxprEqn) -> str:
-    return source_info_util.summarize(eqn.source_info)
+def _where(eqn: Equation) -> str:
+    return summary_of(eqn.place)
 
 
 def _note_elements(b: Builder, arrays: Sequence[Elements]) -> None:
@@ -210,7 +200,7 @@ def _note_elements(b: Builder, arrays: Sequence[Elements]) -> None:
                 b.trace.elements.setdefault(x.number, found)
 
 
-def _frames(eqn: JaxprEqn, trace: Trace) -> tuple[Frame, ...]:
+def _frames(eqn: Equation, trace: Trace) -> tuple[Frame, ...]:
     """The calls of the source that an equation comes from, from the outermost.
 
     A compiled function keeps the places of its first trace: those inside it go after its call. The
@@ -220,10 +210,10 @@ def _frames(eqn: JaxprEqn, trace: Trace) -> tuple[Frame, ...]:
         return trace.calls[id(eqn)]
     outer = trace.now
     found = [
-        Frame(frame.function_name.split(".<locals>")[0], frame.file_name, frame.start_line)
-        for frame in source_info_util.user_frames(eqn.source_info.traceback)
-        if not is_wrapper(frame.file_name)
-    ][::-1]
+        Frame(one.function.split(".<locals>")[0], one.file, one.line)
+        for one in eqn.place
+        if not is_wrapper(one.file)
+    ]
     if not outer:
         return tuple(found)
     for number, frame in enumerate(found):
@@ -316,7 +306,7 @@ def arrays_of(scalars: Sequence[Scalar], shapes: Sequence[tuple[int, ...]]) -> l
     return arrays
 
 
-def function_of(b: Builder, name: str, closed: ClosedJaxpr, args: Sequence[Scalar]) -> Function:
+def function_of(b: Builder, name: str, jaxpr: Jaxpr, args: Sequence[Scalar]) -> Function:
     """A jaxpr of scalars as a function of the program, made once for each kind of arguments."""
     kinds = tuple((arg.dtype.char, is_uniform(arg)) for arg in args)
     key = (name, kinds)
@@ -324,9 +314,9 @@ def function_of(b: Builder, name: str, closed: ClosedJaxpr, args: Sequence[Scala
         params = [Value(arg.dtype, is_uniform(arg)) for arg in args]
         inner = Builder(like=b)
         inner.functions = b.functions
-        closed = b.cut(closed)
+        jaxpr = b.cut(jaxpr)
         with b.at(()):
-            results = scalars_of(lower(inner, closed, arrays_of(params, [()] * len(params))))
+            results = scalars_of(lower(inner, jaxpr, arrays_of(params, [()] * len(params))))
         label = f"{name}.{''.join(char + 'vu'[uniform] for char, uniform in kinds)}"
         b.functions[key] = without_dead_code(Function(label, params, inner.block, results))
     return b.functions[key]

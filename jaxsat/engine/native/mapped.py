@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
 from jaxsat.engine.native import rules, target
@@ -24,6 +23,7 @@ from jaxsat.engine.native.lowering import (
     scalars_of,
 )
 from jaxsat.engine.native.threads import in_own_thread
+from jaxsat.jaxprs import Jaxpr, jaxpr_and_shapes
 from jaxsat.once import once_property
 
 del rules  # imported for the table it fills
@@ -51,7 +51,7 @@ class Mapped:
         self.cpu, self._contract = cpu or target.host(), contract
         self.lanes = lanes or self.cpu.lanes
         require_lanes(self.lanes)
-        self.jaxpr, self._shape = jax.make_jaxpr(function, return_shape=True)(case, shared)
+        self.jaxpr, self._shape = jaxpr_and_shapes(function, case, shared)
         trees = {"cases": case, "shared": shared}
         self._arguments = Arguments.of(trees, self.jaxpr.in_avals, "cases")
         self.entry_point = _entry_point(self.jaxpr, len(jax.tree.leaves(case)))
@@ -129,7 +129,7 @@ class Mapped:
         return self._arguments.taken({"cases": cases, "shared": shared})
 
 
-def _entry_point(jaxpr: ClosedJaxpr, per_case: int) -> EntryPoint:
+def _entry_point(jaxpr: Jaxpr, per_case: int) -> EntryPoint:
     params: list[Value] = []
     inputs: list[Location] = []
     shapes = [aval.shape for aval in jaxpr.in_avals]

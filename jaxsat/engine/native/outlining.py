@@ -7,17 +7,17 @@ alike is computed once, before them, and handed over.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr, DebugInfo, DropVar, Jaxpr, JaxprEqn, Literal, Var
 
 from jaxsat.engine.fingerprint import told_parameters
 from jaxsat.engine.native.call_tree import Node, call_tree, nodes_of, place_of
 from jaxsat.engine.native.sharing import Values, without_repeated_calls
 from jaxsat.engine.native.trace import Frame
+from jaxsat.jax_internals import CALL
+from jaxsat.jaxprs import Equation, Jaxpr, Literal, Variable
 
 SHARED, LONE = 10, 80
 """Operations on numbers that a function has at least if it is called several times, or once."""
@@ -45,31 +45,30 @@ class Outline:
     """The functions of a program: jaxprs by identity with their names, files and how often they are
     called, and the frames of the calls by the identity of their equations."""
 
-    functions: dict[int, tuple[ClosedJaxpr, str, str, int]] = field(default_factory=dict)
+    functions: dict[int, tuple[Jaxpr, str, str, int]] = field(default_factory=dict)
     frames: dict[int, tuple[Frame, ...]] = field(default_factory=dict)
 
     kept: list[Any] = field(default_factory=list)
     """What identities belong to must stay alive."""
 
-    def changed(self, eqn: JaxprEqn, **parts: Any) -> JaxprEqn:
+    def changed(self, eqn: Equation, **parts: Any) -> Equation:
         """An equation with other parts, and the same frames."""
-        made = eqn.replace(**parts)
+        made = replace(eqn, **parts)
         if id(eqn) in self.frames:
             self.frames[id(made)] = self.frames[id(eqn)]
             self.kept.append(made)
         return made
 
 
-def outlined(closed: ClosedJaxpr) -> tuple[ClosedJaxpr, Outline]:
+def outlined(jaxpr: Jaxpr) -> tuple[Jaxpr, Outline]:
     """The program with calls of functions in it."""
     outline = Outline()
-    return _outlined(outline, closed, None), outline
+    return _outlined(outline, jaxpr, None), outline
 
 
-def _outlined(outline: Outline, closed: ClosedJaxpr, inside: int | None) -> ClosedJaxpr:
+def _outlined(outline: Outline, jaxpr: Jaxpr, inside: int | None) -> Jaxpr:
     """The same of a branch or a loop's body, `inside` so many functions."""
-    jaxpr = closed.jaxpr
-    eqns = [_with_inner(outline, eqn) for eqn in jaxpr.eqns]
+    eqns = [_with_inner(outline, eqn) for eqn in jaxpr.equations]
     root = call_tree(eqns, inside)
     values = Values(jaxpr, eqns)
     levels: dict[int, list[Node]] = {}
@@ -84,28 +83,25 @@ def _outlined(outline: Outline, closed: ClosedJaxpr, inside: int | None) -> Clos
                 groups.setdefault(_shape(node), []).append(node)
         for group in groups.values():
             _make(outline, group, values)
-    results = [values.atom(atom) for atom in jaxpr.outvars]
-    whole = Jaxpr(
-        jaxpr.constvars, jaxpr.invars, results, root.eqns, jaxpr.effects, jaxpr.debug_info
-    )
-    return ClosedJaxpr(whole, closed.consts)
+    results = tuple([values.atom(atom) for atom in jaxpr.outputs])
+    return replace(jaxpr, outputs=results, equations=tuple(root.eqns))
 
 
-def _with_inner(outline: Outline, eqn: JaxprEqn) -> JaxprEqn:
+def _with_inner(outline: Outline, eqn: Equation) -> Equation:
     """An equation whose branches or body are cut as well."""
-    if eqn.primitive.name not in ("cond", "scan", "while"):
+    if eqn.name not in ("cond", "scan", "while"):
         return eqn
     depth = len(place_of(eqn))
-    params = dict(eqn.params)
-    for key, inner in params.items():
-        if isinstance(inner, ClosedJaxpr):
-            params[key] = _outlined(outline, inner, depth)
+    parameters = dict(eqn.parameters)
+    for key, inner in parameters.items():
+        if isinstance(inner, Jaxpr):
+            parameters[key] = _outlined(outline, inner, depth)
         elif key == "branches":
-            params[key] = tuple(_outlined(outline, branch, depth) for branch in inner)
-    return eqn.replace(params=params)
+            parameters[key] = tuple([_outlined(outline, branch, depth) for branch in inner])
+    return replace(eqn, parameters=parameters)
 
 
-def _contents(node: Node, eqns: Sequence[JaxprEqn]) -> Iterator[JaxprEqn]:
+def _contents(node: Node, eqns: Sequence[Equation]) -> Iterator[Equation]:
     """The equations of a call, those of the calls inside it put back as calls where they are."""
     for item in node.items:
         if isinstance(item, int):
@@ -118,10 +114,10 @@ def _contents(node: Node, eqns: Sequence[JaxprEqn]) -> Iterator[JaxprEqn]:
             yield from item.eqns
 
 
-def _function_of(eqn: JaxprEqn) -> ClosedJaxpr | None:
+def _function_of(eqn: Equation) -> Jaxpr | None:
     """The function made here that an equation calls, if it does so."""
-    is_call = str(eqn.params.get("name", "")).startswith(MARK)
-    return eqn.params["jaxpr"] if is_call else None
+    is_call = str(eqn.parameters.get("name", "")).startswith(MARK)
+    return eqn.parameters["body"] if is_call else None
 
 
 def _shape(node: Node) -> tuple:
@@ -130,13 +126,13 @@ def _shape(node: Node) -> tuple:
     told = []
     for number, eqn in enumerate(node.eqns):
         read = []
-        for atom in eqn.invars:
-            inside = numbers.get(atom) if isinstance(atom, Var) else None
+        for atom in eqn.inputs:
+            inside = numbers.get(atom) if isinstance(atom, Variable) else None
             read.append(inside or str(atom.aval))
         function = _function_of(eqn)
         params = told_parameters(eqn) if function is None else f"{MARK}{id(function)}"
-        told.append((eqn.primitive.name, params, *read))
-        numbers |= {var: (number, i) for i, var in enumerate(eqn.outvars)}
+        told.append((eqn.name, params, *read))
+        numbers |= {var: (number, i) for i, var in enumerate(eqn.outputs)}
     return (node.name, node.file, *told)
 
 
@@ -160,36 +156,33 @@ def _make(outline: Outline, group: list[Node], values: Values) -> None:
         atoms = sources[wheres[0]]
         if isinstance(atoms[0], Literal) and len(set(identities)) == 1:
             continue
-        param = Var(atoms[0].aval)
+        param = Variable(atoms[0].aval)
         params.append(param)
         for number, place in wheres:
-            read = list(eqns[number].invars)
+            read = list(eqns[number].inputs)
             read[place] = param
-            eqns[number] = outline.changed(eqns[number], invars=read)
+            eqns[number] = outline.changed(eqns[number], inputs=tuple(read))
         for arg, atom in zip(args, atoms, strict=True):
             arg.append(atom)
     results = [
         (number, i)
         for number, eqn in enumerate(one.eqns)
-        for i in range(len(eqn.outvars))
+        for i in range(len(eqn.outputs))
         if any(
-            values.is_read_outside(node.eqns[number].outvars[i], node.first, node.end)
+            values.is_read_outside(node.eqns[number].outputs[i], node.first, node.end)
             for node in group
         )
     ]
     if not results:
         return
-    outs = [eqns[number].outvars[i] for number, i in results]
-    told = DebugInfo("jit", one.name, ("",) * len(params), ("",) * len(outs))
-    closed = ClosedJaxpr(Jaxpr((), params, outs, eqns, debug_info=told), ())
-    outline.functions[id(closed)] = (closed, one.name, one.file, len(group))
+    outs = [eqns[number].outputs[i] for number, i in results]
+    made = Jaxpr(tuple(params), tuple(outs), tuple(eqns))
+    outline.functions[id(made)] = (made, one.name, one.file, len(group))
 
     for node, given in zip(group, args, strict=True):
-        made: list[Any] = []
-        for number, i in results:
-            var = node.eqns[number].outvars[i]
-            made.append(DropVar(outs[len(made)].aval) if isinstance(var, DropVar) else var)
-        node.call = _call(closed, f"{MARK}{one.name}", given, made, one.eqns[0])
+        taken = tuple([node.eqns[number].outputs[i] for number, i in results])
+        parameters = {"body": made, "name": f"{MARK}{one.name}"}
+        node.call = Equation(CALL, tuple(given), taken, parameters, one.eqns[0].source)
         frames = tuple(
             Frame(name.split(".<locals>")[0], file, line) for name, file, line, _ in node.caller
         )
@@ -206,7 +199,7 @@ def _put_before(group: Sequence[Node], values: Values) -> None:
     for number in counts:
         makers = {maker for made in sources for maker in made[number]}
         shared = all(_is_shared(node, number, values) for node in group)
-        move = group[0].eqns[number].primitive.name in MOVES
+        move = group[0].eqns[number].name in MOVES
         if makers <= needs.keys() and (shared or move):
             needs[number] = {number}.union(*(needs[maker] for maker in makers))
             if shared and _is_dear(group[0].eqns[number]):
@@ -218,19 +211,19 @@ def _put_before(group: Sequence[Node], values: Values) -> None:
 
 def _makers(node: Node) -> list[set[int]]:
     """For each equation of a function, which of them make what it reads."""
-    made = {id(var): i for i, eqn in enumerate(node.eqns) for var in eqn.outvars}
-    return [{made[id(x)] for x in eqn.invars if id(x) in made} for eqn in node.eqns]
+    made = {id(var): i for i, eqn in enumerate(node.eqns) for var in eqn.outputs}
+    return [{made[id(x)] for x in eqn.inputs if id(x) in made} for eqn in node.eqns]
 
 
 def _is_shared(node: Node, number: int, values: Values) -> bool:
     """Whether an equation of a function gives what is made elsewhere, too."""
-    outs = node.eqns[number].outvars
+    outs = node.eqns[number].outputs
     return any(values.is_made_outside(var, node.first, node.end) for var in outs)
 
 
-def _is_dear(eqn: JaxprEqn) -> bool:
+def _is_dear(eqn: Equation) -> bool:
     """Whether a result is sooner handed over than computed again."""
-    return _function_of(eqn) is not None or eqn.primitive.name in DEAR
+    return _function_of(eqn) is not None or eqn.name in DEAR
 
 
 def _from_outside(group: Sequence[Node]) -> dict[tuple[int, int], list[Any]]:
@@ -239,38 +232,25 @@ def _from_outside(group: Sequence[Node]) -> dict[tuple[int, int], list[Any]]:
     for node in group:
         made: set[Any] = set()
         for number, eqn in enumerate(node.eqns):
-            for i, atom in enumerate(eqn.invars):
+            for i, atom in enumerate(eqn.inputs):
                 if isinstance(atom, Literal) or atom not in made:
                     found.setdefault((number, i), []).append(atom)
-            made.update(eqn.outvars)
+            made.update(eqn.outputs)
     return found
 
 
-def _cost(eqn: JaxprEqn) -> float:
+def _cost(eqn: Equation) -> float:
     """About how many operations on numbers an equation is."""
-    name = eqn.primitive.name
+    name = eqn.name
     if _function_of(eqn) is not None:
         return 3.0
-    size = sum(float(np.prod(getattr(var.aval, "shape", ()))) for var in eqn.outvars)
-    inner = [eqn.params.get(key) for key in ("jaxpr", "call_jaxpr", "body_jaxpr")]
-    branches = [*filter(None, inner), *eqn.params.get("branches", ())]
-    if branches:
-        return sum(sum(map(_cost, getattr(one, "jaxpr", one).eqns)) for one in branches)
+    size = sum(float(np.prod(getattr(var.aval, "shape", ()))) for var in eqn.outputs)
+    body = eqn.parameters.get("body")
+    programs = eqn.parameters.get("branches", ()) if body is None else (body,)
+    if programs:
+        return sum(sum(map(_cost, one.equations)) for one in programs)
     if name == "dot_general":
-        (summed, _), _ = eqn.params["dimension_numbers"]
-        left: Any = eqn.invars[0].aval
+        (summed, _), _ = eqn.parameters["dimension_numbers"]
+        left: Any = eqn.inputs[0].aval
         return 2 * size * float(np.prod([left.shape[axis] for axis in summed]))
     return 0.0 if name in MOVES else size
-
-
-def _call(closed: ClosedJaxpr, name: str, args: list, outs: list, like: JaxprEqn) -> JaxprEqn:
-    """A call as JAX has it of a compiled function."""
-    example = jax.make_jaxpr(jax.jit(lambda x: x + 1))(1.0).eqns[0]
-    params: Any = example.params | {"jaxpr": closed, "name": name}
-    for given, count in (("in", len(args)), ("out", len(outs))):
-        for key in (f"{given}_shardings", f"{given}_layouts"):
-            params[key] = params[key] * count
-    params["donated_invars"] = params["donated_invars"] * len(args)
-    return example.replace(
-        invars=args, outvars=outs, params=params, source_info=like.source_info, ctx=like.ctx
-    )

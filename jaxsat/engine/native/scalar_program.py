@@ -7,9 +7,7 @@ called, not written out. Values know where in the source they come from.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
 from jaxsat.engine.native import rules
@@ -20,6 +18,7 @@ from jaxsat.engine.native.ir import Function, Value
 from jaxsat.engine.native.lowering import arrays_of, bugs_in, lower, number_type, scalars_of
 from jaxsat.engine.native.outlining import outlined
 from jaxsat.engine.native.trace import Trace
+from jaxsat.jaxprs import Jaxpr, jaxpr_and_shapes
 
 del rules  # imported for the table it fills
 
@@ -31,7 +30,7 @@ class ScalarProgram:
     `trace` tells of values where in the source they come from, and of which arrays they are.
     """
 
-    jaxpr: ClosedJaxpr
+    jaxpr: Jaxpr
     function: Function
     trace: Trace
     outputs: PyTree
@@ -42,7 +41,7 @@ def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) ->
 
     Raises `CannotLower` for what has no rule.
     """
-    jaxpr, outputs = jax.make_jaxpr(function, return_shape=True)(*examples)
+    jaxpr, outputs = jaxpr_and_shapes(function, *examples)
     params: list[Value] = []
     arrays = []
     for aval in jaxpr.in_avals:

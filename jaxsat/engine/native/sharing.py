@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from jax.extend.core import Jaxpr, JaxprEqn, Literal, Var
 
 from jaxsat.engine.fingerprint import told_parameters
+from jaxsat.jaxprs import Equation, Jaxpr, Literal, Variable
 
 
 class Values:
@@ -16,31 +16,31 @@ class Values:
     them.
     """
 
-    def __init__(self, jaxpr: Jaxpr, eqns: Sequence[JaxprEqn]):
+    def __init__(self, jaxpr: Jaxpr, eqns: Sequence[Equation]):
         self._numbers: dict[Any, tuple[int, int]] = {}
         self._places: dict[tuple[int, int], list[int]] = {}
         self._same: dict[Any, Any] = {}
         self.uses: dict[Any, list[int]] = {}
         made: dict[Any, int] = {}
         for place, eqn in enumerate(eqns):
-            key = (eqn.primitive.name, told_parameters(eqn), *map(self.identity, eqn.invars))
+            key = (eqn.name, told_parameters(eqn), *map(self.identity, eqn.inputs))
             number = made.setdefault(key, len(made))
-            for i, var in enumerate(eqn.outvars):
+            for i, var in enumerate(eqn.outputs):
                 self._numbers[var] = found = (number, i)
                 self._places.setdefault(found, []).append(place)
-            for atom in eqn.invars:
+            for atom in eqn.inputs:
                 self._read(atom, place)
-        for atom in jaxpr.outvars:
+        for atom in jaxpr.outputs:
             self._read(atom, len(eqns))
 
     def _read(self, atom: Any, place: int) -> None:
-        if isinstance(atom, Var):
+        if isinstance(atom, Variable):
             self.uses.setdefault(atom, []).append(place)
 
     def identity(self, atom: Any) -> Any:
         """What is alike for equal values alone."""
         if isinstance(atom, Literal):
-            value = np.asarray(atom.val)
+            value = np.asarray(atom.value)
             return (str(atom.aval), value.dtype.char, value.tobytes())
         return self._numbers.get(atom, id(atom))
 
@@ -60,31 +60,31 @@ class Values:
 
     def atom(self, atom: Any) -> Any:
         """The variable that now stands for one."""
-        while isinstance(atom, Var) and atom in self._same:
+        while isinstance(atom, Variable) and atom in self._same:
             atom = self._same[atom]
         return atom
 
 
 def without_repeated_calls(
     values: Values,
-    eqns: Sequence[JaxprEqn],
-    function_of: Callable[[JaxprEqn], Any],
-    changed: Callable[..., JaxprEqn],
-) -> list[JaxprEqn]:
+    eqns: Sequence[Equation],
+    function_of: Callable[[Equation], Any],
+    changed: Callable[..., Equation],
+) -> list[Equation]:
     """The equations without calls that others before them make as well.
 
     `function_of` gives the function of a call, and None for other equations; `changed` replaces
     parts of an equation.
     """
-    found: list[JaxprEqn] = []
+    found: list[Equation] = []
     calls: dict[Any, int] = {}
     for eqn in eqns:
-        renamed = [values.atom(atom) for atom in eqn.invars]
-        if any(new is not old for new, old in zip(renamed, eqn.invars, strict=True)):
-            eqn = changed(eqn, invars=renamed)
+        renamed = tuple([values.atom(atom) for atom in eqn.inputs])
+        if any(new is not old for new, old in zip(renamed, eqn.inputs, strict=True)):
+            eqn = changed(eqn, inputs=renamed)
         function = function_of(eqn)
         if function is not None:
-            key = (id(function), *map(values.identity, eqn.invars))
+            key = (id(function), *map(values.identity, eqn.inputs))
             if key in calls:
                 found[calls[key]] = _with_results(values, found[calls[key]], eqn, changed)
                 continue
@@ -93,11 +93,11 @@ def without_repeated_calls(
     return found
 
 
-def _with_results(values: Values, first: JaxprEqn, other: JaxprEqn, changed) -> JaxprEqn:
+def _with_results(values: Values, first: Equation, other: Equation, changed) -> Equation:
     """A call that also gives what an equal one gave."""
     outs = []
-    for one, two in zip(first.outvars, other.outvars, strict=True):
-        if type(one) is Var and type(two) is Var:
+    for one, two in zip(first.outputs, other.outputs, strict=True):
+        if not (one.dropped or two.dropped):
             values.unite(one, two)
-        outs.append(one if type(one) is Var else two)
-    return changed(first, outvars=outs)
+        outs.append(two if one.dropped else one)
+    return changed(first, outputs=tuple(outs))

@@ -11,7 +11,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr
 from jaxtyping import PyTree
 
 from jaxsat.collection import no_collection
@@ -24,6 +23,7 @@ from jaxsat.engine.native.ir import Function, Scalar, Value
 from jaxsat.engine.native.locations import Location, PerCase, ScalarArgument, Shared, Slot
 from jaxsat.engine.native.lowering import Elements, arrays_of, lower, number_type, scalars_of
 from jaxsat.engine.native.phases import AbstractPhases, zero_leaves
+from jaxsat.jaxprs import Jaxpr, jaxpr_and_shapes
 
 del rules  # imported for the table it fills
 
@@ -42,7 +42,7 @@ class LoweredTrajectory:
     arguments: Arguments
     outputs: PyTree
     signals: PyTree
-    jaxprs: dict[str, ClosedJaxpr]
+    jaxprs: dict[str, Jaxpr]
     going: int | None
 
 
@@ -63,10 +63,10 @@ def lower_trajectory(
     """The entry points of a trajectory; `numbers`, `case` and `gains` are examples."""
     whole = jax.ShapeDtypeStruct((), np.dtype(int))
     numbers = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), numbers)
-    jaxprs: dict[str, ClosedJaxpr] = {}
+    jaxprs: dict[str, Jaxpr] = {}
 
     def traced(name: str, function: Callable, *examples: PyTree) -> PyTree:
-        jaxprs[name], shape = jax.make_jaxpr(function, return_shape=True)(*examples)
+        jaxprs[name], shape = jaxpr_and_shapes(function, *examples)
         return shape
 
     fixed, moving = traced("begin", phases.begin, case, numbers, gains)
@@ -158,7 +158,7 @@ def _results(avals: Sequence[Any], first: int) -> list[Location]:
 
 
 def _begin(
-    jaxpr: ClosedJaxpr, outside: list[_Source], n_fixed: int, state: _State
+    jaxpr: Jaxpr, outside: list[_Source], n_fixed: int, state: _State
 ) -> tuple[EntryPoint, list[_Source], list[Elements]]:
     """The first entry point, where its results are afterwards, and what is fixed."""
     params = [Value(source.dtype, source.uniform) for source in outside]
@@ -186,9 +186,7 @@ def _begin(
     return entry.optimised(), sources, found[:n_fixed]
 
 
-def _later(
-    name: str, jaxpr: ClosedJaxpr, sources: list[_Source], outputs: list[Location]
-) -> EntryPoint:
+def _later(name: str, jaxpr: Jaxpr, sources: list[_Source], outputs: list[Location]) -> EntryPoint:
     """An entry point after the first; inputs that have no source are the numbers a and b."""
     scalars, params, locations = [], [], []
     free = iter(["a", "b"])

@@ -6,45 +6,40 @@ gone through until nothing changes. Arrays count as wholes: one varying element 
 
 from collections.abc import Sequence
 
-from jax.extend.core import Jaxpr, JaxprEqn, Literal
-
-INNER = ("jaxpr", "call_jaxpr", "fun_jaxpr")
-"""Parameters that hold the jaxpr of a primitive which is nothing but a call."""
+from jaxsat.jaxprs import Equation, Jaxpr, Literal
 
 
 def varying_outputs(jaxpr: Jaxpr, varying: Sequence[bool]) -> list[bool]:
     """Which outputs vary where these inputs do."""
-    known = dict(zip(jaxpr.invars, varying, strict=True))
+    known = dict(zip(jaxpr.inputs, varying, strict=True))
 
     def read(atom) -> bool:
         return False if isinstance(atom, Literal) else known.get(atom, False)
 
-    for eqn in jaxpr.eqns:
-        outputs = _outputs(eqn, [read(atom) for atom in eqn.invars])
-        known.update(zip(eqn.outvars, outputs, strict=True))
-    return [read(atom) for atom in jaxpr.outvars]
+    for eqn in jaxpr.equations:
+        outputs = _outputs(eqn, [read(atom) for atom in eqn.inputs])
+        known.update(zip(eqn.outputs, outputs, strict=True))
+    return [read(atom) for atom in jaxpr.outputs]
 
 
-def _outputs(eqn: JaxprEqn, varying: list[bool]) -> list[bool]:
-    name, params = eqn.primitive.name, eqn.params
-    if name == "while":
+def _outputs(eqn: Equation, varying: list[bool]) -> list[bool]:
+    if eqn.name == "while" and not eqn.unknown:
         return while_carries(eqn, varying)[0]
-    if name == "scan":
+    if eqn.name == "scan" and not eqn.unknown:
         carries, stacked = scan_outputs(eqn, varying)
         return carries + stacked
-    if name == "cond":
-        several = [varying_outputs(branch.jaxpr, varying[1:]) for branch in params["branches"]]
+    if eqn.name == "cond" and not eqn.unknown:
+        several = [varying_outputs(branch, varying[1:]) for branch in eqn.programs()]
         return [varying[0] or any(one) for one in zip(*several, strict=True)]
-    inner = next((params[key] for key in INNER if key in params), None)
-    if inner is not None:
-        return varying_outputs(getattr(inner, "jaxpr", inner), varying)
-    return [any(varying)] * len(eqn.outvars)
+    if eqn.is_call:
+        return varying_outputs(eqn.parameters["body"], varying)
+    return [any(varying)] * len(eqn.outputs)
 
 
-def while_carries(eqn: JaxprEqn, varying: Sequence[bool]) -> tuple[list[bool], bool]:
+def while_carries(eqn: Equation, varying: Sequence[bool]) -> tuple[list[bool], bool]:
     """Which carries of a `while` vary, and whether its condition does."""
-    test, body = eqn.params["cond_jaxpr"].jaxpr, eqn.params["body_jaxpr"].jaxpr
-    n_test, n_body = eqn.params["cond_nconsts"], eqn.params["body_nconsts"]
+    test, body = eqn.parameters["test"], eqn.parameters["body"]
+    n_test, n_body = eqn.parameters["n_test"], eqn.parameters["n_body"]
     of_test, of_body = list(varying[:n_test]), list(varying[n_test : n_test + n_body])
     carries = list(varying[n_test + n_body :])
     while True:
@@ -60,10 +55,10 @@ def while_carries(eqn: JaxprEqn, varying: Sequence[bool]) -> tuple[list[bool], b
         carries = widened
 
 
-def scan_outputs(eqn: JaxprEqn, varying: Sequence[bool]) -> tuple[list[bool], list[bool]]:
+def scan_outputs(eqn: Equation, varying: Sequence[bool]) -> tuple[list[bool], list[bool]]:
     """Which carries and which stacked outputs of a `scan` vary."""
-    body = eqn.params["jaxpr"].jaxpr
-    n_consts, n_carry = eqn.params["num_consts"], eqn.params["num_carry"]
+    body = eqn.parameters["body"]
+    n_consts, n_carry = eqn.parameters["n_consts"], eqn.parameters["n_carry"]
     consts, xs = list(varying[:n_consts]), list(varying[n_consts + n_carry :])
     carries = list(varying[n_consts : n_consts + n_carry])
     while True:
@@ -76,5 +71,5 @@ def scan_outputs(eqn: JaxprEqn, varying: Sequence[bool]) -> tuple[list[bool], li
 
 def unchanged(body: Jaxpr, n_consts: int) -> list[bool]:
     """Which carries a body hands on as they are."""
-    carries = body.invars[n_consts:]
-    return [out is carry for out, carry in zip(body.outvars, carries, strict=False)]
+    carries = body.inputs[n_consts:]
+    return [out is carry for out, carry in zip(body.outputs, carries, strict=False)]

@@ -14,21 +14,15 @@ from jax import lax
 from jax.extend.core.primitives import empty2_p
 from jax.extend.random import threefry_2x32
 
-from engine.native.edge_values import ALL, BOOLS, FLOATS, NUMBERS, WHOLE
+from engine.native.edge_values import ALL, BOOLS, FLOATS, MISSING, NUMBERS, WHOLE
 
 LENGTH = 6
 
 ALIASES = {
-    "checkpoint": "remat2", "remat": "remat2", "copy_p": "copy", "core_call": "jit",
-    "closed_call": "jit", "pjit": "jit", "custom_vjp_call_jaxpr": "custom_vjp_call",
-    "expand_dims": "squeeze",
-    "custom_lin": "jit", "empty": "empty2", "stop_gradient": "copy", "pvary": "copy",
-    "name": "copy", "xla_metadata_value": "copy", "sharding_constraint": "copy",
-    "reshard": "copy", "mesh_cast": "copy", "scatter_add": "scatter-add",
-    "scatter_mul": "scatter-mul", "scatter_min": "scatter-min",
-    "scatter_max": "scatter-max", "scatter_sub": "scatter-sub",
+    "empty": "empty2", "stop_gradient": "copy", "pvary": "copy", "name": "copy",
+    "xla_metadata_value": "copy", "sharding_constraint": "copy", "reshard": "copy",
 }  # fmt: skip
-"""What has the very rule of another primitive: names of other versions of JAX among them."""
+"""What has the very rule of another primitive."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +116,10 @@ def _triangle(x):
 
 
 PROGRAMS: dict[str, list[Use]] = {
-    "reshape": [Use(lambda x, y, i: x.reshape(2, 3))],
+    "reshape": [
+        Use(lambda x, y, i: x.reshape(2, 3)),
+        Use(lambda x, y, i: lax.reshape(x.reshape(2, 3), (6,), dimensions=(1, 0))),
+    ],
     "squeeze": [Use(lambda x, y, i: lax.squeeze(x[None], (0,)))],
     "broadcast_in_dim": [Use(lambda x, y, i: jnp.broadcast_to(x[:, None], (6, 2)))],
     "transpose": [Use(lambda x, y, i: _pairs(x).T)],
@@ -181,6 +178,9 @@ PROGRAMS: dict[str, list[Use]] = {
         Use(lambda x, y, i: lax.sort((x, y), num_keys=1)),
         Use(lambda x, y, i: lax.sort((x, y, x), num_keys=2)),
     ],
+    "polynomial": [
+        Use(lambda x, y, i: lax.polynomial(x, (y, jnp.full_like(x, 2))), FLOATS),
+    ],
     "top_k": [Use(lambda x, y, i: lax.top_k(x, 3), NUMBERS)],
     "reduce_window": [
         Use(lambda x, y, i: lax.reduce_window(
@@ -222,10 +222,12 @@ PROGRAMS: dict[str, list[Use]] = {
         Use(lambda x, y, i: lax.switch(i, [lambda: x, lambda: y, lambda: x[::-1]])),
         Use(lambda x, y, i: lax.cond(x[0] == y[0], lambda: x, lambda: y)),
     ],
-    "jit": [Use(lambda x, y, i: jax.jit(lambda v: v[::-1])(x))],
-    "remat2": [Use(lambda x, y, i: jax.checkpoint(lambda v: v[::-1])(x))],
-    "custom_jvp_call": [Use(lambda x, y, i: _custom_jvp(x))],
-    "custom_vjp_call": [Use(lambda x, y, i: _custom_vjp(x))],
+    "call": [
+        Use(lambda x, y, i: jax.jit(lambda v: v[::-1])(x)),
+        Use(lambda x, y, i: jax.checkpoint(lambda v: v[::-1])(x)),
+        Use(lambda x, y, i: _custom_jvp(x)),
+        Use(lambda x, y, i: _custom_vjp(x)),
+    ],
     "random_seed": [Use(lambda x, y, i: jax.random.key_data(jax.random.key(i)))],
     "random_wrap": [Use(lambda x, y, i: jax.random.bits(jax.random.wrap_key_data(
         jnp.stack([i, i + 1]).astype(jnp.uint32))))],
@@ -240,6 +242,7 @@ PROGRAMS: dict[str, list[Use]] = {
     "iota_2x32_shape": [Use(lambda x, y, i: _threefry().random_bits(
         jnp.stack([i, i + 1]).astype(jnp.uint32), 32, (3,)))],
 }  # fmt: skip
+PROGRAMS = {name: uses for name, uses in PROGRAMS.items() if name not in MISSING}
 
 
 def _end(x, sign: int):

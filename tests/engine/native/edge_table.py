@@ -9,7 +9,7 @@ import scipy.special
 from jax import lax
 from jax.extend.core.primitives import add_jaxvals_p, eq_to_p, le_to_p, lt_to_p
 
-from engine.native.edge_values import ALL, BOOLS, FLOATS, NUMBERS, SIGNED, WHOLE
+from engine.native.edge_values import ALL, BOOLS, FLOATS, MISSING, NUMBERS, SIGNED, WHOLE
 from jaxsat import trigonometry
 
 EVEN = lax.RoundingMethod.TO_NEAREST_EVEN
@@ -92,6 +92,11 @@ def _two(function, dtypes, ieee=None, **options) -> list[Edge]:
     return [Edge(function, dtypes, ieee, **options)]
 
 
+def _later(name, edges) -> dict[str, list[Edge]]:
+    """Those of a primitive that not every JAX has."""
+    return {} if name in MISSING else {name: edges(getattr(lax, name))}
+
+
 ELEMENTWISE: dict[str, list[Edge]] = {
     "abs": [_one(lax.abs, FLOATS + SIGNED, np.abs)],
     "neg": [_one(lax.neg, NUMBERS, np.negative)],
@@ -155,6 +160,9 @@ ELEMENTWISE: dict[str, list[Edge]] = {
     "shift_left": _two(lax.shift_left, WHOLE),
     "shift_right_logical": _two(lax.shift_right_logical, WHOLE),
     "shift_right_arithmetic": _two(lax.shift_right_arithmetic, WHOLE),
+    **_later("one_minus_square", lambda function: [
+        _one(function, NUMBERS, lambda x: (1 + x) * (1 - x), close=True),
+    ]),
     "nextafter": _two(lax.nextafter, FLOATS, np.nextafter),
     "select_n": [
         Edge(lambda x, y: lax.select_n(lax.lt(x, y), x, y), ALL,
@@ -185,6 +193,7 @@ ELEMENTWISE: dict[str, list[Edge]] = {
     "expm1": _of_floats(lax.expm1, np.expm1),
     "log": _of_floats(lax.log, np.log),
     "log1p": _of_floats(lax.log1p, np.log1p),
+    **_later("log2", lambda function: _of_floats(function, np.log2)),
     "logistic": _of_floats(lax.logistic, _logistic),
     "sin": _of_floats(lax.sin, np.sin),
     "jaxsat_sin": [_one(trigonometry.sin, FLOATS, np.sin, close=True, xla=lax.sin)],

@@ -3,6 +3,7 @@
 from itertools import product
 
 import numpy as np
+from jax import lax
 
 FLOATS = tuple(map(np.dtype, (np.float64, np.float32)))
 SIGNED = tuple(map(np.dtype, (np.int8, np.int16, np.int32, np.int64)))
@@ -11,6 +12,12 @@ BOOLS = (np.dtype(bool),)
 WHOLE = SIGNED + UNSIGNED
 NUMBERS = FLOATS + WHOLE
 ALL = NUMBERS + BOOLS
+
+LATER = ("stack", "unstack", "log2", "one_minus_square", "polynomial")
+"""Primitives that JAX has had since 0.10.1 or later."""
+
+MISSING = {name for name in LATER if not hasattr(lax, f"{name}_p")}
+"""Those that this JAX does not have."""
 
 
 def edge_values(dtype: np.dtype) -> np.ndarray:

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable
 
-import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+
+from jaxsat.jax_internals import CALL
+from jaxsat.jaxprs import Jaxpr, Literal, jaxpr_of
 
 
 def _select_n(which: np.ndarray, *cases: np.ndarray) -> np.ndarray:
@@ -48,34 +49,34 @@ _RULES: dict[str, Callable] = {
 }
 
 
-def evaluate(closed: ClosedJaxpr, *arguments: np.ndarray) -> list[np.ndarray]:
+def evaluate(jaxpr: Jaxpr, *arguments: np.ndarray) -> list[np.ndarray]:
     """The results of a jaxpr of scalars, elementwise over arrays."""
     with np.errstate(all="ignore"):
-        return _evaluate(closed.jaxpr, closed.consts, arguments)
+        return _evaluate(jaxpr, arguments)
 
 
-def _evaluate(jaxpr: Jaxpr, consts, arguments) -> list[np.ndarray]:
-    values = dict(zip((*jaxpr.constvars, *jaxpr.invars), (*consts, *arguments), strict=True))
+def _evaluate(jaxpr: Jaxpr, arguments) -> list[np.ndarray]:
+    values = dict(jaxpr.constants) | dict(zip(jaxpr.inputs, arguments, strict=True))
 
     def read(atom):
-        return np.asarray(atom.val) if isinstance(atom, Literal) else values[atom]
+        return np.asarray(atom.value) if isinstance(atom, Literal) else values[atom]
 
-    for equation in jaxpr.eqns:
-        inputs = [read(atom) for atom in equation.invars]
+    for equation in jaxpr.equations:
+        inputs = [read(atom) for atom in equation.inputs]
         results = _apply(equation, inputs)
-        values.update(zip(equation.outvars, results, strict=True))
-    return [read(atom) for atom in jaxpr.outvars]
+        values.update(zip(equation.outputs, results, strict=True))
+    return [read(atom) for atom in jaxpr.outputs]
 
 
 def _apply(equation, inputs: list[np.ndarray]) -> list[np.ndarray]:
-    name, params = equation.primitive.name, equation.params
+    name, parameters = equation.name, equation.parameters
     if name == "cond":
-        results = [_evaluate(b.jaxpr, b.consts, inputs[1:]) for b in params["branches"]]
+        results = [_evaluate(branch, inputs[1:]) for branch in parameters["branches"]]
         return [_select_n(inputs[0], *cases) for cases in zip(*results, strict=True)]
-    if name in ("jit", "pjit", "closed_call"):
-        return _evaluate(params["jaxpr"].jaxpr, params["jaxpr"].consts, inputs)
+    if name == CALL:
+        return _evaluate(parameters["body"], inputs)
     if name in ("convert_element_type", "bitcast_convert_type"):
-        dtype = np.dtype(params["new_dtype"])
+        dtype = np.dtype(parameters["new_dtype"])
         cast = name == "convert_element_type"
         return [inputs[0].astype(dtype) if cast else np.asarray(inputs[0]).view(dtype)]
     if name == "broadcast_in_dim":
@@ -83,5 +84,5 @@ def _apply(equation, inputs: list[np.ndarray]) -> list[np.ndarray]:
     return [_RULES[name](*inputs)]
 
 
-def scalar_program(function: Callable, *dtypes) -> ClosedJaxpr:
-    return jax.make_jaxpr(function)(*(np.zeros((), dtype) for dtype in dtypes))
+def scalar_program(function: Callable, *dtypes) -> Jaxpr:
+    return jaxpr_of(function, *(np.zeros((), dtype) for dtype in dtypes))

@@ -179,13 +179,11 @@ def test_programs_need_no_64_bit_setting_and_only_basic_operations():
         }
     for name, closed in programs.items():
         assert closed.out_avals[0].dtype == np.float32
-        assert _primitives(closed.jaxpr) <= BASIC, name
+        assert _primitives(closed) <= BASIC, name
 
 
 def _primitives(jaxpr) -> set[str]:
     names = set()
-    for equation in jaxpr.eqns:
-        names.add(equation.primitive.name)
-        for branch in equation.params.get("branches", ()):
-            names |= _primitives(branch.jaxpr)
+    for equation in jaxpr.equations:
+        names |= {equation.name}.union(*map(_primitives, equation.programs()))
     return names

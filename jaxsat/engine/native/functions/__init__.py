@@ -14,7 +14,6 @@ from functools import wraps
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr
 from numpy.typing import DTypeLike
 
 from jaxsat.engine.native.functions.error_function import erf, erf_inv, erfc, near_erf_inv
@@ -39,6 +38,7 @@ from jaxsat.engine.native.functions.trigonometric import (
     sincos,
     tan,
 )
+from jaxsat.jaxprs import Jaxpr, jaxpr_of
 from jaxsat.once import once
 
 
@@ -92,10 +92,10 @@ FUNCTIONS: dict[str, Callable] = {
 
 
 @once
-def program(name: str, *dtypes: DTypeLike) -> ClosedJaxpr:
+def program(name: str, *dtypes: DTypeLike) -> Jaxpr:
     """The jaxpr of `FUNCTIONS[name]` for one number of each type.
 
     It is traced with 64-bit types whatever the caller's setting, for it computes in them.
     """
     with jax.enable_x64(True):
-        return jax.make_jaxpr(FUNCTIONS[name])(*(np.zeros((), dtype) for dtype in dtypes))
+        return jaxpr_of(FUNCTIONS[name], *(np.zeros((), dtype) for dtype in dtypes))

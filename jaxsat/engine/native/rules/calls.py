@@ -7,39 +7,18 @@ import numpy as np
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.ir import Function, Scalar, Source, Value, uses
-from jaxsat.engine.native.lowering import (
-    Elements,
-    arrays_of,
-    lower,
-    lower_open,
-    lowers,
-    scalars_of,
-)
-from jaxsat.engine.native.uniformity import INNER
+from jaxsat.engine.native.lowering import Elements, arrays_of, lower, lowers, scalars_of
+from jaxsat.jax_internals import CALL
 
 
-@lowers(
-    "jit",
-    "pjit",
-    "closed_call",
-    "core_call",
-    "checkpoint",
-    "remat",
-    "remat2",
-    "custom_jvp_call",
-    "custom_vjp_call",
-    "custom_vjp_call_jaxpr",
-    "custom_lin",
-)
+@lowers(CALL)
 def _call(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
-    inner = next(eqn.params[key] for key in INNER if key in eqn.params)
+    inner = eqn.parameters["body"]
     if id(inner) in b.outlined:
         return _outlined(b, inner, arrays)
     if id(inner) in b.repeated:
         return _shared(b, eqn, inner, arrays)
-    if hasattr(inner, "consts"):
-        return lower(b, inner, arrays)
-    return lower_open(b, inner, [], arrays)
+    return lower(b, inner, arrays)
 
 
 def _shared(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements]:
@@ -59,10 +38,10 @@ def _shared(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements
         body.functions, body.repeated = b.functions, b.repeated
         shapes = [array.shape for array in arrays]
         results = scalars_of(lower(body, inner, arrays_of(inside, shapes)))
-        label = f"{eqn.params.get('name', 'shared')}.{len(b.functions)}"
+        label = f"{eqn.parameters['name']}.{len(b.functions)}"
         b.functions[key] = without_dead_code(Function(label, params, body.block, results))
     found = b.call(b.functions[key], given)
-    return arrays_of(found, [var.aval.shape for var in eqn.outvars])
+    return arrays_of(found, [var.aval.shape for var in eqn.outputs])
 
 
 def _outlined(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elements]:

@@ -1,5 +1,6 @@
 """Primitives made of others: what each computes is written in plain `jax.numpy`."""
 
+import functools
 from collections.abc import Callable
 from functools import partial
 
@@ -79,10 +80,18 @@ def _reduce_precision(x: Array, exponent_bits: int, mantissa_bits: int) -> Array
     return jnp.where(x != x, x, lax.bitcast_convert_type(bits, x.dtype))
 
 
+def _polynomial(x: Array, *coefficients: Array) -> Array:
+    """By Horner's rule, coefficients of low powers first."""
+    return functools.reduce(lambda total, c: total * x + c, reversed(coefficients))
+
+
 COMPOSED: dict[str, Callable[..., Callable]] = {
     "clz": lambda **_: _clz,
     "cumlogsumexp": lambda axis, reverse, **_: partial(_cumlogsumexp, axis=axis, reverse=reverse),
+    "log2": lambda **_: lambda x: lax.log(x) / np.log(2).astype(x.dtype),
     "nextafter": lambda **_: _nextafter,
+    "one_minus_square": lambda **_: lambda x: (1 + x) * (1 - x),
+    "polynomial": lambda **_: _polynomial,
     "reduce_precision": lambda **bits: partial(_reduce_precision, **bits),
     "rsqrt": lambda **_: lambda x: 1 / jnp.sqrt(x),
     "square": lambda **_: lambda x: x * x,
@@ -95,7 +104,7 @@ COMPOSED: dict[str, Callable[..., Callable]] = {
 @lowers(*COMPOSED)
 def _composed(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     shapes = [
-        jax.ShapeDtypeStruct(x.shape, v.aval.dtype) for x, v in zip(arrays, eqn.invars, strict=True)
+        jax.ShapeDtypeStruct(x.shape, v.aval.dtype) for x, v in zip(arrays, eqn.inputs, strict=True)
     ]
-    function = COMPOSED[eqn.primitive.name](**eqn.params)
+    function = COMPOSED[eqn.name](**eqn.parameters)
     return written(b, function, shapes, *arrays)

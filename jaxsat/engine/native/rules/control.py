@@ -32,12 +32,12 @@ def _varies(array: Elements) -> bool:
 
 @lowers("while")
 def _while(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
-    n_test, n_body = eqn.params["cond_nconsts"], eqn.params["body_nconsts"]
-    test, body = eqn.params["cond_jaxpr"], eqn.params["body_jaxpr"]
+    n_test, n_body = eqn.parameters["n_test"], eqn.parameters["n_body"]
+    test, body = eqn.parameters["test"], eqn.parameters["body"]
     of_test, of_body = arrays[:n_test], arrays[n_test : n_test + n_body]
     carries = list(arrays[n_test + n_body :])
     varying, condition_varies = while_carries(eqn, [_varies(x) for x in arrays])
-    changing = [i for i, same in enumerate(unchanged(body.jaxpr, n_body)) if not same]
+    changing = [i for i, same in enumerate(unchanged(body, n_body)) if not same]
     shapes = [carries[i].shape for i in changing]
     uniform = [not varying[i] for i in changing for _ in range(carries[i].size)]
 
@@ -73,15 +73,15 @@ def _where_going(b: Builder, going: Elements, after: Elements, now: Elements) ->
 
 @lowers("scan")
 def _scan(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
-    length, body = eqn.params["length"], eqn.params["jaxpr"]
-    if length == 1 or length * equations(body.jaxpr) <= UNROLLED:
+    length, body = eqn.parameters["length"], eqn.parameters["body"]
+    if length == 1 or length * equations(body) <= UNROLLED:
         return _unrolled(b, eqn, arrays)
-    n_consts, n_carry = eqn.params["num_consts"], eqn.params["num_carry"]
+    n_consts, n_carry = eqn.parameters["n_consts"], eqn.parameters["n_carry"]
     consts, carries = arrays[:n_consts], arrays[n_consts : n_consts + n_carry]
     varying, stacked_vary = scan_outputs(eqn, [_varies(x) for x in arrays])
     xs = [stored(b, x) for x in arrays[n_consts + n_carry :]]
     x_shapes = [x.shape[1:] for x in arrays[n_consts + n_carry :]]
-    y_avals = [var.aval for var in eqn.outvars[n_carry:]]
+    y_avals = [var.aval for var in eqn.outputs[n_carry:]]
     ys = [
         memory_of(number_type(aval.dtype), int(np.prod(aval.shape)), not vary)
         for aval, vary in zip(y_avals, stacked_vary, strict=True)
@@ -94,7 +94,7 @@ def _scan(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     def step(scalars):
         number = scalars[0]
         where = number
-        if eqn.params["reverse"]:
+        if eqn.parameters["reverse"]:
             where = b.operation("sub", INT.type(length - 1), number)
         parts = [_loaded(b, x, where, shape) for x, shape in zip(xs, x_shapes, strict=True)]
         after = lower(b, body, [*consts, *arrays_of(scalars[1:], shapes), *parts])
@@ -112,17 +112,17 @@ def _scan(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 
 
 def _unrolled(b: Builder, eqn, arrays: Sequence[Elements]) -> list[Elements]:
-    n_consts, n_carry = eqn.params["num_consts"], eqn.params["num_carry"]
+    n_consts, n_carry = eqn.parameters["n_consts"], eqn.parameters["n_carry"]
     consts, carries = arrays[:n_consts], list(arrays[n_consts : n_consts + n_carry])
-    xs, length = arrays[n_consts + n_carry :], eqn.params["length"]
+    xs, length = arrays[n_consts + n_carry :], eqn.parameters["length"]
     order = range(length)
     rows: list[list[Elements] | None] = [None] * length
-    for i in reversed(order) if eqn.params["reverse"] else order:
+    for i in reversed(order) if eqn.parameters["reverse"] else order:
         parts = [x[i : i + 1].reshape(x.shape[1:]) for x in xs]
-        after = lower(b, eqn.params["jaxpr"], [*consts, *carries, *parts])
+        after = lower(b, eqn.parameters["body"], [*consts, *carries, *parts])
         carries, rows[i] = after[:n_carry], after[n_carry:]
     if not length:
-        return carries + [np.empty(var.aval.shape, object) for var in eqn.outvars[n_carry:]]
+        return carries + [np.empty(var.aval.shape, object) for var in eqn.outputs[n_carry:]]
     return carries + [np.stack(column) for column in zip(*rows, strict=True)]  # pyright: ignore
 
 
@@ -140,13 +140,13 @@ def _loaded(b: Builder, memory: Memory, row: Scalar | None, shape: tuple[int, ..
 
 @lowers("cond")
 def _cond(b: Builder, eqn, which: Elements, *arrays: Elements) -> list[Elements]:
-    branches = eqn.params["branches"]
+    branches = eqn.parameters["branches"]
     index = which[()]
     index = b.convert(index, INT) if index.dtype == BOOL or index.dtype != INT else index
     if not (isinstance(index, Value) and index.number in b.truths and len(branches) == 2):
         last = INT.type(len(branches) - 1)
         index = extremum(b, "min", extremum(b, "max", index, INT.type(0)), last)
-    shapes = [var.aval.shape for var in eqn.outvars]
+    shapes = [var.aval.shape for var in eqn.outputs]
 
     def taking(branch):
         return lambda: scalars_of(lower(b, branch, arrays))

@@ -8,6 +8,7 @@ from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.ir import Scalar, Value
 from jaxsat.engine.native.lowering import CannotLower, Elements, each, lowers
 from jaxsat.engine.native.operations import BOOL
+from jaxsat.jax_internals import IDENTICAL
 
 SAME = {
     "add": "add",
@@ -28,12 +29,11 @@ SAME = {
 
 @lowers(*SAME)
 def _same(b: Builder, eqn, *arrays: Elements) -> Elements:
-    name = SAME[eqn.primitive.name]
+    name = SAME[eqn.name]
     return each(lambda *scalars: b.operation(name, *scalars), *arrays)
 
 
-@lowers("copy", "copy_p", "stop_gradient", "optimization_barrier", "pvary", "name", "reshard",
-        "xla_metadata_value", "sharding_constraint", "mesh_cast")  # fmt: skip
+@lowers(*IDENTICAL)
 def _identical(b: Builder, eqn, *arrays: Elements):
     del b, eqn
     return list(arrays)
@@ -44,15 +44,15 @@ def _equal(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
     def compare(x, y):
         if x.dtype == BOOL:
             differ = b.operation("xor", x, y)
-            return differ if eqn.primitive.name == "ne" else b.negation(differ)
-        return b.operation(eqn.primitive.name, x, y)
+            return differ if eqn.name == "ne" else b.negation(differ)
+        return b.operation(eqn.name, x, y)
 
     return each(compare, x, y)
 
 
 @lowers("and", "or", "xor")
 def _bits(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
-    return each(lambda x, y: b.operation(eqn.primitive.name, x, y), x, y)
+    return each(lambda x, y: b.operation(eqn.name, x, y), x, y)
 
 
 @lowers("not")
@@ -64,7 +64,7 @@ def _not(b: Builder, eqn, x: Elements) -> Elements:
 
 @lowers("shift_left", "shift_right_logical", "shift_right_arithmetic")
 def _shift(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
-    name = eqn.primitive.name
+    name = eqn.name
 
     def shift(x, y):
         width = x.dtype.itemsize * 8
@@ -171,7 +171,7 @@ def _whole(b: Builder, name: str, x: Scalar, y: Scalar, by_zero: Scalar) -> Scal
 
 @lowers("max", "min")
 def _extremum(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
-    return each(lambda x, y: extremum(b, eqn.primitive.name, x, y), x, y)
+    return each(lambda x, y: extremum(b, eqn.name, x, y), x, y)
 
 
 def extremum(b: Builder, name: str, x: Scalar, y: Scalar) -> Scalar:
@@ -209,7 +209,7 @@ def _select_n(b: Builder, eqn, which: Elements, *cases: Elements) -> Elements:
 
 @lowers("convert_element_type")
 def _convert(b: Builder, eqn, x: Elements) -> Elements:
-    dtype = np.dtype(eqn.params["new_dtype"])
+    dtype = np.dtype(eqn.parameters["new_dtype"])
     if dtype.kind not in "fiub":
         raise CannotLower(f"Arrays of type {dtype} are not supported")
 
@@ -223,7 +223,7 @@ def _convert(b: Builder, eqn, x: Elements) -> Elements:
 
 @lowers("bitcast_convert_type")
 def _bitcast(b: Builder, eqn, x: Elements) -> Elements:
-    dtype = np.dtype(eqn.params["new_dtype"])
+    dtype = np.dtype(eqn.parameters["new_dtype"])
     if x.size and dtype.itemsize != x.flat[0].dtype.itemsize:
         raise CannotLower("Bits can be read as another type of the same width only")
     return each(lambda x: b.operation("bitcast", x, dtype=dtype), x)
@@ -237,7 +237,7 @@ def _is_finite(b: Builder, eqn, x: Elements) -> Elements:
 
 @lowers("round")
 def _round(b: Builder, eqn, x: Elements) -> Elements:
-    if int(eqn.params["rounding_method"]) == 1:
+    if int(eqn.parameters["rounding_method"]) == 1:
         return each(lambda x: b.operation("round_even", x), x)
 
     def away(x):
@@ -253,7 +253,7 @@ def _round(b: Builder, eqn, x: Elements) -> Elements:
 @lowers("eq_to", "le_to", "lt_to")
 def _in_total_order(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
     """Comparisons by bits: -0.0 before 0.0, NaN after infinity (before it with a sign)."""
-    name = eqn.primitive.name.removesuffix("_to")
+    name = eqn.name.removesuffix("_to")
     return each(lambda x, y: b.operation(name, _list_scheduled(b, x), _list_scheduled(b, y)), x, y)
 
 

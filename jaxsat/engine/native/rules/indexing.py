@@ -12,9 +12,8 @@ from jaxsat.engine.native.ir import Memory, Scalar, Value
 from jaxsat.engine.native.lowering import (
     CannotLower,
     Elements,
-    as_elements,
     filled,
-    lower_open,
+    lower,
     lowers,
 )
 from jaxsat.engine.native.memory import CHOSEN, element, stored
@@ -80,7 +79,7 @@ def _shifted(b: Builder, starts: Sequence[Scalar], offset: Sequence[int]) -> lis
 
 @lowers("dynamic_slice")
 def _dynamic_slice(b: Builder, eqn, x: Elements, *starts: Elements) -> Elements:
-    sizes = eqn.params["slice_sizes"]
+    sizes = eqn.parameters["slice_sizes"]
     where = [
         _clamped(b, _index(b, start[()]), dim - size)
         for start, dim, size in zip(starts, x.shape, sizes, strict=True)
@@ -119,9 +118,9 @@ def _put(b: Builder, flat: list[Scalar], at: Scalar, inside: Scalar, new) -> Non
 
 @lowers("gather")
 def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
-    numbers, sizes = eqn.params["dimension_numbers"], eqn.params["slice_sizes"]
-    mode = eqn.params["mode"]
-    aval = eqn.outvars[0].aval
+    numbers, sizes = eqn.parameters["dimension_numbers"], eqn.parameters["slice_sizes"]
+    mode = eqn.parameters["mode"]
+    aval = eqn.outputs[0].aval
     out = np.empty(aval.shape, object)
     gone = (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims)
     window_dims = [d for d in range(x.ndim) if d not in gone]
@@ -172,7 +171,7 @@ def _inside(b: Builder, starts: Sequence[Scalar], last: Sequence[int]) -> Scalar
 
 
 def _filling(eqn, dtype: np.dtype) -> Scalar:
-    value = eqn.params.get("fill_value")
+    value = eqn.parameters["fill_value"]
     if value is not None:
         return dtype.type(value)
     if dtype.kind == "f":
@@ -183,11 +182,10 @@ def _filling(eqn, dtype: np.dtype) -> Scalar:
     return dtype.type(info.min if dtype.kind == "i" else info.max)
 
 
-@lowers("scatter", "scatter-add", "scatter_add", "scatter_mul", "scatter_min", "scatter_max",
-        "scatter-mul", "scatter-min", "scatter-max", "scatter_sub", "scatter-sub")  # fmt: skip
+@lowers("scatter", *(f"scatter-{join}" for join in ("add", "sub", "mul", "min", "max")))
 def _scatter(b: Builder, eqn, x: Elements, indices: Elements, updates: Elements) -> Elements:
-    numbers, mode = eqn.params["dimension_numbers"], eqn.params["mode"]
-    join = eqn.primitive.name.replace("-", "_").removeprefix("scatter").removeprefix("_")
+    numbers, mode = eqn.parameters["dimension_numbers"], eqn.parameters["mode"]
+    join = eqn.name.removeprefix("scatter").removeprefix("-")
     gone = (*numbers.inserted_window_dims, *numbers.operand_batching_dims)
     window_dims = [d for d in range(x.ndim) if d not in gone]
     batch_dims = [d for d in range(updates.ndim) if d not in numbers.update_window_dims]
@@ -229,8 +227,7 @@ def _joined(b: Builder, eqn, join: str, new: Scalar):
 
 def _updated(b: Builder, eqn, old: Scalar, new: Scalar) -> Scalar:
     """What takes the place of an element: the new one, or a function of the old one."""
-    program, constants = eqn.params["update_jaxpr"], eqn.params["update_consts"]
+    program = eqn.parameters["update"]
     if program is None:
         return new
-    known = [as_elements(constant) for constant in constants]
-    return lower_open(b, program, known, [filled((), old), filled((), new)])[0][()]
+    return lower(b, program, [filled((), old), filled((), new)])[0][()]

@@ -15,7 +15,7 @@ from jaxsat.engine.native.rules.reductions import from_zero
 
 @lowers("dot_general")
 def _dot_general(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
-    (x_sum, y_sum), (x_batch, y_batch) = eqn.params["dimension_numbers"]
+    (x_sum, y_sum), (x_batch, y_batch) = eqn.parameters["dimension_numbers"]
     x_free = [axis for axis in range(x.ndim) if axis not in (*x_sum, *x_batch)]
     y_free = [axis for axis in range(y.ndim) if axis not in (*y_sum, *y_batch)]
     sizes = [
@@ -24,13 +24,13 @@ def _dot_general(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
     ]
     batch, height, length, width = sizes
     if b.compact and not x_batch and len(x_sum) == 1 and _is_worth_a_call(x, y, length):
-        aval = eqn.outvars[0].aval
+        aval = eqn.outputs[0].aval
         axes, out = (x_sum[0], y_sum[0]), (aval.shape, aval.dtype)
         found = b.loop("product", scalars_of([x, y]), [x.shape, y.shape], out, axes)
         return arrays_of(found, [aval.shape])[0]
     rows = x.transpose([*x_batch, *x_free, *x_sum]).reshape(batch, height, length)
     columns = y.transpose([*y_batch, *y_free, *y_sum]).reshape(batch, width, length)
-    aval = eqn.outvars[0].aval
+    aval = eqn.outputs[0].aval
     products = np.empty((batch, height, width), object)
     for i, j, k in np.ndindex(products.shape):
         products[i, j, k] = inner_product(b, rows[i, j], columns[i, k], aval.dtype)
@@ -63,11 +63,10 @@ def inner_product(b: Builder, x: Iterable[Scalar], y: Iterable[Scalar], dtype: n
 @lowers("custom_linear_solve")
 def _custom_linear_solve(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     """What its function `solve` gives."""
-    lengths, jaxprs = eqn.params["const_lengths"], eqn.params["jaxprs"]
-    first = lengths.matvec + lengths.vecmat
-    known = arrays[first : first + lengths.solve]
-    sides = arrays[first + lengths.solve + lengths.transpose_solve :]
-    return lower(b, jaxprs.solve, [*known, *sides])
+    first = eqn.parameters["before"]
+    last = first + eqn.parameters["n_solve"]
+    sides = arrays[last + eqn.parameters["between"] :]
+    return lower(b, eqn.parameters["solve"], [*arrays[first:last], *sides])
 
 
 def _batches(x: Elements, *others: Elements):
@@ -128,7 +127,7 @@ def _exchange(b: Builder, if_so: Scalar, x: Elements, one: int, other: int) -> N
 def _cholesky(b: Builder, eqn, x: Elements) -> Elements:
     """The lower factor; NaN where the matrix is not positive definite."""
     out = np.empty(x.shape, object)
-    dtype = eqn.outvars[0].aval.dtype
+    dtype = eqn.outputs[0].aval.dtype
     for _, matrix, factor in _batches(x, out):
         good: Scalar = np.True_
         for j in range(len(matrix)):
@@ -153,7 +152,7 @@ def _reduced(b: Builder, x: Scalar, row: Iterable[Scalar], column: Iterable[Scal
 
 @lowers("triangular_solve")
 def _triangular_solve(b: Builder, eqn, a: Elements, y: Elements) -> Elements:
-    params = eqn.params
+    params = eqn.parameters
     lower_half = params["lower"]
     if params["transpose_a"]:
         a, lower_half = np.swapaxes(a, -1, -2), not lower_half

@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from typing import Any
 
-from jax.extend.core import Literal
-
 from jaxsat.engine.native.builder import INT, Builder
 from jaxsat.engine.native.dead_code import without_dead_code
 from jaxsat.engine.native.functions import FUNCTIONS, program
 from jaxsat.engine.native.interpreter import interpret
 from jaxsat.engine.native.ir import Function, Scalar, Value
 from jaxsat.engine.native.lowering import Elements, each, filled, function_of, lower, lowers
+from jaxsat.jaxprs import Literal
 
 PARTS = ("sin", "cos")
 """Results of the function `sincos`: who needs both calls it once."""
@@ -24,7 +23,7 @@ INTERNAL = ("sincos", "near_sincos", *(f"near_{name}" for name in (*PARTS, *SHOR
 
 @lowers(*(name for name in FUNCTIONS if name not in (*PARTS, *INTERNAL, *SHORT)))
 def _written(b: Builder, eqn, *arrays: Elements) -> Elements:
-    return each(lambda *scalars: _called(b, eqn.primitive.name, scalars)[0], *arrays)
+    return each(lambda *scalars: _called(b, eqn.name, scalars)[0], *arrays)
 
 
 def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar]:
@@ -43,7 +42,7 @@ def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar
 @lowers(*SHORT)
 def _by_short_way(b: Builder, eqn, *arrays: Elements) -> Elements:
     """The short way in place; a call where it fails in some lane, which is seldom."""
-    name = eqn.primitive.name
+    name = eqn.name
 
     def one(*scalars: Scalar) -> Scalar:
         if b.compact or not any(isinstance(x, Value) for x in scalars):
@@ -58,7 +57,7 @@ def _by_short_way(b: Builder, eqn, *arrays: Elements) -> Elements:
 @lowers(*PARTS, *(f"jaxsat_{part}" for part in PARTS))
 def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
     """The short way in place, which a processor does beside its neighbours; a call if it fails."""
-    part, operand = eqn.primitive.name.removeprefix("jaxsat_"), eqn.invars[0]
+    part, operand = eqn.name.removeprefix("jaxsat_"), eqn.inputs[0]
     if b.compact:
         return each(lambda y: _compact(b, part, y), x)
     aval: Any = operand.aval
@@ -103,7 +102,7 @@ def _compact(b: Builder, part: str, y: Scalar) -> Scalar:
 
 @lowers("integer_pow")
 def _integer_pow(b: Builder, eqn, x: Elements) -> Elements:
-    return each(lambda x: power(b, x, eqn.params["y"]), x)
+    return each(lambda x: power(b, x, eqn.parameters["y"]), x)
 
 
 def power(b: Builder, x: Scalar, exponent: int) -> Scalar:

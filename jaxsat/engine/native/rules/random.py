@@ -19,6 +19,8 @@ from jaxsat.engine.native.lowering import (
     lowers,
     written,
 )
+from jaxsat.jax_internals import key_functions
+from jaxsat.jaxprs import jaxpr_of
 from jaxsat.noise import threefry
 
 WORD = np.dtype(np.uint32)
@@ -62,37 +64,37 @@ def _mapped(function: Callable, times: int) -> Callable:
 
 @lowers("random_seed")
 def _seed(b: Builder, eqn, seeds: Elements) -> Elements:
-    seed = _mapped(eqn.params["impl"].seed, seeds.ndim)
-    return _wrap(b, eqn, written(b, seed, eqn.invars, seeds)[0])
+    seed = _mapped(key_functions(eqn.outputs[0].aval.dtype).seed, seeds.ndim)
+    return _wrap(b, eqn, written(b, seed, eqn.inputs, seeds)[0])
 
 
 @lowers("random_bits")
 def _bits(b: Builder, eqn, keys: Elements) -> Elements:
-    width, shape = eqn.params["bit_width"], eqn.params["shape"]
+    width, shape = eqn.parameters["bit_width"], eqn.parameters["shape"]
     draw = _mapped(lambda key: _kind(eqn).random_bits(key, width, shape), keys.ndim)
     return written(b, draw, [_key_words(keys)], _words(b, keys))[0]
 
 
 @lowers("random_split")
 def _split(b: Builder, eqn, keys: Elements) -> Elements:
-    shape = eqn.params["shape"]
+    shape = eqn.parameters["shape"]
     split = _mapped(lambda key: _kind(eqn).split(key, shape), keys.ndim)
     return _wrap(b, eqn, written(b, split, [_key_words(keys)], _words(b, keys))[0])
 
 
 @lowers("random_fold_in")
 def _fold_in(b: Builder, eqn, keys: Elements, numbers: Elements) -> Elements:
-    keys = np.broadcast_to(keys, eqn.outvars[0].aval.shape)
+    keys = np.broadcast_to(keys, eqn.outputs[0].aval.shape)
     numbers = np.broadcast_to(numbers, keys.shape)
     fold = _mapped(_kind(eqn).fold_in, keys.ndim)
-    words = jax.ShapeDtypeStruct(keys.shape, eqn.invars[1].aval.dtype)
+    words = jax.ShapeDtypeStruct(keys.shape, eqn.inputs[1].aval.dtype)
     found = written(b, fold, [_key_words(keys), words], _words(b, keys), numbers)
     return _wrap(b, eqn, found[0])
 
 
 def _kind(eqn):
     """JAX's functions for keys of this type."""
-    return eqn.invars[0].aval.dtype._impl
+    return key_functions(eqn.inputs[0].aval.dtype)
 
 
 def _key_words(keys: Elements) -> jax.ShapeDtypeStruct:
@@ -103,7 +105,7 @@ def _key_words(keys: Elements) -> jax.ShapeDtypeStruct:
 def _counters(b: Builder, eqn) -> list[Elements]:
     """The number of every element as two words."""
     del b
-    shape = eqn.outvars[0].aval.shape
+    shape = eqn.outputs[0].aval.shape
     numbers = np.arange(int(np.prod(shape)), dtype=KEYS).reshape(shape)
     return [as_elements((numbers >> KEYS.type(32)).astype(WORD)), as_elements(numbers.astype(WORD))]
 
@@ -111,7 +113,7 @@ def _counters(b: Builder, eqn) -> list[Elements]:
 @lowers("threefry2x32")
 def _threefry(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     """Both words of every counter, by a function made once."""
-    shape = eqn.outvars[0].aval.shape
+    shape = eqn.outputs[0].aval.shape
     flats = [np.broadcast_to(x, shape).reshape(-1) for x in arrays]
     pairs = [_encrypted(b, scalars) for scalars in zip(*flats, strict=True)]
     out = np.empty((2, len(pairs)), object)
@@ -121,8 +123,8 @@ def _threefry(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 
 
 def _encrypted(b: Builder, scalars: tuple[Scalar, ...]) -> list[Scalar]:
-    closed = jax.make_jaxpr(_two_words)(*[np.zeros((), WORD)] * 4)
-    function = function_of(b, "threefry2x32", closed, scalars)
+    program = jaxpr_of(_two_words, *[np.zeros((), WORD)] * 4)
+    function = function_of(b, "threefry2x32", program, scalars)
     if not any(isinstance(x, Value) for x in scalars):
         return [WORD.type(word) for word in interpret(function, scalars)]  # pyright: ignore
     return b.call(function, scalars)

@@ -48,9 +48,9 @@ def empty_value(name: str, dtype: np.dtype) -> Scalar:
 
 @lowers(*(f"reduce_{name}" for name in REDUCTIONS))
 def _reduce(b: Builder, eqn, x: Elements) -> Elements:
-    name = eqn.primitive.name.removeprefix("reduce_")
-    axes = tuple(eqn.params["axes"])
-    aval = eqn.outvars[0].aval
+    name = eqn.name.removeprefix("reduce_")
+    axes = tuple(eqn.parameters["axes"])
+    aval = eqn.outputs[0].aval
     if not x.size:
         return filled(aval.shape, empty_value(name, aval.dtype))
     kept = [axis for axis in range(x.ndim) if axis not in axes]
@@ -91,8 +91,8 @@ def _is_loop(b: Builder, row: Elements, least: int) -> bool:
 
 @lowers("cumsum", "cumprod", "cummax", "cummin")
 def _accumulate(b: Builder, eqn, x: Elements) -> Elements:
-    name = eqn.primitive.name.removeprefix("cum")
-    axis, reverse = eqn.params["axis"], eqn.params["reverse"]
+    name = eqn.name.removeprefix("cum")
+    axis, reverse = eqn.parameters["axis"], eqn.parameters["reverse"]
     rows = np.moveaxis(x, axis, -1)
     out = np.empty(rows.shape, object)
     for index in np.ndindex(rows.shape[:-1]):
@@ -104,14 +104,14 @@ def _accumulate(b: Builder, eqn, x: Elements) -> Elements:
 
 @lowers("argmax", "argmin")
 def _arg_extremum(b: Builder, eqn, x: Elements) -> Elements:
-    (axis,), dtype = eqn.params["axes"], np.dtype(eqn.params["index_dtype"])
-    order = "gt" if eqn.primitive.name == "argmax" else "lt"
+    (axis,), dtype = eqn.parameters["axes"], np.dtype(eqn.parameters["index_dtype"])
+    order = "gt" if eqn.name == "argmax" else "lt"
     rows = np.moveaxis(x, axis, -1)
     out = np.empty(rows.shape[:-1], object)
     for index in np.ndindex(rows.shape[:-1]):
         row = rows[index]
         if _is_loop(b, row, 3) and row[0].dtype.kind == "f":
-            out[index] = b.loop(eqn.primitive.name, list(row), [row.shape], ((), dtype))[0]
+            out[index] = b.loop(eqn.name, list(row), [row.shape], ((), dtype))[0]
             continue
         best, where = row[0], dtype.type(0)
         for number, value in enumerate(row[1:], 1):
@@ -136,7 +136,7 @@ def _better(b: Builder, order: str, value: Scalar, best: Scalar) -> Scalar:
 @lowers("sort")
 def _sort(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     """Neighbours exchanged until all are in order, which keeps equal ones as they were."""
-    axis, keys = eqn.params["dimension"], eqn.params["num_keys"]
+    axis, keys = eqn.parameters["dimension"], eqn.parameters["num_keys"]
     rows = [np.moveaxis(x, axis, -1).copy() for x in arrays]
     for index in np.ndindex(rows[0].shape[:-1]):
         several = [list(row[index]) for row in rows]

@@ -10,19 +10,20 @@ from jaxsat.engine.native.lowering import Elements, as_elements, filled, lowers
 @lowers("reshape")
 def _reshape(b: Builder, eqn, x: Elements) -> Elements:
     del b
-    return x.reshape(eqn.params["new_sizes"])
+    order = eqn.parameters["dimensions"]
+    return (x if order is None else x.transpose(order)).reshape(eqn.parameters["new_sizes"])
 
 
-@lowers("squeeze", "expand_dims")
+@lowers("squeeze")
 def _squeeze(b: Builder, eqn, x: Elements) -> Elements:
     del b
-    return x.reshape(eqn.outvars[0].aval.shape)
+    return x.reshape(eqn.outputs[0].aval.shape)
 
 
 @lowers("broadcast_in_dim")
 def _broadcast_in_dim(b: Builder, eqn, x: Elements) -> Elements:
     del b
-    shape, dims = eqn.params["shape"], eqn.params["broadcast_dimensions"]
+    shape, dims = eqn.parameters["shape"], eqn.parameters["broadcast_dimensions"]
     widened = [1] * len(shape)
     for size, dim in zip(x.shape, dims, strict=True):
         widened[dim] = size
@@ -32,46 +33,46 @@ def _broadcast_in_dim(b: Builder, eqn, x: Elements) -> Elements:
 @lowers("transpose")
 def _transpose(b: Builder, eqn, x: Elements) -> Elements:
     del b
-    return x.transpose(eqn.params["permutation"])
+    return x.transpose(eqn.parameters["permutation"])
 
 
 @lowers("slice")
 def _slice(b: Builder, eqn, x: Elements) -> Elements:
     del b
-    begins, ends = eqn.params["start_indices"], eqn.params["limit_indices"]
-    strides = eqn.params["strides"] or (1,) * x.ndim
+    begins, ends = eqn.parameters["start_indices"], eqn.parameters["limit_indices"]
+    strides = eqn.parameters["strides"] or (1,) * x.ndim
     return x[tuple(map(slice, begins, ends, strides))]
 
 
 @lowers("concatenate")
 def _concatenate(b: Builder, eqn, *arrays: Elements) -> Elements:
     del b
-    return np.concatenate(arrays, axis=eqn.params["dimension"])
+    return np.concatenate(arrays, axis=eqn.parameters["dimension"])
 
 
 @lowers("stack")
 def _stack(b: Builder, eqn, *arrays: Elements) -> Elements:
     del b
-    return np.stack(arrays, axis=eqn.params["axis"])
+    return np.stack(arrays, axis=eqn.parameters["axis"])
 
 
 @lowers("split")
 def _split(b: Builder, eqn, x: Elements) -> list[Elements]:
     del b
-    ends = np.cumsum(eqn.params["sizes"])[:-1]
-    return np.split(x, ends, axis=eqn.params["axis"])
+    ends = np.cumsum(eqn.parameters["sizes"])[:-1]
+    return np.split(x, ends, axis=eqn.parameters["axis"])
 
 
 @lowers("rev")
 def _rev(b: Builder, eqn, x: Elements) -> Elements:
     del b
-    return np.flip(x, eqn.params["dimensions"])
+    return np.flip(x, eqn.parameters["dimensions"])
 
 
 @lowers("pad")
 def _pad(b: Builder, eqn, x: Elements, padding: Elements) -> Elements:
     del b
-    for axis, widths in enumerate(eqn.params["padding_config"]):
+    for axis, widths in enumerate(eqn.parameters["padding_config"]):
         x = _padded(np.moveaxis(x, axis, 0), padding[()], *map(int, widths))
         x = np.moveaxis(x, 0, axis)
     return x
@@ -90,8 +91,8 @@ def _padded(x: Elements, scalar: Scalar, low: int, high: int, between: int) -> E
 @lowers("iota")
 def _iota(b: Builder, eqn) -> Elements:
     del b
-    shape, dim = eqn.params["shape"], eqn.params["dimension"]
-    along = np.arange(shape[dim]).astype(eqn.params["dtype"])
+    shape, dim = eqn.parameters["shape"], eqn.parameters["dimension"]
+    along = np.arange(shape[dim]).astype(eqn.parameters["dtype"])
     spread = along.reshape([-1 if axis == dim else 1 for axis in range(len(shape))])
     return as_elements(np.broadcast_to(spread, shape))
 
@@ -100,7 +101,7 @@ def _iota(b: Builder, eqn) -> Elements:
 def _platform_index(b: Builder, eqn) -> Elements:
     """Which branch is for this platform: the processor's, else the one for all."""
     del b
-    platforms = eqn.params["platforms"]
+    platforms = eqn.parameters["platforms"]
     chosen = next((i for i, names in enumerate(platforms) if names and "cpu" in names), None)
     if chosen is None:
         chosen = next(i for i, names in enumerate(platforms) if names is None)
@@ -110,12 +111,12 @@ def _platform_index(b: Builder, eqn) -> Elements:
 @lowers("empty", "empty2")
 def _empty(b: Builder, eqn) -> Elements:
     del b
-    return as_elements(np.zeros(eqn.outvars[0].aval.shape, eqn.outvars[0].aval.dtype))
+    return as_elements(np.zeros(eqn.outputs[0].aval.shape, eqn.outputs[0].aval.dtype))
 
 
 @lowers("unstack")
 def _unstack(b: Builder, eqn, x: Elements) -> list[Elements]:
     """What unpacking an array that is known gives."""
     del b
-    first = np.moveaxis(x, eqn.params["axis"], 0)
+    first = np.moveaxis(x, eqn.parameters["axis"], 0)
     return [first[i : i + 1].reshape(first.shape[1:]) for i in range(len(first))]

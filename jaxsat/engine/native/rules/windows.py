@@ -12,7 +12,6 @@ from jaxsat.engine.native.lowering import (
     Elements,
     filled,
     lower,
-    lower_open,
     lowers,
 )
 from jaxsat.engine.native.rules.linear_algebra import inner_product
@@ -21,13 +20,10 @@ from jaxsat.engine.native.rules.reductions import empty_value, from_zero, joinin
 
 def _by_program(b: Builder, eqn) -> Callable[[Sequence[Scalar], Sequence[Scalar]], list[Scalar]]:
     """How elements are joined by the equation's own program."""
-    program, constants = eqn.params["jaxpr"], eqn.params.get("consts", ())
 
     def join(left: Sequence[Scalar], right: Sequence[Scalar]) -> list[Scalar]:
         arrays = [filled((), x) for x in (*left, *right)]
-        if hasattr(program, "consts"):
-            return [found[()] for found in lower(b, program, arrays)]
-        return [found[()] for found in lower_open(b, program, constants, arrays)]
+        return [found[()] for found in lower(b, eqn.parameters["body"], arrays)]
 
     return join
 
@@ -36,9 +32,9 @@ def _by_program(b: Builder, eqn) -> Callable[[Sequence[Scalar], Sequence[Scalar]
 def _reduce(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     half = len(arrays) // 2
     xs, first = arrays[:half], [x[()] for x in arrays[half:]]
-    axes = tuple(eqn.params["dimensions"])
+    axes = tuple(eqn.parameters["dimensions"])
     kept = [axis for axis in range(xs[0].ndim) if axis not in axes]
-    shape = eqn.outvars[0].aval.shape
+    shape = eqn.outputs[0].aval.shape
     length = int(np.prod([xs[0].shape[axis] for axis in axes]))
     several = [x.transpose([*kept, *axes]).reshape(*shape, length) for x in xs]
     outs = [np.empty(shape, object) for _ in xs]
@@ -51,11 +47,11 @@ def _reduce(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 
 @lowers("reduce_window_sum", "reduce_window_max", "reduce_window_min")
 def _named_window(b: Builder, eqn, x: Elements) -> Elements:
-    name = eqn.primitive.name.removeprefix("reduce_window_")
+    name = eqn.name.removeprefix("reduce_window_")
     join = joining(b, name)
-    start = empty_value(name, eqn.outvars[0].aval.dtype)
+    start = empty_value(name, eqn.outputs[0].aval.dtype)
     windows = _windows(eqn, [x])
-    shape = eqn.outvars[0].aval.shape
+    shape = eqn.outputs[0].aval.shape
     out = np.empty(shape, object)
     for index in np.ndindex(*shape):
         scalars = [scalar for (scalar,) in windows(index)]
@@ -69,7 +65,7 @@ def _window(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     half = len(arrays) // 2
     xs, first = list(arrays[:half]), [x[()] for x in arrays[half:]]
     windows, join = _windows(eqn, xs), _by_program(b, eqn)
-    shape = eqn.outvars[0].aval.shape
+    shape = eqn.outputs[0].aval.shape
     outs = [np.empty(shape, object) for _ in xs]
     for index in np.ndindex(*shape):
         for out, scalar in zip(outs, reduce(join, windows(index), first), strict=True):
@@ -79,7 +75,7 @@ def _window(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 
 def _windows(eqn, xs: Sequence[Elements]) -> Callable[[tuple[int, ...]], list]:
     """The elements that a window holds, by the place of its result; padding is left out."""
-    params, size = eqn.params, eqn.params["window_dimensions"]
+    params, size = eqn.parameters, eqn.parameters["window_dimensions"]
     steps = params["window_strides"], params["padding"]
     dilations = params["base_dilation"], params["window_dilation"]
 
@@ -92,7 +88,7 @@ def _windows(eqn, xs: Sequence[Elements]) -> Callable[[tuple[int, ...]], list]:
 
 @lowers("conv_general_dilated")
 def _convolution(b: Builder, eqn, x: Elements, weights: Elements) -> Elements:
-    params, aval = eqn.params, eqn.outvars[0].aval
+    params, aval = eqn.parameters, eqn.outputs[0].aval
     if params["batch_group_count"] != 1:
         raise CannotLower("Convolutions with groups of a batch are not supported")
     numbers = params["dimension_numbers"]
