@@ -66,6 +66,7 @@ _NO_RESULT = {
     *("name", "inline", "keep_unused", "donated_invars", "compiler_options_kvs", "ctx_mesh"),
     *("in_shardings", "out_shardings", "in_layouts", "out_layouts", "sharding", "out_sharding"),
     *("jvp_jaxpr_fun", "fwd_jaxpr_thunk", "bwd", "out_trees", "symbolic_zeros", "computation"),
+    "branches_platforms",
 }
 """Parameters that say how an operation is compiled or differentiated, or say again what it does.
 
