@@ -65,7 +65,7 @@ def simulate(
     method = default_method(loop) if method is None else method
     limit = as_float(state_limit)
     tolerances = Tolerances() if tolerances is None else tolerances
-    loop, start, times = strong((loop, start, times))
+    loop, start = strong((loop, start))
     if isinstance(loop, SampledLoop):
         numbers = sample_numbers(loop, times)
         samples, solver = int(numbers[-1]), _either_mode(solver_of(method.solver))

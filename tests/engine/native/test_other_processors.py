@@ -44,7 +44,7 @@ PROCESSORS = {
 
 @dataclass(frozen=True)
 class Flight:
-    """A study, its engine with the lanes of the shortest registers, and this processor's results."""
+    """A study, its engine with the fewest lanes, and the results of this processor."""
 
     study: Study
     engine: NativeEngine
