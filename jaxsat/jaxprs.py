@@ -11,7 +11,7 @@ from typing import Any
 import jax
 from jaxtyping import PyTree
 
-from jaxsat import jax_internals
+import jaxsat.jax_internals as jax_internals
 from jaxsat.jax_internals import CALL, ClosedJaxpr, DropVar, Expanded, OpenJaxpr, Place
 
 

@@ -214,7 +214,9 @@ def test_threads_may_call_at_once(one):
 def test_code_for_a_larger_processor_is_not_run():
     from jaxsat.engine.native.target import Host
 
-    mapped = Mapped(lambda x, _: x, 0.0, cpu=Host("x86-64-v4", "", 4096), lanes=8)
+    mapped = Mapped(
+        lambda x, _: x, 0.0, cpu=Host("x86-64-v4", "", 4096, "x86_64-linux-gnu"), lanes=8
+    )
     with pytest.raises(RuntimeError, match="cannot run code for x86-64-v4"):
         mapped(np.zeros(3))
 
