@@ -112,7 +112,7 @@ def test_other_numbers_need_no_new_machine_code(example, found):
 @pytest.mark.slow
 def test_machine_code_is_given_no_arrays_but_those_it_was_made_for(example):
     prog, engine = program(example), native(example)
-    kernel, trees = engine.kernel(prog, KICKS), engine._trees(KICKS, prog, None)
+    kernel, trees = engine.kernel(prog, KICKS), engine.trees(KICKS, prog, None)
     wrong = [
         ({"cases": KICKS[:, :2]}, ValueError, r"`cases` must have the shape \(cases, 3\)"),
         ({"cases": KICKS.astype(complex)}, TypeError, "`cases` must hold real numbers"),
