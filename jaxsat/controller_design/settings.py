@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple
 from jaxsat.assembly.study import EngineName
 from jaxsat.checks import require_counts
 
-SCREENING_CASES, VALIDATION_CASES = 200, 1000
+SCREENING_CASES, VALIDATION_CASES, SURE_CASES = 200, 1000, 2000
 
 MAX_SEED = 2**63 - 4
 """So that three more follow which a scenario can have."""
@@ -69,7 +69,7 @@ class DesignSettings:
     @property
     def screening_cases(self) -> int:
         """Cases on which candidates are screened, at most."""
-        return min(SCREENING_CASES if self.goal == "quickest" else VALIDATION_CASES, self.cases)
+        return min(SCREENING_CASES if self.goal == "quickest" else SURE_CASES, self.cases)
 
     @property
     def validation_cases(self) -> int:

@@ -27,7 +27,8 @@ from jaxsat.controller_design.vehicle import (
     scale_of,
     vehicle_verdict,
 )
-from jaxsat.montecarlo import WhenDecided, summarise
+from jaxsat.montecarlo import WhenDecided, summarise, wilson
+from jaxsat.montecarlo.statistics import LEVEL
 from jaxsat.results import OutputError
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.tuning_tables import TuningTable
@@ -120,25 +121,24 @@ class DesignRun:
         """
         if self.settings.goal == "quickest":
             return Screening(self._step("screening", 2, fitting), fitting, None)
-        known, (flown, enough) = fitting, self._screened(fitting)
+        rule = WhenDecided(self.settings.settled, 2 * len(fitting))
+        known, (flown, enough) = fitting, self._screened(fitting, rule)
         if not enough:
             larger = tuple(filter(None, map(with_larger_end_game, fitting)))
-            more, enough = self._screened(larger)
+            more, enough = self._screened(larger, rule)
             known, flown = (*fitting, *larger), flown + more
         return Screening(self._compared("screening", flown), known, enough)
 
-    def _screened(self, candidates: tuple[Candidate, ...]) -> tuple[list[Flown], Candidate | None]:
+    def _screened(
+        self, candidates: tuple[Candidate, ...], rule: WhenDecided
+    ) -> tuple[list[Flown], Candidate | None]:
         """What was flown up to the first that surely settles the wanted fraction, and that one."""
-        rule, flown = WhenDecided(self.settings.settled), []
+        flown = []
         for one, columns in self._flown("screening", 2, candidates, rule):
             flown.append((one, columns))
-            if self._sure(one, columns):
+            if rule.above(*_settled_of(columns)):
                 return flown, one
         return flown, None
-
-    def _sure(self, one: Candidate, columns: Columns) -> bool:
-        """Whether the whole interval of the settled fraction is above the wanted one."""
-        return row_of("", 1.0, one.name, columns).settled.low >= self.settings.settled
 
     def _validation(self, contenders: tuple[Candidate, ...]) -> tuple[Step, tuple[Candidate, ...]]:
         """The contenders on the same cases, and all that flew there.
@@ -147,7 +147,9 @@ class DesignRun:
         as in the screening where settling is the goal.
         """
         flown = list(self._flown("validation", 4, contenders))
-        if self.settings.goal == "quickest" and not any(self._sure(*one) for one in flown):
+        level = 1 - (1 - LEVEL) / len(contenders)
+        low = max(wilson(*_settled_of(columns), level).low for _, columns in flown)
+        if self.settings.goal == "quickest" and low < self.settings.settled:
             larger = tuple(filter(None, map(with_larger_end_game, contenders)))
             flown += self._flown("validation", 4, larger)
             contenders = (*contenders, *larger)
@@ -269,6 +271,12 @@ class DesignRun:
                 continue
             found.append(Remedy(change, int(again.sum()), len(failing)))
         return tuple(found)
+
+
+def _settled_of(columns: Columns) -> tuple[int, int]:
+    """How many cases settle, and how many there are."""
+    times = columns["settling_time"]
+    return int(np.isfinite(times).sum()), len(times)
 
 
 def _contenders(

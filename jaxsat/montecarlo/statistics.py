@@ -69,18 +69,41 @@ class StopRule(AbstractStopRule):
 
 @dataclass(frozen=True)
 class WhenDecided(AbstractStopRule):
-    """Stop once the Wilson interval of the settled fraction leaves out `fraction`."""
+    """Stop once the settled fraction is surely above, or surely below, `fraction`.
+
+    It may be asked after any number of cases, and for each of so many `candidates`: with a
+    probability of at most (1 - level) / 2 is any of those that settle no larger fraction ever told
+    to be above, and the same for below. For this the likelihood of what was seen, the mean over all
+    fractions on the other side, must exceed that under `fraction` so many times. H. Robbins, Ann.
+    Math. Stat. 41, 1970; J. Ville, 1939.
+    """
 
     fraction: float
-    least: int = 100
+    candidates: int = 1
     level: float = LEVEL
 
     def met(self, settled: int, count: int) -> bool:
         """Whether the fraction is surely above, or surely below."""
-        if count < self.least:
-            return False
-        found = wilson(settled, count, self.level)
-        return found.low >= self.fraction or found.high < self.fraction
+        return self.above(settled, count) or self._decides(count - settled, count, self._other)
+
+    def above(self, settled: int, count: int) -> bool:
+        """Whether the fraction is surely above."""
+        return self._decides(settled, count, self.fraction)
+
+    @property
+    def _other(self) -> float:
+        return 1 - self.fraction
+
+    def _decides(self, successes: int, count: int, fraction: float) -> bool:
+        """Whether a true fraction of `fraction` or less makes so many successes too unlikely."""
+        from scipy import special  # as below
+
+        if fraction in (0, 1):
+            return fraction == 0 < successes
+        shape = (successes + 1, count - successes + 1)
+        larger = special.betaln(*shape) + np.log(special.betaincc(*shape, fraction))
+        alike = special.xlogy(successes, fraction) + special.xlog1py(shape[1], -fraction)
+        return bool(larger - alike >= np.log(2 * self.candidates / (1 - self.level)))
 
 
 def percentile(values: np.ndarray, percent: float, level: float = LEVEL) -> Interval:

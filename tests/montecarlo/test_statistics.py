@@ -185,11 +185,43 @@ def test_the_stop_rule_is_the_width_of_the_interval():
         StopRule(0.0)
 
 
-def test_a_fraction_is_decided_once_its_interval_leaves_it_out():
-    """n of n settled: Wilson's lower end is n / (n + 1.96²), so 99 % take 381 cases."""
-    rule = WhenDecided(0.99)
-    assert not rule.met(380, 380)
-    assert rule.met(381, 381)
-    assert rule.met(90, 100)
-    assert not rule.met(9, 10)
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(200)
+
+
+def likelihood_ratio(settled, count, fraction):
+    """The mean likelihood over all larger fractions, by Gauss-Legendre, over that of `fraction`."""
+    larger = fraction + (1 - fraction) * (NODES + 1) / 2
+    alike = (larger / fraction) ** settled * ((1 - larger) / (1 - fraction)) ** (count - settled)
+    return WEIGHTS @ alike / 2
+
+
+@pytest.mark.parametrize("candidates", [1, 6])
+@pytest.mark.parametrize("fraction", [0.5, 0.9, 0.99])
+def test_a_fraction_is_decided_by_the_ratio_of_likelihoods(fraction, candidates):
+    rule, needed = WhenDecided(fraction, candidates), 40 * candidates
+    for count in (10, 100, 537, 1000):
+        for settled in range(max(0, count - 40), count + 1):
+            above = likelihood_ratio(settled, count, fraction) >= needed
+            below = likelihood_ratio(count - settled, count, 1 - fraction) >= needed
+            assert rule.above(settled, count) == above
+            assert rule.met(settled, count) == (above or below)
+
+
+def test_all_of_them_is_a_fraction_that_can_be_missed_and_never_exceeded():
     assert not WhenDecided(1.0).met(10**6, 10**6)
+    assert WhenDecided(1.0).met(9, 10)
+
+
+@pytest.mark.parametrize("candidates", [1, 6])
+def test_a_fraction_at_the_edge_is_rarely_told_to_be_above_however_often_one_looks(candidates):
+    """2,000 candidates that settle just 99 %, asked 250 times, every 8 cases."""
+    rule, looks = WhenDecided(0.99, candidates), range(8, 2001, 8)
+
+    def least(count):
+        """The fewest that settle and are told to be above."""
+        return next((n + 1 for n in range(count, -1, -1) if not rule.above(n, count)), 0)
+
+    settled = np.cumsum(np.random.default_rng(4).random((1998, 2000)) < 0.99, axis=1)
+    told = np.any(settled[:, 7::8] >= np.array([least(count) for count in looks]), axis=1)
+    wrong = np.mean(told.reshape(-1, candidates).any(axis=1))
+    assert 0 < wrong <= 0.025
