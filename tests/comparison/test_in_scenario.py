@@ -36,7 +36,8 @@ def test_laws_that_do_not_suit_are_refused():
 
 @pytest.mark.slow
 def test_one_call_gives_what_the_stores_of_a_larger_run_begin_with(tmp_path):
-    scenario = load("failures-12u", ["simulation.duration_s=20"])
+    strikes = "dispersion.failure_time_s.low=5"
+    scenario = load("failures-12u", ["simulation.duration_s=20", strikes])
     run = ComparisonRun(4, 7, tmp_path)
     more = compare_in_scenario(scenario, LAWS[:1], run)
     fewer = compare_in_scenario(scenario, LAWS[:1], dataclasses.replace(run, count=2))

@@ -32,7 +32,7 @@ class Told(eqx.Module):
 @pytest.mark.slow
 def test_law_and_detector_see_estimates_and_commands_alone():
     """The truth differs in body, thrusters and failure; what is told does not."""
-    run = build(load("failures-12u", ["simulation.duration_s=20"]))
+    run = build(load("failures-12u", ["simulation.duration_s=20"], caution=print))  # none strikes
     rng = np.random.default_rng(5)
     attitude = np.array([0.9, 0.3, -0.2, 0.1]) + 1e-4 * rng.normal(size=(210, 4))
     attitude /= np.linalg.norm(attitude, axis=1)[:, None]

@@ -36,7 +36,7 @@ class Told(eqx.Module):
 @pytest.mark.slow
 def test_law_and_detector_see_estimates_readings_and_commands_alone():
     """The truth differs in body, wheels and failure; what is told does not."""
-    run = build(load("failures-telescope", ["simulation.duration_s=20"]))
+    run = build(load("failures-telescope", ["simulation.duration_s=20"], caution=print))
     rng = np.random.default_rng(5)
     attitude = np.array([0.9, 0.3, -0.2, 0.1]) + 1e-4 * rng.normal(size=(210, 4))
     attitude /= np.linalg.norm(attitude, axis=1)[:, None]
