@@ -84,15 +84,12 @@ class WhenDecided(AbstractStopRule):
 
     def met(self, settled: int, count: int) -> bool:
         """Whether the fraction is surely above, or surely below."""
-        return self.above(settled, count) or self._decides(count - settled, count, self._other)
+        below = self._decides(count - settled, count, 1 - self.fraction)
+        return below or self.above(settled, count)
 
     def above(self, settled: int, count: int) -> bool:
         """Whether the fraction is surely above."""
         return self._decides(settled, count, self.fraction)
-
-    @property
-    def _other(self) -> float:
-        return 1 - self.fraction
 
     def _decides(self, successes: int, count: int, fraction: float) -> bool:
         """Whether a true fraction of `fraction` or less makes so many successes too unlikely."""
@@ -101,7 +98,8 @@ class WhenDecided(AbstractStopRule):
         if fraction in (0, 1):
             return fraction == 0 < successes
         shape = (successes + 1, count - successes + 1)
-        larger = special.betaln(*shape) + np.log(special.betaincc(*shape, fraction))
+        with np.errstate(divide="ignore"):  # log 0: so few that no larger fraction makes them
+            larger = special.betaln(*shape) + np.log(special.betaincc(*shape, fraction))
         alike = special.xlogy(successes, fraction) + special.xlog1py(shape[1], -fraction)
         return bool(larger - alike >= np.log(2 * self.candidates / (1 - self.level)))
 

@@ -207,6 +207,12 @@ def test_a_fraction_is_decided_by_the_ratio_of_likelihoods(fraction, candidates)
             assert rule.met(settled, count) == (above or below)
 
 
+def test_none_that_settle_are_surely_below_without_a_warning():
+    for count in (128, 2000, 10**6):
+        assert not WhenDecided(0.99).above(0, count)
+        assert WhenDecided(0.99).met(0, count)
+
+
 def test_all_of_them_is_a_fraction_that_can_be_missed_and_never_exceeded():
     assert not WhenDecided(1.0).met(10**6, 10**6)
     assert WhenDecided(1.0).met(9, 10)
