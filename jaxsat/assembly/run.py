@@ -2,6 +2,7 @@
 
 import dataclasses
 import enum
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -27,6 +28,7 @@ from jaxsat.control import (
 from jaxsat.declaration import Key
 from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.engine import fly
 from jaxsat.noise import key_of_seed
 from jaxsat.ranges import MAX_FIXED_STEPS
 from jaxsat.scenario.coordinates import uses_error_coordinates
@@ -45,7 +47,6 @@ from jaxsat.simulation import (
     adaptive,
     default_method,
     fixed,
-    simulate,
 )
 from jaxsat.simulation.methods import MIN_STEP
 from jaxsat.solvers import NamedSolver
@@ -54,7 +55,7 @@ from jaxsat.vehicle import AbstractActuators, Sensors
 
 @dataclass(frozen=True)
 class Run:
-    """All that `jaxsat.simulation.simulate` takes, made from a scenario."""
+    """All that `jaxsat.engine.fly` and `jaxsat.simulation.simulate` take, made from a scenario."""
 
     loop: AbstractLoop
     start: PlantState
@@ -66,9 +67,9 @@ class Run:
         """What the numbers of `mode` mean, for sampled laws; else None."""
         return self.loop.controller.modes if isinstance(self.loop, SampledLoop) else None
 
-    def simulate(self) -> Trajectory:
-        """Run the loop."""
-        return simulate(self.loop, self.start, self.times, method=self.method)
+    def simulate(self, tell: Callable[[str], None] = lambda obstacle: None) -> Trajectory:
+        """Run the loop, see `jaxsat.engine.fly`, which tells why where diffrax has to."""
+        return fly(self.loop, self.start, self.times, self.method, tell)
 
 
 def build(scenario: Scenario) -> Run:

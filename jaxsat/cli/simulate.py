@@ -15,6 +15,8 @@ from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, print_stder
 from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import xarray as xr
     from matplotlib.figure import Figure
 
@@ -61,7 +63,8 @@ def simulate(
         with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
             show_progress(f"simulating {scenario}")
             in_background("jaxsat.report.figures")
-            dataset, seconds = interruptibly(lambda: _run(chosen))
+            remarks: list[str] = []
+            dataset, seconds = interruptibly(lambda: _run(chosen, remarks.append))
             show_progress("drawing figures")
             interruptibly(lambda: _write(folder, chosen, dataset))
             files = folder.names
@@ -72,6 +75,8 @@ def simulate(
     told = coarseness(dataset)
     if told:
         print_stderr(told, "warning: ")
+    for obstacle in remarks:
+        print_stderr(f"not the compiled engine, which starts in seconds: {obstacle}", "")
     if not quiet:
         print_summary(dataset, scenario, chosen.control.law, seconds, target, files)
     finish_report(planned, quiet=quiet)
@@ -81,15 +86,17 @@ def simulate(
     return FAILED_RUN
 
 
-def _run(scenario: "Scenario") -> tuple["xr.Dataset", float]:
-    """The trajectory as a dataset, and the seconds that it took."""
+def _run(
+    scenario: "Scenario", tell: "Callable[[str], None]" = lambda obstacle: None
+) -> tuple["xr.Dataset", float]:
+    """The trajectory as a dataset, and the seconds that it took; see `Run.simulate`."""
     from jaxsat.assembly.run import build
     from jaxsat.results import trajectory_dataset
     from jaxsat.scenario import dump
 
     begin = time.perf_counter()
     run = build(scenario)
-    trajectory = run.simulate()
+    trajectory = run.simulate(tell)
     dataset = trajectory_dataset(
         trajectory,
         title=scenario.title,

@@ -9,6 +9,7 @@ from jaxsat.engine.program import AbstractCaseFactory, Case, Program, program_of
 from jaxsat.engine.progress import AttitudeCost, Outputs, RunningCost, Unsettled
 from jaxsat.engine.reference import ReferenceEngine
 from jaxsat.engine.scan import ScanEngine
+from jaxsat.engine.single import fly
 from jaxsat.engine.stepper import AbstractStepper
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "ScanEngine",
     "Tolerance",
     "Unsettled",
+    "fly",
     "native_obstacle",
     "program_identity",
     "program_of",

@@ -22,6 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.engine.dense_output import require_dense_output
+from jaxsat.engine.details import details_of, with_details
 from jaxsat.engine.events import StepEnd, until_event
 from jaxsat.engine.flat_ode import DenseStep, FlatODE, initial_state
 from jaxsat.engine.program import Case, Program
@@ -35,7 +36,7 @@ from jaxsat.engine.progress import (
 )
 from jaxsat.engine.root_finding import sign_changes
 from jaxsat.engine.runge_kutta import require_explicit, stage_rates, tableau_of, weighted
-from jaxsat.engine.settling import excess_at, settled_along_step
+from jaxsat.engine.settling import excess_at, rest_excess_at, settled_along_step
 from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import stop_gradient
@@ -103,18 +104,20 @@ class AdaptiveStepper(AbstractStepper):
 
     def begin(self, program: Program, case: Case) -> Progress:
         """The progress at time zero."""
-        ode, flat = FlatODE.of(self.solver, program, case), initial_state(case)
+        ode, flat = FlatODE.of(self.solver, program, case), initial_state(program, case)
         zero = jnp.zeros((), flat.dtype)
         events = ode.loop.event_functions(zero, ode.state(zero, flat))
         nowhere = jnp.zeros((ode.output.sign_checks, ode.torque_count), flat.dtype)
         increments = jnp.zeros((ode.output.rows, flat.size), flat.dtype)
-        last_step = DenseStep(zero, zero + 1.0, flat, increments, nowhere, zero, events > 0)
+        effort = jnp.zeros(ode.torque_count, flat.dtype) if program.detailed else zero
+        last_step = DenseStep(zero, zero + 1.0, flat, increments, nowhere, effort, events > 0)
         rate = ode.rate(events > 0)(zero, flat)
         excess = excess_at(ode, zero, flat)
         state = AdaptiveState(zero, jnp.array(0), flat, rate, events > 0, events, excess, last_step)
         first_step = self.tolerance.first_step
         plant = ode.loop.plant_state(zero, ode.state(zero, flat))
-        return initial_progress(state, plant, case.possible, first_step)
+        begun = initial_progress(state, plant, case.possible, first_step)
+        return with_details(begun, ode.loop, ode.loop.torque_count) if program.detailed else begun
 
     def unfinished(
         self, program: Program, progress: Progress, bound: Int[Array, ""]
@@ -167,15 +170,19 @@ class AdaptiveStepper(AbstractStepper):
         plant = ode.loop.plant_state(t, ode.state(t, flat))
         progress = with_peaks(progress, plant)
         excess = excess_at(ode, t, ode.interpolated(last_step, end))
-        settled = settled_along_step(ode, last_step, end, progress.settled, excess, jnp.array(True))
+        always = jnp.array(True)
+        settled = settled_along_step(ode, last_step, end, progress.settled, excess, always)
+        rest = _rest_along_step(ode, last_step, end, progress.rest, t, always)
         success = progress.code == int(Outcome.SUCCESS)
         cost = ode.restore(jnp.where(success, flat, progress.state.state))[1]
         progress = progress._replace(
             integrals=Integrals(cost, ode.effort(last_step, end)),
             settled=settled,
+            rest=rest,
             ended_at=jnp.where(success, t, progress.ended_at),
         )
-        return outputs_of(progress, plant, t, case.drawn, program.cost)
+        told = details_of(progress, ode.loop, ode.state(t, flat), t, progress.steps)
+        return outputs_of(progress, plant, t, case.drawn, program.cost, details=told)
 
     def _shortened(
         self, ode: FlatODE, last_step: DenseStep, t: Float[Array, ""]
@@ -230,6 +237,7 @@ def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progres
         state=further,
         integrals=progress.integrals._replace(effort=ode.effort(dense, fraction)),
         settled=settled_along_step(ode, last_step, until, progress.settled, state.excess, accepted),
+        rest=_rest_along_step(ode, last_step, until, progress.rest, state.t, accepted),
         ended_at=t,
     )
     following = _accepted(tolerance, ode, progress, moved, needed, accepted)
@@ -238,6 +246,14 @@ def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progres
     factor = jnp.minimum(_step_factor(norm, solver_of(solver).order(None)), largest)
     proposal = jnp.maximum(step * stop_gradient(factor), tolerance.min_step)
     return following._replace(step=jnp.where(needed, proposal, step))
+
+
+def _rest_along_step(ode: FlatODE, step: DenseStep, until, rest, t, needed):
+    """Since when a trajectory is at rest, see `settled_along_step`; `t` (s) is at `until`."""
+    if rest is None:
+        return None
+    at_end = rest_excess_at(ode, t, ode.interpolated(step, until))
+    return settled_along_step(ode, step, until, rest, at_end, needed, rest_excess_at)
 
 
 def _accepted(tolerance, ode, before: Progress, moved: Progress, needed, accepted) -> Progress:

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from jaxsat.checks import require_counts
+from jaxsat.engine.details import details_of, rest_at, with_details
 from jaxsat.engine.failure_record import initial_record
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import (
@@ -29,6 +30,9 @@ from jaxsat.solvers import NamedSolver, Solver, class_name
 from jaxsat.symmetric import halved, restored
 from jaxsat.vehicle import Sensors
 
+Since = tuple[SettlingTracker, SettlingTracker | None]
+"""Since when a case is settled, and at rest; None where that is not kept."""
+
 NOISE_BLOCK = 16
 """Samples whose noise is drawn together. More gain little, and a replay, which stops at every
 sample, draws all but one of them in vain."""
@@ -50,7 +54,7 @@ class FixedStepper(AbstractStepper):
 
     def begin(self, program, case):
         """The progress at time zero."""
-        return _initial(case)
+        return _initial(program, case)
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after so many intervals."""
@@ -61,23 +65,23 @@ class FixedStepper(AbstractStepper):
         def interval(i, progress):
             t = (first + i) * program.interval
             seen = with_peaks(progress, loop.signals(t, progress.state))
-            (state, integrals), settled = _equal_steps(
+            (state, integrals), since = _equal_steps(
                 tableau_of(self.solver),
                 rate,
                 t,
                 program.interval,
                 self.substeps,
-                ((progress.state, progress.integrals), progress.settled),
+                ((progress.state, progress.integrals), (progress.settled, progress.rest)),
                 judged,
             )
-            carry = (integrals, settled, None)
+            carry = (integrals, since, None)
             return _unless_ended(program, progress, seen, state, state, carry, t)
 
         return jax.lax.fori_loop(0, count, interval, progress)
 
     def finish(self, program, case, progress, number):
         """Outputs at the end."""
-        return _finished(program, case, progress, number)
+        return _finished(program, case, progress, number, self.substeps)
 
     def signals(self, program, case, progress, number):
         """Those of the loop."""
@@ -98,7 +102,7 @@ class SampledStepper(AbstractStepper):
 
     def begin(self, program, case):
         """The progress at time zero."""
-        found = _initial(case)
+        found = _initial(program, case)
         return found._replace(held=HeldTorque.none(found.state.plant.omega))
 
     def advance(self, program, case, progress, first, count, axis_name=None):
@@ -127,20 +131,20 @@ class SampledStepper(AbstractStepper):
         tableau, judged = tableau_of(self.solver), _judge(program, loop)
 
         def integrate(t, hold, plant, carry):
-            integrals, settled, held = carry
+            integrals, since, held = carry
             rate, both = held_rate(program, loop, hold, t), (plant, integrals)
             first = loop.torque(t, plant, hold, jnp.zeros_like(hold.length))
-            (plant, integrals), settled = _equal_steps(
-                tableau, rate, t, hold.length, loop.substeps, (both, settled), judged
+            (plant, integrals), since = _equal_steps(
+                tableau, rate, t, hold.length, loop.substeps, (both, since), judged
             )
             last = loop.torque(t + hold.length, plant, hold, hold.length)
             held = held.with_hold(*stop_gradient((hold.length, first, last)))
-            return plant, (integrals, settled, held)
+            return plant, (integrals, since, held)
 
         def period(i, progress):
             progress, number = restored(progress), first + i
             t = number * program.interval
-            carry = (progress.integrals, progress.settled, progress.held)
+            carry = (progress.integrals, (progress.settled, progress.rest), progress.held)
             state, carry, signals = loop.period(number, t, progress.state, integrate, carry)
             seen = with_peaks(progress, signals)
             if progress.failures is not None:
@@ -154,7 +158,7 @@ class SampledStepper(AbstractStepper):
 
     def finish(self, program, case, progress, number):
         """Outputs at the last sample."""
-        return _finished(program, case, progress, number)
+        return _finished(program, case, progress, number, _sampled_loop(case).substeps)
 
     def signals(self, program, case, progress, number):
         """Those of the sample, and the range of the torque since the last ones."""
@@ -169,10 +173,11 @@ def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper
     return SampledStepper(stepper.solver) if isinstance(loop, SampledLoop) else stepper
 
 
-def _initial(case: Case) -> Progress:
+def _initial(program: Program, case: Case) -> Progress:
     state = case.loop.start(case.start)
     begin = initial_progress(state, plant_state(case.loop, 0.0, state), case.possible)
-    return begin._replace(failures=initial_record(case.loop, state))
+    begin = begin._replace(failures=initial_record(case.loop, state))
+    return with_details(begin, case.loop, 3) if program.detailed else begin
 
 
 def _sampled_loop(case: Case) -> SampledLoop:
@@ -181,24 +186,31 @@ def _sampled_loop(case: Case) -> SampledLoop:
 
 
 def _judge(program: Program, loop: AbstractLoop):
-    """How a step's begin is judged: since when the case is settled."""
+    """How a step's begin is judged: since when the case is settled, and at rest."""
 
-    def judged(settled: SettlingTracker, t, both) -> SettlingTracker:
+    def judged(since: Since, t, both) -> Since:
         state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, t, both[0])
-        return settled_at(settled, t, Observation.of(loop.plant, state), program.tolerances)
+        return _judged_at(program, since, t, Observation.of(loop.plant, state))
 
     return judged
 
 
+def _judged_at(program: Program, since: Since, t, observed: Observation) -> Since:
+    settled, rest = since
+    tolerances = program.tolerances
+    return settled_at(settled, t, observed, tolerances), rest_at(rest, t, observed, tolerances)
+
+
 def _equal_steps(tableau, rate, t, length, count: int, carry, judged):
-    """The state after equal steps, and since when the case is settled, judged where each begins."""
+    """The state after equal steps, and since when the case is settled and at rest, judged where
+    each begins."""
     step = length / count
 
     def one(number, carry):
-        state, settled = carry
+        state, since = carry
         begin = t + number * step
         after = explicit_step(tableau, rate, begin, step, state)
-        return after, judged(settled, begin, state)
+        return after, judged(since, begin, state)
 
     return one(0, carry) if count == 1 else jax.lax.fori_loop(0, count, one, carry)
 
@@ -208,7 +220,7 @@ def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
 
     It ends where what is `checked` of the state passes the limit.
     """
-    integrals, settled, held = carry
+    integrals, (settled, rest), held = carry
     good = all_within((checked, integrals.cost * 0), program.state_limit)
     running = before.code == int(Outcome.SUCCESS)
     code = jnp.where(running & ~good, int(Outcome.STATE_LIMIT), before.code)
@@ -216,6 +228,7 @@ def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
         state=state,
         integrals=integrals,
         settled=settled,
+        rest=rest,
         held=held,
         ended_at=t + program.interval,
         code=code,
@@ -224,11 +237,13 @@ def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
     return jax.tree.map(lambda new, old: jnp.where(running & good, new, old), after, kept)
 
 
-def _finished(program: Program, case: Case, progress: Progress, number) -> Outputs:
+def _finished(program: Program, case: Case, progress: Progress, number, steps: int) -> Outputs:
+    """Outputs after `number` intervals of so many steps each."""
     end = number * program.interval
     plant = plant_state(case.loop, end, progress.state)
     observed = Observation.of(case.loop.plant, plant)
-    settled = settled_at(progress.settled, end, observed, program.tolerances)
-    seen = with_peaks(progress, plant)._replace(settled=settled)
+    settled, rest = _judged_at(program, (progress.settled, progress.rest), end, observed)
+    seen = with_peaks(progress, plant)._replace(settled=settled, rest=rest)
     used = consumption(case.loop, progress.state)
-    return outputs_of(seen, plant, end, case.drawn, program.cost, used, program.interval)
+    told = details_of(seen, case.loop, progress.state, end, number * steps)
+    return outputs_of(seen, plant, end, case.drawn, program.cost, used, program.interval, told)

@@ -26,7 +26,7 @@ class DenseStep(NamedTuple):
     It began at `begin` (s) in the flat state `state`, in the smooth piece with these `signs`, and
     has the `length` in s. `increments` has the rows of the method's dense output. In each of some
     equal parts of the step a torque has a zero with a change of sign at `torque_zeros`, or none
-    before that part's end; `effort` is that before the step.
+    before that part's end; `effort` is that before the step, in a detailed program of each torque.
     """
 
     begin: Float[Array, ""]
@@ -34,7 +34,7 @@ class DenseStep(NamedTuple):
     state: Float[Array, " n"]
     increments: Float[Array, "rows n"]
     torque_zeros: Float[Array, "parts axes"]
-    effort: Float[Array, ""]
+    effort: Float[Array, "*effort"]
     signs: Bool[Array, " m"]
 
     def fraction(self, t: Float[Array, ""]) -> Float[Array, ""]:
@@ -59,7 +59,7 @@ class FlatODE(NamedTuple):
     @staticmethod
     def of(solver: Solver, program: Program, case: Case, axis_name: str | None = None) -> "FlatODE":
         """That of a case."""
-        shapes = jax.eval_shape(_initial_parts, case)
+        shapes = jax.eval_shape(lambda case: _initial_parts(program, case), case)
         template = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
         restore = ravel_pytree(template)[1]
         return FlatODE(program, continuous_loop(case), dense_output(solver), restore, axis_name)
@@ -88,8 +88,11 @@ class FlatODE(NamedTuple):
 
     @property
     def torque_count(self) -> int:
-        """How many torques' integrals end the flat state."""
-        return self.loop.torque_count
+        """How many torques' integrals end the flat state.
+
+        In a detailed program that of the torque that holds the third rate is the last.
+        """
+        return _torque_count(self.program, self.loop)
 
     def at_step_begin(self, flat: Float[Array, " n"]) -> Float[Array, " n"]:
         """A flat state in which a step begins: the torques' integrals are zero."""
@@ -121,8 +124,11 @@ class FlatODE(NamedTuple):
         """The torques' integrals within a step as polynomials of its fraction."""
         return self.output.coefficients(increments[:, -self.torque_count :])
 
-    def effort(self, step: DenseStep, fraction: Float[Array, ""]) -> Float[Array, ""]:
-        """∫ Σ|T_i| until a fraction of a step, from the integrals of T_i between its zeros."""
+    def effort(self, step: DenseStep, fraction: Float[Array, ""]) -> Float[Array, "*effort"]:
+        """∫ Σ|T_i| until a fraction of a step, from the integrals of T_i between its zeros.
+
+        In a detailed program each by itself.
+        """
         coefficients = list(self.torque_coefficients(step.increments)[:, None])
 
         def integrals(at):
@@ -131,7 +137,9 @@ class FlatODE(NamedTuple):
         ends = integrals(ends_of_parts(self.output.sign_checks))
         begins = jnp.concatenate([jnp.zeros_like(ends[:1]), ends[:-1]])
         between = integrals(step.torque_zeros)
-        return step.effort + jnp.sum(jnp.abs(between - begins) + jnp.abs(ends - between))
+        axis = 0 if self.program.detailed else None
+        sizes = jnp.abs(between - begins) + jnp.abs(ends - between)
+        return step.effort + jnp.sum(sizes, axis=axis)
 
     def events(self, signs, t: Float[Array, ""], flat: Float[Array, " n"]) -> Float[Array, " m"]:
         """The event functions as the smooth piece with these signs has them."""
@@ -144,7 +152,10 @@ class FlatODE(NamedTuple):
         @eqx.filter_jit  # traced once for all stages
         def rate(piece, cost, t, framed):
             motion = motion_in_frame(piece, t, framed)
-            torque = motion.torque[: self.torque_count]
+            torque = motion.torque[: piece.torque_count]
+            if self.program.detailed:
+                held = piece.plant.constraint_torque(t, motion.plant, motion.torque)
+                torque = torque if held is None else jnp.append(torque, held)
             return motion.rate, running_cost(cost, motion), torque
 
         @eqx.filter_jit  # few operations by themselves: XLA does those one after the other
@@ -159,16 +170,20 @@ class FlatODE(NamedTuple):
         return flat_rate
 
 
-def initial_state(case: Case) -> Float[Array, " n"]:
+def initial_state(program: Program, case: Case) -> Float[Array, " n"]:
     """The flat state at time zero."""
-    return _flat(_initial_parts(case))
+    return _flat(_initial_parts(program, case))
 
 
-def _initial_parts(case: Case) -> PyTree:
+def _torque_count(program: Program, loop: AbstractContinuousLoop) -> int:
+    return loop.torque_count + (program.detailed and loop.plant.third_rate_held)
+
+
+def _initial_parts(program: Program, case: Case) -> PyTree:
     zero = jnp.zeros((), case.start.omega.dtype)
     loop = continuous_loop(case)
     framed = into_frame(loop, zero, loop.start(case.start))
-    return framed, zero, jnp.zeros(loop.torque_count, zero.dtype)
+    return framed, zero, jnp.zeros(_torque_count(program, loop), zero.dtype)
 
 
 def _flat(tree: PyTree) -> Float[Array, " n"]:

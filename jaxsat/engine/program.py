@@ -38,7 +38,7 @@ class Program(eqx.Module):
 
     The state is observed every `interval` seconds, `intervals` times after the start: that is
     where settling, the peak rate and divergence (a norm of `state_limit`) are judged.
-    A sampled loop is observed at its samples.
+    A sampled loop is observed at its samples. A `detailed` one tells `Details` of each case.
     """
 
     case_factory: AbstractCaseFactory
@@ -47,6 +47,7 @@ class Program(eqx.Module):
     tolerances: Tolerances = eqx.field(default_factory=Tolerances)
     cost: RunningCost = eqx.field(default_factory=RunningCost)
     state_limit: Float[Array, ""] = eqx.field(converter=as_float, default=STATE_LIMIT)
+    detailed: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         require_positive("interval", self.interval)

@@ -8,6 +8,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, as_optional_float, concrete, require_positive
 from jaxsat.dynamics import PlantState
+from jaxsat.engine.details import Details
 from jaxsat.engine.failure_record import FailureRecord
 from jaxsat.metrics import SettlingTracker, Tolerances
 from jaxsat.quotients import reciprocal
@@ -119,10 +120,10 @@ class RunningCost(eqx.Module):
 
 
 class Integrals(NamedTuple):
-    """The running cost and Σ|T_i| (N m s), integrated."""
+    """The running cost and Σ|T_i| (N m s), or in a detailed program each of them, integrated."""
 
     cost: Float[Array, ""]
-    effort: Float[Array, ""]
+    effort: Float[Array, "*effort"]
 
 
 class Progress(NamedTuple):
@@ -134,6 +135,7 @@ class Progress(NamedTuple):
     where steps are adaptive. `peak_momentum` is the largest |h| of each wheel (N m s) at the
     instants observed, None without wheels. `failures` is kept of sampled loops that have some.
     `held` is what the torque of a sampled loop was since it was last observed, None for others.
+    `rest` tells since when the inertial rate has been small, kept in a detailed program alone.
     """
 
     state: PyTree
@@ -147,6 +149,7 @@ class Progress(NamedTuple):
     peak_momentum: Float[Array, " wheels"] | None = None
     failures: FailureRecord | None = None
     held: HeldTorque | None = None
+    rest: SettlingTracker | None = None
 
 
 class Outputs(NamedTuple):
@@ -157,8 +160,8 @@ class Outputs(NamedTuple):
     part (s); attitude and ω (rad/s) at the end of the horizon; and what was drawn, by name. Of
     thrusters that push also the propellant (kg) and how often each valve opened, and of wheels the
     peak |h| of each at the instants observed (N m s); None without them. `failures` is what
-    `FailureRecord` tells, of sampled loops with failures in flight. With a leading axis these
-    are the outputs of many cases.
+    `FailureRecord` tells, of sampled loops with failures in flight, and `details` are told by a
+    detailed program. With a leading axis these are the outputs of many cases.
     """
 
     code: Int[Array, "*n"]
@@ -176,6 +179,7 @@ class Outputs(NamedTuple):
     valve_openings: Float[Array, "*n thrusters"] | None = None
     peak_wheel_momentum: Float[Array, "*n wheels"] | None = None
     failures: dict[str, Array] | None = None
+    details: Details | None = None
 
 
 def initial_progress(
@@ -223,11 +227,13 @@ def outputs_of(
     cost: RunningCost,
     consumption: Consumption | None = None,
     interval: float | Array = 1.0,
+    details: Details | None = None,
 ) -> Outputs:
     """Outputs of a trajectory whose last instant has been observed, one every `interval` (s).
 
     `consumption` is that of the whole run, None for actuators that have none.
     """
+    effort = progress.integrals.effort if details is None else jnp.sum(details.effort)
     success = progress.code == int(Outcome.SUCCESS)
 
     def kept(value):
@@ -241,7 +247,7 @@ def outputs_of(
     return Outputs(
         code=progress.code,
         settling_time=jnp.where(success, progress.settled.settling_time(duration), jnp.inf),
-        effort=kept(progress.integrals.effort),
+        effort=kept(effort),
         cost=jnp.where(possible, whole, jnp.nan),
         peak_rate=kept(jnp.sqrt(progress.peak_square)),
         ended_at=progress.ended_at,
@@ -254,4 +260,5 @@ def outputs_of(
         valve_openings=None if used is None else kept(used.openings),
         peak_wheel_momentum=None if momentum is None else kept(momentum),
         failures=None if failures is None else failures.outputs(jnp.asarray(interval)),
+        details=details,
     )

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.dynamics import PlantState
+from jaxsat.engine.details import effort_rates
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import Integrals, RunningCost
 from jaxsat.simulation import (
@@ -41,9 +42,10 @@ def augmented_rate(program: Program, loop: AbstractContinuousLoop):
 
     def rate(t, both):
         motion = loop.motion(t, both[0])
-        return motion.rate, Integrals(
-            running_cost(program.cost, motion), jnp.sum(jnp.abs(motion.torque))
-        )
+        size = jnp.abs(motion.torque)
+        moved = (loop.plant, t, motion.plant, motion.torque, size)
+        effort = effort_rates(program.detailed, *moved)
+        return motion.rate, Integrals(running_cost(program.cost, motion), effort)
 
     return rate
 
@@ -64,6 +66,7 @@ def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Arra
         cost = program.cost(wz.w, wz.z, loop.plant.relative_rate(state), torque)
         steady = hold.wheels is None and hold.dipole is None
         size = hold.mean_size() if steady else jnp.abs(torque)
-        return loop.plant_rate(t, state, hold, t - begin), Integrals(cost, jnp.sum(size))
+        effort = effort_rates(program.detailed, loop.plant, t, state, torque, size)
+        return loop.plant_rate(t, state, hold, t - begin), Integrals(cost, effort)
 
     return rate

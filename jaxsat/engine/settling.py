@@ -1,6 +1,7 @@
 """Since when a trajectory of adaptive steps is settled, judged on their dense output."""
 
 import math
+from collections.abc import Callable
 from itertools import pairwise
 
 import jax.numpy as jnp
@@ -25,6 +26,15 @@ def excess_at(
     return Observation.of(ode.loop.plant, plant).excess(ode.program.tolerances)
 
 
+def rest_excess_at(
+    ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]
+) -> Float[Array, "1"]:
+    """The same of the inertial rate alone."""
+    ode, t, flat = stop_gradient((ode, t, flat))
+    plant = ode.loop.plant_state(t, ode.state(t, flat))
+    return Observation.of(ode.loop.plant, plant).rest_excess(ode.program.tolerances)
+
+
 def settled_along_step(
     ode: FlatODE,
     step: DenseStep,
@@ -32,6 +42,7 @@ def settled_along_step(
     settled: SettlingTracker,
     at_end: Float[Array, "conditions"],
     needed: Bool[Array, ""],
+    excess_at: Callable = excess_at,
 ) -> SettlingTracker:
     """Since when the case is settled, with the fraction `until` of a step taken into account.
 
@@ -39,7 +50,7 @@ def settled_along_step(
     does it if begin, middle and end are further inside than they differ, by `BETWEEN`. In other
     steps the excess is observed at the ends of equal parts, as many as for events, and the instant
     at which the case comes inside is located between them. Nothing of it is differentiated. A step
-    for which it is not `needed` costs no search.
+    for which it is not `needed` costs no search. `excess_at` tells the excess of a flat state.
     """
     ode, step, until, at_end = stop_gradient((ode, step, until, at_end))
     end = step.begin + until * step.length

@@ -48,12 +48,20 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
 
 def _drawn(name: str, figure: "Figure | Callable[[], Figure]") -> dict[str, bytes]:
     """A figure's files; none where it cannot be drawn."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     found = {}
     try:
         made = figure() if callable(figure) else figure
-        for ending, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
+        made.draw_without_rendering()
+        made.set_layout_engine("none")  # laid out once, for both
+        for ending, draw, metadata in (
+            ("png", FigureCanvasAgg(made).print_png, {"Software": None}),
+            ("svg", FigureCanvasSVG(made).print_svg, {"Date": None}),
+        ):
             buffer = io.BytesIO()
-            made.savefig(buffer, format=ending, metadata=metadata)
+            draw(buffer, metadata=metadata)
             found[f"{name}.{ending}"] = buffer.getvalue()
     except Exception as error:
         _tell(f"figure {name}", error)

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
 """The type of the drivers `run`."""
 
+HISTORY = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 7, *[ctypes.c_int64] * 2)
+"""The type of the driver `history`."""
+
 
 def run_blocks(lanes: int, entries: Sequence[str]) -> str:
     """`run(pointers, state, begin, end, a, b)`: the entry points, vector after vector of cases.
@@ -128,6 +131,43 @@ check:
   br i1 %any, label %work, label %out
 work:
   call void @attempt({_WHERE}, ptr %running, i64 %a, i64 %b)
+  br label %head
+out:
+  ret void
+}}"""
+
+
+def history(lanes: int) -> str:
+    """`history(pointers, state, cases, wanted, places, instants, advance, count, stride)`.
+
+    It observes a vector of cases at so many instants, and goes on by the entry point `advance` from
+    each to the next. What is seen of a case goes to its place, `stride` further each time.
+    """
+    spread = f"<{lanes} x i64> poison, <{lanes} x i32> zeroinitializer"
+    given = "ptr %places, ptr %instants, ptr %advance"
+    return f"""
+define void @history({_WHERE}, ptr %wanted, {given}, i64 %count, i64 %stride) #0 {{
+entry:
+  %one = insertelement <{lanes} x i64> poison, i64 %stride, i64 0
+  %further = shufflevector <{lanes} x i64> %one, {spread}
+  %last = sub i64 %count, 1
+  br label %head
+head:
+  %i = phi i64 [ 0, %entry ], [ %next, %work ]
+  %here = getelementptr i64, ptr %instants, i64 %i
+  %number = load i64, ptr %here
+  call void @observe(ptr %pointers, ptr %state, ptr %places, ptr %wanted, i64 %number, i64 0)
+  %place = load <{lanes} x i64>, ptr %places
+  %moved = add <{lanes} x i64> %place, %further
+  store <{lanes} x i64> %moved, ptr %places
+  %more = icmp slt i64 %i, %last
+  br i1 %more, label %work, label %out
+work:
+  %next = add i64 %i, 1
+  %there = getelementptr i64, ptr %instants, i64 %next
+  %following = load i64, ptr %there
+  %by = sub i64 %following, %number
+  call void %advance({_WHERE}, ptr %wanted, i64 %number, i64 %by)
   br label %head
 out:
   ret void

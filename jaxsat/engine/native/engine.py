@@ -132,17 +132,22 @@ class NativeEngine(AbstractEngine):
 
 
 def native_obstacle(
-    stepper: AbstractStepper, program: Program, cases: PyTree, gains: PyTree = None
+    stepper: AbstractStepper,
+    program: Program,
+    cases: PyTree,
+    gains: PyTree = None,
+    lanes: int | None = None,
 ) -> str | None:
     """Why the native engine cannot run a program for such cases; None if it can.
 
+    The machine code is made for so many `lanes`, by default what suits the processor.
     Whatever else goes wrong, above all a `NativeBug`, is raised: it is no reason to fall back.
     """
     obstacle = process_obstacle()
     if obstacle is not None:
         return obstacle
     try:
-        _kernel(stepper, program, cases, gains, target.host().lanes, False)
+        _kernel(stepper, program, cases, gains, lanes or target.host().lanes, False)
     except CannotLower as error:
         return str(error)
     return None

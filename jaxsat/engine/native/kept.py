@@ -28,7 +28,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 from jaxtyping import PyTree
@@ -48,6 +48,8 @@ _BUILT_IN = {"builtins", "collections", "copyreg", "functools", "operator", "pat
 CLOCK_NS = 60 * 10**9
 """By how much the clock of a file system may be behind. Sooner after a change nothing is kept."""
 
+T = TypeVar("T")
+
 IN_USE = "JAXSAT_KEPT_KERNELS"
 
 
@@ -63,6 +65,14 @@ class MadeKernel:
     signals: PyTree
     going: int | None
     operations: str
+
+
+@dataclass(frozen=True)
+class MadeObserver:
+    """What of a kernel is kept for replays: the code that observes, and its arena's size."""
+
+    code: bytes
+    arena: int
 
 
 def entry_name(*parts: PyTree) -> str | None:
@@ -86,8 +96,11 @@ def entry_name(*parts: PyTree) -> str | None:
     return f"{hashlib.sha256(repr(made_from).encode()).hexdigest()}.kernel"
 
 
-def kept_or_made(name: str | None, make: Callable[[], MadeKernel]) -> MadeKernel:
-    """The entry of that name, made and kept where there is none; without a name simply made."""
+def kept_or_made(name: str | None, kind: type[T], make: Callable[[], T]) -> T:
+    """The entry of that name and kind, made and kept where there is none.
+
+    Without a name it is simply made.
+    """
     if name is None:
         return make()
     content = cache.kept(name)
@@ -96,7 +109,7 @@ def kept_or_made(name: str | None, make: Callable[[], MadeKernel]) -> MadeKernel
             found = pickle.loads(content)  # which nobody but this user has written: see `cache`
         except Exception:
             found = None
-        if isinstance(found, MadeKernel):
+        if isinstance(found, kind):
             return found
     made = make()
     with contextlib.suppress(Exception):  # trees of a kind that `pickle` cannot write

@@ -1,11 +1,10 @@
 """The machine code of a trajectory's entry points, and how it is called."""
 
 import ctypes
-import itertools
 import operator
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import jax
 import numpy as np
@@ -14,10 +13,17 @@ from jaxtyping import PyTree
 from jaxsat.engine.fingerprint import fingerprint
 from jaxsat.engine.native import cache, target
 from jaxsat.engine.native.arguments import Memory, addresses
-from jaxsat.engine.native.drivers import RUN, advance_lanes, run_blocks, run_lanes
+from jaxsat.engine.native.drivers import (
+    HISTORY,
+    RUN,
+    advance_lanes,
+    history,
+    run_blocks,
+    run_lanes,
+)
 from jaxsat.engine.native.emitter import Module
 from jaxsat.engine.native.entry_points import emit_entry_point
-from jaxsat.engine.native.kept import MadeKernel, kept_or_made
+from jaxsat.engine.native.kept import MadeKernel, MadeObserver, kept_or_made
 from jaxsat.engine.native.threads import in_own_thread, in_threads
 from jaxsat.engine.native.trajectory import LoweredTrajectory
 from jaxsat.once import once_property
@@ -27,6 +33,9 @@ PIECE = 4
 
 REFILLED = 64
 """The same at most, where a lane that has ended takes the next case."""
+
+WATCHED = 4096
+"""Instants of a history between two looks whether it is to be stopped."""
 
 OBSERVE = "observe"
 
@@ -43,8 +52,8 @@ class Kernel:
     """
 
     def __init__(self, lower: Callable[[], LoweredTrajectory], lanes: int, name: str | None = None):
-        self._lower, self.lanes = lower, lanes
-        self._made = kept_or_made(name, lambda: self._make(name is not None))
+        self._lower, self.lanes, self._name = lower, lanes, name
+        self._made = kept_or_made(name, MadeKernel, lambda: self._make(name is not None))
         entries = dict.fromkeys(["begin", "advance", "finish"], ENTRY_POINT)
         self._functions = _linked(self._made.code, {"run": RUN, **entries})
 
@@ -83,14 +92,19 @@ class Kernel:
 
     @once_property
     def _observing(self) -> tuple[Callable[..., None], int]:
-        """The entry point that only a replay needs, made for the first, and its arena's size."""
+        """What only a replay needs, made for the first (and kept): the driver, its arena's size."""
+        made = kept_or_made(_observer(self._name), MadeObserver, self._make_observer)
+        return _linked(made.code, {"history": HISTORY})["history"], made.arena
+
+    def _make_observer(self) -> MadeObserver:
         module = Module(self.lanes, target.host().masks)
         for entry in self.trajectory.entry_points:
             if entry.function.name == OBSERVE:
                 emit_entry_point(module, entry)
+        module.functions["history"] = history(self.lanes)
         text = module.text(target.host().attributes())
         code = in_own_thread(lambda stopped: cache.object_code(text))
-        return _linked(code, {OBSERVE: ENTRY_POINT})[OBSERVE], module.arena
+        return MadeObserver(code, module.arena)
 
     def run(self, trees: Trees, intervals: int, workers: int) -> Any:
         """Outputs of all cases.
@@ -137,31 +151,36 @@ class Kernel:
         """
         inputs, count = self._taken(trees, instants[-1])
         outputs, leaves = _room(self._made.outputs, count)
-        seen, now = _room(self._made.signals, count)
+        seen, rows = _room(self._made.signals, len(instants) * count)
         begin, advance, finish = (self._functions[name] for name in ("begin", "advance", "finish"))
-        observe, arena_size = self._observing
+        history, arena_size = self._observing
+        numbers = np.array(instants, np.int64)
 
-        def work(stopped: threading.Event) -> list[PyTree]:
-            arena, history = Memory(max(self._made.arena, arena_size)), []
-            pointers = addresses(arena, [*inputs, *leaves, *now])
-            blocks = [self._block(first, count) for first in range(0, count, self.lanes)]
-            for state, cases, wanted in blocks:
-                begin(pointers, state.address, cases.ctypes.data, wanted.ctypes.data, 0, 0)
-            for number, following in itertools.zip_longest(instants, instants[1:]):
-                if stopped.is_set():
-                    break
-                for state, cases, wanted in blocks:
-                    where = (pointers, state.address, cases.ctypes.data, wanted.ctypes.data)
-                    observe(*where, number, 0)
-                    if following is not None:
-                        advance(*where, number, following - number)
-                    else:
-                        finish(*where, 0, number)
-                history.append(jax.tree.map(np.copy, seen))
-            return history
+        def work(stopped: threading.Event) -> None:
+            arena = Memory(max(self._made.arena, arena_size))
+            pointers = addresses(arena, [*inputs, *leaves, *rows])
+            for first in range(0, count, self.lanes):
+                state, cases, wanted = self._block(first, count)
+                where = (pointers, state.address, cases.ctypes.data, wanted.ctypes.data)
+                places = Memory(8 * self.lanes).bytes.view(np.int64)
+                places[:] = cases
+                begin(*where, 0, 0)
+                for piece in range(0, len(numbers), WATCHED):
+                    if stopped.is_set():
+                        return
+                    if piece:
+                        advance(*where, numbers[piece - 1], numbers[piece] - numbers[piece - 1])
+                    there = numbers[piece : piece + WATCHED]
+                    driven = (places.ctypes.data, there.ctypes.data, _address(advance))
+                    history(*where, *driven, len(there), count)
+                finish(*where, 0, numbers[-1])
 
-        history = in_own_thread(work)
-        return outputs, jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
+        in_own_thread(work)
+
+        def by_case(leaf: np.ndarray) -> np.ndarray:
+            return np.moveaxis(leaf.reshape(len(numbers), count, *leaf.shape[1:]), 0, 1)
+
+        return outputs, jax.tree.map(by_case, seen)
 
     def _block(self, first: int, count: int):
         numbers = first + np.arange(self.lanes)
@@ -187,6 +206,16 @@ def module_of(trajectory: LoweredTrajectory, lanes: int, cpu: target.Host) -> Mo
 def _linked(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
     """Machine code in memory."""
     return in_own_thread(lambda stopped: target.loaded(code, types))
+
+
+def _address(function: Any) -> int:
+    """Where the machine code of a function of `ctypes` begins."""
+    return cast(int, ctypes.cast(function, ctypes.c_void_p).value)
+
+
+def _observer(name: str | None) -> str | None:
+    """The name of the entry that goes with the kernel of that name."""
+    return None if name is None else name.replace(".kernel", ".observer.kernel")
 
 
 def _room(shapes: PyTree, count: int) -> tuple[PyTree, list[np.ndarray]]:
