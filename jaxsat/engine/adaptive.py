@@ -182,7 +182,7 @@ class AdaptiveStepper(AbstractStepper):
             ended_at=jnp.where(success, t, progress.ended_at),
         )
         told = details_of(progress, ode.loop, ode.state(t, flat), t, progress.steps)
-        return outputs_of(progress, plant, t, case.drawn, program.cost, details=told)
+        return outputs_of(progress, plant, t, case.drawn, program.running_cost, details=told)
 
     def _shortened(
         self, ode: FlatODE, last_step: DenseStep, t: Float[Array, ""]

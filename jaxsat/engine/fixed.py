@@ -246,4 +246,6 @@ def _finished(program: Program, case: Case, progress: Progress, number, steps: i
     seen = with_peaks(progress, plant)._replace(settled=settled, rest=rest)
     used = consumption(case.loop, progress.state)
     told = details_of(seen, case.loop, progress.state, end, number * steps)
-    return outputs_of(seen, plant, end, case.drawn, program.cost, used, program.interval, told)
+    return outputs_of(
+        seen, plant, end, case.drawn, program.running_cost, used, program.interval, told
+    )

@@ -156,7 +156,8 @@ class FlatODE(NamedTuple):
             if self.program.detailed:
                 held = piece.plant.constraint_torque(t, motion.plant, motion.torque)
                 torque = torque if held is None else jnp.append(torque, held)
-            return motion.rate, running_cost(cost, motion), torque
+            of_cost = (cost, motion.plant, motion.relative_rate, motion.torque)
+            return motion.rate, running_cost(*of_cost), torque
 
         @eqx.filter_jit  # few operations by themselves: XLA does those one after the other
         def whole(piece, cost, t, flat):
@@ -164,8 +165,8 @@ class FlatODE(NamedTuple):
 
         def flat_rate(t, flat):
             if self.axis_name is None:
-                return _flat(rate(piece, self.program.cost, t, self.restore(flat)[0]))
-            return apart(whole, piece, self.program.cost, t, flat)
+                return _flat(rate(piece, self.program.running_cost, t, self.restore(flat)[0]))
+            return apart(whole, piece, self.program.running_cost, t, flat)
 
         return flat_rate
 

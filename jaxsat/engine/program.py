@@ -38,7 +38,8 @@ class Program(eqx.Module):
 
     The state is observed every `interval` seconds, `intervals` times after the start: that is
     where settling, the peak rate and divergence (a norm of `state_limit`) are judged.
-    A sampled loop is observed at its samples. A `detailed` one tells `Details` of each case.
+    A sampled loop is observed at its samples. A `detailed` program tells the `Details` of each case
+    in place of its cost, which is NaN.
     """
 
     case_factory: AbstractCaseFactory
@@ -73,6 +74,11 @@ class Program(eqx.Module):
     def of_any_length(self) -> "Program":
         """The program with a length that says nothing: compiled loops take it as an input."""
         return dataclasses.replace(self, intervals=1)
+
+    @property
+    def running_cost(self) -> RunningCost | None:
+        """What is integrated as the cost; None in a detailed program."""
+        return None if self.detailed else self.cost
 
     @property
     def duration(self) -> Float[Array, ""]:

@@ -224,7 +224,7 @@ def outputs_of(
     plant: PlantState,
     duration: Float[Array, ""],
     drawn: dict[str, Array],
-    cost: RunningCost,
+    cost: RunningCost | None,
     consumption: Consumption | None = None,
     interval: float | Array = 1.0,
     details: Details | None = None,
@@ -240,7 +240,9 @@ def outputs_of(
         return jnp.where(success, value, jnp.nan)
 
     possible = progress.code != int(Outcome.IMPOSSIBLE_CASE)
-    whole = cost.whole(progress.integrals.cost, success, duration - progress.ended_at)
+    whole, missing = jnp.full_like(progress.integrals.cost, jnp.nan), duration - progress.ended_at
+    if cost is not None:
+        whole = cost.whole(progress.integrals.cost, success, missing)
     wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
     momentum, used = progress.peak_momentum, consumption
     failures = progress.failures

@@ -10,7 +10,6 @@ from jaxsat.engine.progress import Integrals, RunningCost
 from jaxsat.simulation import (
     AbstractContinuousLoop,
     AbstractLoop,
-    Motion,
     SampledLoop,
 )
 from jaxsat.vehicle import AbstractPulsedActuators, Consumption, Hold
@@ -45,15 +44,23 @@ def augmented_rate(program: Program, loop: AbstractContinuousLoop):
         size = jnp.abs(motion.torque)
         moved = (loop.plant, t, motion.plant, motion.torque, size)
         effort = effort_rates(program.detailed, *moved)
-        return motion.rate, Integrals(running_cost(program.cost, motion), effort)
+        cost = running_cost(program.running_cost, motion.plant, motion.relative_rate, motion.torque)
+        return motion.rate, Integrals(cost, effort)
 
     return rate
 
 
-def running_cost(cost: RunningCost, motion: Motion) -> Float[Array, ""]:
-    """The cost a second."""
-    wz = motion.plant.attitude.as_wz()
-    return cost(wz.w, wz.z, motion.relative_rate, motion.torque)
+def running_cost(
+    cost: RunningCost | None,
+    plant: PlantState,
+    relative_rate: Float[Array, "3"],
+    torque: Float[Array, "3"],
+) -> Float[Array, ""]:
+    """The cost a second; zero where there is none."""
+    if cost is None:
+        return jnp.zeros((), torque.dtype)
+    wz = plant.attitude.as_wz()
+    return cost(wz.w, wz.z, relative_rate, torque)
 
 
 def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Array, ""]):
@@ -62,8 +69,7 @@ def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Arra
     def rate(t, both):
         state, _ = both
         torque = loop.torque(t, state, hold, t - begin)
-        wz = state.attitude.as_wz()
-        cost = program.cost(wz.w, wz.z, loop.plant.relative_rate(state), torque)
+        cost = running_cost(program.running_cost, state, loop.plant.relative_rate(state), torque)
         steady = hold.wheels is None and hold.dipole is None
         size = hold.mean_size() if steady else jnp.abs(torque)
         effort = effort_rates(program.detailed, loop.plant, t, state, torque, size)

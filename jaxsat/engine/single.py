@@ -19,6 +19,7 @@ from jaxsat.engine.program import AbstractCaseFactory, Case, Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.engine.runge_kutta import require_explicit
 from jaxsat.engine.stepper import AbstractStepper
+from jaxsat.jax_internals import Tracer
 from jaxsat.simulation import (
     AbstractLoop,
     Assessment,
@@ -46,10 +47,10 @@ def fly(
     What `simulate` gives, to the accuracy of the method, from machine code that is made in seconds
     and serves all numbers: equal steps of the method's length or somewhat less, so that the times
     fall on them, and adaptive ones that end on the corners of a law. `simulate` runs what the
-    compiled engine cannot, and `tell` is told why.
+    compiled engine cannot, also what JAX traces (to differentiate it), and `tell` is told why.
     """
     loop, start = strong((loop, start))
-    obstacle, planned = _planned(loop, start, np.asarray(times), method)
+    obstacle, planned = _planned(loop, start, times, method)
     if planned is None:
         tell(cast(str, obstacle))
         return simulate(loop, start, times, method=method)
@@ -94,10 +95,12 @@ class _Flight(eqx.Module):
 
 
 def _planned(
-    loop: AbstractLoop, start: PlantState, times: np.ndarray, method: Method
+    loop: AbstractLoop, start: PlantState, times: Float[Array, " times"], method: Method
 ) -> tuple[str | None, _Flight | None]:
     """The flight, or what stands in its way."""
-    gaps = np.diff(times)
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((loop, start, method))):
+        return "JAX traces its numbers", None
+    gaps = np.diff(np.asarray(times))
     if times[0] != 0 or np.ptp(gaps) > 1e-9 * times[-1]:
         return "the times to save are not even, from zero on", None
     save_every = float(times[-1]) / len(gaps)
@@ -142,6 +145,7 @@ def _stepper(loop: AbstractLoop, method: Method, save_every: float) -> AbstractS
 def _thinned(signals: Signals, every: int) -> Signals:
     """Of a history at all samples every so many, with thrust levels and torques of all between."""
     levels, ranges = signals.thrust_level, signals.torque_range
+    assert ranges is not None
     kept = jax.tree.map(lambda x: x[::every], signals)
 
     def each(combine: Callable, values) -> Any:

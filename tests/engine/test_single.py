@@ -119,6 +119,21 @@ def test_what_the_engine_cannot_run_is_told_and_run_by_diffrax():
     np.testing.assert_allclose(found.signals.omega[2], every.signals.omega[3], rtol=1e-9)
 
 
+def test_a_run_is_differentiated_by_diffrax():
+    run = of(SMOOTH[0], ["simulation.duration_s=3"])
+    told = []
+
+    def last(rate):
+        start = dataclasses.replace(run.start, omega=run.start.omega.at[0].set(rate))
+        return dataclasses.replace(run, start=start).simulate(told.append).signals.omega[-1, 0]
+
+    rate, step = run.start.omega[0], 1e-5
+    slope = jax.jit(jax.grad(last))(rate)
+    assert told == ["JAX traces its numbers"]
+    change = (last(rate + step) - last(rate - step)) / (2 * step)
+    np.testing.assert_allclose(slope, change, rtol=1e-7)
+
+
 def test_steps_are_somewhat_shorter_where_times_ask_for_it():
     run = of(*SMOOTH[:2])
     coarse = dataclasses.replace(run, method=fixed(0.3)).simulate(refuse)
