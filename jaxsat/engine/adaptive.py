@@ -117,7 +117,10 @@ class AdaptiveStepper(AbstractStepper):
         first_step = self.tolerance.first_step
         plant = ode.loop.plant_state(zero, ode.state(zero, flat))
         begun = initial_progress(state, plant, case.possible, first_step)
-        return with_details(begun, ode.loop, ode.loop.torque_count) if program.detailed else begun
+        if not program.detailed:
+            return begun
+        kept = with_details(begun, ode.loop, ode.loop.torque_count)
+        return kept._replace(forced=jnp.array(0))
 
     def unfinished(
         self, program: Program, progress: Progress, bound: Int[Array, ""]
@@ -240,7 +243,7 @@ def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progres
         rest=_rest_along_step(ode, last_step, until, progress.rest, state.t, accepted),
         ended_at=t,
     )
-    following = _accepted(tolerance, ode, progress, moved, needed, accepted)
+    following = _accepted(tolerance, ode, progress, moved, needed, accepted, norm)
     # no longer step after one that met an event: a law that slides would lose its way
     largest = jnp.where(fraction < 1, 1.0, MAX_FACTOR)
     factor = jnp.minimum(_step_factor(norm, solver_of(solver).order(None)), largest)
@@ -256,7 +259,7 @@ def _rest_along_step(ode: FlatODE, step: DenseStep, until, rest, t, needed):
     return settled_along_step(ode, step, until, rest, at_end, needed, rest_excess_at)
 
 
-def _accepted(tolerance, ode, before: Progress, moved: Progress, needed, accepted) -> Progress:
+def _accepted(tolerance, ode, before: Progress, moved: Progress, needed, accepted, norm):
     """Further on, where it was, or ended."""
     limit = ode.program.state_limit
     good = all_within(ode.error_controlled(moved.state.state)[:-1], limit)
@@ -265,6 +268,8 @@ def _accepted(tolerance, ode, before: Progress, moved: Progress, needed, accepte
     out = needed & (code == int(Outcome.SUCCESS)) & (steps >= tolerance.max_steps)
     code = jnp.where(out, int(Outcome.MAX_STEPS), code)
     kept = jax.tree.map(lambda new, old: jnp.where(accepted & good, new, old), moved, before)
+    if before.forced is not None:
+        kept = kept._replace(forced=before.forced + (accepted & (norm > 1)))
     return kept._replace(code=code, steps=steps)
 
 

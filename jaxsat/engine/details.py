@@ -18,13 +18,14 @@ class Details(NamedTuple):
     """The loop's own state at the end of the run, the number of its steps, from when its inertial
     rate alone was within the tolerance (s, infinite if never), and ∫|T_i| dt by body axis and of
     the ideal torque that holds the third rate, None where that is free (N m s); NaN where the run
-    did not reach its end."""
+    did not reach its end. Of adaptive steps `forced` have been taken in spite of their error."""
 
     final: PyTree
     steps: Int[Array, "*n"]
     at_rest_from: Float[Array, "*n"]
     effort: Float[Array, "*n 3"]
     constraint_effort: Float[Array, "*n"] | None
+    forced: Int[Array, "*n"] | None = None
 
 
 def with_details(progress: "Progress", loop: AbstractLoop, torques: int) -> "Progress":
@@ -54,7 +55,7 @@ def details_of(
     idle = jnp.zeros(3 - of_axes.size, effort.dtype)
     rest = jnp.where(success, progress.rest.settling_time(end), jnp.inf)
     by_axis = jnp.concatenate([of_axes, jnp.where(success, idle, jnp.nan)])
-    return Details(final, steps, rest, by_axis, effort[-1] if held else None)
+    return Details(final, steps, rest, by_axis, effort[-1] if held else None, progress.forced)
 
 
 def rest_at(

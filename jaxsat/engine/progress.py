@@ -135,7 +135,8 @@ class Progress(NamedTuple):
     where steps are adaptive. `peak_momentum` is the largest |h| of each wheel (N m s) at the
     instants observed, None without wheels. `failures` is kept of sampled loops that have some.
     `held` is what the torque of a sampled loop was since it was last observed, None for others.
-    `rest` tells since when the inertial rate has been small, kept in a detailed program alone.
+    `rest` tells since when the inertial rate has been small, and `forced` counts the smallest steps
+    taken in spite of their error, where steps are adaptive; both in a detailed program alone.
     """
 
     state: PyTree
@@ -150,6 +151,7 @@ class Progress(NamedTuple):
     failures: FailureRecord | None = None
     held: HeldTorque | None = None
     rest: SettlingTracker | None = None
+    forced: Int[Array, ""] | None = None
 
 
 class Outputs(NamedTuple):

@@ -47,14 +47,19 @@ def fly(
     What `simulate` gives, to the accuracy of the method, from machine code that is made in seconds
     and serves all numbers: equal steps of the method's length or somewhat less, so that the times
     fall on them, and adaptive ones that end on the corners of a law. `simulate` runs what the
-    compiled engine cannot, also what JAX traces (to differentiate it), and `tell` is told why.
+    compiled engine cannot, also what JAX traces (to differentiate it) and what passes a point where
+    the law has no derivative, and `tell` is told why.
     """
     loop, start = strong((loop, start))
     obstacle, planned = _planned(loop, start, times, method)
-    if planned is None:
-        tell(cast(str, obstacle))
+    found = None if planned is None else planned.fly(times)
+    if found is None:
+        tell(obstacle or FORCED)
         return simulate(loop, start, times, method=method)
-    return planned.fly(times)
+    return found
+
+
+FORCED = "steps of the smallest length miss the tolerance: the law has no derivative there"
 
 
 class _OneCase(AbstractCaseFactory):
@@ -82,13 +87,15 @@ class _Flight(eqx.Module):
         """The case with a leading axis."""
         return jax.tree.map(lambda x: np.asarray(x)[None], self.case)
 
-    def fly(self, times: Float[Array, " times"]) -> Trajectory:
-        """The run."""
+    def fly(self, times: Float[Array, " times"]) -> Trajectory | None:
+        """The run; None where steps of the smallest length have missed the tolerance."""
         engine = NativeEngine(stepper=self.stepper, simd_lanes=1)
         between = self.every if self.pulsed else 1  # samples of which the mean level is told
         instants = self.program.instants(self.every // between)
         found = engine.observed(self.program, self.cases, None, instants)
         outputs, signals = jax.tree.map(lambda x: x[0], found)
+        if outputs.details.forced:
+            return None
         if between > 1:
             signals = _thinned(signals, between)
         return _trajectory(times, outputs, signals)
