@@ -110,6 +110,22 @@ def test_what_a_stuck_thruster_makes_is_opposed_before_anything_else():
     assert at_full_thrust > 20
 
 
+@pytest.mark.slow
+def test_beside_a_plane_a_torque_is_opposed_where_a_thruster_pushes_across():
+    """Of six one way each, one gone: the other of its pair pushes one way across the plane."""
+    torque = pairs()
+    made = tables(torque)
+    limit = np.where(np.arange(6) == 5, 0.0, 1.0)
+    directions = jnp.asarray(what_is_left(torque, (5,)).directions)
+    rng = np.random.default_rng(12)
+    for steady in rng.uniform(-0.3, 0.3, (10, 3)):
+        asked = made.beside_plane(jnp.asarray(limit), jnp.asarray(steady), directions)
+        opposed = np.append(steady[:2], max(steady[2], 0.0))
+        np.testing.assert_allclose(asked, opposed, atol=1e-15)
+        duty = np.asarray(made.allocate(jnp.asarray(limit), jnp.zeros(3), asked))
+        np.testing.assert_allclose(torque @ duty, opposed, atol=1e-9)
+
+
 def found(torque, part, flow, before=None):
     """What is left where thrusters make these parts of their thrust, and flows all the time."""
     count = torque.shape[1]
