@@ -3,7 +3,7 @@
 import itertools
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 NORMALISER_FLOOR = 1e-9
 """Below this the normalisation of (5) or (8) divides by what counts as zero (unit columns)."""
@@ -164,13 +164,6 @@ def least_propellant(
     possible, optimal = _bases(torque, cost, command_map)
     _require_all_ways(possible, torque, command_map)
     return np.stack(_optimal_somewhere(optimal))
-
-
-def best_basis(units: Float[np.ndarray, "3 m"]) -> Int[np.ndarray, " 3"]:
-    """The three unit columns that are farthest from a plane."""
-    bases = np.array(list(itertools.combinations(range(units.shape[1]), 3)))
-    volumes = np.abs(np.linalg.det(units[:, bases].transpose(1, 0, 2)))
-    return bases[np.argmax(volumes)]
 
 
 def two_sided_torques(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 k"]:

@@ -145,7 +145,7 @@ class FaultTolerant(AbstractSampledController):
         condition = diagnosis.condition
         ability = self.reconfiguration.find(condition, memory.ability)
         number, left, limit = ability
-        constant = thrusters.torque @ condition.flow + condition.torque
+        steady = -(thrusters.torque @ condition.flow + condition.torque)
         torque, healthy = self.healthy.step(t, state, memory.healthy)
         settling = memory.settling
         if self.settling is not None:
@@ -155,11 +155,12 @@ class FaultTolerant(AbstractSampledController):
             begun = law.init(state)
             settling = choose(begins, begun, settling)
             command, settling = law.step(t, state, settling)
-            in_plane = directions @ command
-            torque = jnp.where(left == Left.PLANE, in_plane, torque)
+            torque = jnp.where(left == Left.PLANE, directions @ command, torque)
+            to_oppose = self.reconfiguration.beside_plane(limit, steady, directions)
+            steady = jnp.where(left == Left.PLANE, to_oppose, steady)
         three = left == Left.THREE_AXES
         owed = jnp.where(three, memory.owed, 0.0)
-        thrust = self.reconfiguration.allocate(limit, torque + owed / period, -constant)
+        thrust = self.reconfiguration.allocate(limit, torque + owed / period, steady)
         duty = thrust / jnp.where(limit > 0, limit, 1.0)
         whole = self.rounding(limit, duty, period)
         owed = period * (thrusters.torque @ (limit * (duty - whole)))

@@ -18,7 +18,7 @@ from jaxsat.allocation import (
     unit_columns,
 )
 from jaxsat.checks import as_array, as_float
-from jaxsat.control.cheapest_duties import CheapestDuties
+from jaxsat.control.bounded_duties import BoundedDuties
 from jaxsat.diagnosis import WEAK, Condition
 
 RealScalar = Float[Array, ""]
@@ -31,12 +31,6 @@ MOST_SETS = 150
 
 FLAT = 1e-9
 """Of the largest torque: what is below counts as zero."""
-
-ROUNDS = 2
-"""In which others make what thrusters at full thrust cannot."""
-
-MOST_DUTY = 0.95
-"""A thruster that is busy for longer with what comes first has no part in the rest."""
 
 SMALL = 1e-6
 """Of the largest torque: as good as none is missed."""
@@ -119,7 +113,7 @@ class Reconfiguration(eqx.Module):
     """
 
     torque: Float[Array, "3 m"] = eqx.field(converter=as_float)
-    cheapest: CheapestDuties
+    duties: BoundedDuties
     number: Int[Array, "m m"]
     left: Int[Array, " sets"]
 
@@ -136,7 +130,7 @@ class Reconfiguration(eqx.Module):
                 number[one.failed[0], one.failed[-1]] = place
         return Reconfiguration(
             torque,
-            CheapestDuties.of(torque, cost),
+            BoundedDuties.of(torque, cost),
             as_array(number),
             as_array(np.array([int(one.left) for one in sets])),
         )
@@ -196,11 +190,28 @@ class Reconfiguration(eqx.Module):
 
         def also(way, spans):
             wanted = steady + spare * ways[way] * largest
-            duty = self._within_reach(limit, self.cheapest(limit <= 0, wanted))
+            duty = self.duties(limit, wanted)
             missed = wanted - self.torque @ duty
             return spans & (jnp.sum(missed**2) < smallest)
 
         return jax.lax.fori_loop(0, len(ways), also, jnp.array(True))
+
+    def beside_plane(
+        self,
+        limit: Float[Array, " m"],
+        torque: Float[Array, "3"],
+        directions: Float[Array, "3 2"],
+    ) -> Float[Array, "3"]:
+        """A torque (N m) where torques of either sign are left about two `directions` alone.
+
+        Without its part across them, unless some thruster left makes torque that way: whatever that
+        one makes in the plane, others make up for.
+        """
+        in_plane = directions @ (directions.T @ torque)
+        across = torque - in_plane
+        least = SMALL * jnp.max(jnp.abs(self.torque)) * jnp.sqrt(jnp.sum(across**2))
+        made = jnp.any((limit > 0) & (across @ self.torque > least))
+        return in_plane + jnp.where(made, across, 0.0)
 
     def allocate(
         self,
@@ -210,32 +221,7 @@ class Reconfiguration(eqx.Module):
     ) -> Float[Array, " m"]:
         """Thrusts (parts of the full ones) up to a `limit` that make `torque` + `steady` (N m).
 
-        Where that is more than they can, `steady` comes first, and `torque` is reduced in size to
-        what is left of them.
+        Where that is more than they can, `steady` comes first, and of the rest the greatest part is
+        made, in its direction.
         """
-        failed = limit <= 0
-        wanted = self.cheapest(failed, torque + steady)
-        whole = self._within_reach(limit, wanted)
-        missed = self.torque @ (wanted - whole)
-        enough = jnp.sum(missed**2) < (SMALL * jnp.max(jnp.abs(self.torque))) ** 2
-
-        def reduced() -> Float[Array, " m"]:
-            first = self._within_reach(limit, self.cheapest(failed, steady))
-            more = self.cheapest(failed | (first > MOST_DUTY * limit), torque)
-            room = jnp.where(more > 0, (limit - first) / jnp.where(more > 0, more, 1.0), 1.0)
-            return first + jnp.minimum(jnp.min(room), 1.0) * more
-
-        return jax.lax.cond(enough, lambda: whole, reduced)
-
-    def _within_reach(self, limit, duty) -> Float[Array, " m"]:
-        """Thrusts of at most the limit: what is beyond that, others make as far as they can."""
-        torque = self.torque @ duty
-
-        def shared(duty):
-            duty = jnp.minimum(duty, limit)
-            for _ in range(ROUNDS):
-                more = self.cheapest(duty >= limit, torque - self.torque @ duty)
-                duty = jnp.minimum(duty + more, limit)
-            return duty
-
-        return jax.lax.cond(jnp.any(duty > limit), shared, lambda duty: duty, duty)
+        return self.duties(limit, torque, steady)

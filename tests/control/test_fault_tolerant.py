@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
@@ -136,3 +137,63 @@ def test_damping_takes_energy_out_whatever_is_left():
         duty = np.asarray(law._damping(PlantState(start.attitude, omega)))
         assert np.all(duty * (omega @ torque) <= 0)
         assert duty.max() > 0
+
+
+EIGHT = (
+    ([0.253589, -0.0730413, -0.4], [-0.39651, -0.432353, 0.809846], 0.226419),
+    ([-0.170314, -0.3, 0.00100866], [0.973917, 0.226616, 0.011424], 0.194602),
+    ([-0.327476, -0.216255, -0.4], [0.68104, -0.723224, 0.114592], 0.280198),
+    ([-0.148761, -0.0464974, -0.4], [0.385491, 0.920386, -0.0654647], 0.218445),
+    ([-0.35, -0.0409969, 0.28923], [0.836164, 0.112912, 0.536731], 0.216172),
+    ([-0.192564, 0.166175, 0.4], [-0.71417, 0.21418, -0.666399], 0.224113),
+    ([-0.299828, -0.0970983, -0.4], [0.105503, 0.709024, 0.697248], 0.264333),
+    ([-0.280416, 0.121198, -0.4], [0.790104, -0.255389, 0.557237], 0.212665),
+)
+"""Position (m), direction and force (N) of eight canted thrusters of no symmetry."""
+
+STUCK = 5
+"""Of these, where all others together balance it and the cheapest alone do not."""
+
+
+def eight_thrusters():
+    """A spacecraft with these, one of which is stuck on in every case of a study."""
+    valve = "min_on_time_s=0.02, valve_delay_s=0.005, rise_time_s=0.003, fall_time_s=0.003, "
+    valve += "specific_impulse_s=210"
+    thrusters = ", ".join(
+        f"{{position_m={place}, direction={way}, force_N={force}, {valve}}}"
+        for place, way, force in EIGHT
+    )
+    one = "{{distribution='discrete', values=[{}], weights=[1]}}"
+    changes = [
+        f"thruster=[{thrusters}]",
+        "spacecraft.inertia_kg_m2=[[7.2, 0.3, -0.2], [0.3, 8.9, 0.25], [-0.2, 0.25, 6.1]]",
+        f"dispersion.failed_thruster={one.format(STUCK)}",
+        f"dispersion.failure_kind={one.format(2)}",
+        "dispersion.torque_gain={distribution='uniform', low=-0.06, high=0.06}",
+    ]
+    return load("failures-12u", changes)
+
+
+@pytest.mark.slow
+def test_a_valve_stuck_on_is_opposed_where_seven_others_can():
+    """By 71 % of their thrust, as a linear programme finds; then three axes settle."""
+    scenario = eight_thrusters()
+    reconfiguration = build(scenario).loop.controller.reconfiguration
+    torque = np.asarray(reconfiguration.torque) / np.abs(reconfiguration.torque).max()
+    sound = 1.0 * (np.arange(8) != STUCK)
+    least = linprog(
+        np.append(np.zeros(8), 1.0),
+        A_ub=np.column_stack([np.eye(8), -np.ones(8)]),
+        b_ub=np.zeros(8),
+        A_eq=np.column_stack([torque, np.zeros(3)]),
+        b_eq=-torque[:, STUCK],
+        bounds=[*((0, one) for one in sound), (0, None)],
+    ).fun
+    assert least == pytest.approx(0.71, abs=0.005)
+    steady = -reconfiguration.torque[:, STUCK]
+    for share, balances in ((1.0, True), (1.001 * least, True), (0.99 * least, False)):
+        duty = reconfiguration.allocate(jnp.asarray(share * sound), jnp.zeros(3), steady)
+        left = np.linalg.norm(torque @ np.asarray(duty) + torque[:, STUCK])
+        assert (left < 1e-9) == balances
+    found = build_study(scenario, 3, seed=5).values(np.arange(3))
+    assert np.all(np.isfinite(found["settling_time"]))
