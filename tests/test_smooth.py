@@ -1,9 +1,10 @@
 """Functions with corners, on each side of theirs."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.smooth import as_width, root_abs, sat, signed_root
+from jaxsat.smooth import as_width, root_abs, sat, signed_root, without_slope
 
 
 def test_a_width_of_zero_is_the_corner_itself():
@@ -22,3 +23,14 @@ def test_functions_with_corners_stay_on_their_side():
         side = None if positive is None else jnp.array(positive)
         found = [f(v, None, side) for v in (four, -four) for f in (root_abs, signed_root)]
         np.testing.assert_array_equal(found, roots)
+
+
+def test_a_number_without_slope_is_the_number():
+    def spike(x):  # as the oscillation that is asked for where next to none is
+        return without_slope(1e-18 * x / jnp.sqrt(x**2 + 1e-36), jnp.abs(x) < 1e-12)
+
+    x, step = jnp.asarray([-0.5, 0.0, 1e-19]), 1e-6
+    np.testing.assert_array_equal(spike(x), 1e-18 * x / jnp.sqrt(x**2 + 1e-36))
+    for point in (0.0, 1e-19):
+        differences = (spike(point + step) - spike(point - step)) / (2 * step)
+        np.testing.assert_allclose(jax.grad(spike)(point), differences, atol=1e-11)
