@@ -94,3 +94,25 @@ def without_slope(x: Float[Array, "*n"], where: Bool[Array, "*n"]) -> Float[Arra
 def _without_slope_jvp(primals, tangents):
     x, where = primals
     return without_slope(x, where), jnp.where(where, 0.0, tangents[0])
+
+
+@jax.custom_jvp
+def positive_part(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """max(x, 0), whose slope at zero is that above; JAX's own takes half of it."""
+    return jnp.maximum(x, 0.0)
+
+
+@positive_part.defjvp
+def _positive_part_jvp(primals, tangents):
+    return positive_part(primals[0]), jnp.where(primals[0] < 0, 0.0, tangents[0])
+
+
+@jax.custom_jvp
+def at_least(x: Float[Array, "*n"], least: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """max(x, least), whose slope where both are equal is that of x."""
+    return jnp.maximum(x, least)
+
+
+@at_least.defjvp
+def _at_least_jvp(primals, tangents):
+    return at_least(*primals), jnp.where(primals[0] < primals[1], tangents[1], tangents[0])

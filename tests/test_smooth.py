@@ -4,7 +4,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.smooth import as_width, root_abs, sat, signed_root, without_slope
+from jaxsat.smooth import (
+    as_width,
+    at_least,
+    positive_part,
+    root_abs,
+    sat,
+    signed_root,
+    without_slope,
+)
 
 
 def test_a_width_of_zero_is_the_corner_itself():
@@ -34,3 +42,14 @@ def test_a_number_without_slope_is_the_number():
     for point in (0.0, 1e-19):
         differences = (spike(point + step) - spike(point - step)) / (2 * step)
         np.testing.assert_allclose(jax.grad(spike)(point), differences, atol=1e-11)
+
+
+def test_the_slope_at_a_bound_that_is_just_met_is_that_of_the_number():
+    x, step = jnp.asarray([-0.5, 0.0, 0.3]), 1e-6
+    np.testing.assert_array_equal(positive_part(x), [0, 0, 0.3])
+    np.testing.assert_array_equal(at_least(x, -x), [0.5, 0, 0.3])
+    above = (positive_part(x + step) - positive_part(x)) / step
+    for mode in (jax.jacfwd, jax.jacrev):
+        np.testing.assert_allclose(mode(positive_part)(x), np.diag(above), atol=1e-9)
+        np.testing.assert_allclose(mode(at_least)(x, 0 * x), np.diag(above), atol=1e-9)
+        np.testing.assert_array_equal(mode(at_least, 1)(x, 0 * x), np.diag([1, 0, 0]))

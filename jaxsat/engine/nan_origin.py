@@ -1,9 +1,9 @@
 """Which operation of a function makes the NaN that it returns.
 
 The function is traced and computed one operation after the other, but for passes of loops that make
-no new NaN, and every NaN is followed from where it arises. The derivative of a program is a function
-like any other: `jax.jvp` inside it is traced too, and its operations come from the source lines of
-those that they are derivatives of.
+no new NaN, and every NaN is followed from where it arises. The derivative of a program is a
+function like any other: `jax.jvp` inside it is traced too, and its operations come from the source
+lines of those that they are derivatives of.
 """
 
 from collections.abc import Callable, Sequence

@@ -12,7 +12,7 @@ WIDTHS = (1e-4, 1e-5, 1e-6, 1e-7)
 TOLERANCE = 1e-5
 """Relative error of a derivative, of the differences' own best."""
 
-SMOOTH = 1e-3
+SMOOTH = 1e-5
 """Relative difference of the slopes on both sides, and at two widths, below which a function counts
 as smooth there."""
 

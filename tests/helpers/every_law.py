@@ -47,12 +47,17 @@ PLACES = {
 }
 
 
+def library(name):
+    """A scenario of the library as data."""
+    folder = resources.files("jaxsat.scenario") / "library"
+    return tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8"))
+
+
 def scenario_of(law, **changes):
     """A scenario of a law with all its defaults."""
     control = {"law": law, **KEYS.get(law, {})}
     if law in BODIES:
-        folder = resources.files("jaxsat.scenario") / "library"
-        data = tomllib.loads((folder / f"{BODIES[law]}.toml").read_text(encoding="utf-8"))
+        data = library(BODIES[law])
         kept = ("title", "spacecraft", "orbit", "thruster", "modulation", "wheel", "initial")
         data = {key: data[key] for key in (*kept, "simulation") if key in data}
     else:
