@@ -10,7 +10,16 @@ from typing import Any, NamedTuple
 
 import jax
 from jax.core import Tracer
-from jax.extend.core import ClosedJaxpr, DropVar, Jaxpr, JaxprEqn, Literal, Primitive, Var
+from jax.extend.core import (
+    ClosedJaxpr,
+    DropVar,
+    Jaxpr,
+    JaxprEqn,
+    Literal,
+    Primitive,
+    Var,
+    jaxpr_as_fun,
+)
 from jax.interpreters import ad, batching, mlir
 
 try:
@@ -39,6 +48,7 @@ __all__ = [
     "ad",
     "batching",
     "is_tested",
+    "jaxpr_as_fun",
     "key_functions",
     "layout_of",
     "mlir",

@@ -1,4 +1,8 @@
-"""A reciprocal and a quotient whose derivatives take no further division."""
+"""Quotients with better derivatives than JAX's own.
+
+Those of a reciprocal and of a quotient take no further division, and that of a share no infinite
+number.
+"""
 
 import functools
 
@@ -40,3 +44,12 @@ def _quotient_jvp(primals, tangents):
     else:
         change = -found * dy if isinstance(dx, SymbolicZero) else dx - found * dy
     return found, inverse * change
+
+
+def share_within(most: Float[Array, ""], size: Float[Array, ""]) -> Float[Array, ""]:
+    """min(1, most / size): the part of a size that is within a bound, which may be infinite.
+
+    Infinity over a size that counts has NaN for a derivative, so that it is not divided.
+    """
+    exceeds = size > most
+    return jnp.where(exceeds, most, 1.0) / jnp.where(exceeds, size, 1.0)

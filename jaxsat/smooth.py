@@ -5,6 +5,7 @@ can hold the side during a step and look for the instant at which it changes. Le
 follows its argument, and derivatives are those of the piece that the argument is in.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
@@ -77,3 +78,41 @@ def signed_root(
         return sign * root_abs(x, None, positive)
     square = x**2 + width**2
     return jnp.where(square > 0, x / jnp.where(square > 0, square, 1.0) ** 0.25, 0.0)
+
+
+@jax.custom_jvp
+def without_slope(x: Float[Array, "*n"], where: Bool[Array, "*n"]) -> Float[Array, "*n"]:
+    """x, with a derivative of zero `where` it is too small to count.
+
+    For a number next to zero whose slope is large for as little as the number itself is.
+    """
+    del where
+    return x
+
+
+@without_slope.defjvp
+def _without_slope_jvp(primals, tangents):
+    x, where = primals
+    return without_slope(x, where), jnp.where(where, 0.0, tangents[0])
+
+
+@jax.custom_jvp
+def positive_part(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """max(x, 0), whose slope at zero is that above; JAX's own takes half of it."""
+    return jnp.maximum(x, 0.0)
+
+
+@positive_part.defjvp
+def _positive_part_jvp(primals, tangents):
+    return positive_part(primals[0]), jnp.where(primals[0] < 0, 0.0, tangents[0])
+
+
+@jax.custom_jvp
+def at_least(x: Float[Array, "*n"], least: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """max(x, least), whose slope where both are equal is that of x."""
+    return jnp.maximum(x, least)
+
+
+@at_least.defjvp
+def _at_least_jvp(primals, tangents):
+    return at_least(*primals), jnp.where(primals[0] < primals[1], tangents[1], tangents[0])

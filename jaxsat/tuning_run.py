@@ -82,8 +82,8 @@ def tune(
     `engine`, `batch_size`, `workers` (None: as many as processors), `baselines` and `elsewhere`
     are the options of `jaxsat tune`. With `out` the run is kept in that folder, with the files
     that the command writes, and the same call resumes it. `report` is called after every step.
-    Raises `ValueError` where the scenario cannot be tuned and `OutputError` for a folder that
-    cannot be used.
+    Raises `ValueError` where the scenario cannot be tuned, `OutputError` for a folder that
+    cannot be used, and `NoGradient` where no case of a step has a usable gradient.
     """
     plan = build_plan(
         scenario, engine=engine, batch_size=batch_size, workers=workers or processors()
@@ -135,6 +135,8 @@ def conclude(
     _write_json(folder, "receipt.json", receipt.as_data())
     if receipt.problems:
         warn("the gradient is not trustworthy: " + "; ".join(receipt.problems))
+    if receipt.first_masked:
+        warn(f"runs without a usable gradient are left out: {receipt.first_masked}")
     tell("judging on held-out cases")
     verdict = make_verdict(plan, state.best_point)
     _write_json(folder, "verdict.json", verdict.as_data())

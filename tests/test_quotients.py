@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.quotients import quotient, reciprocal
+from jaxsat.quotients import quotient, reciprocal, share_within
 
 POINTS = jnp.asarray([0.3, -2.0, 7.5])
 
@@ -45,3 +45,17 @@ def test_a_derivative_divides_no_more_than_the_value(function):
         return count + sum(divisions(part.jaxpr) for part in inner if part is not None)
 
     assert divisions(jax.make_jaxpr(both)(jnp.asarray(2.0)).jaxpr) == 1
+
+
+def test_the_share_within_a_bound_that_may_be_infinite():
+    def share(most, size):
+        return np.minimum(1.0, np.divide(most, size))
+
+    step = 1e-6
+    for most, size in ((2.0, 3.0), (2.0, 0.5), (np.inf, 0.5), (np.inf, 0.0), (2.0, 1e-300)):
+        arrays = (jnp.asarray(most), jnp.asarray(size))
+        with np.errstate(divide="ignore"):
+            np.testing.assert_array_equal(share_within(*arrays), share(most, size))
+            slope = (share(most, size + step) - share(most, max(size - step, 0.0))) / (2 * step)
+        for mode in (jax.jacfwd, jax.jacrev):
+            np.testing.assert_allclose(mode(share_within, 1)(*arrays), slope, rtol=1e-8)

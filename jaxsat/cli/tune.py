@@ -10,6 +10,7 @@ from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import (
     SUCCESS,
+    FailedRun,
     Terminated,
     UserMistake,
     output_problem,
@@ -94,6 +95,7 @@ def tune(
 
     from jaxsat.assembly.tuning import build_plan
     from jaxsat.results import OutputError
+    from jaxsat.tuning import NoGradient
     from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
     from jaxsat.tuning_run import SUMMARY, is_concluded
 
@@ -118,6 +120,8 @@ def tune(
                 print_text((folder.read(SUMMARY) or b"").decode())
                 print_stdout("")
                 print_stdout(f"{'already ' if done else ''}written to {target}")
+    except NoGradient as error:
+        raise FailedRun(str(error)) from None
     except OutputError as error:
         raise output_problem(error, "--elsewhere") from None
     except ValueError as error:

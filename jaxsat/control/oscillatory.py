@@ -25,6 +25,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.dynamics import PlantState
 from jaxsat.quotients import reciprocal
+from jaxsat.smooth import without_slope
 
 RealScalar = Float[Array, ""]
 
@@ -133,7 +134,9 @@ class Request(NamedTuple):
         granted = jnp.clip(size - left, self.least**2, self.most)
         scale = granted / size
         amplitude = jnp.sqrt(granted * self.share) + self.least
-        return Oscillation(scale * self.alpha, scale * self.beta, amplitude, axes)
+        none = granted <= self.least**2
+        alpha, beta = (without_slope(scale * x, none) for x in (self.alpha, self.beta))
+        return Oscillation(alpha, beta, amplitude, axes)
 
 
 class Slow(NamedTuple):

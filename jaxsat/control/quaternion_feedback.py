@@ -17,6 +17,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.quaternion_feedback import QUATERNION_FEEDBACK
 from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.quotients import share_within
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""
@@ -84,7 +85,7 @@ class QuaternionFeedback(AbstractSampledController):
         shorter = jnp.where(quaternion[0] < 0, -1.0, 1.0)
         rate = -(self.natural_frequency / self.damping) * shorter * quaternion[1:]
         size = jnp.sqrt(jnp.sum(rate**2) + SMALLEST)
-        return rate * jnp.minimum(1.0, self.max_rate / size)
+        return rate * share_within(self.max_rate, size)
 
     def rate_error(self, state: PlantState, memory: QuaternionFeedbackMemory) -> Float[Array, "2"]:
         """ω_r - ω_d about the first two axes, rad/s."""

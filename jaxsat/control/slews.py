@@ -18,6 +18,7 @@ from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.dynamics import PlantState
 from jaxsat.metrics import wrap_angle
+from jaxsat.roots import angle_of, root
 from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
@@ -47,8 +48,8 @@ def three_slews(q: Float[Array, "4"]) -> Float[Array, "2 3"]:
     cos(b/2) (cos, sin)((a + c)/2) = (q0, q1) and sin(b/2) (cos, sin)((a - c)/2) = (q2, q3).
     """
     q0, q1, q2, q3 = q
-    middle = 2 * jnp.arctan2(jnp.sqrt(q2**2 + q3**2), jnp.sqrt(q0**2 + q1**2))
-    total, difference = 2 * jnp.arctan2(q1, q0), 2 * jnp.arctan2(q3, q2)
+    middle = 2 * angle_of(root(q2**2 + q3**2), root(q0**2 + q1**2))
+    total, difference = 2 * angle_of(q1, q0), 2 * angle_of(q3, q2)
     opposite = difference + 2 * jnp.pi  # b < 0
     first = jnp.stack([(total + difference) / 2, middle, (total - difference) / 2])
     second = jnp.stack([(total + opposite) / 2, -middle, (total - opposite) / 2])
@@ -62,14 +63,14 @@ def two_slews(q: Float[Array, "4"]) -> Float[Array, "2"]:
     is made as large as it can be.
     """
     q0, q1, q2, q3 = q
-    half_sum = jnp.arctan2(q1 + q2, q0 + q3)
-    half_difference = jnp.arctan2(q2 - q1, q0 - q3)
+    half_sum = angle_of(q1 + q2, q0 + q3)
+    half_difference = angle_of(q2 - q1, q0 - q3)
     return wrap_angle(jnp.stack([half_sum + half_difference, half_sum - half_difference]))
 
 
 def one_slew(q: Float[Array, "4"]) -> RealScalar:
     """The angle in [-π, π) about x nearest to q."""
-    return wrap_angle(2 * jnp.arctan2(q[1], q[0]))
+    return wrap_angle(2 * angle_of(q[1], q[0]))
 
 
 class Leg(enum.IntEnum):

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.attitude import AbstractAttitude
 from jaxsat.quotients import reciprocal
+from jaxsat.roots import angle_of, root
 
 
 class Tilt(NamedTuple):
@@ -25,10 +26,10 @@ class Tilt(NamedTuple):
 def tilt_of(attitude: AbstractAttitude) -> Tilt:
     """The tilt and turn of an attitude, finite also upside down (where the turn is arbitrary)."""
     q0, q1, q2, q3 = attitude.as_quaternion().q
-    upright = jnp.sqrt(q0**2 + q3**2)
+    upright = root(q0**2 + q3**2)
     safe = jnp.maximum(upright, 1e-12)  # cos(tilt / 2)
     inverse = reciprocal(safe)
     sine1, sine2 = (q0 * q1 + q2 * q3) * inverse, (q0 * q2 - q1 * q3) * inverse
     sign = jnp.where(q0 < 0, -1.0, 1.0)
-    turn = 2 * jnp.arctan2(sign * q3, sign * q0)
-    return Tilt(2 * sine1, 2 * sine2, turn, jnp.sqrt(q1**2 + q2**2) * inverse)
+    turn = 2 * angle_of(sign * q3, sign * q0)
+    return Tilt(2 * sine1, 2 * sine2, turn, root(q1**2 + q2**2) * inverse)

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.attitude import Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.quotients import share_within
 
 TILT_GAIN, TURN_GAIN, RATE_GAIN = 1.0, 0.4, 3.0
 """On the tilt, on the turn and on rate errors, over the natural frequency."""
@@ -71,7 +72,7 @@ class TwoWheels(eqx.Module):
         def wanted(attitude):
             rate = natural_frequency * reference(attitude)
             size = jnp.sqrt(jnp.sum(rate**2) + SMALLEST)
-            return rate * jnp.minimum(1.0, max_rate / size)
+            return rate * share_within(max_rate, size)
 
         rate, change = jax.jvp(wanted, (attitude,), (attitude.rate(relative),))
         pull = RATE_GAIN * natural_frequency * (relative[:2] - rate)

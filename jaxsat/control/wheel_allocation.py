@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.reconfiguration import Left
 from jaxsat.diagnosis import WEAK, Condition, WheelFilter
+from jaxsat.roots import length, root
 from jaxsat.vehicle import Wheels
 
 RealScalar = Float[Array, ""]
@@ -151,10 +152,10 @@ class WheelAllocation(eqx.Module):
         limit = self.wheels.momentum_limit
         if limit is None:
             return None
-        sizes = jnp.sqrt(jnp.sum(wheeled.shares**2, axis=1))
+        sizes = root(jnp.sum(wheeled.shares**2, axis=1))
         held = jnp.where(sizes > 0, limit / jnp.where(sizes > 0, sizes, 1.0), jnp.inf)
         most = jnp.min(held)
-        free = MOST_MOMENTUM * most - jnp.sqrt(jnp.sum(stored**2))
+        free = MOST_MOMENTUM * most - length(stored)
         return jnp.maximum(free, LEAST_MOMENTUM * most)
 
 

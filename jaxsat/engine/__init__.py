@@ -4,6 +4,7 @@ from jaxsat.engine.adaptive import AdaptiveStepper, Tolerance
 from jaxsat.engine.fingerprint import program_identity
 from jaxsat.engine.fixed import FixedStepper, SampledStepper
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, Replay
+from jaxsat.engine.nan_in_run import NanInRun, nan_in_run
 from jaxsat.engine.native import CannotLower, NativeEngine, native_obstacle
 from jaxsat.engine.program import AbstractCaseFactory, Case, Program, program_of
 from jaxsat.engine.progress import AttitudeCost, Outputs, RunningCost, Unsettled
@@ -23,6 +24,7 @@ __all__ = [
     "CostGradient",
     "FixedStepper",
     "Mode",
+    "NanInRun",
     "NativeEngine",
     "Outputs",
     "Program",
@@ -34,6 +36,7 @@ __all__ = [
     "Tolerance",
     "Unsettled",
     "fly",
+    "nan_in_run",
     "native_obstacle",
     "program_identity",
     "program_of",

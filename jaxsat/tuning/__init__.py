@@ -31,6 +31,7 @@ from jaxsat.tuning.optimisers import OptimiserSettings
 from jaxsat.tuning.parameters import Parameter, SearchSpace
 from jaxsat.tuning.plan import TuningPlan, TuningSettings
 from jaxsat.tuning.receipt import GradientCheck, Receipt, check_gradients, make_receipt
+from jaxsat.tuning.unusable import NoGradient
 from jaxsat.tuning.verdict import (
     GainEvaluation,
     TuningVerdict,
@@ -52,6 +53,7 @@ __all__ = [
     "GradientMethod",
     "LossGradient",
     "Mean",
+    "NoGradient",
     "Objective",
     "OptimiserSettings",
     "Parameter",

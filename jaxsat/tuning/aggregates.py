@@ -132,7 +132,7 @@ class Objective:
         self, costs: Costs, derivatives: Float[np.ndarray, "cases parameters"]
     ) -> LossGradient:
         """Loss and gradient. Cases without a finite cost or derivative are masked, and counted."""
-        finite = _all_finite(costs, derivatives)
+        finite = usable_cases(costs, derivatives)
         masked = int((~finite).sum())
         costs, derivatives = costs[finite], derivatives[finite]
         if not len(costs):
@@ -148,7 +148,10 @@ class Objective:
         return LossGradient(float(np.sum(weights * seen)), gradient, masked, int(excess.sum()))
 
 
-def _all_finite(costs: Costs, derivatives: np.ndarray) -> Bool[np.ndarray, " cases"]:
+def usable_cases(
+    costs: Costs, derivatives: Float[np.ndarray, "cases parameters"]
+) -> Bool[np.ndarray, " cases"]:
+    """Which cases have a finite cost and derivative."""
     return np.isfinite(costs) & np.isfinite(derivatives).all(axis=1)
 
 

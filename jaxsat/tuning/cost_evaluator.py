@@ -14,7 +14,9 @@ from jaxtyping import Array, Float, PyTree
 from jaxsat.engine import (
     AbstractCaseFactory,
     AbstractEngine,
+    AbstractStepper,
     Case,
+    FixedStepper,
     Outputs,
     Program,
     program_identity,
@@ -148,6 +150,26 @@ class CostEvaluator:
         slopes = (costs[:, :size] - costs[:, size : 2 * size]) / apart[:, :, None]
         middle = jax.tree.map(lambda x: x[2 * size :: 2 * size + 1], outputs)
         return CaseGradients(middle, np.moveaxis(slopes, 1, 2))
+
+    def derivative_of_one(
+        self, point: Float[np.ndarray, " parameters"], number: int, gain: int, intervals: int | None
+    ) -> tuple[AbstractStepper, Program, CaseWithGains, dict[str, Array], dict[str, Array]]:
+        """What `nan_in_run` takes for one case at a point and one number tuned.
+
+        The diffrax engine has no steps that can be taken one by one; its runs take those of the
+        scan engine.
+        """
+        stepper = getattr(self.engine, "stepper", None)
+        gains = self.space.gains(self.space.to_values(point))
+        case = jax.tree.map(lambda x: x[0], self.drawn(np.array([number])))
+        direction = self.space.gains(np.eye(self.space.size)[gain])
+        return (
+            FixedStepper() if stepper is None else stepper,
+            self._program(intervals),
+            CaseWithGains(case, gains),
+            self._zero(),
+            jax.tree.map(jnp.asarray, direction),
+        )
 
     def program_identity(self, *, differentiated: bool = False) -> dict[str, Any]:
         """What tells the program from others, that of the derivatives where they are by a mode."""

@@ -13,10 +13,12 @@ from jaxtyping import Bool, Float, Int
 from jaxsat.engine import Outputs
 from jaxsat.once import latest
 from jaxsat.simulation import Outcome
+from jaxsat.tuning.cost_evaluator import CaseGradients
 from jaxsat.tuning.evolution import next_population
 from jaxsat.tuning.optimisers import OptimiserSettings
 from jaxsat.tuning.parameters import Values
 from jaxsat.tuning.plan import TuningPlan
+from jaxsat.tuning.unusable import NoGradient, unusable
 
 NEVER = np.inf
 
@@ -108,7 +110,10 @@ def initial_state(plan: TuningPlan) -> DescentState:
 
 
 def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
-    """One step of every start that is alive, and a validation where one is due."""
+    """One step of every start that is alive, and a validation where one is due.
+
+    Raises `NoGradient` where no case of the step has a usable gradient, whatever the start.
+    """
     settings, objective = plan.settings, plan.settings.objective
     if settings.descent.derivative_free:
         return _generation(plan, state)
@@ -121,6 +126,14 @@ def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
         objective.loss_gradient(*both)
         for both in zip(found.outputs.cost, found.derivatives, strict=True)
     ]
+    if all(entry.masked == len(numbers) for entry in per_start):
+        first = state.points[alive[0]]
+        one = CaseGradients(jax.tree.map(lambda x: x[:1], found.outputs), found.derivatives[:1])
+        told = unusable(plan.smooth, first, numbers, horizon, one)
+        raise NoGradient(
+            f"no case of step {state.step + 1} has a usable gradient at any of its "
+            f"{len(alive)} points; at the first {told}"
+        )
     gradients = np.zeros_like(state.points)
     gradients[alive] = [entry.gradient for entry in per_start]
     points, optimiser = _moved(plan, state, gradients)

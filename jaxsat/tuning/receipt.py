@@ -15,6 +15,7 @@ from jaxsat.simulation import Outcome
 from jaxsat.tuning.cost_evaluator import CostEvaluator
 from jaxsat.tuning.descent import DescentState
 from jaxsat.tuning.plan import FIRST_RECEIPT_CASE, TuningPlan
+from jaxsat.tuning.unusable import unusable
 
 HALF_WIDTHS = (1e-2, 1e-3, 1e-4, 1e-5)
 """Half widths of the central differences, along the search."""
@@ -34,7 +35,8 @@ class GradientCheck(NamedTuple):
 
     `step` is the half width whose difference agrees best, `error` how well, relative to the
     difference (or to a hundredth of the largest). Cases that fail or have no finite derivative at
-    any of the points are left out: `left_out` of them.
+    any of the points are left out: `left_out` of them, of which `undefined` reached their end
+    everywhere and have no finite derivative.
     """
 
     automatic: Float[np.ndarray, " parameters"]
@@ -43,6 +45,7 @@ class GradientCheck(NamedTuple):
     error: Float[np.ndarray, " parameters"]
     cases: int
     left_out: int
+    undefined: int = 0
 
     @property
     def trusted(self) -> bool:
@@ -69,6 +72,7 @@ class Receipt:
     masked: int
     bounded: int
     derivative_free: bool = False
+    first_masked: str = ""
 
     @property
     def problems(self) -> list[str]:
@@ -77,7 +81,13 @@ class Receipt:
         if self.derivative_free:
             return found
         for place, comparison in (("start", self.start), ("end", self.end)):
-            if not comparison.cases:
+            without = comparison.undefined
+            if without:
+                found.append(
+                    f"at the {place} {without} of {without + comparison.cases} cases that reached "
+                    "their end have no finite derivative"
+                )
+            elif not comparison.cases:
                 found.append(f"at the {place} no case reached its end, so nothing is known")
             for label, error in zip(self.labels, comparison.error, strict=True):
                 if comparison.cases and not error <= MAX_RELATIVE_ERROR:
@@ -128,7 +138,19 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
         masked=sum(int(record.masked.sum()) for record in state.steps),
         bounded=sum(int(record.bounded.sum()) for record in state.steps),
         derivative_free=free,
+        first_masked="" if free else _first_masked(plan, state),
     )
+
+
+def _first_masked(plan: TuningPlan, state: DescentState) -> str:
+    """On the first step in which cases were left out: which, and why; nothing without one."""
+    for step, record in enumerate(state.steps):
+        if record.masked.any():
+            start = int(np.argmax(record.masked > 0))
+            numbers = plan.settings.numbers(step)
+            told = unusable(plan.smooth, record.points[start], numbers, record.horizon)
+            return f"at step {step + 1}, start {start + 1}, {told}"
+    return ""
 
 
 def _no_check(size: int) -> GradientCheck:
@@ -152,15 +174,13 @@ def check_gradients(
     shifted = np.concatenate([point + shifts, point - shifts]).reshape(-1, size)
     around = evaluator.evaluate(shifted, numbers)
     slopes = evaluator.differentiate(point[None], numbers)
-    good = (
-        np.all(around.code == int(Outcome.SUCCESS), axis=0)
-        & (slopes.outputs.code[0] == int(Outcome.SUCCESS))
-        & np.isfinite(slopes.derivatives[0]).all(axis=1)
-    )
-    left_out = int((~good).sum())
+    ended = np.all(around.code == int(Outcome.SUCCESS), axis=0)
+    ended &= slopes.outputs.code[0] == int(Outcome.SUCCESS)
+    good = ended & np.isfinite(slopes.derivatives[0]).all(axis=1)
+    counts = int(good.sum()), int((~good).sum()), int((ended & ~good).sum())
     if not good.any():
         nothing = np.full(size, np.nan)
-        return GradientCheck(nothing, nothing, nothing, nothing, 0, left_out)
+        return GradientCheck(nothing, nothing, nothing, nothing, *counts)
     means = np.asarray(around.cost)[:, good].mean(axis=1).reshape(2, len(HALF_WIDTHS), size)
     differences = (means[0] - means[1]) / (2 * np.array(HALF_WIDTHS)[:, None])
     automatic = slopes.derivatives[0][good].mean(axis=0)
@@ -174,8 +194,7 @@ def check_gradients(
         differences[best, columns],
         np.array(HALF_WIDTHS)[best],
         errors[best, columns],
-        int(good.sum()),
-        left_out,
+        *counts,
     )
 
 

@@ -37,6 +37,11 @@ def _warnings(receipt: Receipt, verdict: TuningVerdict) -> list[str]:
     if receipt.problems:
         reasons = "; ".join(receipt.problems)
         found.append(f"**The gradient of this run is not trustworthy:** {reasons}.")
+    if receipt.first_masked:
+        found.append(
+            f"**{receipt.masked} of {receipt.gradient_samples} runs had no usable gradient** and "
+            f"were left out: {receipt.first_masked}."
+        )
     if not verdict.after.loss < verdict.before.loss:
         found.append("**By the objective tuned, the new gains are no better on held-out cases.**")
     if verdict.at_bounds:

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float
 from jaxsat.quotients import reciprocal
+from jaxsat.smooth import positive_part
 
 
 class LeastPropellant(eqx.Module):
@@ -37,7 +38,7 @@ class LeastPropellant(eqx.Module):
         """
         candidates = jnp.sum(self.duties * command[None, None, :], axis=-1)
         best = jnp.argmax(reduce(_smaller, candidates.T))
-        duty = jnp.maximum(candidates[best], 0.0)
+        duty = positive_part(candidates[best])  # with zero torque, all of it counts in the slope
         return duty * reciprocal(jnp.maximum(jnp.max(duty), 1.0))
 
 

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.smooth import at_least
 from jaxsat.vehicle.allocation import LeastPropellant
 from jaxsat.vehicle.failures import Condition, FailureEvents
 from jaxsat.vehicle.holds import AbstractPulsedActuators, Consumption, Hold, Usage
@@ -155,7 +156,7 @@ class PulsedThrusters(AbstractPulsedActuators):
         condition = self._condition(plan.t, now)
         acting = (pulses.on <= now) & (now < pulses.off)
         commanded = jnp.sum(jnp.where(acting, pulses.level, 0.0), axis=0)
-        target = jnp.maximum(condition.gain * commanded, condition.floor)
+        target = at_least(condition.gain * commanded, condition.floor)
         edges = [pulses.on.ravel(), pulses.off.ravel()]
         if self.failures is not None:
             edges.append(self.failures.at - plan.t)

@@ -66,3 +66,22 @@ def test_the_law_with_an_integral_is_all_right_too(command_line, tmp_path):
     status, out, err = command_line("scenarios", "check", "mine.toml", *law)
     assert status == 0, err
     assert ": valid (" in out
+
+
+@pytest.mark.slow
+def test_a_gradient_that_is_nan_is_told_with_its_cases_gain_and_line(command_line, tmp_path):
+    place = tmp_path / "quaternion_pd.py"
+    code = place.read_text(encoding="utf-8")
+    line = "        q = q * jnp.minimum(1.0, jnp.inf / jnp.sum(q**2))  # no limit: values as before"
+    head, returned = code.rsplit("        return ", 1)
+    place.write_text(f"{head}{line}\n        return {returned}", encoding="utf-8")
+    number = head.count("\n") + 1
+    few = ("--set", "tuning.screened=4", "--set", "tuning.screening_cases=4")
+    status, out, err = command_line("tune", "mine.toml", "--out", "tuned", *few)
+    assert (status, out) == (1, "")
+    told = err.splitlines()[-1]
+    assert "no case of step 1 has a usable gradient at any of its 2 points" in told
+    assert "16 of 16 cases have no usable gradient (0, 1, 2, 3, 4, 5, 6, 7 and 8 more)" in told
+    assert "by kp, kd; the derivative of case 0 by kp becomes NaN at 0 s by the operation" in told
+    assert f"{place}, line {number} (QuaternionPD.torque)" in told
+    assert not (tmp_path / "tuned" / "summary.md").exists()

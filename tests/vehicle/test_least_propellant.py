@@ -76,3 +76,14 @@ def test_the_largest_torque_is_that_of_full_thrust():
 def test_a_torque_that_cannot_be_made_is_named(torque, missing):
     with pytest.raises(ValueError, match=rf"makes a torque along .*{missing}"):
         least_propellant(torque, np.ones(torque.shape[1]), np.eye(3))
+
+
+def test_next_to_no_command_the_torque_changes_as_the_command_does():
+    torque, _ = canted()
+    duties = allocated(torque)
+    for command in np.vstack([np.eye(3), [0.3, -0.5, 0.8]]):
+        made = jax.jvp(lambda u: torque @ duties(u), (jnp.zeros(3),), (jnp.asarray(command),))[1]
+        np.testing.assert_allclose(
+            made, torque @ duties(jnp.asarray(1e-6 * command)) / 1e-6, atol=1e-9
+        )
+        np.testing.assert_allclose(made, command, atol=1e-12)

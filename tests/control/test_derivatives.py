@@ -1,0 +1,115 @@
+"""Every law with every default: what JAX makes of its derivatives, by gains and by the state.
+
+At a start, at the target and half a turn from it, with and without rates. The laws are those that
+a scenario can name, so that a new one is among them; `helpers.every_law` has its required keys.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from helpers.derivatives import Derivatives
+from helpers.every_law import PLACES, PLANNED, UPSIDE_DOWN, scenario_of
+from jaxsat.assembly.run import build_loop
+from jaxsat.attitude import Quaternion
+from jaxsat.control import AbstractSampledController
+from jaxsat.declaration.laws import LAWS
+from jaxsat.dynamics import PlantState
+from jaxsat.montecarlo import number_at
+from jaxsat.montecarlo.perturbed import controller_of
+
+SAMPLES = 12
+"""Of a sampled law, so that its estimators have had an interval."""
+
+START_RATE = np.array([0.02, -0.03, 0.04])
+START_DRIFT = np.array([1, -2, 1.5, 0.1, -0.2, 0.3]) * 1e-3
+"""rad/s, and rad and rad/s a sample."""
+
+
+class Commands:
+    """What a law commands, by the logarithms of its gains, and changes of attitude and rate."""
+
+    def __init__(self, law):
+        self.loop = build_loop(scenario_of(law))
+        self.law = controller_of(self.loop)
+        places = LAWS[law].declaration.tunable.items()
+        self.gains = [(key, place, number_at(self.law, place)) for key, place in places]
+        self.gains = [(key, place, value) for key, place, value in self.gains if np.all(value > 0)]
+        self.tuned = [key for key, _, value in self.gains for _ in range(value.size)]
+        self.names = [*self.tuned, *"φθψ", "ω1", "ω2", "ω3"]
+
+    def __call__(self, x, quaternion, omega, drift):
+        """All of several samples, told of a state that drifts; of a continuous law also the rates
+        of its memory."""
+        law, first = self.law, 0
+        for _, place, value in self.gains:
+            scaled = value * jnp.exp(x[first : first + value.size].reshape(value.shape))
+            law = eqx.tree_at(lambda law, at=place: number_at(law, at), law, scaled)
+            first += value.size
+        wheels = self.loop.plant.wheels
+        momentum = None if wheels is None else jnp.zeros(wheels.count)
+
+        def seen(number):
+            turn = x[first : first + 3] + number * drift[:3]
+            turned = quaternion + Quaternion(quaternion).rate(turn).q
+            rate = omega + x[first + 3 :] + number * drift[3:]
+            return PlantState(Quaternion(turned).normalised(), rate, momentum)
+
+        if not isinstance(law, AbstractSampledController):
+            state = seen(0.0)
+            command, rates = law(jnp.array(1.3), state, law.init(state))
+            return jnp.concatenate([command, *map(jnp.ravel, jax.tree.leaves(rates))])
+
+        def sample(memory, number):
+            command, memory = law.step(number * law.period, seen(number), memory)
+            return memory, command
+
+        return jax.lax.scan(sample, law.init(seen(0.0)), jnp.arange(float(SAMPLES)))[1].ravel()
+
+
+def _all_laws():
+    """Those that no gradient is taken of take longest."""
+    for name, law in LAWS.items():
+        if name != PLANNED:
+            slow = [pytest.mark.slow] if law.declaration.allocates else []
+            yield pytest.param(name, marks=slow)
+
+
+@pytest.fixture(scope="module", params=_all_laws())
+def law(request):
+    commands = Commands(request.param)
+    return request.param, commands, Derivatives(commands, commands.names)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_derivatives_are_finite_and_equal_to_differences(law, place):
+    name, commands, derivatives = law
+    quaternion = np.array(PLACES[place]) / np.linalg.norm(PLACES[place])
+    if LAWS[name].declaration.works_in_wz and place in UPSIDE_DOWN:
+        initial = {"quaternion": PLACES[place], "omega_rad_s": [0, 0, 0]}
+        with pytest.raises(ValueError, match="must not be upside down"):
+            scenario_of(name, initial=initial)
+        return
+    frame = np.asarray(commands.loop.plant.orbit.frame_rate(Quaternion(quaternion)))
+    omega, drift = frame, np.zeros(6)
+    if place == "a start":
+        omega, drift = frame + START_RATE, START_DRIFT
+    found = derivatives.at(np.zeros(len(commands.names)), quaternion, omega, drift)
+    assert found.wrong == []
+    assert found.compared >= set(commands.tuned)
+    if place == "a start":
+        assert found.compared == set(commands.names)
+
+
+def test_laws_without_derivatives_are_refused_with_the_reason():
+    assert LAWS[PLANNED].declaration.searched
+    refused = [law.name for law in LAWS.values() if law.declaration.searched]
+    refused += [law.name for law in LAWS.values() if law.declaration.allocates]
+    for name in refused:
+        gain = next(iter(LAWS[name].declaration.tunable))
+        tuning = {"parameters": {gain: {"low": 0.01, "high": 0.2}}}
+        dispersed = {"omega_rad_s": {"distribution": "uniform", "low": -0.01, "high": 0.01}}
+        with pytest.raises(ValueError, match=r'must be "cma-es" under the law .*, (which|whose) '):
+            scenario_of(name, tuning=tuning, dispersion=dispersed)
