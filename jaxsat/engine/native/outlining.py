@@ -244,11 +244,11 @@ def _cost(eqn: Equation) -> float:
     name = eqn.name
     if _function_of(eqn) is not None:
         return 3.0
-    size = sum(float(np.prod(getattr(var.aval, "shape", ()))) for var in eqn.outputs)
+    size = float(sum(np.prod(getattr(var.aval, "shape", ())) for var in eqn.outputs))
     body = eqn.parameters.get("body")
     programs = eqn.parameters.get("branches", ()) if body is None else (body,)
     if programs:
-        return sum(sum(map(_cost, one.equations)) for one in programs)
+        return sum((_cost(eqn) for one in programs for eqn in one.equations), 0.0)
     if name == "dot_general":
         (summed, _), _ = eqn.parameters["dimension_numbers"]
         left: Any = eqn.inputs[0].aval
