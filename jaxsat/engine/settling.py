@@ -42,7 +42,7 @@ def settled_along_step(
     settled: SettlingTracker,
     at_end: Float[Array, "conditions"],
     needed: Bool[Array, ""],
-    excess_at: Callable = excess_at,
+    excess_of: Callable | None = None,
 ) -> SettlingTracker:
     """Since when the case is settled, with the fraction `until` of a step taken into account.
 
@@ -50,14 +50,15 @@ def settled_along_step(
     does it if begin, middle and end are further inside than they differ, by `BETWEEN`. In other
     steps the excess is observed at the ends of equal parts, as many as for events, and the instant
     at which the case comes inside is located between them. Nothing of it is differentiated. A step
-    for which it is not `needed` costs no search. `excess_at` tells the excess of a flat state.
+    for which it is not `needed` costs no search. `excess_of` tells the excess of a flat state,
+    `excess_at` unless given.
     """
     ode, step, until, at_end = stop_gradient((ode, step, until, at_end))
     end = step.begin + until * step.length
 
     def excess(fraction):
         t = step.begin + fraction * step.length
-        return excess_at(ode, t, ode.interpolated(step, fraction))
+        return (excess_of or excess_at)(ode, t, ode.interpolated(step, fraction))
 
     middle = until / 2
     at_middle = excess(middle)

@@ -73,7 +73,8 @@ def _all_laws():
     """Those that no gradient is taken of take longest."""
     for name, law in LAWS.items():
         if name != PLANNED:
-            slow = [pytest.mark.slow] if law.declaration.allocates else []
+            long = law.declaration.allocates or name == "three-slew"
+            slow = [pytest.mark.slow] if long else []
             yield pytest.param(name, marks=slow)
 
 

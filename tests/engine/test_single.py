@@ -67,6 +67,7 @@ def _steps_and_effort(trajectory):
     return trajectory.steps, assessment.effort, assessment.constraint_effort
 
 
+@pytest.mark.slow
 def test_efforts_are_integrals_of_what_is_saved():
     changes = ["simulation.duration_s=10", "simulation.save_every_s=0.002"]
     found = of("paper-three-axis", changes).simulate(refuse)
@@ -78,6 +79,7 @@ def test_efforts_are_integrals_of_what_is_saved():
     np.testing.assert_allclose(found.assessment.constraint_effort, held, rtol=3e-6)
 
 
+@pytest.mark.slow
 def test_levels_and_torques_between_saved_times_are_those_of_all_samples():
     changes = ["simulation.duration_s=2.4"]
     each = of("pulsed-two-torque", [*changes, "simulation.save_every_s=0.1"]).simulate(refuse)
@@ -119,6 +121,7 @@ def test_what_the_engine_cannot_run_is_told_and_run_by_diffrax():
     np.testing.assert_allclose(found.signals.omega[2], every.signals.omega[3], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_run_is_differentiated_by_diffrax():
     run = of(SMOOTH[0], ["simulation.duration_s=3"])
     told = []
