@@ -63,13 +63,18 @@ FORCED = "steps of the smallest length miss the tolerance: the law has no deriva
 
 
 class _OneCase(AbstractCaseFactory):
-    """The case whose numbers are the arrays of a loop and of its start."""
+    """The case whose numbers are the arrays of a loop and of its start, as a list.
+
+    (A kernel that is kept compares the structure of its arguments, and one of a loop need not equal
+    itself once it has been written and read.)
+    """
 
     rest: PyTree
+    structure: Any = eqx.field(static=True)
 
     def __call__(self, case, gains):
         del gains
-        loop, start = eqx.combine(case, self.rest)
+        loop, start = eqx.combine(jax.tree.unflatten(self.structure, case), self.rest)
         return Case(loop, start, {}, jnp.array(True))
 
 
@@ -118,8 +123,9 @@ def _planned(
     if isinstance(loop, SampledLoop):
         interval, every = loop.controller.period, int(sample_numbers(loop, jnp.asarray(times))[1])
         pulsed = isinstance(loop.actuators, AbstractPulsedActuators)
-    case, rest = eqx.partition((loop, start), eqx.is_array)
-    program = Program(_OneCase(rest), interval, every * len(gaps), detailed=True)
+    arrays, rest = eqx.partition((loop, start), eqx.is_array)
+    case, structure = jax.tree.flatten(arrays)
+    program = Program(_OneCase(rest, structure), interval, every * len(gaps), detailed=True)
     flight = _Flight(program, stepper, case, every, pulsed)
     obstacle = native_obstacle(stepper, program, flight.cases, lanes=1)
     return (None, flight) if obstacle is None else (obstacle, None)
