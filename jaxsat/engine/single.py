@@ -66,15 +66,16 @@ class _OneCase(AbstractCaseFactory):
     """The case whose numbers are the arrays of a loop and of its start, as a list.
 
     (A kernel that is kept compares the structure of its arguments, and one of a loop need not equal
-    itself once it has been written and read.)
+    itself once it has been written and read. `places` has the numbers of the arrays in that list.)
     """
 
     rest: PyTree
-    structure: Any = eqx.field(static=True)
+    places: PyTree
 
     def __call__(self, case, gains):
         del gains
-        loop, start = eqx.combine(jax.tree.unflatten(self.structure, case), self.rest)
+        arrays = jax.tree.map(lambda place: case[place], self.places)
+        loop, start = eqx.combine(arrays, self.rest)
         return Case(loop, start, {}, jnp.array(True))
 
 
@@ -125,7 +126,8 @@ def _planned(
         pulsed = isinstance(loop.actuators, AbstractPulsedActuators)
     arrays, rest = eqx.partition((loop, start), eqx.is_array)
     case, structure = jax.tree.flatten(arrays)
-    program = Program(_OneCase(rest, structure), interval, every * len(gaps), detailed=True)
+    places = jax.tree.unflatten(structure, range(len(case)))
+    program = Program(_OneCase(rest, places), interval, every * len(gaps), detailed=True)
     flight = _Flight(program, stepper, case, every, pulsed)
     obstacle = native_obstacle(stepper, program, flight.cases, lanes=1)
     return (None, flight) if obstacle is None else (obstacle, None)
