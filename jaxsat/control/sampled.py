@@ -60,8 +60,8 @@ class AbstractSampledController(eqx.Module):
         return jnp.full(2, jnp.nan, state.omega.dtype)
 
     def judged(self, memory: Memory) -> Memory:
-        """What of the memory must stay within the limit of a run's state, beyond which the run ends
-        as one that diverged; here, all of it."""
+        """What of the memory must stay finite, else the run ends as one that diverged; here, all of
+        it."""
         return memory
 
     def telemetry(self, memory: Memory) -> Mapping[str, Array]:

@@ -40,7 +40,7 @@ from jaxsat.engine.settling import excess_at, rest_excess_at, settled_along_step
 from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import stop_gradient
-from jaxsat.simulation.solve import all_within
+from jaxsat.simulation.solve import within_limit
 from jaxsat.solvers import NamedSolver, Solver, class_name, solver_of
 
 SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
@@ -262,7 +262,7 @@ def _rest_along_step(ode: FlatODE, step: DenseStep, until, rest, t, needed):
 def _accepted(tolerance, ode, before: Progress, moved: Progress, needed, accepted, norm):
     """Further on, where it was, or ended."""
     limit = ode.program.state_limit
-    good = all_within(ode.error_controlled(moved.state.state)[:-1], limit)
+    good = within_limit(ode.restore(moved.state.state)[0], limit)
     steps = before.steps + needed
     code = jnp.where(accepted & ~good, int(Outcome.STATE_LIMIT), before.code)
     out = needed & (code == int(Outcome.SUCCESS)) & (steps >= tolerance.max_steps)

@@ -25,7 +25,7 @@ from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
 from jaxsat.simulation.assessment import Observation, stop_gradient
 from jaxsat.simulation.held_torque import HeldTorque
-from jaxsat.simulation.solve import all_within
+from jaxsat.simulation.solve import within_limit
 from jaxsat.solvers import NamedSolver, Solver, class_name
 from jaxsat.symmetric import halved, restored
 from jaxsat.vehicle import Sensors
@@ -75,7 +75,7 @@ class FixedStepper(AbstractStepper):
                 judged,
             )
             carry = (integrals, since, None)
-            return _unless_ended(program, progress, seen, state, state, carry, t)
+            return _unless_ended(program, progress, seen, state, (state,), carry, t)
 
         return jax.lax.fori_loop(0, count, interval, progress)
 
@@ -218,10 +218,11 @@ def _equal_steps(tableau, rate, t, length, count: int, carry, judged):
 def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
     """The next progress, or the last good one where the case has ended or now ends.
 
-    It ends where what is `checked` of the state passes the limit.
+    It ends where what is `checked` of the state, see `within_limit`, passes the limit.
     """
     integrals, (settled, rest), held = carry
-    good = all_within((checked, integrals.cost * 0), program.state_limit)
+    moves, *finite = checked
+    good = within_limit(moves, program.state_limit, *finite, integrals.cost)
     running = before.code == int(Outcome.SUCCESS)
     code = jnp.where(running & ~good, int(Outcome.STATE_LIMIT), before.code)
     after = seen._replace(

@@ -36,7 +36,7 @@ from jaxsat.simulation.assessment import (
 )
 from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, checkpoints
-from jaxsat.simulation.solve import all_within, outcome_code, run_samples
+from jaxsat.simulation.solve import outcome_code, run_samples, within_limit
 from jaxsat.solvers import class_name, solver_of
 
 
@@ -155,7 +155,7 @@ def _continuous(program: Program, case: Case, method: Method, adjoint):
         stepsize_controller=step_size_for(method, loop),
         max_steps=method.max_steps,
         adjoint=adjoint,
-        event=diffrax.Event(lambda t, y, args, **_: ~all_within(y[0], program.state_limit)),
+        event=diffrax.Event(lambda t, y, args, **_: ~within_limit(y[0], program.state_limit)),
         throw=False,
     )
     signals, final = cast(tuple[Signals, PyTree], solution.ys)

@@ -110,7 +110,7 @@ def _run_continuous(loop, start, times, method, adjoint, limit, tolerances) -> T
         stepsize_controller=step_size_for(method, loop),
         max_steps=method.max_steps,
         adjoint=adjoint,
-        event=diffrax.Event(lambda t, y, args, **_: ~all_within(y, limit)),
+        event=diffrax.Event(lambda t, y, args, **_: ~within_limit(y, limit)),
         throw=False,
     )
     signals, final = cast(tuple[Signals, PyTree], solution.ys)
@@ -138,10 +138,27 @@ def _monitor(loop: AbstractContinuousLoop, tolerances: Tolerances) -> Monitor:
     return monitor
 
 
-def all_within(state: PyTree, limit: Float[Array, ""]) -> Array:
-    """Whether the Euclidean norm of all floating-point entries is a number below the limit."""
-    numbers = [x for x in jax.tree.leaves(state) if jnp.issubdtype(x.dtype, jnp.floating)]
-    return sum(jnp.sum(x**2) for x in numbers) < limit**2  # which fails for NaN, too
+def within_limit(state: PyTree, limit: Float[Array, ""], *finite: PyTree) -> Array:
+    """Whether the Euclidean norm of all floating-point entries is a number below the limit.
+
+    Momenta of wheels, and what is to be `finite`, only have to be: they are as large as the body.
+    """
+    motion = jax.tree.map(_without_momentum, state, is_leaf=_is_plant)
+    squares = [jnp.sum(x**2) for x in _floats(motion)]
+    squares += [jnp.sum(0 * x) for x in _floats((state, finite))]
+    return sum(squares) < limit**2  # which fails for NaN, too
+
+
+def _is_plant(state: PyTree) -> bool:
+    return isinstance(state, PlantState)
+
+
+def _without_momentum(state: PyTree) -> PyTree:
+    return dataclasses.replace(state, wheel_momentum=None) if _is_plant(state) else state
+
+
+def _floats(tree: PyTree) -> list[Array]:
+    return [x for x in jax.tree.leaves(tree) if jnp.issubdtype(x.dtype, jnp.floating)]
 
 
 def _blank_unreached(values: Array) -> Array:
@@ -197,7 +214,8 @@ def run_samples(
         state, carry, code = running
         t = begin + number * loop.controller.period
         following, carried, signals = loop.period(number, t, state, integrate, carry)
-        good = all_within((following.plant, loop.controller.judged(following.memory)), limit)
+        kept_finite = loop.controller.judged(following.memory)
+        good = within_limit(following.plant, limit, kept_finite)
         carried, of_period = split(carried)
         seen = (signals, of_period)
         seen = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), seen)
