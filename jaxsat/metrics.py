@@ -1,28 +1,52 @@
 """When a spacecraft counts as settled, and since when. All work under vmap."""
 
+import math
 from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.checks import as_float
+from jaxsat.checks import as_float, as_optional_float
 from jaxsat.quotients import reciprocal
-from jaxsat.ranges import SETTLED_RATE
+from jaxsat.ranges import SETTLED_RATE, SETTLED_TURN, SETTLED_W
 
 SETTLED_BEFORE = 0.9
-"""The part of the horizon in which a case must have begun to be settled."""
+"""The part of the horizon in which a case must have begun to be settled, without a `dwell`."""
 
 
 class Tolerances(eqx.Module):
     """When a spacecraft counts as settled: |w|, |z| (rad, wrapped) and |ω_r| (rad/s) below these.
 
-    The relative rate is ω - C (0, -ω0, 0)ᵀ, the rate at which the attitude really changes.
+    The relative rate is ω - C (0, -ω0, 0)ᵀ, the rate at which the attitude really changes. It must
+    stay so to the end, for at least `dwell` seconds; None is a tenth of the horizon.
     """
 
-    w: Float[Array, ""] = eqx.field(converter=as_float, default=0.05)
-    z: Float[Array, ""] = eqx.field(converter=as_float, default=0.05)
+    w: Float[Array, ""] = eqx.field(converter=as_float, default=SETTLED_W)
+    z: Float[Array, ""] = eqx.field(converter=as_float, default=SETTLED_TURN)
     relative_rate: Float[Array, ""] = eqx.field(converter=as_float, default=SETTLED_RATE)
+    dwell: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+
+    @staticmethod
+    def of_keys(
+        tilt_rad: float | None = None,
+        turn_rad: float = SETTLED_TURN,
+        rate_rad_s: float = SETTLED_RATE,
+        dwell_s: float | None = None,
+    ) -> "Tolerances":
+        """Those of the keys of a scenario's `[settled]`."""
+        w = SETTLED_W if tilt_rad is None else math.tan(tilt_rad / 2)
+        return Tolerances(w, turn_rad, rate_rad_s, dwell_s)
+
+    def text(self, attitude: bool = True) -> str:
+        """What settled means, in a line; without an `attitude` by the inertial rates alone."""
+        w, z, rate = (float(limit) for limit in (self.w, self.z, self.relative_rate))
+        end = " to the end"
+        if self.dwell is not None:
+            end += f", {float(self.dwell):g} s at least"
+        if not attitude:
+            return f"|ω| < {rate:g} rad/s{end}"
+        return f"|w| < {w:g}, |z| < {z:g} rad, relative rate |ω_r| < {rate:g} rad/s{end}"
 
 
 def wrap_angle(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -88,10 +112,16 @@ class SettlingTracker(NamedTuple):
         start = jnp.where(jnp.isinf(self.start), entry, self.start)
         return SettlingTracker(jnp.where(jnp.all(excess < 0), start, jnp.inf), time, excess)
 
-    def settling_time(self, end: Float[Array, ""], begin: float | Float[Array, ""] = 0.0):
-        """The start, if it lies in the first `SETTLED_BEFORE` of the horizon, else infinity, s.
+    def settling_time(
+        self,
+        end: Float[Array, ""],
+        begin: float | Float[Array, ""] = 0.0,
+        dwell: Float[Array, ""] | None = None,
+    ) -> Float[Array, ""]:
+        """The start, if it lies `dwell` seconds before the `end` or more, else infinity, s.
 
-        What has only just become small has not been shown to stay so.
+        What has only just become small has not been shown to stay so: None is a tenth of the
+        horizon, see `SETTLED_BEFORE`.
         """
-        latest = begin + SETTLED_BEFORE * (end - begin)
+        latest = begin + SETTLED_BEFORE * (end - begin) if dwell is None else end - dwell
         return jnp.where(self.start <= latest, self.start, jnp.inf)

@@ -93,5 +93,6 @@ STATE_LIMIT = 1e6
 MAX_FIXED_STEPS = 2**24
 """Steps of one run: two days of flight at 0.01 s, hours of work."""
 
-SETTLED_RATE = 1e-3
-"""Relative rate below which a spacecraft counts as settled, rad/s."""
+SETTLED_W, SETTLED_TURN, SETTLED_RATE = 0.05, 0.05, 1e-3
+"""|w|, turn (rad) and relative rate (rad/s) below which a spacecraft counts as settled, unless the
+scenario says otherwise."""

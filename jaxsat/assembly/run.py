@@ -3,7 +3,7 @@
 import dataclasses
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
@@ -29,6 +29,7 @@ from jaxsat.declaration import Key
 from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import fly
+from jaxsat.metrics import Tolerances
 from jaxsat.noise import key_of_seed
 from jaxsat.ranges import MAX_FIXED_STEPS
 from jaxsat.scenario.coordinates import uses_error_coordinates
@@ -61,6 +62,7 @@ class Run:
     start: PlantState
     times: Float[Array, " times"]
     method: Method
+    tolerances: Tolerances = field(default_factory=Tolerances)
 
     @property
     def modes(self) -> type[enum.IntEnum] | None:
@@ -69,7 +71,7 @@ class Run:
 
     def simulate(self, tell: Callable[[str], None] = lambda obstacle: None) -> Trajectory:
         """Run the loop, see `jaxsat.engine.fly`, which tells why where diffrax has to."""
-        return fly(self.loop, self.start, self.times, self.method, tell)
+        return fly(self.loop, self.start, self.times, self.method, tell, self.tolerances)
 
 
 def build(scenario: Scenario) -> Run:
@@ -87,7 +89,8 @@ def build(scenario: Scenario) -> Run:
             loop.law if isinstance(loop, ErrorCoordinateLoop) else cast(Any, loop).controller
         )
         require_runs(law, controller, start)
-    return Run(loop, start, build_times(scenario), build_method(scenario, loop))
+    method, tolerances = build_method(scenario, loop), build_tolerances(scenario)
+    return Run(loop, start, build_times(scenario), method, tolerances)
 
 
 def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
@@ -180,6 +183,11 @@ def build_start(scenario: Scenario) -> PlantState:
     wanted = scenario.simulation.attitude == "wz"
     attitude = attitude.as_wz() if wanted else attitude.as_quaternion()
     return PlantState(attitude, as_float(table.omega_rad_s), wheel_momentum(scenario))
+
+
+def build_tolerances(scenario: Scenario) -> Tolerances:
+    """Within what the scenario counts as settled."""
+    return Tolerances.of_keys(**scenario.settled.model_dump())
 
 
 def build_times(scenario: Scenario) -> Float[Array, " times"]:

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from jaxsat.assembly.plant import orbit_rate
-from jaxsat.assembly.run import Run, build
+from jaxsat.assembly.run import Run, build, build_tolerances
 from jaxsat.checks import as_float, require_counts
 from jaxsat.engine import (
     AbstractEngine,
@@ -160,10 +160,11 @@ def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, P
 def tolerances_of(scenario: Scenario) -> Tolerances:
     """When a case counts as settled: under a law that has no attitude to go to by its rate alone,
     which at rest is that of the orbit."""
-    usual = Tolerances()
+    own = build_tolerances(scenario)
     if find_law(scenario.control.law).declaration.regulates_attitude:
-        return usual
-    return Tolerances(np.inf, np.inf, usual.relative_rate + orbit_rate(scenario))
+        return own
+    rate = own.relative_rate + orbit_rate(scenario)
+    return Tolerances(np.inf, np.inf, rate, own.dwell)
 
 
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:

@@ -78,7 +78,7 @@ def simulate(
     for obstacle in remarks:
         print_stderr(f"not the compiled engine, which starts in seconds: {obstacle}", "")
     if not quiet:
-        print_summary(dataset, scenario, chosen.control.law, seconds, target, files)
+        print_summary(dataset, scenario, chosen, seconds, target, files)
     finish_report(planned, quiet=quiet)
     if dataset.attrs["outcome_code"] == 0:
         return SUCCESS

@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
+    from jaxsat.scenario import Scenario
+
 ADVICE = {
     "STATE_LIMIT": 'check gains and initial state, and use simulation.attitude = "quaternion" '
     "where the body turns upside down",
@@ -22,7 +24,7 @@ ADVICE = {
 def print_summary(
     dataset: "xr.Dataset",
     name: str,
-    law: str,
+    scenario: "Scenario",
     seconds: float,
     target: Path,
     files: Sequence[str],
@@ -42,7 +44,7 @@ def print_summary(
         "scenario": f"{dataset.attrs['title']} ({name})",
         "outcome": f"{dataset.attrs['outcome_explanation']} {at}; "
         f"{dataset.attrs['steps']} steps, {seconds:.1f} s with compilation",
-        "settled": settling_text(dataset, law),
+        "settled": settling_text(dataset, scenario),
         "attitude": f"w = {_numbers(final['w'])}, z = {float(final['z']):.4g} rad, "
         f"tilt {tilt:.3g} deg {at}",
         "rates": f"omega = {_numbers(final['omega'])} rad/s {at}",
@@ -55,24 +57,17 @@ def print_summary(
         print_stdout(f"{label:<{width}}  {text}")
 
 
-def settling_text(dataset: "xr.Dataset", law: str) -> str:
+def settling_text(dataset: "xr.Dataset", scenario: "Scenario") -> str:
     """When the spacecraft settled, and what that means: by rates alone under some laws."""
     import math
 
-    from jaxsat.metrics import Tolerances
+    from jaxsat.assembly.run import build_tolerances
     from jaxsat.results import time_at_rest, time_to_settle
     from jaxsat.scenario.laws import find_law
 
-    limits = Tolerances()
-    if not find_law(law).declaration.regulates_attitude:
-        time = time_at_rest(dataset)
-        meaning = f"|omega| < {float(limits.relative_rate):g} rad/s to the end"
-    else:
-        time = time_to_settle(dataset)
-        meaning = (
-            f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad, "
-            f"relative rate < {float(limits.relative_rate):g} rad/s to the end"
-        )
+    attitude = find_law(scenario.control.law).declaration.regulates_attitude
+    time = time_to_settle(dataset) if attitude else time_at_rest(dataset)
+    meaning = build_tolerances(scenario).text(attitude)
     return f"from {time:.2f} s ({meaning})" if math.isfinite(time) else f"no ({meaning})"
 
 

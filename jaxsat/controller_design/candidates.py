@@ -8,13 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from jaxsat.assembly.run import build, build_loop
+from jaxsat.assembly.run import build, build_loop, build_tolerances
 from jaxsat.control import OscillatorySettling, ThreeSlewSettling
 from jaxsat.control.planned import PlannedSettling
 from jaxsat.controller_design.reading import ALL
 from jaxsat.controller_design.vehicle import Scale, VehicleVerdict, scale_of
 from jaxsat.declaration.settling import HOLDING_AMPLITUDE
-from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.scenario import Scenario
@@ -154,7 +153,7 @@ def with_larger_end_game(candidate: Candidate) -> Candidate | None:
     if not settles or getattr(control, HOLDING_AMPLITUDE) is not None:
         return None
     held = law.fine.end_game
-    limits = Tolerances()
+    limits = build_tolerances(candidate.scenario)
     # Two rates of this amplitude in phase; |w| of the tilt is half the angle.
     rate, tilt = limits.relative_rate / math.sqrt(2), limits.w * math.sqrt(2) * held.frequency
     amplitude = float(f"{min(RATE_SHARE * float(rate), TILT_SHARE * float(tilt)):.3g}")

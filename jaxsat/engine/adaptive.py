@@ -184,8 +184,11 @@ class AdaptiveStepper(AbstractStepper):
             rest=rest,
             ended_at=jnp.where(success, t, progress.ended_at),
         )
-        told = details_of(progress, ode.loop, ode.state(t, flat), t, progress.steps)
-        return outputs_of(progress, plant, t, case.drawn, program.running_cost, details=told)
+        final, dwell = ode.state(t, flat), program.tolerances.dwell
+        told = details_of(progress, ode.loop, final, t, progress.steps, dwell)
+        return outputs_of(
+            progress, plant, t, case.drawn, program.running_cost, details=told, dwell=dwell
+        )
 
     def _shortened(
         self, ode: FlatODE, last_step: DenseStep, t: Float[Array, ""]

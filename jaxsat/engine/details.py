@@ -44,8 +44,12 @@ def details_of(
     final: PyTree,
     end: Float[Array, ""],
     steps: Int[Array, ""],
+    dwell: Float[Array, ""] | None,
 ) -> Details | None:
-    """Those of a trajectory that has come to its `end` (s), in the loop's state `final`."""
+    """Those of a trajectory that has come to its `end` (s), in the loop's state `final`.
+
+    It must have been at rest for `dwell` seconds, see `SettlingTracker.settling_time`.
+    """
     if progress.rest is None:
         return None
     success = progress.code == int(Outcome.SUCCESS)
@@ -53,7 +57,7 @@ def details_of(
     held = loop.plant.third_rate_held
     of_axes = effort[:-1] if held else effort
     idle = jnp.zeros(3 - of_axes.size, effort.dtype)
-    rest = jnp.where(success, progress.rest.settling_time(end), jnp.inf)
+    rest = jnp.where(success, progress.rest.settling_time(end, dwell=dwell), jnp.inf)
     by_axis = jnp.concatenate([of_axes, jnp.where(success, idle, jnp.nan)])
     return Details(final, steps, rest, by_axis, effort[-1] if held else None, progress.forced)
 

@@ -246,7 +246,8 @@ def _finished(program: Program, case: Case, progress: Progress, number, steps: i
     settled, rest = _judged_at(program, (progress.settled, progress.rest), end, observed)
     seen = with_peaks(progress, plant)._replace(settled=settled, rest=rest)
     used = consumption(case.loop, progress.state)
-    told = details_of(seen, case.loop, progress.state, end, number * steps)
+    dwell = program.tolerances.dwell
+    told = details_of(seen, case.loop, progress.state, end, number * steps, dwell)
     return outputs_of(
-        seen, plant, end, case.drawn, program.running_cost, used, program.interval, told
+        seen, plant, end, case.drawn, program.running_cost, used, program.interval, told, dwell
     )

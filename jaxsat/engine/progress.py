@@ -230,8 +230,11 @@ def outputs_of(
     consumption: Consumption | None = None,
     interval: float | Array = 1.0,
     details: Details | None = None,
+    dwell: Float[Array, ""] | None = None,
 ) -> Outputs:
     """Outputs of a trajectory whose last instant has been observed, one every `interval` (s).
+
+    It must have been settled for `dwell` seconds, see `SettlingTracker.settling_time`.
 
     `consumption` is that of the whole run, None for actuators that have none.
     """
@@ -250,7 +253,9 @@ def outputs_of(
     failures = progress.failures
     return Outputs(
         code=progress.code,
-        settling_time=jnp.where(success, progress.settled.settling_time(duration), jnp.inf),
+        settling_time=jnp.where(
+            success, progress.settled.settling_time(duration, dwell=dwell), jnp.inf
+        ),
         effort=kept(effort),
         cost=jnp.where(possible, whole, jnp.nan),
         peak_rate=kept(jnp.sqrt(progress.peak_square)),

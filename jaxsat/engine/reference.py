@@ -248,7 +248,14 @@ def _outputs(program, case, state, integrals, signals, settled: SettlingTracker,
     )
     used = consumption(case.loop, state)
     return outputs_of(
-        progress, plant, program.duration, case.drawn, program.cost, used, program.interval
+        progress,
+        plant,
+        program.duration,
+        case.drawn,
+        program.cost,
+        used,
+        program.interval,
+        dwell=program.tolerances.dwell,
     )
 
 

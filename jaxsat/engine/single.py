@@ -20,6 +20,7 @@ from jaxsat.engine.progress import Outputs
 from jaxsat.engine.runge_kutta import require_explicit
 from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.jax_internals import Tracer
+from jaxsat.metrics import Tolerances
 from jaxsat.simulation import (
     AbstractLoop,
     Assessment,
@@ -41,6 +42,7 @@ def fly(
     times: Float[Array, " times"],
     method: Method,
     tell: Callable[[str], None] = lambda obstacle: None,
+    tolerances: Tolerances | None = None,
 ) -> Trajectory:
     """Run a closed loop from `start` and save its signals at `times` (s), evenly from zero on.
 
@@ -51,11 +53,12 @@ def fly(
     the law has no derivative, and `tell` is told why.
     """
     loop, start = strong((loop, start))
-    obstacle, planned = _planned(loop, start, times, method)
+    tolerances = Tolerances() if tolerances is None else tolerances
+    obstacle, planned = _planned(loop, start, times, method, tolerances)
     found = None if planned is None else planned.fly(times)
     if found is None:
         tell(obstacle or FORCED)
-        return simulate(loop, start, times, method=method)
+        return simulate(loop, start, times, method=method, tolerances=tolerances)
     return found
 
 
@@ -108,7 +111,11 @@ class _Flight(eqx.Module):
 
 
 def _planned(
-    loop: AbstractLoop, start: PlantState, times: Float[Array, " times"], method: Method
+    loop: AbstractLoop,
+    start: PlantState,
+    times: Float[Array, " times"],
+    method: Method,
+    tolerances: Tolerances,
 ) -> tuple[str | None, _Flight | None]:
     """The flight, or what stands in its way."""
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((loop, start, method))):
@@ -127,7 +134,8 @@ def _planned(
     arrays, rest = eqx.partition((loop, start), eqx.is_array)
     case, structure = jax.tree.flatten(arrays)
     places = jax.tree.unflatten(structure, range(len(case)))
-    program = Program(_OneCase(rest, places), interval, every * len(gaps), detailed=True)
+    count = every * len(gaps)
+    program = Program(_OneCase(rest, places), interval, count, tolerances, detailed=True)
     flight = _Flight(program, stepper, case, every, pulsed)
     obstacle = native_obstacle(stepper, program, flight.cases, lanes=1)
     return (None, flight) if obstacle is None else (obstacle, None)

@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.failure_record import initial_record
+from jaxsat.metrics import SETTLED_BEFORE
 from jaxsat.montecarlo.failure_codes import (
     AMOUNTLESS,
     DIAGNOSED,
@@ -30,10 +31,6 @@ from jaxsat.simulation import AbstractLoop, Outcome
 from jaxsat.simulation.parts import failures_of
 from jaxsat.vehicle import AbstractFailures, FailureKind
 from jaxsat.vehicle.failures import ONE_WAY
-
-STAY = 0.1
-"""The part of the horizon for which a case must have been within the tolerances to count as
-settled then; as much as a settled case is at the end."""
 
 STUCK = [1 + kind for kind in ONE_WAY]
 """Codes of failures of one of the two ways of a two-sided thruster."""
@@ -72,7 +69,8 @@ class Recovery(enum.IntEnum):
 class FailureRecovery:
     """Tells of cases with failures in flight what struck, what that left, and what came of it.
 
-    `attitude` tells whether cases settle in attitude, or in rate alone. `names` are those of all
+    `attitude` tells whether cases settle in attitude, or in rate alone, and `dwell` for how long
+    (s) one is settled at the end at least. `names` are those of all
     thrusters, a two-sided one twice, and wheels; `momentum` (N m s) is that of body and wheels at
     the start. `told` has the shapes of what the loop tells of its failures, by column.
     """
@@ -80,6 +78,7 @@ class FailureRecovery:
     loop: AbstractLoop
     duration: float
     attitude: bool
+    dwell: float
     names: tuple[str, ...]
     momentum: Float[np.ndarray, "3"]
     told: Mapping[str, tuple[int, ...]]
@@ -91,12 +90,14 @@ class FailureRecovery:
         duration: float,
         *,
         attitude: bool = True,
+        dwell: float | None = None,
         names: tuple[str, ...] = (),
     ) -> "FailureRecovery | None":
         """That of a loop and its start; None where nothing fails in flight.
 
-        `attitude` tells whether cases settle in attitude, or in rate alone. Without a name for
-        each thruster, wheel and magnetorquer they have numbers.
+        `attitude` tells whether cases settle in attitude, or in rate alone, and `dwell` for how
+        long (s) one is settled at the end at least, by default a tenth of the duration. Without a
+        name for each thruster, wheel and magnetorquer they have numbers.
         """
         if not failures_of(loop):
             return None
@@ -109,7 +110,8 @@ class FailureRecovery:
             stored = loop.plant.with_wheel_momentum(start).wheel_momentum
             momentum = momentum + np.asarray(wheels.axes) @ np.asarray(stored)
         told = {name: one.shape for name, one in _told(loop, start).items()}
-        return FailureRecovery(loop, duration, attitude, names, momentum, told)
+        dwell = (1 - SETTLED_BEFORE) * duration if dwell is None else dwell
+        return FailureRecovery(loop, duration, attitude, dwell, names, momentum, told)
 
     @property
     def _events(self) -> list[AbstractFailures]:
@@ -185,7 +187,7 @@ class FailureRecovery:
     ) -> Int[np.ndarray, " cases"]:
         """The `Recovery` of every case."""
         wrong = UNRECOVERABLE if self.attitude else (TorquesLeft.UNOPPOSED_TORQUE,)
-        lost = found["longest_stay"] >= STAY * self.duration if "longest_stay" in found else False
+        lost = found["longest_stay"] >= self.dwell if "longest_stay" in found else False
         reasons = {
             Recovery.RECOVERED: np.isfinite(found["settling_time"]),
             Recovery.UNRECOVERABLE: np.isin(left, wrong),

@@ -120,18 +120,12 @@ def run_verdict(
 ) -> Verdict:
     """When it settled, within what, by which law, and what failed on the way."""
     law = str(scenario.get("control", {}).get("law", "unknown"))
-    found = known_law(law)
-    limits = Tolerances()
-    rate = f"|ω_r| < {float(limits.relative_rate):g} rad/s"
     rates = float(np.linalg.norm(dataset["omega"].values[-1]))
     ends = [f"|ω| = {number(rates, 3)} rad/s"]
-    if found is None or found.declaration.regulates_attitude:
-        settled = time_to_settle(dataset)
-        within = f"|w| < {float(limits.w):g}, |z| < {float(limits.z):g} rad and {rate}"
+    attitude = settles_in_attitude(scenario)
+    settled = time_to_settle(dataset) if attitude else time_at_rest(dataset)
+    if attitude:
         ends.insert(0, f"pointing error {number(float(dataset['pointing_error_total'][-1]), 3)}°")
-    else:
-        settled = time_at_rest(dataset)
-        within = rate.replace("_r", "")
     end = f"{number(float(dataset['time'][-1]), 6)} s"
     more = [f"{capitalised(what)} at {number(at, 6)} s." for at, what in failures]
     if int(dataset.attrs.get("outcome_code", 0)) != 0:
@@ -139,11 +133,25 @@ def run_verdict(
         return Verdict(False, f"The run ended early, at {end}: {reason}.", more)
     more += [
         f"At the end, {end}: {', '.join(ends)}.",
-        f"Settled means {within} from then to the end; control law: {law}.",
+        f"Settled means {settled_meaning(scenario)}; control law: {law}.",
     ]
     if math.isfinite(settled):
         return Verdict(True, f"Settled at {settled:.2f} s, and stays settled to {end}.", more)
     return Verdict(False, f"Not settled within {end}.", more)
+
+
+def settles_in_attitude(scenario: Mapping[str, Any]) -> bool:
+    """Whether the law of a scenario's tables has an attitude to go to; true of one not known."""
+    found = known_law(str(scenario.get("control", {}).get("law", "unknown")))
+    return found is None or found.declaration.regulates_attitude
+
+
+def settled_meaning(scenario: Mapping[str, Any]) -> str:
+    """Within what a case of a scenario's tables counts as settled."""
+    keys = ("tilt_rad", "turn_rad", "rate_rad_s", "dwell_s")
+    table = scenario.get("settled", {})
+    given = {key: table[key] for key in keys if isinstance(table.get(key), int | float)}
+    return Tolerances.of_keys(**given).text(settles_in_attitude(scenario))
 
 
 def scenario_facts(scenario: Mapping[str, Any]) -> dict[str, str]:

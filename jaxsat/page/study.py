@@ -22,7 +22,7 @@ from jaxsat.montecarlo import (
 )
 from jaxsat.page.content import Charts, Facts, Listing, Section, Table, Verdict, number
 from jaxsat.page.recovery import recovery_line, recovery_tables
-from jaxsat.page.run import scenario_facts
+from jaxsat.page.run import scenario_facts, settled_meaning
 from jaxsat.page.study_charts import (
     convergence_chart,
     settled_by_chart,
@@ -72,15 +72,20 @@ def study_section(path: Path) -> Section:
         blocks.append(Listing("Scenario file", text, FILE))
     law = identity["scenario"].get("control", {}).get("law", "unknown")
     title = f"{summary.cases:,} cases under the law {law}"
-    return Section(title, f"Study in {path.name}", study_verdict(summary), blocks)
+    verdict = study_verdict(summary, settled_meaning(scenario))
+    return Section(title, f"Study in {path.name}", verdict, blocks)
 
 
-def study_verdict(summary: Summary) -> Verdict:
-    """The settled fraction with its interval, settling times, and how the others ended."""
+def study_verdict(summary: Summary, settled: str) -> Verdict:
+    """The settled fraction with its interval, what `settled` means, settling times, and how the
+    others ended."""
     fraction, low, high = percent_texts(summary.settled)
     interval = f"95 % interval {low} to {high}"
     text = f"{fraction} of {summary.cases:,} cases settle ({interval})."
-    more = ["Outcomes: " + ", ".join(f"{n:,} {name}" for name, n in summary.outcomes.items()) + "."]
+    more = [f"Settled means {settled}."]
+    more += [
+        "Outcomes: " + ", ".join(f"{n:,} {name}" for name, n in summary.outcomes.items()) + "."
+    ]
     if summary.settling_time:
         parts = [
             f"{percent:g} %: {number(t.value)} s" for percent, t in summary.settling_time.items()

@@ -185,6 +185,15 @@ def _samples_fall_on_periods(period, save_every, duration):
         )
 
 
+@rule("settled.dwell_s", "simulation.duration_s")
+def _dwells_within_the_run(dwell, duration):
+    if dwell is not None and dwell >= duration:
+        yield at(
+            "settled.dwell_s",
+            f"must be below simulation.duration_s = {shown(duration)}, got {shown(dwell)}",
+        )
+
+
 def is_multiple(whole: float, part: float) -> bool:
     """Whether `whole` is `part` a whole number of times, up to rounding."""
     count = round(whole / part)

@@ -32,6 +32,7 @@ OF_THE_LAW = (
     "sampling.",
     "dispersion",
     "tuning.",
+    "settled.",
     "simulation.attitude",
     "simulation.coordinates",
     "simulation.solver.",

@@ -32,6 +32,7 @@ from jaxsat.scenario.sensor_tables import EstimatorOfAKind, GyroTable, StarTrack
 from jaxsat.scenario.tables import (
     InitialTable,
     OrbitTable,
+    SettledTable,
     SimulationTable,
     SpacecraftTable,
 )
@@ -84,6 +85,7 @@ class Scenario(Table):
     initial: InitialTable = choice("The state at the start")
     control: ControlTable = choice("The control law")
     simulation: SimulationTable = choice("How to integrate and what to save")
+    settled: SettledTable = choice("When a case counts as settled", SettledTable())
     sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
     gyro: GyroTable | None = choice("Rate gyros of a sampled law", None)
     star_tracker: StarTrackerTable | None = choice("Star tracker of a sampled law", None)

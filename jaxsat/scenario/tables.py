@@ -1,8 +1,9 @@
 """The tables of a scenario file apart from `[control]`."""
 
+import math
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Gt, Le, Len
+from annotated_types import Ge, Gt, Le, Len, Lt
 
 from jaxsat.earth import circular_orbit_rate
 from jaxsat.ranges import (
@@ -11,6 +12,8 @@ from jaxsat.ranges import (
     MAX_FIXED_STEPS,
     ORBIT_RATE,
     SECONDS,
+    SETTLED_RATE,
+    SETTLED_TURN,
     TORQUE,
     TORQUE_LIMIT,
     TURN,
@@ -145,6 +148,31 @@ class SolverTable(Table):
     step_s: Seconds | None = quantity("Size of fixed steps", "s", None)
     substeps: Annotated[Whole, Ge(1), Le(10000)] | None = quantity(
         "Equal steps in each period of a sampled control law", "1", None
+    )
+
+
+class SettledTable(Table):
+    """`[settled]`: within what, and for how long, a case counts as settled."""
+
+    tilt_rad: Annotated[Number, Gt(0), Lt(math.pi)] | None = quantity(
+        "Largest angle between the third axes of body and orbit frame; by default 2 arctan 0.05, "
+        "5.7 degrees",
+        "rad",
+        None,
+    )
+    turn_rad: Annotated[Number, Gt(0), Le(math.pi)] = quantity(
+        "Largest turn about the third axis", "rad", SETTLED_TURN
+    )
+    rate_rad_s: Positive = quantity(
+        "Largest rate relative to the orbit frame; of laws that only stop a rotation, largest "
+        "rate beyond that of the orbit",
+        "rad/s",
+        SETTLED_RATE,
+    )
+    dwell_s: Seconds | None = quantity(
+        "How long before the end it must have settled; by default a tenth of the duration",
+        "s",
+        None,
     )
 
 

@@ -242,7 +242,9 @@ def _unknown_key(root: type[BaseModel], data: Any, location: Location) -> str:
     place = f"{'[' * (1 + repeated)}{'.'.join(parents)}{']' * (1 + repeated)}"
     place = place if parents else "the scenario"
     message = f"must be one of the keys of {place} ({', '.join(known)}), got {shown(name)}"
-    return message + (suggestion(name, known) or _elsewhere(root, name, parents))
+    begun = any(key.startswith(name) for key in known)
+    hint = "" if begun else _elsewhere(root, name, parents)
+    return message + (hint or suggestion(name, known))
 
 
 def _elsewhere(root: type[BaseModel], name: str, parents: list[str]) -> str:

@@ -109,10 +109,12 @@ def assessment(
     integral: Float[Array, " m"],
     times: Float[Array, " times"],
     success: Bool[Array, ""],
+    dwell: Float[Array, ""] | None,
 ) -> Assessment:
     """What a run from `times[0]` to `times[-1]` (s) was, from what was seen of it."""
     settled, rest = (
-        jnp.where(success, tracker.settling_time(times[-1], times[0]), jnp.inf) for tracker in since
+        jnp.where(success, tracker.settling_time(times[-1], times[0], dwell), jnp.inf)
+        for tracker in since
     )
     integral = jnp.where(success, integral, jnp.nan)
     return Assessment(settled, rest, integral[:3], integral[3] if plant.third_rate_held else None)

@@ -124,7 +124,7 @@ def _run_continuous(loop, start, times, method, adjoint, limit, tolerances) -> T
         jax.tree.map(lambda x: x[0], final),
         code,
         solution.stats["num_steps"],
-        assessment(loop.plant, since, record.integral, times, success),
+        assessment(loop.plant, since, record.integral, times, success, tolerances.dwell),
     )
 
 
@@ -270,7 +270,7 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances
     )
     success = code == int(Outcome.SUCCESS)
     since = (record.settled, record.rest)
-    found = assessment(loop.plant, since, record.integral, times, success)
+    found = assessment(loop.plant, since, record.integral, times, success, tolerances.dwell)
     signals = _saved(signals, numbers)
     steps = jnp.array(samples * loop.substeps)
     torque_range = held.between(numbers, stop_gradient(signals.torque[-1]))

@@ -23,7 +23,7 @@ def craft_of(page):
 def test_the_verdict_says_when_it_settled_within_what_and_by_which_law(run_file, page):
     first = re.search(r'<p class="first">(.*?)</p>', page).group(1)
     assert first == "Settled at 6.25 s, and stays settled to 10 s."
-    told = "|w| &lt; 0.05, |z| &lt; 0.05 rad and |ω_r| &lt; 0.001 rad/s from then to the end"
+    told = "|w| &lt; 0.05, |z| &lt; 0.05 rad, relative rate |ω_r| &lt; 0.001 rad/s to the end"
     assert f"Settled means {told}; control law: three-axis." in page
     assert "Thruster up dead at 3.5 s." in page
     never = report_page([run_file(run_dataset(settled=np.inf))])

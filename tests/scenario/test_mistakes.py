@@ -109,6 +109,8 @@ BROKEN = [
         (26, "control.model.orbit_rat", "did you mean orbit_rate_rad_s?")]),
     ("duration_s = 500.0", "duration_s = 500.3", [
         (28, "simulation.duration_s", "must be a multiple of save_every_s = 0.5, got 500.3")]),
+    ('steps = "adaptive"', 'steps = "adaptive"\n[settled]\ndwell_s = 500.0', [
+        (33, "settled.dwell_s", "must be below simulation.duration_s = 500.0, got 500.0")]),
     ("duration_s = 500.0", "duration_s = -inf", [
         (28, "simulation.duration_s", "must be a finite number in s, got -inf")]),
     ("duration_s = 500.0", "duration_s = 5e6", [
