@@ -11,6 +11,7 @@ import jaxsat
 from jaxsat.cli.bound import bound
 from jaxsat.cli.bugs import ending_of, report_error, thread_errors_reported
 from jaxsat.cli.compare import compare
+from jaxsat.cli.completion import completion
 from jaxsat.cli.computing import import_interruptibly
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.convert import convert
@@ -56,6 +57,7 @@ app.command(reproduce)
 app.command(report)
 app.command(convert)
 app.command(scenarios)
+app.command(completion)
 
 
 def run(tokens: Sequence[str] | None = None) -> int:
@@ -100,7 +102,7 @@ def _command(tokens: Sequence[str] | None) -> int:
         with contextlib.suppress(BrokenPipeError, SystemExit):  # of a reader who has seen enough
             command(*given.args, **given.kwargs)
         return SUCCESS
-    computes = command.__module__ != "jaxsat.cli.scenarios"
+    computes = command.__module__ not in ("jaxsat.cli.scenarios", "jaxsat.cli.completion")
     import_interruptibly("jaxsat.scenario", *(["jaxsat.results"] if computes else []))
     result = command(*given.args, **given.kwargs)
     return result if isinstance(result, int) else SUCCESS

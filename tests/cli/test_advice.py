@@ -29,6 +29,7 @@ COMMANDS = [
     ("scenarios", "show"),
     ("scenarios", "schema"),
     ("scenarios", "check"),
+    ("completion",),
 ]
 PACKAGE = Path(jaxsat.__file__).parent
 ROOMS = ("jaxsat.cli", "jaxsat.results")

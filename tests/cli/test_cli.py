@@ -183,6 +183,15 @@ def test_warnings_are_told(jaxsat):
     assert out == "paper-rate: valid (Angular-velocity stabilisation, as in the paper)\n"
 
 
+def test_bash_completes_commands_and_options(jaxsat):
+    status, out, _ = jaxsat("completion", "bash")
+    assert status == 0
+    tries = "for words in 'mon' 'montecarlo --ch'; do COMP_WORDS=(jaxsat $words); "
+    tries += "COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _jaxsat; echo ${COMPREPLY[@]}; done"
+    done = subprocess.run(["bash", "-c", f"{out}\n{tries}"], capture_output=True, text=True)
+    assert done.stdout.split() == ["montecarlo", "--chunk"]
+
+
 def test_scenarios_list_show_and_schema(jaxsat, tmp_path):
     status, out, _ = jaxsat("scenarios", "list")
     assert status == 0
