@@ -16,6 +16,7 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.thruster_tables import (
     ModulationTable,
     ThrusterTable,
+    modulation_kind,
     signs,
 )
 from jaxsat.vehicle import (
@@ -34,7 +35,6 @@ from jaxsat.vehicle import (
 def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     """The thrusters that work, how they share a command of so many torques, and what fails."""
     working = [one for one in scenario.thruster if not one.failed]
-    modulation = scenario.modulation or ModulationTable()
     sampling = scenario.sampling and scenario.sampling.model_dump()
     dispersed = getattr(scenario.dispersion, DELAY.name, None) is not None
     delay = dispersed or bool(sampling and sampling[DELAY.name] > 0)
@@ -46,7 +46,7 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     return PulsedThrusters(
         thrusters,
         LeastPropellant.of(duties),
-        _modulation(modulation, scenario),
+        _modulation(scenario),
         thruster_failures(scenario.failure, scenario.thruster),
         late or thrusters.valve_delay is not None,
     )
@@ -70,7 +70,7 @@ def thruster_context(scenario: Scenario) -> ThrusterContext | None:
         thrusters.min_on_time,
         late(thrusters.rise_time),
         late(thrusters.fall_time),
-        _modulation(scenario.modulation or ModulationTable(), scenario),
+        _modulation(scenario),
     )
     whole = isinstance(model.modulation, DeltaSigma | PulseWidth)
     pulse = np.asarray(thrusters.min_on_time) if whole else zero
@@ -108,10 +108,12 @@ def _thruster_set(working: list[ThrusterTable]) -> ThrusterSet:
     )
 
 
-def _modulation(table: ModulationTable, scenario: Scenario) -> AbstractModulation:
-    if table.kind == "pwpf":
+def _modulation(scenario: Scenario) -> AbstractModulation:
+    table = scenario.modulation or ModulationTable()
+    kind = modulation_kind(table, scenario.thruster)
+    if kind == "pwpf":
         period: Any = getattr(scenario.control, "period_s")  # noqa: B009
         return PulseWidthPulseFrequency.of(
             period, table.gain, table.time_constant_s, table.on_level, table.off_level
         )
-    return {"pwm": PulseWidth, "delta-sigma": DeltaSigma, "ideal": IdealThrottle}[table.kind]()
+    return {"pwm": PulseWidth, "delta-sigma": DeltaSigma, "ideal": IdealThrottle}[kind]()

@@ -3,6 +3,7 @@
 import numpy as np
 
 from jaxsat.inertia import torque_axis_frame
+from jaxsat.scenario.actuator_cautions import actuator_cautions
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.domain import believed_normal_form, domain_cautions
 from jaxsat.scenario.errors import Issue
@@ -36,6 +37,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *_holding_cautions(scenario),
         *_one_torque_cautions(scenario),
         *failure_cautions(scenario),
+        *actuator_cautions(scenario),
     ]
 
 

@@ -144,7 +144,8 @@ def _thrust_follows_within_a_period(values):
 @rule("thruster", "modulation.kind")
 def _modulation_suits_the_valves(thrusters, kind):
     if not thrusters:
-        yield at("modulation", f"must belong to tables [[thruster]], got {shown(kind)} and none")
+        got = "a table" if kind is None else shown(kind)
+        yield at("modulation", f"must belong to tables [[thruster]], got {got} and none")
     for number, one in enumerate(thrusters):
         if kind == "delta-sigma" and one.min_on_time_s == 0:
             message = "must be above 0, as delta-sigma modulation gives out multiples of it, got 0"

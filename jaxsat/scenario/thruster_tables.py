@@ -95,13 +95,17 @@ class ThrusterTable(Table):
         return self.force_N / (self.specific_impulse_s * STANDARD_GRAVITY)
 
 
+ModulationKind = Literal["pwm", "delta-sigma", "pwpf", "ideal"]
+
+
 class ModulationTable(Table):
     """`[modulation]`: how commanded thrust becomes pulses."""
 
-    kind: Literal["pwm", "delta-sigma", "pwpf", "ideal"] = choice(
+    kind: ModulationKind | None = choice(
         'Pulse width ("pwm"), whole minimum pulses whose remainder is kept ("delta-sigma"), pulse '
-        'width and frequency by a Schmitt trigger behind a lag ("pwpf"), or a throttle ("ideal")',
-        "pwm",
+        'width and frequency by a Schmitt trigger behind a lag ("pwpf"), or a throttle ("ideal"); '
+        'by default "delta-sigma" where every thruster has a min_on_time_s, else "pwm"',
+        None,
     )
     gain: Annotated[Number, Gt(0), Le(1e6)] = quantity("Gain of the lag of PWPF", "1", 4.5)
     time_constant_s: Annotated[Number, within(SECONDS)] = quantity(
@@ -113,6 +117,15 @@ class ModulationTable(Table):
     off_level: Annotated[Number, Gt(0), Le(1e6)] = quantity(
         "Output of the lag at which PWPF shuts", "1", 0.15
     )
+
+
+def modulation_kind(
+    table: ModulationTable | None, thrusters: tuple[ThrusterTable, ...]
+) -> ModulationKind:
+    """How thrusters are pulsed; pulse width alone has a dead zone, the others keep what is left."""
+    if table is not None and table.kind is not None:
+        return table.kind
+    return "delta-sigma" if all(one.min_on_time_s > 0 for one in thrusters) else "pwm"
 
 
 THRUSTER_FAILURES = {

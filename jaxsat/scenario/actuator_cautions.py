@@ -1,0 +1,196 @@
+"""Actuators that are allowed and yet cannot do what the law will ask of them."""
+
+import itertools
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from jaxsat.allocation import least_propellant, plane_map
+from jaxsat.scenario.coordinates import inertia_matrix
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.holding import rotation
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import InitialTable
+from jaxsat.scenario.thruster_tables import (
+    ModulationTable,
+    ThrusterTable,
+    modulation_kind,
+    working_torques,
+)
+from jaxsat.scenario.wheel_tables import left_by_wheels, wheel_axes
+from jaxsat.scenario.wording import shown
+
+PHASES = 25
+"""Of a turn of the orbit frame, at which momentum is compared with what wheels can hold."""
+
+ROUNDING = 1e-9
+"""Relative; what rounding alone makes of a momentum at the limit."""
+
+
+def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
+    """What will never be used, what is too slow or too coarse, and too much momentum."""
+    yield from _idle_thrusters(scenario)
+    yield from _momentum_beyond_wheels(scenario)
+    yield from _slow_thrust(scenario)
+    yield from _dead_zone(scenario)
+    yield from _slow_samples(scenario)
+
+
+def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
+    """Beside wheels that make all that the law commands."""
+    torques = find_law(scenario.control.law).declaration.torques
+    working = sum(not one.failed for one in scenario.thruster)
+    if not scenario.wheel or not working or not torques:
+        return
+    if not left_by_wheels(scenario.wheel, torques).any():
+        message = (
+            "should leave the thrusters a torque to make: the wheels make all that the law "
+            f"commands and thrusters do not unload them, so that none of {working} ever fires"
+        )
+        yield Issue(("thruster",), message)
+
+
+def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
+    """Momentum of body and wheels that the wheels cannot hold where the law is to bring it."""
+    wheels, law = scenario.wheel, find_law(scenario.control.law).declaration
+    limits = [one.momentum_limit_N_m_s for one in wheels if not one.failed]
+    if not limits or None in limits or scenario.magnetorquer or not law.regulates_attitude:
+        return
+    if law.torques and left_by_wheels(wheels, law.torques).any():
+        return  # thrusters take part
+    axes, limit = wheel_axes(tuple(one for one in wheels if not one.failed)), np.array(limits)
+    most, worst = 1 + ROUNDING, None
+    for momentum in _momenta_to_hold(scenario):
+        share, direction = _share_held(axes, limit, momentum)
+        if share > most:
+            most, worst = share, momentum @ direction
+    if worst is not None:
+        message = (
+            f"should hold the momentum of body and wheels when the attitude is reached: along one "
+            f"direction {abs(worst):.4g} N m s, {most:.3g} times what they can hold"
+        )
+        yield Issue(("wheel",), message)
+
+
+def _momenta_to_hold(scenario: Scenario) -> Iterator[np.ndarray]:
+    """What wheels that work must hold (N m s), in body axes along the orbit frame, over time."""
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    coasting = [one.momentum_N_m_s if one.failed else 0.0 for one in scenario.wheel]
+    stored = [one.momentum_N_m_s for one in scenario.wheel]
+    axes, start = wheel_axes(scenario.wheel), scenario.initial
+    whole = inertia @ np.array(start.omega_rad_s) + axes @ stored
+    whole = _body_axes(start).T @ whole
+    rate = scenario.orbit.rate()
+    angles = np.linspace(0, min(rate * scenario.simulation.duration_s, 2 * math.pi), PHASES)
+    for angle in angles if rate else angles[:1]:
+        cos, sin = math.cos(angle), math.sin(angle)
+        # The orbit frame turns by -ω0 about its second axis, what is fixed in space by ω0 in it.
+        turned = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]) @ whole
+        yield turned - inertia @ [0, -rate, 0] - axes @ coasting
+
+
+def _body_axes(start: InitialTable) -> np.ndarray:
+    """C of `v_body = C v_orbit` at the start."""
+    if start.quaternion is not None:
+        return rotation(_turn(math.acos(np.clip(start.quaternion[0], -1, 1)), start.quaternion[1:]))
+    assert start.w is not None
+    assert start.z_rad is not None
+    tilt = _turn(math.atan(math.hypot(*start.w)), (*start.w, 0.0))
+    return rotation(tilt) @ rotation(np.array([0.0, 0.0, start.z_rad]))
+
+
+def _turn(half: float, axis: tuple[float, ...]) -> np.ndarray:
+    """The rotation vector (rad) of twice the angle `half` about an axis."""
+    size = np.linalg.norm(axis)
+    return 2 * half * np.array(axis) / size if size else np.zeros(3)
+
+
+def _share_held(axes: np.ndarray, limit: np.ndarray, momentum: np.ndarray):
+    """The largest of momentum over what wheels hold along a direction, and that direction.
+
+    The momenta that wheels hold are a zonotope, whose faces are normal to two of their axes.
+    """
+    columns = [*axes.T, *np.eye(3)]
+    normals = [np.cross(a, b) for a, b in itertools.combinations(columns, 2)]
+    normals = np.array([n / np.linalg.norm(n) for n in normals if np.linalg.norm(n) > ROUNDING])
+    held = np.abs(normals @ axes) @ limit
+    asked = np.abs(normals @ momentum)
+    small = ROUNDING * max(np.linalg.norm(momentum), float(limit.max()))
+    share = np.where(asked > small, asked / np.maximum(held, small), 0.0)
+    worst = int(np.argmax(share))
+    return float(share[worst]), normals[worst]
+
+
+def _slow_thrust(scenario: Scenario) -> Iterator[Issue]:
+    for number, one in enumerate(scenario.thruster):
+        if 0 < one.min_on_time_s < one.rise_time_s:
+            message = f"should be at least rise_time_s = {shown(one.rise_time_s)}"
+            found = f"{message}, else its shortest pulse ends before full thrust, got"
+            location = ("thruster", number, "min_on_time_s")
+            yield Issue(location, f"{found} {shown(one.min_on_time_s)}")
+
+
+def _dead_zone(scenario: Scenario) -> Iterator[Issue]:
+    """Errors of attitude beyond what is to be settled at which no thruster fires."""
+    table = scenario.modulation or ModulationTable()
+    kind = modulation_kind(table, scenario.thruster)
+    frequency = getattr(scenario.control, "natural_frequency_rad_s", None)
+    torques = find_law(scenario.control.law).declaration.torques
+    alone = scenario.thruster and not scenario.wheel
+    if frequency is None or torques != 3 or kind not in ("pwm", "pwpf") or not alone:
+        return
+    working = [one for one in scenario.thruster if not one.failed]
+    angle = _idle_angle(scenario, working, table.on_level / table.gain if kind == "pwpf" else 0.0)
+    allowed = scenario.settled.turn_rad
+    if angle > allowed:
+        below = f"below {math.degrees(angle):.3g} degrees" if angle < math.pi else "at any error"
+        message = (
+            "should fire thrusters within the attitude error that counts as settled, "
+            f"{math.degrees(allowed):.3g} degrees: none fires {below} about one axis "
+            f'("delta-sigma" has no dead zone), got {shown(kind)}'
+        )
+        yield Issue(("modulation", "kind"), message)
+
+
+def _idle_angle(scenario: Scenario, working: list[ThrusterTable], duty: float) -> float:
+    """The largest angle (rad) about a body axis for which a thruster's duty stays too small.
+
+    The torque that the law asks for is J ω² times the angle, up to that of its largest rate.
+    """
+    torque = working_torques(scenario.thruster)
+    bases = least_propellant(torque, np.ones(torque.shape[1]), plane_map(torque, 3, False))
+    period = getattr(scenario.control, "period_s")  # noqa: B009
+    shortest = np.array(
+        [one.min_on_time_s / period for one in working for _ in range(1 + one.two_sided)]
+    )
+    shortest = np.maximum(shortest, duty)
+    frequency = getattr(scenario.control, "natural_frequency_rad_s")  # noqa: B009
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    largest = 0.0
+    for axis in (*np.eye(3), *-np.eye(3)):
+        asked = bases @ (inertia @ axis * frequency**2)  # duties per radian, of each basis
+        duties = asked[np.argmax(asked.min(axis=1))]
+        used = duties > ROUNDING * duties.max()
+        largest = max(largest, float(np.min(shortest[used] / duties[used])))
+    most = getattr(scenario.control, "max_rate_rad_s", None)
+    damping = getattr(scenario.control, "damping", 1.0)
+    return math.inf if most is not None and largest > 2 * damping * most / frequency else largest
+
+
+def _slow_samples(scenario: Scenario) -> Iterator[Issue]:
+    """A period and a delay in which a rate error is more than undone."""
+    frequency = getattr(scenario.control, "natural_frequency_rad_s", None)
+    damping = getattr(scenario.control, "damping", None)
+    period = getattr(scenario.control, "period_s", None)
+    if frequency is None or damping is None or period is None:
+        return
+    delay = 0.0 if scenario.sampling is None else scenario.sampling.delay_s
+    most = 1 / (2 * damping * frequency)
+    if period + delay > most:
+        message = (
+            "should be, with sampling.delay_s, at most 1 / (2 damping natural_frequency_rad_s) = "
+            f"{most:.4g} s, else a rate error is overcome with another of the other sign"
+        )
+        yield Issue(("control", "period_s"), f"{message}, got {shown(period)}")

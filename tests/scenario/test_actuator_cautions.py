@@ -1,0 +1,173 @@
+"""What actuators cannot do is told before a run: closed forms, a linear programme, a flight."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from scipy.spatial.transform import Rotation
+
+from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
+from jaxsat.attitude import Quaternion
+from jaxsat.scenario import ScenarioWarning
+from jaxsat.scenario.actuator_cautions import _body_axes, _momenta_to_hold, _share_held
+from jaxsat.scenario.tables import InitialTable
+
+WHEELS = [[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]
+
+
+def told(name, *changes):
+    """What is told of a scenario with these changes, and the scenario."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ScenarioWarning)
+        scenario = load(name, changes)
+    return [str(one.message) for one in caught], scenario
+
+
+def wheels(momentum, limit=20.0):
+    tables = (
+        f"{{axis={axis}, torque_limit_N_m=0.4, momentum_limit_N_m_s={limit}, "
+        f"momentum_N_m_s={part}}}"
+        for axis, part in zip(WHEELS, momentum, strict=True)
+    )
+    return f"wheel=[{', '.join(tables)}]"
+
+
+OWN = ("failure=[]", "control.law='quaternion-feedback'", "control.natural_frequency_rad_s=0.02")
+
+
+def test_library_scenarios_are_told_nothing_of_actuators():
+    for name in ("cubesat-12u", "failures-12u", "thruster-dies", "wheels-fail"):
+        assert not told(name)[0]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_wheels_hold_what_a_linear_programme_holds(seed):
+    """1 / share is the largest multiple of a momentum that wheels within their limits make."""
+    rng = np.random.default_rng(seed)
+    count = rng.integers(3, 7)
+    axes = rng.normal(size=(3, count))
+    axes /= np.linalg.norm(axes, axis=0)
+    limit, momentum = rng.uniform(1, 30, count), rng.normal(size=3)
+    most = linprog(
+        [0.0] * count + [-1.0],
+        A_eq=np.column_stack([axes, -momentum]),
+        b_eq=np.zeros(3),
+        bounds=[*zip(-limit, limit, strict=True), (0, None)],
+    ).x[-1]
+    assert _share_held(axes, limit, momentum)[0] == pytest.approx(1 / most, rel=1e-9)
+
+
+def test_wheels_in_a_plane_hold_nothing_across_it():
+    share, direction = _share_held(np.eye(3)[:, :2], np.ones(2), np.array([0.1, 0.1, 0.5]))
+    assert share > 1e6
+    np.testing.assert_allclose(np.abs(direction), [0, 0, 1])
+
+
+def test_the_start_is_that_of_either_form():
+    x, y, z, w = Rotation.from_rotvec([0.4, -0.7, 1.1]).as_quat()
+    quaternion = Quaternion(np.array([w, x, y, z]))
+    wz, right = quaternion.as_wz(), quaternion.as_dcm().matrix
+    for start in (
+        InitialTable(quaternion=(w, x, y, z), omega_rad_s=(0, 0, 0)),
+        InitialTable(w=tuple(map(float, wz.w)), z_rad=float(wz.z), omega_rad_s=(0, 0, 0)),
+    ):
+        np.testing.assert_allclose(_body_axes(start), right, atol=1e-12)
+
+
+def test_momentum_is_that_of_the_start_in_axes_of_the_orbit():
+    rotation, rate = Rotation.from_rotvec([0.4, -0.7, 1.1]), [0.01, -0.02, 0.03]
+    x, y, z, w = rotation.as_quat()
+    start = (
+        f"initial.quaternion={[float(part) for part in (w, x, y, z)]}",
+        f"initial.omega_rad_s={rate}",
+    )
+    _, scenario = told("wheels-fail", *start, wheels([1, 2, 3, 4]), *OWN)
+    axes = np.array(WHEELS, float).T / np.sqrt(2)
+    whole = np.diag([420.0, 380.0, 250.0]) @ rate + axes @ [1, 2, 3, 4]
+    (found,) = _momenta_to_hold(scenario)
+    np.testing.assert_allclose(found, rotation.apply(whole), rtol=1e-9)
+
+
+def test_momentum_in_orbit_is_that_of_every_phase():
+    """The frame turns about -y: what is along x at first is along ±z a quarter later."""
+    changes = (
+        "orbit.rate_rad_s=0.001",
+        "simulation.duration_s=6300",
+        "initial.quaternion=[1,0,0,0]",
+        "initial.omega_rad_s=[0.01,-0.001,0]",
+    )
+    _, scenario = told("wheels-fail", *changes, wheels([0, 0, 0, 0]), *OWN)
+    found = np.array(list(_momenta_to_hold(scenario)))
+    np.testing.assert_allclose(np.hypot(found[:, 0], found[:, 2]), 4.2, rtol=1e-9)
+    np.testing.assert_allclose(found[6], [0, 0, -4.2], atol=1e-9)
+    np.testing.assert_allclose(found[:, 1], 0, atol=1e-12)  # the rate of the orbit is kept
+
+
+def test_too_much_momentum_is_told():
+    message = "1.2 times what they can hold"
+    # Along z all four wheels hold 20 N m s each: 4 · 20 / √2 = 56.6.
+    fast = f"initial.omega_rad_s=[0,0,{1.2 * 80 / np.sqrt(2) / 250}]"
+    still = "initial.quaternion=[1,0,0,0]"
+    assert any(message in one for one in told("wheels-fail", still, fast, *OWN)[0])
+    slow = f"initial.omega_rad_s=[0,0,{0.9 * 80 / np.sqrt(2) / 250}]"
+    assert not told("wheels-fail", still, slow, *OWN)[0]
+
+
+JET = "{torque_axis=%s, torque_N_m=0.01, min_on_time_s=0.02}"
+JETS = [
+    JET % (sign * np.eye(3)[axis]).astype(int).tolist() for axis in range(3) for sign in (1, -1)
+]
+
+
+def test_thrusters_that_never_fire_are_told():
+    jets = f"thruster=[{', '.join(JETS)}]"
+    assert any("none of 6 ever fires" in one for one in told("wheels-fail", jets, *OWN)[0])
+    two = "wheel=[{axis=[1,0,0], torque_limit_N_m=0.4}, {axis=[0,1,0], torque_limit_N_m=0.4}]"
+    assert not any("fires" in one for one in told("wheels-fail", jets, two, *OWN)[0])
+
+
+def test_slow_thrust_and_slow_samples_are_told():
+    slow = f"thruster=[{', '.join(JETS)}]".replace("0.02}", "0.02, rise_time_s=0.03}")
+    assert sum("ends before full thrust" in one for one in told("cubesat-12u", slow)[0]) == 6
+    quick = "control.natural_frequency_rad_s=6", "control.damping=1"
+    assert any("= 0.08333 s" in one for one in told("cubesat-12u", *quick)[0])
+
+
+def flown(kind, angle, rate=1.0):
+    """How often valves opened in 30 s from an error of attitude (rad) about the first axis."""
+    changes = [
+        "spacecraft.inertia_kg_m2=[0.3,0.55,0.62]",
+        f"thruster=[{', '.join(JETS)}]",
+        "orbit={rate_rad_s=0}",
+        "disturbance={}",
+        "sampling={}",
+        f"initial.quaternion=[{np.cos(angle / 2)},{np.sin(angle / 2)},0,0]",
+        "control.natural_frequency_rad_s=0.3",
+        "control.period_s=0.1",
+        f"control.max_rate_rad_s={rate}",
+        "simulation.duration_s=30",
+        *([] if kind is None else [f"modulation.kind={kind!r}"]),
+    ]
+    messages, scenario = told("cubesat-12u", *changes)
+    if kind is None:
+        scenario = scenario.model_copy(update={"modulation": None})
+    run = build(scenario).simulate()
+    return messages, np.asarray(run.signals.thrust_level).any()
+
+
+@pytest.mark.slow
+def test_no_thruster_fires_in_the_dead_zone_of_pulse_width():
+    """A duty of 0.2, the shortest pulse of 0.02 s in 0.1 s, is asked for by 0.2 T / (J ω²)."""
+    idle = 0.2 * 0.01 / (0.3 * 0.3**2)
+    messages, fired = flown("pwm", 0.99 * idle)
+    assert not fired
+    assert any(f"none fires below {np.degrees(idle):.3g} degrees" in one for one in messages)
+    assert flown("pwm", 1.01 * idle)[1]
+    messages, fired = flown("pwm", 3.0, rate=0.9 * 0.3 * idle / 2)
+    assert not fired
+    assert any("none fires at any error" in one for one in messages)
+    messages, fired = flown(None, 0.1 * idle)  # by default what is left is kept
+    assert fired
+    assert not any("fires" in one for one in messages)
