@@ -85,7 +85,8 @@ def test_summary_tells_when_it_settled(jaxsat):
     assert 2 < dataset["time"][last] <= float(match[1]) <= dataset["time"][last + 1] < 8
     _, out, _ = jaxsat("simulate", "paper-three-axis", *changes, "--out", "three-axis")
     assert (
-        "settled   no (|w| < 0.05, |z| < 0.05 rad, relative rate < 0.001 rad/s to the end)" in out
+        "settled   no (|w| < 0.05, |z| < 0.05 rad, relative rate |ω_r| < 0.001 rad/s to the end)"
+        in out
     )
 
 
