@@ -25,6 +25,9 @@ from jaxsat.scenario.wording import shown
 PHASES = 25
 """Of a turn of the orbit frame, at which momentum is compared with what wheels can hold."""
 
+NOTHING = 1e6
+"""A momentum over what wheels hold along it that is as good as infinite."""
+
 ROUNDING = 1e-9
 """Relative; what rounding alone makes of a momentum at the limit."""
 
@@ -68,8 +71,9 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
             most, worst = share, momentum @ direction
     if worst is not None:
         message = (
-            f"should hold the momentum of body and wheels when the attitude is reached: along one "
-            f"direction {abs(worst):.4g} N m s, {most:.3g} times what they can hold"
+            "should hold the momentum of body and wheels when the attitude is reached: along one "
+            f"direction {abs(worst):.4g} N m s, "
+            f"{f'{most:.3g} times what they hold' if most < NOTHING else 'where they hold none'}"
         )
         yield Issue(("wheel",), message)
 

@@ -80,7 +80,7 @@ def test_summary_tells_when_it_settled(jaxsat):
     dataset = open_trajectory("rate")
     size = np.linalg.norm(dataset["omega"], axis=1)
     last = np.flatnonzero(size >= 1e-3)[-1]
-    match = re.fullmatch(r"settled   from (\S+) s \(\|omega\| < 0.001 rad/s to the end\)", line)
+    match = re.fullmatch(r"settled   from (\S+) s \(\|ω\| < 0.001 rad/s to the end\)", line)
     assert match
     assert 2 < dataset["time"][last] <= float(match[1]) <= dataset["time"][last + 1] < 8
     _, out, _ = jaxsat("simulate", "paper-three-axis", *changes, "--out", "three-axis")

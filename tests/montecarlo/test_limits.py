@@ -117,6 +117,7 @@ def refused(name, distribution, *more):
     return problem.key.removeprefix(key).removeprefix("."), problem.message
 
 
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")  # of two wheels' momentum
 @pytest.mark.parametrize("name", BEYOND)
 def test_supports_are_held_against_the_ranges_of_the_keys(name):
     fine = NOMINAL.get(name, 0.0)

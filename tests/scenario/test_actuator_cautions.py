@@ -106,11 +106,14 @@ def test_momentum_in_orbit_is_that_of_every_phase():
 
 
 def test_too_much_momentum_is_told():
-    message = "1.2 times what they can hold"
+    message = "1.2 times what they hold"
     # Along z all four wheels hold 20 N m s each: 4 · 20 / √2 = 56.6.
     fast = f"initial.omega_rad_s=[0,0,{1.2 * 80 / np.sqrt(2) / 250}]"
     still = "initial.quaternion=[1,0,0,0]"
     assert any(message in one for one in told("wheels-fail", still, fast, *OWN)[0])
+    two = [f"{{axis={axis}, momentum_limit_N_m_s=20}}" for axis in ([1, 0, 0], [0, 1, 0])]
+    messages, _ = told("switching", f"wheel=[{', '.join(two)}]")
+    assert any("where they hold none" in one for one in messages)
     slow = f"initial.omega_rad_s=[0,0,{0.9 * 80 / np.sqrt(2) / 250}]"
     assert not told("wheels-fail", still, slow, *OWN)[0]
 
