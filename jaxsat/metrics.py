@@ -46,7 +46,8 @@ class Tolerances(eqx.Module):
             end += f", {float(self.dwell):g} s at least"
         if not attitude:
             return f"|ω| < {rate:g} rad/s{end}"
-        return f"|w| < {w:g}, |z| < {z:g} rad, relative rate |ω_r| < {rate:g} rad/s{end}"
+        of_attitude = f"|w| < {w:g}, |z| < {z:g} rad, " if math.isfinite(w) else ""
+        return f"{of_attitude}relative rate |ω_r| < {rate:g} rad/s{end}"
 
 
 def wrap_angle(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:

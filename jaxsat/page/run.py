@@ -29,6 +29,7 @@ from jaxsat.report.time_axes import mode_names
 from jaxsat.results import time_at_rest, time_to_settle
 from jaxsat.results.coarseness import coarseness
 from jaxsat.scenario.laws import known_law
+from jaxsat.scenario.tables import OrbitTable
 from jaxsat.text import capitalised
 
 GROUPS = {
@@ -146,12 +147,17 @@ def settles_in_attitude(scenario: Mapping[str, Any]) -> bool:
     return found is None or found.declaration.regulates_attitude
 
 
-def settled_meaning(scenario: Mapping[str, Any]) -> str:
-    """Within what a case of a scenario's tables counts as settled."""
+def settled_meaning(scenario: Mapping[str, Any], of_study: bool = False) -> str:
+    """Within what a run of a scenario's tables counts as settled, or a case of a study, which under
+    a law that only stops a rotation may turn as fast as the orbit besides."""
     keys = ("tilt_rad", "turn_rad", "rate_rad_s", "dwell_s")
     table = scenario.get("settled", {})
     given = {key: table[key] for key in keys if isinstance(table.get(key), int | float)}
-    return Tolerances.of_keys(**given).text(settles_in_attitude(scenario))
+    found, attitude = Tolerances.of_keys(**given), settles_in_attitude(scenario)
+    if attitude or not of_study:
+        return found.text(attitude)
+    orbit = OrbitTable.model_validate(scenario.get("orbit", {})).rate()
+    return Tolerances(np.inf, np.inf, found.relative_rate + orbit, found.dwell).text()
 
 
 def scenario_facts(scenario: Mapping[str, Any]) -> dict[str, str]:

@@ -72,7 +72,7 @@ def study_section(path: Path) -> Section:
         blocks.append(Listing("Scenario file", text, FILE))
     law = identity["scenario"].get("control", {}).get("law", "unknown")
     title = f"{summary.cases:,} cases under the law {law}"
-    verdict = study_verdict(summary, settled_meaning(scenario))
+    verdict = study_verdict(summary, settled_meaning(scenario, of_study=True))
     return Section(title, f"Study in {path.name}", verdict, blocks)
 
 

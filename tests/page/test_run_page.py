@@ -9,7 +9,7 @@ from helpers.pages import SCENARIO, array, json_of, run_dataset
 from jaxsat.page import document, report_page
 from jaxsat.page.decimation import kept_samples
 from jaxsat.page.replay import body_box, craft
-from jaxsat.page.run import run_verdict
+from jaxsat.page.run import run_verdict, settled_meaning
 from jaxsat.results import OutputError
 
 NASTY = '</script><script>alert("1")</script><b>&amp; $$x$$ \\[y\\]'
@@ -195,3 +195,12 @@ def test_without_bokeh_the_message_says_what_to_install(run_file, monkeypatch):
     monkeypatch.setattr(document, "PACKAGES", ("bokeh", "no_such_package"))
     with pytest.raises(document.MissingPackages, match=r"no_such_package: pip install 'jaxsat\["):
         report_page([run_file(run_dataset())])
+
+
+def test_settled_is_told_as_a_study_judges_it():
+    """A law that only stops a rotation is judged by the relative rate, with that of the orbit."""
+    tables = {"control": {"law": "one-torque"}, "settled": {"rate_rad_s": 2e-3, "dwell_s": 30.0}}
+    tables |= {"orbit": {"rate_rad_s": 0.0011, "altitude_km": None}}
+    assert settled_meaning(tables) == "|ω| < 0.002 rad/s to the end, 30 s at least"
+    told = settled_meaning(tables, of_study=True)
+    assert told == "relative rate |ω_r| < 0.0031 rad/s to the end, 30 s at least"
