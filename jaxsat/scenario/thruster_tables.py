@@ -122,7 +122,7 @@ class ModulationTable(Table):
 def modulation_kind(
     table: ModulationTable | None, thrusters: tuple[ThrusterTable, ...]
 ) -> ModulationKind:
-    """How thrusters are pulsed; pulse width alone has a dead zone, the others keep what is left."""
+    """How thrusters are pulsed; by default the mean thrust has no dead zone, if possible."""
     if table is not None and table.kind is not None:
         return table.kind
     return "delta-sigma" if all(one.min_on_time_s > 0 for one in thrusters) else "pwm"
