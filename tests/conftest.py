@@ -12,6 +12,7 @@ import shutil
 import signal
 import sys
 import tempfile
+from importlib import metadata
 from pathlib import Path
 
 SHARED_COMPILATIONS = {
@@ -19,6 +20,19 @@ SHARED_COMPILATIONS = {
     "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
     "EQX_ON_ERROR": "nan",  # a program that calls back into Python is never kept
 }
+
+
+QUICK_TO_COMPILE = {
+    "XLA_FLAGS": "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1",
+    "JAX_DISABLE_MOST_OPTIMIZATIONS": "1",
+}
+"""Halves what XLA spends on a program. Flags that an XLA does not know end the process."""
+
+
+def _compile_quickly() -> None:
+    """Leave out most of XLA's optimisations, unless `XLA_FLAGS` is set, be it to nothing."""
+    if "XLA_FLAGS" not in os.environ and metadata.version("jaxlib").startswith("0.10."):
+        os.environ.update(QUICK_TO_COMPILE)
 
 
 def _share_compilations() -> None:
@@ -31,6 +45,7 @@ def _share_compilations() -> None:
         os.environ["JAX_COMPILATION_CACHE_DIR"] = folder
 
 
+_compile_quickly()
 _share_compilations()
 
 import jax  # noqa: E402
@@ -45,6 +60,8 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
 typechecking.install()
+
+gc.set_threshold(200_000, 50, 50)  # tracing makes objects by the million, few of them in circles
 
 settings.register_profile("jaxsat", deadline=None, max_examples=50, derandomize=True)
 settings.load_profile("jaxsat")

@@ -27,14 +27,16 @@ def dependencies(function: Function) -> list[set[int]]:
     flow = _DataFlow({param.number: 1 << i for i, param in enumerate(function.params)})
     flow.block(function.block, 0)
     indices = range(len(function.params))
-    return [{i for i in indices if flow.of([x]) >> i & 1} for x in function.results]
+    needs = [flow.of([x]) for x in function.results]
+    return [{i for i in indices if need >> i & 1} for need in needs]
 
 
 @dataclass
 class _DataFlow:
     """What values and memories need, by their numbers; bit i stands for parameter i."""
 
-    known: dict[int, int] = field(default_factory=dict)
+    known: dict[int, int]
+    memories: dict[int, int] = field(default_factory=dict)
 
     def of(self, scalars: Iterable[Scalar]) -> int:
         """What any of them needs."""
@@ -57,7 +59,7 @@ class _DataFlow:
                 self._note([out], [self.of([index, *memory.elements]) | self._in(memory)])
             case Store(memory=memory, index=index, value=value):
                 needs = self._in(memory) | self.of([index, value]) | control
-                self.known[memory.number] = needs
+                self.memories[memory.number] = needs
             case Call(args=args, outs=outs):
                 self._note(outs, [self.of(args)] * len(outs))
             case Switch():
@@ -71,19 +73,20 @@ class _DataFlow:
 
     def _loop(self, loop: Loop, control: int) -> None:
         """Until nothing changes: what a parameter needs, others may need in the next turn."""
-        self._note(loop.params, [self.of([x]) for x in loop.before])
+        after, memories = [self.of([x]) for x in loop.before], dict(self.memories)
         while True:
-            before = dict(self.known)
+            self._note(loop.params, after)
             self.block(loop.condition, control)
             test = control | self.of([loop.active])
             self.block(loop.body, test)
+            before, seen = after, memories
             after = [self.of([x, y]) | test for x, y in zip(loop.params, loop.after, strict=True)]
-            self._note(loop.params, after)
-            if self.known == before:
+            memories = dict(self.memories)
+            if (after, memories) == (before, seen):
                 return
 
     def _note(self, values: Sequence[Value], needs: Sequence[int]) -> None:
         self.known.update((x.number, need) for x, need in zip(values, needs, strict=True))
 
     def _in(self, memory: Memory) -> int:
-        return self.known.get(memory.number, 0)
+        return self.memories.get(memory.number, 0)

@@ -49,10 +49,10 @@ class EntryPoint:
     inputs: list[Location]
     outputs: list[Location]
 
-    def needed_for(self, outputs: Container[Location]) -> set[Location]:
-        """The locations of the inputs that the results in these locations need."""
-        needs = zip(self.outputs, dependencies(self.function), strict=True)
-        return {self.inputs[i] for location, some in needs if location in outputs for i in some}
+    def needs(self) -> dict[Location, set[Location]]:
+        """By the location of every result, the locations of the inputs that it needs."""
+        found = zip(self.outputs, dependencies(self.function), strict=True)
+        return {location: {self.inputs[i] for i in some} for location, some in found}
 
     def with_outputs(self, outputs: Container[Location]) -> "EntryPoint":
         """With no results but those in these locations."""

@@ -210,7 +210,9 @@ def _with_needed_results(onwards: EntryPoint, others: Iterable[EntryPoint]) -> E
 
     The dense output of states that nobody observes is an example.
     """
-    needed = set[Location]().union(*(entry.needed_for(entry.outputs) for entry in others))
-    while more := onwards.needed_for(needed) - needed:
+    needs, needed = onwards.needs(), set[Location]()
+    more = needed.union(*(some for entry in others for some in entry.needs().values()))
+    while more:
         needed |= more
+        more = needed.union(*(needs.get(location, ()) for location in more)) - needed
     return onwards.with_outputs(needed)
