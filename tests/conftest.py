@@ -12,27 +12,15 @@ import shutil
 import signal
 import sys
 import tempfile
-from importlib import metadata
 from pathlib import Path
+
+from helpers import compiling
 
 SHARED_COMPILATIONS = {
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
     "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
     "EQX_ON_ERROR": "nan",  # a program that calls back into Python is never kept
 }
-
-
-QUICK_TO_COMPILE = {
-    "XLA_FLAGS": "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1",
-    "JAX_DISABLE_MOST_OPTIMIZATIONS": "1",
-}
-"""Halves what XLA spends on a program. Flags that an XLA does not know end the process."""
-
-
-def _compile_quickly() -> None:
-    """Leave out most of XLA's optimisations, unless `XLA_FLAGS` is set, be it to nothing."""
-    if "XLA_FLAGS" not in os.environ and metadata.version("jaxlib").startswith("0.10."):
-        os.environ.update(QUICK_TO_COMPILE)
 
 
 def _share_compilations() -> None:
@@ -45,7 +33,7 @@ def _share_compilations() -> None:
         os.environ["JAX_COMPILATION_CACHE_DIR"] = folder
 
 
-_compile_quickly()
+compiling.skip_most_optimisations()
 _share_compilations()
 
 import jax  # noqa: E402

@@ -144,7 +144,8 @@ def test_processes_and_devices_give_the_same_bits(jaxsat, tmp_path):
     assert jaxsat(*tokens, "--out", "plain")[0] == 0
     plain = of_store(tmp_path / "plain")
     runs = [("two", ["--processes", "2"], {})]
-    flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=4"}
+    devices = "--xla_force_host_platform_device_count=4"
+    flags = {"XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} {devices}"}
     runs.append(("four", ["--devices", "4"], flags))
     for name, more, variables in runs:
         subprocess.run(

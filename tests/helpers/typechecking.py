@@ -1,7 +1,8 @@
 """Every call of jaxsat checked against its annotations, shapes of arrays among them.
 
 `jaxtyped` binds the arguments of every call to relate their shapes, which would take a third of all
-tests' time. Functions without a shape in their annotations need only beartype.
+tests' time. Functions without a shape in their annotations need only beartype. The compiler is left
+to the static checks: it has no shapes, and calls by the million.
 """
 
 from typing import Any, get_args
@@ -21,6 +22,8 @@ def install() -> None:
 
 def _checked(*, typechecker: Any) -> Any:
     def decorate(part: Any) -> Any:
+        if part.__module__.startswith("jaxsat.engine.native"):
+            return part
         if isinstance(part, type) or not hasattr(part, "__annotations__"):
             return _with_shapes(part, typechecker=typechecker)
         hints = list(part.__annotations__.values())

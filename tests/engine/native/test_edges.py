@@ -16,6 +16,7 @@ import pytest
 from engine.native.edge_programs import ALIASES, LENGTH, PROGRAMS, Use
 from engine.native.edge_table import ELEMENTWISE, ULPS, XLA_ULPS, Edge
 from engine.native.edge_values import ALL, MISSING, edge_pairs, edge_values
+from helpers.compiling import fully_optimised
 from jaxsat.engine.native import Mapped
 from jaxsat.engine.native.builder import Builder
 from jaxsat.engine.native.lowering import RULES, as_elements, lower
@@ -71,7 +72,7 @@ class Reference:
 def _references(dtype: np.dtype, arity: int) -> dict[str, Reference]:
     edges = _edges(dtype, arity)
     arguments = {name: _arguments(edge, dtype) for name, edge in edges.items()}
-    by_xla = jax.jit(
+    by_xla = fully_optimised(
         lambda given: {name: (e.xla or e.function)(*given[name]) for name, e in edges.items()}
     )(arguments)
     return {

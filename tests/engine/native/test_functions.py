@@ -15,6 +15,7 @@ from jax import lax
 from engine.native.function_points import TWO_ARGUMENTS, arguments_of, points
 from engine.native.function_references import NUMPY, REFERENCES, errors_in_ulps, exact_values
 from engine.native.numpy_interpreter import evaluate
+from helpers.compiling import fully_optimised
 from jaxsat.engine.native.functions import FUNCTIONS, program
 from jaxsat.engine.native.mapped import Mapped
 
@@ -57,7 +58,7 @@ def _assert_accurate(name: str, arguments: tuple[np.ndarray, ...]) -> None:
     assert compiled.max() <= ULPS[name], [a[compiled.argmax()] for a in arguments]
     # XLA takes subnormal numbers for zero.
     normal = np.all([(np.abs(a) > 1e-307) for a in arguments], axis=0)
-    fused = errors_in_ulps(np.asarray(jax.jit(FUNCTIONS[name])(*arguments)), exact, 1e-307)
+    fused = errors_in_ulps(np.asarray(fully_optimised(FUNCTIONS[name])(*arguments)), exact, 1e-307)
     fused = np.where(normal, fused, 0.0)
     assert fused.max() <= ULPS[name], [a[fused.argmax()] for a in arguments]
 
@@ -118,7 +119,7 @@ def test_the_short_way_of_sine_and_cosine_is_accurate_below_its_limit():
     x = np.concatenate([points("sin", rng, 300), rng.uniform(-(2.0**14), 2.0**14, 600)])
     short = np.abs(x) < 2.0**14
     for name, parts in (("near_sin", ["sin"]), ("near_cos", ["cos"]), ("near_sincos", NEAR)):
-        for found in (evaluate(program(name, "float64"), x), jax.jit(FUNCTIONS[name])(x)):
+        for found in (evaluate(program(name, "float64"), x), fully_optimised(FUNCTIONS[name])(x)):
             np.testing.assert_array_equal(np.asarray(found[-1]), ~short)
             for part, values in zip(parts, found[:-1], strict=True):
                 errors = errors_in_ulps(np.asarray(values)[short], exact_values(part, (x[short],)))
