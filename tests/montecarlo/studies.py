@@ -52,6 +52,6 @@ if __name__ == "__main__":  # python -m montecarlo.studies STORE: a run to be ki
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    study = tumbling(4000, 8, duration=200.0)
+    study = tumbling(1200, 8, duration=200.0)
     print("begun", flush=True)
     run_study(study, sys.argv[1], executor=Serial(), report=lambda p: print(p.done, flush=True))

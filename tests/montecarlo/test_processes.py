@@ -43,10 +43,10 @@ def test_killing_a_study_loses_no_finished_chunk(tmp_path):
         process.communicate()
         done = contents(tmp_path / "s")["status"].sum()
         assert done >= int(told[-1])
-    study = tumbling(4000, 8, duration=200.0)
+    study = tumbling(1200, 8, duration=200.0)
     run_study(study, tmp_path / "s", executor=Threads(2))
     found = contents(tmp_path / "s")
-    assert found.pop("status").sum() == 4000
+    assert found.pop("status").sum() == 1200
     same(found, _by_column(study.evaluate(np.arange(4000))))
 
 
@@ -119,7 +119,7 @@ def test_an_interrupted_study_says_what_is_kept(tmp_path, sent, status):
 def test_ctrl_c_ends_all_processes_of_a_study(tmp_path):
     """SIGINT to the whole group, as from a terminal; resumed, the bits are as if never stopped."""
     store = tmp_path / "s"
-    options = ("--engine", "scan", "-n", "120", "--processes", "2")
+    options = ("--engine", "scan", "-n", "64", "--processes", "2")
     process = begun_study(store, *options)
     os.killpg(process.pid, signal.SIGINT)
     assert_ended_as_told(process, store, 130)
@@ -128,12 +128,12 @@ def test_ctrl_c_ends_all_processes_of_a_study(tmp_path):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     before = contents(store)["status"].sum()
-    assert 8 <= before < 120
-    study = same_study(120, "scan")
+    assert 8 <= before < 64
+    study = same_study(64, "scan")
     run_study(study, store, executor=Threads(2))
     found = contents(store)
-    assert found.pop("status").sum() == 120
-    same(found, _by_column(study.evaluate(np.arange(120))))
+    assert found.pop("status").sum() == 64
+    same(found, _by_column(study.evaluate(np.arange(64))))
 
 
 def running_in_group(group):
