@@ -145,7 +145,8 @@ class FaultTolerant(AbstractSampledController):
         condition = diagnosis.condition
         ability = self.reconfiguration.find(condition, memory.ability)
         number, left, limit = ability
-        steady = -(thrusters.torque @ condition.flow + condition.torque)
+        besides = cast(ResidualFilter, self.diagnosis.filter).believed(condition, period)
+        steady = -(thrusters.torque @ condition.flow + besides)
         torque, healthy = self.healthy.step(t, state, memory.healthy)
         settling = memory.settling
         if self.settling is not None:

@@ -73,8 +73,10 @@ class Diagnosis(eqx.Module):
     nothing has failed and the model is true, so that `average_run_length` of `reference` and
     `threshold` (both in sigmas) is the mean number of samples to a false alarm of each test. From
     the alarm on the evidence is gathered anew. The best explanation is the verdict once its
-    log-likelihood exceeds that of no failure, and that of any other actuator, by `margin`. After
-    `patience` samples the more likely of two is taken, and an alarm that nothing explains is
+    log-likelihood exceeds that of no failure, that of any other actuator, and that of a constant
+    torque from outside, by `margin`; if such a torque is the best, it is counted with from then on.
+    After `patience` samples the more likely of two actuators is taken, a torque from outside
+    rather than an actuator that is hardly more likely, and an alarm that nothing explains is
     dismissed. A failed actuator whose commanded torque is there again works again, at most
     `MOST_RETURNS` times.
     """
@@ -157,13 +159,16 @@ class Diagnosis(eqx.Module):
         flows = found.kind > DiagnosedKind.DEGRADED
         tested = tested & (flows | ~needed[found.thruster] | (found.tested > TOLD_APART))
         sure = (found.margin > self.margin) & tested
-        verdict = alarmed & (found.score > self.margin) & (sure | late)
-        over = alarmed & (verdict | late)
+        ahead = found.score - found.disturbance
+        verdict = alarmed & (found.score > self.margin) & (sure | (late & (ahead > self.margin)))
+        disturbed = alarmed & ~verdict & (found.disturbance > self.margin)
+        disturbed = disturbed & ((ahead < -self.margin) | late)
+        over = verdict | disturbed | (alarmed & late)
         alarm = ~alarmed & (jnp.max(statistic) > self.threshold)
         hit = verdict & (jnp.arange(lasting.shape[0]) == found.thruster)
         fails = hit & ~condition.failed
         comes_back = hit & condition.failed & (found.kind == DiagnosedKind.DEAD)
-        tracked = self.filter.tracked(residual, condition, period)
+        tracked = self.filter.tracked(residual, condition, period, ~alarmed & ~alarm)
         serves = jnp.isin(found.kind, jnp.array(hypotheses.in_service, int))
         back = condition.part + found.loss * (1 - condition.part)
         left = jnp.where(fails, condition.part * (1 - found.loss), back)
@@ -172,11 +177,12 @@ class Diagnosis(eqx.Module):
             (condition.failed | (fails & ~serves)) & ~comes_back,
             jnp.where(hit, left, condition.part),
             jnp.where(fails, condition.flow + found.flow, flow),
-            tracked.torque,
+            tracked.torque + jnp.where(disturbed, self.filter.torque_of(found.acceleration), 0.0),
+            jnp.where(disturbed, 0.0, tracked.samples),
         )
         named = self.filter.named(found.kind, found.thruster, filtered)
         return DiagnosisMemory(
-            self.filter.restarted(filtered, verdict, alarm),
+            self.filter.restarted(filtered, verdict | disturbed, alarm),
             residual.doubt(self.filter.uncertainty),
             jnp.where(over | alarm, 0.0, statistic),
             jnp.where(over, int(Stage.QUIET), jnp.where(alarm, int(Stage.ALARM), memory.stage)),

@@ -51,6 +51,11 @@ class AnyResidual(Protocol):
         """What full torque all the time leaves in it."""
         ...
 
+    @property
+    def steady(self) -> Float[Array, ""] | None:
+        """What one unit of constant acceleration leaves in it; None where nothing acts besides."""
+        ...
+
     def doubt(self, uncertainty: RealScalar) -> Float[Array, ""] | Float[Array, " m"]:
         """Its standard deviation if that part of it may be an error of the model."""
         ...
@@ -60,15 +65,17 @@ class Evidence(NamedTuple):
     """Of (a, b) of each actuator since an alarm: information matrix, and its product with them.
 
     `information` has the entries aa, ab and bb, `weighted` those of a and b, over `UNIT`.
+    `disturbance` has the same of a constant acceleration besides: information, and three axes.
     """
 
     information: Float[Array, "3 m"]
     weighted: Float[Array, "2 m"]
+    disturbance: Float[Array, "4"]
 
     @staticmethod
     def none(count: int) -> "Evidence":
         """Nothing known."""
-        return Evidence(jnp.zeros((3, count)), jnp.zeros((2, count)))
+        return Evidence(jnp.zeros((3, count)), jnp.zeros((2, count)), jnp.zeros(4))
 
     def after(self, residual: AnyResidual, uncertainty: RealScalar) -> "Evidence":
         """With one more residual, of which the part `uncertainty` may be an error of the model.
@@ -84,15 +91,20 @@ class Evidence(NamedTuple):
         information = self.information + more / variance
         most = jnp.maximum(jnp.max(information), MOST_INFORMATION)
         scale = MOST_INFORMATION / most
-        return Evidence(scale * information, scale * (self.weighted + found / variance))
+        besides = self.disturbance
+        if residual.steady is not None:
+            told = jnp.concatenate([residual.steady[None], seen])
+            besides = scale * (besides + residual.steady * told / variance[0, 0])
+        return Evidence(scale * information, scale * (self.weighted + found / variance), besides)
 
 
 class Explanation(NamedTuple):
     """The actuator that explains the residuals best, the kind, its (a, b), and how well.
 
     `kind` is a `DiagnosedKind`. `score` is the log-likelihood over that of no failure, `margin` how
-    far it is above that of the best other actuator. `tested` is the information about a. `scores`
-    has that of each actuator's best explanation.
+    far it is above that of the best other actuator and of a constant torque besides. `tested` is
+    the information about a. `scores` has that of each actuator's best explanation, `disturbance`
+    that of the constant torque, and `acceleration` (rad/s²) what it does.
     """
 
     thruster: Int[Array, ""]
@@ -103,6 +115,8 @@ class Explanation(NamedTuple):
     margin: RealScalar
     tested: RealScalar
     scores: Float[Array, " m"]
+    disturbance: RealScalar
+    acceleration: Float[Array, "3"]
 
 
 def explanation(
@@ -137,13 +151,18 @@ def explanation(
     thruster = jnp.argmax(best)
     others = jnp.where(jnp.arange(failed.shape[0]) == thruster, -IMPOSSIBLE, best)
     row = jnp.argmax(scores[:, thruster])
+    known, pull = evidence.disturbance[0], evidence.disturbance[1:]
+    acceleration = pull / jnp.where(known > 0, known, 1.0)
+    disturbance = jnp.sum(pull * acceleration) / 2 - PENALTY * pull.shape[0]
     return Explanation(
         thruster,
         kinds[row, 0],
         a[row, thruster],
         b[row, thruster],
         best[thruster],
-        best[thruster] - jnp.max(others),
+        best[thruster] - jnp.maximum(jnp.max(others), disturbance),
         aa[thruster],
         best,
+        disturbance,
+        acceleration,
     )

@@ -6,7 +6,7 @@ do not. The filter's gain also says how a failure's signature decays in them.
 """
 
 import abc
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -27,39 +27,53 @@ TEST_SIGMAS = 6.0
 """Effect of a test pulse on what is read, over its noise."""
 
 TRACKING, SLOW_TRACKING = 0.1, 0.03
-"""Part of the error of a flow, and of the torque besides, that is taken out with each sample."""
+"""Part of the error of a flow, and of the torque besides it, taken out with each sample."""
+
+STEADY_GAIN, STEADY_VARIANCE = 0.390388, 1.640388
+"""Of the filter after many samples, over one and over the noise: K²/(1-K) is `RESTLESSNESS`."""
+
+FIRST_SAMPLES, MOST_SAMPLES = 3.0, 400.0
+"""The torque that acts besides is believed to be none as if so many samples had told, and it may
+change in so many."""
+
+DOUBTED_SIGMAS, BELIEVED_SIGMAS = 4.0, 8.0
+"""Of an estimate of that torque nothing is made up for below, and all above."""
 
 
 class Condition(NamedTuple):
     """What is believed of each actuator: whether it has `failed`, and what it makes.
 
     The part `part` of what is commanded, and the part `flow` of full torque all the time, which is
-    what brakes a wheel. `torque` (N m) is what acts besides all the time, where the others oppose
-    a flow and make not quite what they should.
+    what brakes a wheel. `torque` (N m) is what acts besides all the time: on the spacecraft from
+    outside, and where others oppose a flow and make not quite what they should. As many `samples`
+    tell of it.
     """
 
     failed: Bool[Array, " m"]
     part: Float[Array, " m"]
     flow: Float[Array, " m"]
     torque: Float[Array, "3"]
+    samples: RealScalar
 
     @staticmethod
     def sound(count: int) -> "Condition":
-        """All work."""
+        """All work, and nothing is known to act besides."""
         zero = jnp.zeros(count)
-        return Condition(zero > 0, zero + 1, zero, jnp.zeros(3))
+        return Condition(zero > 0, zero + 1, zero, jnp.zeros(3), jnp.array(0.0))
 
 
 class ResidualMemory(NamedTuple):
     """The filtered rate (rad/s), its variance, and each thruster's signatures in it (rad/s).
 
-    `late` (s) is on-time of each failed thruster that was missing and may still come late.
+    `steady` (s) is the signature of a constant acceleration over it. `late` (s) is on-time of each
+    failed thruster that was missing and may still come late.
     """
 
     rate: Float[Array, "3"]
     variance: RealScalar
     loss: Float[Array, "3 m"]
     flow: Float[Array, "3 m"]
+    steady: RealScalar
     late: Float[Array, " m"]
     started: Bool[Array, ""]
 
@@ -68,13 +82,15 @@ class Residual(NamedTuple):
     """An innovation (rad/s), its variance about each axis, and the signatures in it.
 
     `loss` is what a thruster leaves whose thrust has been missing (of one that counts as failed:
-    has been there again), `flow` what one leaves that has had full thrust all the time, rad/s.
+    has been there again), `flow` what one leaves that has had full thrust all the time, rad/s, and
+    `steady` what a constant acceleration of 1 rad/s² leaves.
     """
 
     innovation: Float[Array, "3"]
     variance: RealScalar
     loss: Float[Array, "3 m"]
     flow: Float[Array, "3 m"]
+    steady: RealScalar
 
     def doubt(self, uncertainty: RealScalar) -> RealScalar:
         """Its standard deviation (rad/s) if that part of it may be an error of the model."""
@@ -119,15 +135,26 @@ class AbstractResidualFilter(eqx.Module):
 
     @abc.abstractmethod
     def tracked(
-        self, residual: AnyResidual, condition: "Condition", period: RealScalar
+        self,
+        residual: AnyResidual,
+        condition: "Condition",
+        period: RealScalar,
+        quiet: Bool[Array, ""],
     ) -> "Condition":
-        """With the flows that actuators make all the time, and the torque besides, corrected."""
+        """With the flows that actuators make all the time, and the torque besides, corrected.
+
+        The latter only while it is `quiet`: nothing is suspected.
+        """
 
     @abc.abstractmethod
     def test_command(
         self, period: RealScalar, sigma: RealScalar | Float[Array, " m"]
     ) -> Float[Array, " m"]:
         """Commands of test pulses that stand out of errors of this standard deviation."""
+
+    def torque_of(self, acceleration: Float[Array, "3"]) -> Float[Array, "3"]:
+        """The torque (N m) that makes an acceleration (rad/s²); none of what is on board."""
+        return jnp.zeros_like(acceleration)
 
     def named(
         self, kind: Int[Array, ""], actuator: Int[Array, ""], memory: PyTree
@@ -170,7 +197,8 @@ class ResidualFilter(AbstractResidualFilter):
     def init(self, reading: Float[Array, "3"]) -> ResidualMemory:
         """Nothing measured yet."""
         none = jnp.zeros((3, self.thrusters.count), reading.dtype)
-        return ResidualMemory(reading, self.rate_noise**2, none, none, none[0], jnp.array(False))
+        no, noise = jnp.array(False), self.rate_noise**2
+        return ResidualMemory(reading, noise, none, none, none[0, 0], none[0], no)
 
     def restarted(
         self, memory: ResidualMemory, verdict: Bool[Array, ""], alarm: Bool[Array, ""]
@@ -207,32 +235,66 @@ class ResidualFilter(AbstractResidualFilter):
         innovation = jnp.where(started, omega - memory.rate - change, 0.0)
         change_of_loss = jnp.where(condition.failed, 1 - condition.part, -condition.part) * on_time
         loss = jnp.where(started, memory.loss + effect * change_of_loss[None], 0.0)
-        steady = jnp.where(started, memory.flow + effect * period, 0.0)
+        flow = jnp.where(started, memory.flow + effect * period, 0.0)
+        steady = jnp.where(started, memory.steady + period, 0.0)
         left = 1 - gain
         rate = jnp.where(started, memory.rate + change + gain * innovation, omega)
         following = ResidualMemory(
             rate,
             jnp.where(started, left * predicted, noise),
             left * loss,
+            left * flow,
             left * steady,
             jnp.where(condition.failed, left * memory.late + change_of_loss, 0.0),
             jnp.array(True),
         )
         late = jnp.sum((effect * memory.late[None]) ** 2)
-        return Residual(innovation, variance + late, loss, steady), following
+        return Residual(innovation, variance + late, loss, flow, steady), following
 
-    def tracked(self, residual: AnyResidual, condition: Condition, period: RealScalar) -> Condition:
-        """With the flows of failed thrusters that have one, and the torque, corrected."""
+    def tracked(
+        self,
+        residual: AnyResidual,
+        condition: Condition,
+        period: RealScalar,
+        quiet: Bool[Array, ""],
+    ) -> Condition:
+        """With the flows of failed thrusters that have one, and the torque, corrected.
+
+        Where there is no flow, the torque is the mean of what the last samples tell, each by the
+        information in it.
+        """
         body = self.model.spacecraft
         effect = period * (body.inverse_inertia @ self.thrusters.torque)
         error = jnp.sum(effect * residual.innovation[:, None], axis=0) / jnp.sum(effect**2, axis=0)
         flows = condition.failed & (condition.flow > 0)
         flow = jnp.clip(condition.flow + TRACKING * error, 0.0, 1.0)
-        torque = condition.torque + SLOW_TRACKING / period * (body.inertia @ residual.innovation)
+        opposed, steady = jnp.any(flows), cast(RealScalar, residual.steady)
+        told = (steady * STEADY_GAIN / period) ** 2
+        told = jnp.where(
+            quiet, told * STEADY_VARIANCE * self.rate_noise**2 / residual.variance, 0.0
+        )
+        samples = jnp.minimum(condition.samples + told, MOST_SAMPLES)
+        mean = told / (samples + FIRST_SAMPLES) / jnp.where(steady > 0, steady, 1.0)
+        part = jnp.where(opposed, SLOW_TRACKING / period, mean)
         return condition._replace(
             flow=jnp.where(flows, flow, condition.flow),
-            torque=jnp.where(jnp.any(flows), torque, 0.0),
+            torque=condition.torque + part * (body.inertia @ residual.innovation),
+            samples=jnp.where(opposed, 0.0, samples),
         )
+
+    def believed(self, condition: Condition, period: RealScalar) -> Float[Array, "3"]:
+        """Of the torque that acts besides, what stands out of the noise of its estimate, N m."""
+        rate = self.model.spacecraft.inverse_inertia @ condition.torque * period
+        known = jnp.sqrt(condition.samples + FIRST_SAMPLES)
+        sigma = STEADY_GAIN * jnp.sqrt(STEADY_VARIANCE) * self.rate_noise / known
+        sigmas = jnp.sqrt(jnp.sum(rate**2)) / sigma
+        opposed = jnp.any(condition.failed & (condition.flow > 0))
+        part = (sigmas - DOUBTED_SIGMAS) / (BELIEVED_SIGMAS - DOUBTED_SIGMAS)
+        return jnp.where(opposed, 1.0, jnp.clip(part, 0.0, 1.0)) * condition.torque
+
+    def torque_of(self, acceleration: Float[Array, "3"]) -> Float[Array, "3"]:
+        """The torque (N m) that makes an acceleration (rad/s²)."""
+        return self.model.spacecraft.inertia @ acceleration
 
     def test_command(self, period: RealScalar, sigma: RealScalar) -> Float[Array, " m"]:
         """Duties of pulses that stand out of errors of a rate (rad/s)."""

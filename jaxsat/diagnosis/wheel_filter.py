@@ -80,6 +80,7 @@ class WheelResidual(NamedTuple):
     loss: Float[Array, "m m"]
     flow: Float[Array, "m m"]
     driven: OfEach
+    steady: None = None
 
     def doubt(self, uncertainty: RealScalar) -> OfEach:
         """Their standard deviations (N m s) if that part of each may be an error of the model."""
@@ -222,12 +223,19 @@ class WheelFilter(AbstractResidualFilter):
         found = WheelResidual(innovation, variance, jnp.diag(loss), jnp.diag(flow), driven)
         return found, following
 
-    def tracked(self, residual: AnyResidual, condition: Condition, period: RealScalar) -> Condition:
+    def tracked(
+        self,
+        residual: AnyResidual,
+        condition: Condition,
+        period: RealScalar,
+        quiet: Bool[Array, ""],
+    ) -> Condition:
         """With the friction of those that are braked more than they should be corrected.
 
         One that turns tells it by how fast it slows, one that does not turn though it is driven
         has more.
         """
+        del quiet
         full, flow = period * self.full, jnp.diagonal(residual.flow)
         driven = cast(WheelResidual, residual).driven
         signature = jnp.where(jnp.abs(flow) > full, flow, full * driven)

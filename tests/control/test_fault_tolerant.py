@@ -96,6 +96,26 @@ def test_two_torques_settle_against_a_torque_that_no_hold_balances():
 
 
 @pytest.mark.slow
+def test_a_constant_torque_from_outside_is_no_failure():
+    """1 % of a thruster's torque alone; 3 % of it, and a thruster that fails as well."""
+    cases = np.arange(48)
+    spread = "dispersion.failure_time_s={distribution='uniform', low=5000, high=6000}"
+    alone = ["disturbance.constant_N_m=[7e-5, -7e-5, 0]", "simulation.duration_s=2400", spread]
+    scenario = load("failures-12u", alone, caution=print)  # no failure strikes
+    found = build_study(scenario, len(cases), seed=9).values(cases)
+    assert np.all(np.isfinite(found["settling_time"]))
+    assert not found["isolated_kind"].any()
+    assert not found["false_alarms"].any()
+    beside = load("failures-12u", ["disturbance.constant_N_m=[2e-4, -2e-4, 0]"])
+    found = build_study(beside, len(cases), seed=9).values(cases)
+    assert np.count_nonzero(np.isfinite(found["settling_time"])) >= len(cases) - 1
+    isolated = found["isolated_kind"] > 0
+    failed = np.round(found["drawn_failed_thruster"]).astype(int)
+    isolated[cases, failed] = False
+    assert np.count_nonzero(isolated.any(axis=1)) <= 2
+
+
+@pytest.mark.slow
 def test_a_weak_thruster_that_three_axes_need_is_used_and_not_given_up():
     """Of six thrusters one makes 12 to 35 % of its thrust: not dead, and no plane is left."""
     changes = [

@@ -130,7 +130,9 @@ def found(torque, part, flow, before=None):
     """What is left where thrusters make these parts of their thrust, and flows all the time."""
     count = torque.shape[1]
     part = jnp.asarray(part) * jnp.ones(count)
-    condition = Condition(part < 1, part, jnp.asarray(flow) * jnp.ones(count), jnp.zeros(3))
+    condition = Condition.sound(count)._replace(
+        failed=part < 1, part=part, flow=jnp.asarray(flow) * jnp.ones(count)
+    )
     whole = Ability.whole(count)
     return eqx.filter_jit(tables(torque).find)(condition, before or whole)
 
@@ -209,7 +211,7 @@ def test_a_program_for_many_thrusters_is_as_long_as_one_for_few():
         made, count = tables(torque), torque.shape[1]
 
         def step(failed, flow, wanted):
-            condition = Condition(failed, 1 - flow, flow, wanted)
+            condition = Condition(failed, 1 - flow, flow, wanted, jnp.array(0.0))
             ability = made.find(condition, Ability.whole(count))
             return made.allocate(ability.limit, wanted, made.torque @ flow)
 

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import nnls
 
 from helpers.thruster_layouts import canted
 from jaxsat.diagnosis import (
@@ -36,22 +37,28 @@ def commanded(rng, samples, rate=0.2):
     return (rng.random((samples, COUNT)) < rate) * SHORTEST * rng.integers(1, 4, (samples, COUNT))
 
 
-def followed(watch, on_time, made, noise):
-    """Verdicts where thrusters really made `made` (s of full thrust) of what was commanded."""
+def followed(watch, on_time, made, noise, outside=None):
+    """Verdicts where thrusters really made `made` (s of full thrust) of what was commanded.
+
+    Besides, torques act from `outside` (N m), and what is believed of them is told.
+    """
     body = watch.filter.model
 
     def sample(carry, now):
         omega, memory = carry
-        commanded, real, error = now
+        commanded, real, error, beside = now
         omega = omega + body.spacecraft.inverse_inertia @ (
-            jnp.asarray(TORQUE) @ real - PERIOD * jnp.cross(omega, MOMENTS * omega)
+            jnp.asarray(TORQUE) @ real + PERIOD * (beside - jnp.cross(omega, MOMENTS * omega))
         )
         memory = watch.step(omega + NOISE * error, commanded, jnp.array(PERIOD), memory)
-        seen = (memory.stage, memory.condition.failed, memory.kind, memory.condition.flow)
+        condition = memory.condition
+        believed = watch.filter.believed(condition, jnp.array(PERIOD))
+        seen = (memory.stage, condition.failed, memory.kind, condition.flow, believed)
         return (omega, memory), seen
 
     start = (jnp.zeros(3), watch.init(jnp.zeros(3)))
-    return jax.lax.scan(sample, start, (on_time, made, noise))[1]
+    outside = jnp.zeros_like(noise) if outside is None else outside
+    return jax.lax.scan(sample, start, (on_time, made, noise, outside))[1]
 
 
 PARTS = {  # missing of what is commanded, and made all the time, both of full thrust
@@ -77,7 +84,7 @@ def test_every_thruster_and_kind_is_isolated():
         case[begin:, thruster] = after
     noise = rng.standard_normal((len(cases), samples, 3))
     each = jax.jit(jax.vmap(lambda real, error: followed(diagnosis(), on_time, real, error)))
-    stage, failed, kinds, flow = map(np.asarray, each(made, noise))
+    stage, failed, kinds, flow, _ = map(np.asarray, each(made, noise))
     assert not failed[:, :begin].any()
     assert not stage[:, :begin].any()
     right = 0
@@ -101,8 +108,7 @@ def test_a_thruster_that_returns_is_used_again_twice_and_no_more():
     made = on_time.copy()
     made[dead, 2] = 0.0
     noise = rng.standard_normal((len(on_time), 3))
-    _, failed, _, _ = jax.jit(lambda: followed(diagnosis(), on_time, made, noise))()
-    failed = np.asarray(failed)
+    failed = np.asarray(jax.jit(lambda: followed(diagnosis(), on_time, made, noise))()[1])
     assert not np.delete(failed, 2, axis=1).any()
     at_end = failed[stretch - 1 :: stretch, 2]  # of each stretch
     assert at_end.tolist() == [False, True, False, True, False, True, True]
@@ -117,7 +123,7 @@ def test_two_thrusters_that_fail_one_after_the_other_are_both_isolated():
     made[first:, 1] = 0.3 * PERIOD  # stuck at a level
     made[second:, 6] *= 0.4  # degraded
     noise = rng.standard_normal((samples, 3))
-    _, failed, kind, flow = map(
+    _, failed, kind, flow, _ = map(
         np.asarray, jax.jit(lambda: followed(diagnosis(), on_time, made, noise))()
     )
     assert not failed[:first].any()
@@ -125,6 +131,43 @@ def test_two_thrusters_that_fail_one_after_the_other_are_both_isolated():
     assert failed[-1].tolist() == [k in (1, 6) for k in range(COUNT)]
     assert kind[-1, [1, 6]].tolist() == [DiagnosedKind.STUCK_AT, DiagnosedKind.DEGRADED]
     assert flow[-1, 1] == pytest.approx(0.3, abs=0.05)
+
+
+@pytest.mark.slow
+def test_a_torque_from_outside_is_learned_and_no_thruster_is_isolated():
+    """From 0.3 to 30 % of a thruster's, any direction, from the beginning or later on.
+
+    After a while it is opposed. (Thrust that opposes it from the same instant on might be missing.)
+    """
+    rng = np.random.default_rng(23)
+    samples, begin, lag, directions = 1500, 200, 20, 24
+    units = rng.standard_normal((directions, 3))
+    units /= np.linalg.norm(units, axis=1)[:, None]
+    full = np.linalg.norm(TORQUE, axis=0).mean()
+    sizes = full * np.repeat([0.003, 0.01, 0.03, 0.1, 0.3], directions)
+    outside = sizes[:, None] * np.tile(units, (5, 1))
+    opposed = PERIOD * np.array([nnls(TORQUE, -torque)[0] for torque in outside])
+    noise = rng.standard_normal((len(sizes), samples, 3))
+    each = jax.jit(jax.vmap(lambda on, error, now: followed(diagnosis(), on, on, error, now)))
+    for since in (0, begin):
+        acts, opposes = ((np.arange(samples) >= x)[None, :, None] for x in (since, since + lag))
+        on_time = commanded(rng, samples)[None] + opposes * opposed[:, None]
+        _, failed, _, _, believed = map(np.asarray, each(on_time, noise, acts * outside[:, None]))
+        assert not failed.any(), np.argwhere(failed.any(axis=1))
+        off = np.linalg.norm(believed[:, -1] - outside, axis=1)
+        assert np.all(off < 0.02 * sizes + 0.006 * full)
+
+
+@pytest.mark.slow
+def test_without_a_torque_from_outside_none_is_believed():
+    """Of 400,000 samples: the estimate is as noisy as its standard deviation says."""
+    rng = np.random.default_rng(24)
+    runs, samples = 200, 2000
+    none = np.zeros((samples, COUNT))
+    noise = rng.standard_normal((runs, samples, 3))
+    each = jax.jit(jax.vmap(lambda error: followed(diagnosis(), none, none, error)))
+    believed = np.asarray(each(noise)[4])
+    assert np.count_nonzero(believed.any(axis=2)) < 1e-3 * runs * samples
 
 
 @pytest.mark.slow
