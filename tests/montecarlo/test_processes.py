@@ -47,7 +47,7 @@ def test_killing_a_study_loses_no_finished_chunk(tmp_path):
     run_study(study, tmp_path / "s", executor=Threads(2))
     found = contents(tmp_path / "s")
     assert found.pop("status").sum() == 1200
-    same(found, _by_column(study.evaluate(np.arange(4000))))
+    same(found, _by_column(study.evaluate(np.arange(1200))))
 
 
 @pytest.mark.slow
