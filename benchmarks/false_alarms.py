@@ -19,7 +19,6 @@ from scipy.stats import chi2
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
-from jaxsat.diagnosis import average_run_length
 
 ORBIT = 5677.0
 """s, at 500 km."""
@@ -68,9 +67,11 @@ def main() -> None:
     tests = law.diagnosis.tests_of_each * np.count_nonzero(tested)
     print(f"{tests} tests, {law.diagnosis.tests_of_each} of each actuator that is in use")
     reference = float(law.diagnosis.reference)
+    in_use = np.count_nonzero(tested) / law.diagnosis.filter.count
     print("threshold   exceeded in an orbit   by the closed form, where the model is true")
     for level in range(2, len(above)):
-        expected = tests * ORBIT / period / average_run_length(reference, level)
+        rate = law.diagnosis.false_alarm_rate(reference, level)
+        expected = in_use * rate * ORBIT / period
         print(f"{level:9d}   {above[level] / orbits:20.3g}   {expected:20.3g}")
 
 

@@ -16,7 +16,6 @@ from jaxsat.assembly.tuning_forms import in_one_form, refined, throttled, with_c
 from jaxsat.checks import as_float
 from jaxsat.control.fault_tolerant import FaultTolerant
 from jaxsat.control.fault_tolerant_wheels import FaultTolerantWheels
-from jaxsat.diagnosis import average_run_length
 from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
 from jaxsat.engine.native import CannotLower, NativeEngine, process_obstacle
 from jaxsat.metrics import Tolerances
@@ -236,8 +235,7 @@ def _false_alarm_penalty(
     if not isinstance(controller, FaultTolerant | FaultTolerantWheels):
         return None
     diagnosis, period = controller.diagnosis, float(np.asarray(controller.period))
-    tests = diagnosis.tests_of_each * diagnosis.filter.count
-    least = math.log(table.false_alarm_interval_s / period * tests)
+    samples = math.log(table.false_alarm_interval_s / period)
 
     def penalty(values: Values) -> np.ndarray:
         gains = space.gains(values)
@@ -247,8 +245,8 @@ def _false_alarm_penalty(
             gains.get("diagnosis.threshold", usual * float(np.asarray(diagnosis.threshold))),
             strict=True,
         )
-        lengths = np.array([average_run_length(float(k), float(h)) for k, h in pairs])
-        return np.maximum(least - np.log(lengths), 0.0)
+        rates = np.array([diagnosis.false_alarm_rate(float(k), float(h)) for k, h in pairs])
+        return np.maximum(samples + np.log(rates), 0.0)
 
     return penalty
 

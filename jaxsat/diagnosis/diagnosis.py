@@ -1,6 +1,7 @@
 """Detection by CUSUM, isolation by likelihood, and how an actuator comes back."""
 
 import enum
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -9,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.diagnosis.cusum import average_run_length
 from jaxsat.diagnosis.hypotheses import DiagnosedKind
 from jaxsat.diagnosis.isolation import PENALTY, AnyResidual, Evidence, explanation
 from jaxsat.diagnosis.residual import AbstractResidualFilter, Condition
@@ -44,7 +46,8 @@ class Stage(enum.IntEnum):
 class DiagnosisMemory(NamedTuple):
     """What is known of each actuator, and what is suspected.
 
-    `statistic` (tests, m) has the CUSUMs of loss and of flow, for each sign that it may have.
+    `statistic` (tests, m) has the CUSUMs of loss, of flow for each sign that it may have, and of a
+    full loss.
     `condition` and `kind` (a `DiagnosedKind`, or -1) are the verdicts, `returns` tells how often an
     actuator came back. `age` (s) is the time since the last alarm, verdict or dismissal, `suspect`
     the likeliest actuator, and `rival` tells which explain the residuals nearly as well. `doubt`
@@ -68,13 +71,15 @@ class DiagnosisMemory(NamedTuple):
 class Diagnosis(eqx.Module):
     """Detects and isolates failed thrusters or wheels, and finds those that work again.
 
-    Each thruster has two CUSUM tests, that thrust is missing and that there is some which was not
-    commanded; a wheel has one for each sign of the latter. Their scores are standard normal where
-    nothing has failed and the model is true, so that `average_run_length` of `reference` and
-    `threshold` (both in sigmas) is the mean number of samples to a false alarm of each test. From
-    the alarm on the evidence is gathered anew. The best explanation is the verdict once its
-    log-likelihood exceeds that of no failure, that of any other actuator, and that of a constant
-    torque from outside, by `margin`; if such a torque is the best, it is counted with from then on.
+    Each thruster has three CUSUM tests, that thrust is missing, that there is some which was not
+    commanded, and that all is missing; a wheel has no third one, and one for each sign of the
+    second. The scores of the first two are standard normal where nothing has failed and the model
+    is true, so that `average_run_length` of `reference` and `threshold` (both in sigmas) is the
+    mean number of samples to a false alarm of each; that of the third is e^(2 reference threshold)
+    at least. From the alarm on the evidence is gathered anew. The best explanation is the verdict
+    once its log-likelihood exceeds that of no failure, that of any other actuator, and that of a
+    constant torque from outside, by `margin`; if such a torque is the best, it is counted with from
+    then on.
     After `patience` samples the more likely of two actuators is taken, a torque from outside
     rather than an actuator that is hardly more likely, and an alarm that nothing explains is
     dismissed. A failed actuator whose commanded torque is there again works again, at most
@@ -94,7 +99,19 @@ class Diagnosis(eqx.Module):
     @property
     def tests_of_each(self) -> int:
         """How many CUSUM tests an actuator has."""
-        return 1 + len(self.filter.hypotheses.tests)
+        hypotheses = self.filter.hypotheses
+        return 1 + len(hypotheses.tests) + hypotheses.weak_losses
+
+    def false_alarm_rate(self, reference: float, threshold: float) -> float:
+        """False alarms in a sample at most, of all tests, where the model is true; both in sigmas.
+
+        A likelihood ratio exceeds e^x once in e^x samples at most (Lorden, Ann. Math. Stat. 42(6),
+        1971).
+        """
+        hypotheses = self.filter.hypotheses
+        rate = (1 + len(hypotheses.tests)) / average_run_length(reference, threshold)
+        rate += hypotheses.weak_losses * math.exp(-2 * reference * threshold)
+        return self.filter.count * rate
 
     def init(self, reading: PyTree) -> DiagnosisMemory:
         """All actuators work."""
@@ -196,17 +213,26 @@ class Diagnosis(eqx.Module):
         )
 
     def _statistic(self, residual: AnyResidual, memory: DiagnosisMemory) -> Float[Array, "tests m"]:
-        """The CUSUMs, which stand where a signature is too small, and during an alarm."""
-        signs = self.filter.hypotheses.tests
+        """The CUSUMs, which stand where a signature is too small, and during an alarm.
+
+        With `weak_losses` the last is the likelihood ratio of a full loss, for which no signature
+        is too small, over twice the reference: the first one where the signature has that size.
+        """
+        signs, weak_losses = self.filter.hypotheses.tests, self.filter.hypotheses.weak_losses
         signatures = jnp.stack([residual.loss, *(sign * residual.flow for sign in signs)])
         size = jnp.sqrt(jnp.sum(signatures**2, axis=1))
         sigma = jnp.broadcast_to(jnp.sqrt(residual.variance), size.shape)
         seen = size > LEAST_SIGNAL * sigma
         along = jnp.sum(signatures * residual.innovation[None, :, None], axis=1)
         score = along / (jnp.where(seen, size, 1.0) * sigma)
-        after = jnp.maximum(memory.statistic + score - self.reference, 0.0)
-        of_flow = jnp.arange(1 + len(signs))[:, None] > 0
+        gain = score - self.reference
+        of_flow = (jnp.arange(1 + len(signs)) > 0)[:, None]
         failed, many = memory.condition.failed, memory.returns >= MOST_RETURNS
         untested = failed[None] & (of_flow | many[None])
-        tested = seen & ~untested & (memory.stage == Stage.QUIET)
-        return jnp.where(tested, after, memory.statistic)
+        tested = seen & ~untested
+        if weak_losses:
+            ratio = (along[:1] - size[:1] ** 2 / 2) / (2 * self.reference * sigma[:1] ** 2)
+            gain = jnp.concatenate([gain, ratio])
+            tested = jnp.concatenate([tested, ~failed[None]])
+        after = jnp.maximum(memory.statistic + gain, 0.0)
+        return jnp.where(tested & (memory.stage == Stage.QUIET), after, memory.statistic)

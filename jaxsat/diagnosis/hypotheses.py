@@ -51,8 +51,10 @@ class Hypotheses(NamedTuple):
     and bb of the information (3, m), its product with (a, b) (2, m) and the uncertainty of full
     torques.
     Of those that are `free` a number is fitted; the kind `full` makes its full torque, b = `level`
-    but for the uncertainty. `tests` are the signs of flow for which there is a CUSUM test. An
-    actuator with a failure of a kind in `in_service` stays in use, and is diagnosed further.
+    but for the uncertainty. `tests` are the signs of flow for which there is a CUSUM test, and
+    `weak_losses` tells whether small signatures tell of a full loss, too: friction, which holds
+    back what little a wheel at rest is commanded, looks like one. An actuator with a failure of a
+    kind in `in_service` stays in use, and is diagnosed further.
     """
 
     kinds: tuple[int, ...]
@@ -63,6 +65,7 @@ class Hypotheses(NamedTuple):
         [Float[Array, "3 m"], Float[Array, "2 m"], RealScalar], Float[Array, "kinds 2 m"]
     ]
     tests: tuple[float, ...] = (1.0,)
+    weak_losses: bool = True
     in_service: tuple[int, ...] = ()
 
 
@@ -121,6 +124,7 @@ OF_WHEELS = Hypotheses(
     level=-1.0,
     parts=_wheel_parts,
     tests=(1.0, -1.0),
+    weak_losses=False,
     in_service=(DiagnosedKind.DEGRADED, DiagnosedKind.FRICTION_UP),
 )
 """Of reaction wheels, whose momenta tell of each alone."""

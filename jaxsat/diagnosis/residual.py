@@ -32,12 +32,12 @@ TRACKING, SLOW_TRACKING = 0.1, 0.03
 STEADY_GAIN, STEADY_VARIANCE = 0.390388, 1.640388
 """Of the filter after many samples, over one and over the noise: K²/(1-K) is `RESTLESSNESS`."""
 
-FIRST_SAMPLES, MOST_SAMPLES = 3.0, 400.0
-"""The torque that acts besides is believed to be none as if so many samples had told, and it may
-change in so many."""
+FIRST_SAMPLES, MOST_SAMPLES = 3.0, 300.0
+"""The torque that acts besides is believed to be none as if so many samples had told so. It is
+learned from so many; later on what a thruster lacks now and then would be learned as well."""
 
-DOUBTED_SIGMAS, BELIEVED_SIGMAS = 4.0, 8.0
-"""Of an estimate of that torque nothing is made up for below, and all above."""
+DOUBTED_SIGMAS, BELIEVED_SIGMAS = 2.0, 4.0
+"""Of an estimate of that torque nothing is believed below, and all above."""
 
 
 class Condition(NamedTuple):
@@ -227,7 +227,8 @@ class ResidualFilter(AbstractResidualFilter):
         turning = jnp.cross(middle, self.model.spacecraft.inertia @ middle)
         gyroscopic = -period * (inverse @ turning)
         expected = condition.part * on_time + condition.flow * period
-        change = effect @ expected + gyroscopic + period * (inverse @ condition.torque)
+        besides = self.believed(condition, period)
+        change = effect @ expected + gyroscopic + period * (inverse @ besides)
         doubt = jnp.sum((effect * expected[None]) ** 2) + jnp.sum(gyroscopic**2)
         predicted = memory.variance + RESTLESSNESS * noise + self.uncertainty**2 * doubt
         variance = predicted + noise
@@ -265,20 +266,21 @@ class ResidualFilter(AbstractResidualFilter):
         """
         body = self.model.spacecraft
         effect = period * (body.inverse_inertia @ self.thrusters.torque)
-        error = jnp.sum(effect * residual.innovation[:, None], axis=0) / jnp.sum(effect**2, axis=0)
+        more = jnp.sum(effect * residual.innovation[:, None], axis=0) / jnp.sum(effect**2, axis=0)
         flows = condition.failed & (condition.flow > 0)
-        flow = jnp.clip(condition.flow + TRACKING * error, 0.0, 1.0)
+        flow = jnp.clip(condition.flow + TRACKING * more, 0.0, 1.0)
         opposed, steady = jnp.any(flows), cast(RealScalar, residual.steady)
         told = (steady * STEADY_GAIN / period) ** 2
-        told = jnp.where(
-            quiet, told * STEADY_VARIANCE * self.rate_noise**2 / residual.variance, 0.0
-        )
-        samples = jnp.minimum(condition.samples + told, MOST_SAMPLES)
+        told = told * STEADY_VARIANCE * self.rate_noise**2 / residual.variance
+        told = jnp.where(quiet & (condition.samples < MOST_SAMPLES), told, 0.0)
+        samples = condition.samples + told
         mean = told / (samples + FIRST_SAMPLES) / jnp.where(steady > 0, steady, 1.0)
         part = jnp.where(opposed, SLOW_TRACKING / period, mean)
+        doubted = condition.torque - self.believed(condition, period)
+        error = residual.innovation - steady * (body.inverse_inertia @ doubted)
         return condition._replace(
             flow=jnp.where(flows, flow, condition.flow),
-            torque=condition.torque + part * (body.inertia @ residual.innovation),
+            torque=condition.torque + part * (body.inertia @ error),
             samples=jnp.where(opposed, 0.0, samples),
         )
 

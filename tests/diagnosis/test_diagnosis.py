@@ -25,11 +25,11 @@ TORQUE = canted()[0]
 COUNT = TORQUE.shape[1]
 
 
-def diagnosis(**options):
+def diagnosis(noise=NOISE, **options):
     model = RigidBody(Spacecraft(MOMENTS), SmallAngleOrbit(0.0))
     late = np.zeros(COUNT)
     thrusters = ThrusterModel(TORQUE, np.full(COUNT, SHORTEST), late, late, DeltaSigma())
-    return Diagnosis(ResidualFilter(model, thrusters, NOISE, 0.1), **options)
+    return Diagnosis(ResidualFilter(model, thrusters, noise, 0.1), **options)
 
 
 def commanded(rng, samples, rate=0.2):
@@ -193,6 +193,35 @@ def test_false_alarms_come_as_seldom_as_the_closed_form_says():
     expected = 1 - np.exp(-samples / average_run_length(1.0, threshold))
     spread = np.sqrt(expected * (1 - expected) / runs)  # tests of one run depend on each other
     assert (alarms < samples).mean() == pytest.approx(expected, abs=3 * spread + 0.06 * expected)
+
+
+@pytest.mark.slow
+def test_pulses_below_the_noise_tell_of_a_dead_thruster_when_there_are_enough():
+    """The mean of the likelihood ratio grows by half the square of a signature, in sigmas."""
+    noise, samples, begin, runs, dead = 8e-4, 1800, 600, 100, 3
+    watch = diagnosis(noise)
+    rng = np.random.default_rng(25)
+    on_time = SHORTEST * (rng.random((samples, COUNT)) < 0.5)
+    made = on_time.copy()
+    made[begin:, dead] = 0.0
+    errors = noise / NOISE * rng.standard_normal((runs, samples, 3))
+    each = jax.jit(
+        jax.vmap(lambda real, error: followed(watch, on_time, real, error), in_axes=(None, 0))
+    )
+    stage = np.asarray(each(made, errors)[0])
+    effect = np.linalg.norm(TORQUE[:, dead] / MOMENTS)
+    impulses, signature, squares = on_time[begin:, dead] * effect, 0.0, []
+    for impulse in impulses:
+        signature += impulse
+        squares.append(signature**2)
+        signature *= 1 - _steady_gain()
+    variance = noise**2 / (1 - _steady_gain())
+    assert np.sqrt(max(squares) / variance) < 2 * float(watch.reference)
+    needed = 2 * float(watch.reference * watch.threshold)
+    expected = np.argmax(np.cumsum(squares) / (2 * variance) > needed)
+    alarms = np.where(stage.any(axis=1), stage.argmax(axis=1), samples) - begin
+    assert np.median(alarms) == pytest.approx(expected, rel=0.25)
+    assert not np.asarray(each(on_time, errors)[0]).any()
 
 
 @pytest.mark.slow
