@@ -220,7 +220,8 @@ class Diagnosis(eqx.Module):
         """
         signs, weak_losses = self.filter.hypotheses.tests, self.filter.hypotheses.weak_losses
         signatures = jnp.stack([residual.loss, *(sign * residual.flow for sign in signs)])
-        size = jnp.sqrt(jnp.sum(signatures**2, axis=1))
+        squares = jnp.sum(signatures**2, axis=1)
+        size = jnp.sqrt(squares)
         sigma = jnp.broadcast_to(jnp.sqrt(residual.variance), size.shape)
         seen = size > LEAST_SIGNAL * sigma
         along = jnp.sum(signatures * residual.innovation[None, :, None], axis=1)
@@ -231,7 +232,7 @@ class Diagnosis(eqx.Module):
         untested = failed[None] & (of_flow | many[None])
         tested = seen & ~untested
         if weak_losses:
-            ratio = (along[:1] - size[:1] ** 2 / 2) / (2 * self.reference * sigma[:1] ** 2)
+            ratio = (along[:1] - squares[:1] / 2) / (2 * self.reference * sigma[:1] ** 2)
             gain = jnp.concatenate([gain, ratio])
             tested = jnp.concatenate([tested, ~failed[None]])
         after = jnp.maximum(memory.statistic + gain, 0.0)

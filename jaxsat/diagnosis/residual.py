@@ -289,7 +289,9 @@ class ResidualFilter(AbstractResidualFilter):
         rate = self.model.spacecraft.inverse_inertia @ condition.torque * period
         known = jnp.sqrt(condition.samples + FIRST_SAMPLES)
         sigma = STEADY_GAIN * jnp.sqrt(STEADY_VARIANCE) * self.rate_noise / known
-        sigmas = jnp.sqrt(jnp.sum(rate**2)) / sigma
+        squares = jnp.sum((rate / sigma) ** 2)
+        some = squares > 0  # the square root has no derivative at zero
+        sigmas = jnp.where(some, jnp.sqrt(jnp.where(some, squares, 1.0)), 0.0)
         opposed = jnp.any(condition.failed & (condition.flow > 0))
         part = (sigmas - DOUBTED_SIGMAS) / (BELIEVED_SIGMAS - DOUBTED_SIGMAS)
         return jnp.where(opposed, 1.0, jnp.clip(part, 0.0, 1.0)) * condition.torque
