@@ -79,10 +79,9 @@ class Diagnosis(eqx.Module):
     at least. From the alarm on the evidence is gathered anew. The best explanation is the verdict
     once its log-likelihood exceeds that of no failure, that of any other actuator, and that of a
     constant torque from outside, by `margin`; if such a torque is the best, it is counted with from
-    then on.
-    After `patience` samples the more likely of two actuators is taken, a torque from outside
-    rather than an actuator that is hardly more likely, and an alarm that nothing explains is
-    dismissed. A failed actuator whose commanded torque is there again works again, at most
+    then on. After `patience` samples the more likely of two actuators is taken, a torque from
+    outside rather than an actuator that is hardly more likely, and an alarm that nothing explains
+    is dismissed. A failed actuator whose commanded torque is there again works again, at most
     `MOST_RETURNS` times.
     """
 

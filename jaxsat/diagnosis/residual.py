@@ -6,6 +6,7 @@ do not. The filter's gain also says how a failure's signature decays in them.
 """
 
 import abc
+import math
 from typing import ClassVar, NamedTuple, cast
 
 import equinox as eqx
@@ -29,8 +30,11 @@ TEST_SIGMAS = 6.0
 TRACKING, SLOW_TRACKING = 0.1, 0.03
 """Part of the error of a flow, and of the torque besides it, taken out with each sample."""
 
-STEADY_GAIN, STEADY_VARIANCE = 0.390388, 1.640388
-"""Of the filter after many samples, over one and over the noise: K²/(1-K) is `RESTLESSNESS`."""
+STEADY_GAIN = (math.sqrt(RESTLESSNESS**2 + 4 * RESTLESSNESS) - RESTLESSNESS) / 2
+"""K of the filter after many samples at rest: K²/(1-K) is `RESTLESSNESS`."""
+
+STEADY_VARIANCE = 1 / (1 - STEADY_GAIN)
+"""Of the innovations then, over that of the noise."""
 
 FIRST_SAMPLES, MOST_SAMPLES = 3.0, 300.0
 """The torque that acts besides is believed to be none as if so many samples had told so. It is

@@ -160,7 +160,7 @@ def test_a_torque_from_outside_is_learned_and_no_thruster_is_isolated():
 
 @pytest.mark.slow
 def test_without_a_torque_from_outside_none_is_believed():
-    """Of 400,000 samples: the estimate is as noisy as its standard deviation says."""
+    """Of 400,000 samples with noise, and none of the random impulses that the filter allows for."""
     rng = np.random.default_rng(24)
     runs, samples = 200, 2000
     none = np.zeros((samples, COUNT))
