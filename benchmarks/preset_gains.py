@@ -20,7 +20,7 @@ import numpy as np
 
 import jaxsat
 from jaxsat.comparison.acceptance import ComparisonSetting, comparison_scenario
-from jaxsat.control import tuned_gains
+from jaxsat.control.scaling import STEPS
 from jaxsat.control.tuned_gains import APPROACH, TWO_CHANNEL
 from jaxsat.declaration.settling import TUNED_LIMITS
 from jaxsat.scenario import ScenarioWarning
@@ -122,7 +122,7 @@ def main() -> None:
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     warnings.simplefilter("ignore", ScenarioWarning)
-    step = tuned_gains.STEPS[TUNED_LIMITS.index(given.torque_limit)]
+    step = STEPS[TUNED_LIMITS.index(given.torque_limit)]
     before: Tables = {"approach": APPROACH[step], "fine": TWO_CHANNEL[step]}
 
     def with_gains(logarithms: np.ndarray) -> None:

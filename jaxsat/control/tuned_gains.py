@@ -21,19 +21,20 @@ This checks them all; `docs/laws.md` has what it gives:
         --seed 90417 -n 2000
 
 This tunes those of the oscillatory law again, once mine.toml has the torque limit wanted and none
-of the seven gains in `[control]`, so that it starts from those below; times τ they go here:
+of the seven gains in `[control]`, so that it starts from those there; times τ they go into
+`tuned_gains.toml`:
 
     jaxsat scenarios show oscillatory-dispersed > mine.toml
     jaxsat tune mine.toml
 
 Of the three slews the keys of `[control]` are the gains that decide how long they take; the others
-(tolerances, hand-over, gains of inner loops) are changed here alone.
+(tolerances, hand-over, gains of inner loops) are changed there alone.
 """
 
-from collections.abc import Mapping
-from typing import NamedTuple
-
-from jaxsat.control.scaling import STEPS
+import tomllib
+from collections.abc import Callable, Mapping
+from importlib import resources
+from typing import Any, NamedTuple, TypeVar
 
 
 class MorinSamsonGains(NamedTuple):
@@ -97,140 +98,24 @@ class ApproachGains(NamedTuple):
     lost_rate: float
 
 
-MORIN_SAMSON: Mapping[float, FineGains] = {
-    STEPS[0]: FineGains(
-        demand=MorinSamsonGains(
-            k3=0.557123065,
-            damping=0.76,
-            rest=0.02,
-        ),
-        frequency=1.59708612,
-        tilt_gain=0.557123065,
-        rate_gain=4.828399897,
-        largest_amplitude=1.299953818,
-        ratio=1.52,
-        enter_rate=0.03714153767,
-    ),
-    STEPS[1]: FineGains(
-        demand=MorinSamsonGains(
-            k3=0.55228917,
-            damping=0.761,
-            rest=0.02,
-        ),
-        frequency=1.602884358,
-        tilt_gain=0.5531196801,
-        rate_gain=4.841873476,
-        largest_amplitude=1.303900747,
-        ratio=1.52,
-        enter_rate=0.0166102006,
-    ),
-    STEPS[2]: FineGains(
-        demand=MorinSamsonGains(
-            k3=0.5398315196,
-            damping=0.802,
-            rest=0.02,
-        ),
-        frequency=1.586274158,
-        tilt_gain=0.5564417202,
-        rate_gain=6.602554739,
-        largest_amplitude=1.677630261,
-        ratio=1.72,
-        enter_rate=0.008305100301,
-    ),
-}
+Row = TypeVar("Row")
+
+
+def _rows(table: str, kind: Callable[..., Row], **parts: Callable[..., Any]) -> Mapping[float, Row]:
+    """The rows of a table of the data file by their `step`; `parts` are inline tables there."""
+    rows = [dict(row) for row in _TABLES[table]]
+    for row in rows:
+        row |= {name: part(**row[name]) for name, part in parts.items()}
+    return {row.pop("step"): kind(**row) for row in rows}
+
+
+_TABLES = tomllib.loads((resources.files("jaxsat.control") / "tuned_gains.toml").read_text("utf-8"))
+
+MORIN_SAMSON = _rows("morin_samson", FineGains, demand=MorinSamsonGains)
 """Of the oscillatory law, by the period over τ."""
 
-TWO_CHANNEL: Mapping[float, FineGains] = {
-    STEPS[0]: FineGains(
-        demand=TwoChannelGains(
-            k3=1.883,
-            kz=0.617,
-            rest=0.01703,
-        ),
-        frequency=3.009,
-        tilt_gain=2.989893782,
-        rate_gain=25.25624561,
-        largest_amplitude=2.821,
-        ratio=1.5,
-        enter_rate=0.1178,
-    ),
-    STEPS[1]: FineGains(
-        demand=TwoChannelGains(
-            k3=1.455,
-            kz=0.897,
-            rest=0.01164,
-        ),
-        frequency=3.124,
-        tilt_gain=2.175936279,
-        rate_gain=3.770515537,
-        largest_amplitude=1.162,
-        ratio=1.24,
-        enter_rate=0.03242,
-    ),
-    STEPS[2]: FineGains(
-        demand=TwoChannelGains(
-            k3=1.68,
-            kz=1.357,
-            rest=0.01403,
-        ),
-        frequency=2.994,
-        tilt_gain=1.324663498,
-        rate_gain=25.03987741,
-        largest_amplitude=4.365,
-        ratio=1.07,
-        enter_rate=0.007821,
-    ),
-}
+TWO_CHANNEL = _rows("two_channel", FineGains, demand=TwoChannelGains)
 """Of the fine stage of the three slews, by the period over τ."""
 
-APPROACH: Mapping[float, ApproachGains] = {
-    STEPS[0]: ApproachGains(
-        rate_law=RateLawGains(
-            share=0.7439,
-            rate_gain=313.7,
-            dead_zone=0.0005208,
-        ),
-        slews=SlewGains(
-            share=0.9192,
-            approach=47.91258359,
-            rate_gain=51.99815273,
-            angle_tolerance=0.007404,
-            rate_tolerance=0.2515,
-        ),
-        stopped_rate=0.1044,
-        lost_rate=0.03714153767,
-    ),
-    STEPS[1]: ApproachGains(
-        rate_law=RateLawGains(
-            share=0.8403,
-            rate_gain=12.03,
-            dead_zone=0.0002679,
-        ),
-        slews=SlewGains(
-            share=0.8446,
-            approach=39.61532844,
-            rate_gain=19.4339347,
-            angle_tolerance=0.003297,
-            rate_tolerance=0.007757,
-        ),
-        stopped_rate=0.04129,
-        lost_rate=0.4152550151,
-    ),
-    STEPS[2]: ApproachGains(
-        rate_law=RateLawGains(
-            share=0.8811,
-            rate_gain=6.514,
-            dead_zone=0.0002099,
-        ),
-        slews=SlewGains(
-            share=0.8599,
-            approach=30.3966671,
-            rate_gain=9.675441851,
-            angle_tolerance=0.002232,
-            rate_tolerance=0.002846,
-        ),
-        stopped_rate=0.01338,
-        lost_rate=0.2076275075,
-    ),
-}
+APPROACH = _rows("approach", ApproachGains, rate_law=RateLawGains, slews=SlewGains)
 """Of the three slews, by the period over τ."""

@@ -1,5 +1,7 @@
 """The whole controllers: the paper's spacecraft settles on three axes with two torques."""
 
+import itertools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -90,6 +92,28 @@ def test_the_gains_of_tilt_and_rate_stand_in_one_order(table):
     with the last row interchanged, and within 80.5 s so.
     """
     assert all(gains.tilt_gain < gains.rate_gain for gains in table.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(MAKERS))
+def test_flights_between_the_tuned_limits_settle_as_soon(name):
+    """By similarity a settling time goes with the root of the torque limit, so it is near constant.
+
+    The median of each table's ends bounds what lies between. With two gains of a row interchanged
+    the oscillatory law takes 1.28 times as long at 10 N m.
+    """
+
+    def median(limit):
+        given = [f"control.law={name}", f"spacecraft.torque_limit_N_m={limit}"]
+        scenario = jaxsat.load("acceptance-mc", given, purpose="study")
+        times = jaxsat.build_study(scenario, 96, seed=5).values(np.arange(96))["settling_time"]
+        assert np.isfinite(times).mean() > 0.98
+        return np.median(times) * np.sqrt(limit)
+
+    for low, high in itertools.pairwise(TUNED_LIMITS):
+        longest = max(median(low), median(high))
+        between = np.geomspace(low, high, 5)[1:-1]
+        assert max(map(median, map(float, between))) < 1.06 * longest
 
 
 @pytest.mark.slow

@@ -60,7 +60,9 @@ def test_a_change_of_any_source_file_is_another_hash(sources):
     (sources / "one.py").touch()
     fourth = kept.sources_hash(sources, later())
     (sources / "new.py").write_text("")
-    assert len({first, second, third, fourth, kept.sources_hash(sources, later())}) == 5
+    fifth = kept.sources_hash(sources, later())
+    (sources / "gains.toml").write_text("k3 = 1.0\n")
+    assert len({first, second, third, fourth, fifth, kept.sources_hash(sources, later())}) == 6
 
 
 def test_sources_changed_since_they_were_imported_have_no_hash(sources, tmp_path):
