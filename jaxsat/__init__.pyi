@@ -73,6 +73,7 @@ from jaxsat.environment import (
 from jaxsat.errors import (
     ArgumentError as ArgumentError,
     JaxsatError as JaxsatError,
+    PrecisionError as PrecisionError,
 )
 from jaxsat.montecarlo import (
     ClusterError as ClusterError,

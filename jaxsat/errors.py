@@ -48,5 +48,9 @@ class ArgumentError(JaxsatError, ValueError):
         return f"Argument `{self.argument}` {self.rule}{found}."
 
 
+class PrecisionError(JaxsatError, RuntimeError):
+    """JAX is set to 32-bit floats, in which no scenario is built."""
+
+
 class LibraryError(JaxsatError):
     """A library of flight code that is none, or that belongs to another controller."""

@@ -78,3 +78,18 @@ def test_false_alarms_are_counted_of_wheels_too():
     level, _, expected = lines[-1].split()
     scores = 9 * 56770 / float(expected)
     assert scores == pytest.approx(average_run_length(1.0, float(level)), rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_torque_from_outside_is_counted_as_no_failure():
+    """Four cases in which nothing fails and eight with a failure, at 1 % of a thruster's torque."""
+    command = [sys.executable, "benchmarks/model_errors.py", "--cases", "4", "--torque", "0.01"]
+    done = subprocess.run(
+        command,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines()[-1].split() == ["torque", "1%", "4", "0", "0", "0", "8", "0"]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, cast
 
+import jax
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -29,6 +30,7 @@ from jaxsat.declaration import Key
 from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import fly
+from jaxsat.errors import PrecisionError
 from jaxsat.metrics import Tolerances
 from jaxsat.noise import key_of_seed
 from jaxsat.ranges import MAX_FIXED_STEPS
@@ -77,9 +79,14 @@ class Run:
 def build(scenario: Scenario) -> Run:
     """The closed loop of a scenario, its start, the times to save and the way to integrate.
 
-    Arrays take the default precision: switch 64-bit on first (`jax_enable_x64`). Raises
-    `BuildError`, which names the key, where the numbers of the scenario make no such loop.
+    Raises `PrecisionError` where JAX is set to 32-bit floats, and `BuildError`, which names the
+    key, where the numbers of the scenario make no such loop.
     """
+    if not jax.config.read("jax_enable_x64"):
+        raise PrecisionError(
+            "Scenarios need 64-bit floats, but JAX is set to 32-bit ones: call "
+            '`jax.config.update("jax_enable_x64", True)` first.'
+        )
     loop = build_loop(scenario)
     with at_key("initial"):
         start = made_of_numbers(build_start(scenario))

@@ -61,6 +61,12 @@ def recovery_lines(found: "RecoverySummary | None") -> Iterator[str]:
         yield line + "".join(
             f"; {number} {reason_words(reason)}" for reason, number in row.reasons.items()
         )
+    told = [row for row in found.by_kind if row.settling_delay]
+    if told:
+        yield "settled after the last failure (50 %, 90 % and 99 % of the recovered cases)"
+    for row in told:
+        delays = ", ".join(f"{delay.value:.4g}" for delay in row.settling_delay.values())
+        yield f"  {row.kind:<{width}}  {delays} s"
     yield from _diagnosis_lines(found, width)
     for entry in found.unrecovered[:SHOWN]:
         yield f"  case {entry.case}: {entry.text}"

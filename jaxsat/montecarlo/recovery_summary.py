@@ -18,6 +18,7 @@ from jaxsat.results.labels import flags_of
 ALL, NONE = "all", "no failure"
 
 DELAY_PERCENTS = (50.0, 90.0)
+SETTLING_PERCENTS = (50.0, 90.0, 99.0)
 
 COLUMNS = ("failure_time", "failed_part", "failure_kind", "failure_amount", "torques_left",
            "recovery", "settling_time", "ended_at")  # fmt: skip
@@ -66,8 +67,9 @@ class KindRecovery(NamedTuple):
     """Cases of one kind of failure, by what became of them.
 
     `recovered` is the fraction of all, `of_recoverable` that of those for which laws exist, by
-    controllability or because they recovered; None where there are none. `reasons` counts the
-    others by `Recovery`.
+    controllability or because they recovered; None where there are none. `settling_delay` is the
+    time (s) from the last failure until recovered cases had settled, zero where they stayed so, by
+    percent. `reasons` counts the others by `Recovery`.
     """
 
     kind: str
@@ -76,6 +78,7 @@ class KindRecovery(NamedTuple):
     recovered: Interval
     recoverable: int
     of_recoverable: Interval | None
+    settling_delay: dict[float, Interval]
     reasons: dict[Recovery, int]
     diagnosis: KindDiagnosis | None
 
@@ -219,6 +222,7 @@ def _of_kind(kind: str, found: Mapping[str, np.ndarray], names: tuple[str, ...])
         wilson(settled, cases),
         recoverable,
         wilson(settled, recoverable) if recoverable else None,
+        {} if kind == NONE else _percentiles(_settling_delays(found), SETTLING_PERCENTS),
         {
             reason: int((codes == reason).sum())
             for reason in Recovery
@@ -249,7 +253,16 @@ def _diagnosis(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindD
     )
 
 
-def _percentiles(values: np.ndarray) -> dict[float, Interval]:
+def _settling_delays(found: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Of recovered cases that had failures, from the last one until they had settled, s."""
+    struck = np.where(found["failure_kind"] != NEVER, found["failure_time"], -np.inf).max(axis=1)
+    delays = np.maximum(found["settling_time"] - struck, 0)
+    return delays[np.isfinite(struck) & (found["recovery"] == Recovery.RECOVERED)]
+
+
+def _percentiles(
+    values: np.ndarray, percents: tuple[float, ...] = DELAY_PERCENTS
+) -> dict[float, Interval]:
     if not len(values):
         return {}
-    return {percent: percentile(values, percent) for percent in DELAY_PERCENTS}
+    return {percent: percentile(values, percent) for percent in percents}

@@ -1,6 +1,7 @@
 """Recovery from failures in flight, on the page of a study."""
 
 from jaxsat.montecarlo import Interval, KindRecovery, RecoverySummary, percent_texts, reason_words
+from jaxsat.montecarlo.recovery_summary import SETTLING_PERCENTS
 from jaxsat.page.content import Cell, Table, number
 
 SHOWN = 200
@@ -27,9 +28,12 @@ def recovery_tables(found: RecoverySummary | None) -> list[Table]:
     reasons = list(dict.fromkeys(reason for row in found.by_kind for reason in row.reasons))
     columns = ["failure", "cases", "recovered", "fraction", "95 % interval", "recoverable",
                "fraction of recoverable", "95 % interval of it"]  # fmt: skip
+    columns += [f"settled {percent:.0f} % (s)" for percent in SETTLING_PERCENTS]
     rows = [[*_fractions(row), *(row.reasons.get(one, 0) for one in reasons)]
             for row in found.by_kind]  # fmt: skip
-    tables = [Table("Recovery by kind of failure", [*columns, *map(reason_words, reasons)], rows)]
+    note = "Settled: the time from the last failure, of the recovered cases."
+    columns += map(reason_words, reasons)
+    tables = [Table("Recovery by kind of failure", columns, rows, note)]
     told = [row for row in found.by_kind if row.diagnosis is not None]
     if told:
         tables.append(_diagnosis(told))
@@ -49,6 +53,10 @@ def _fractions(row: KindRecovery) -> list[Cell]:
         row.recoverable,
         None if known is None else known.value,
         "" if known is None else _ends(known),
+        *(
+            row.settling_delay[one].value if row.settling_delay else None
+            for one in SETTLING_PERCENTS
+        ),
     ]
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
+from jaxsat.errors import PrecisionError
 from jaxsat.simulation import adaptive, simulate
 from jaxsat.solvers import class_name
 from jaxsat.vehicle import Actuators
@@ -97,3 +98,13 @@ def test_other_numbers_compile_nothing_anew():
                                              "disturbance.amplitude_N_m=[0,0,0]"]))  # fmt: skip
     final(second.loop, second.start, second.times)
     assert len(traces) == 1
+
+
+def test_32_bit_floats_are_refused_with_what_to_call():
+    """In them the control period is no divisor of the duration, which is no fault of the file."""
+    scenario = load("two-torque-free")
+    with jax.enable_x64(False):
+        for building in (lambda: build(scenario), lambda: load("two-torque-free")):
+            with pytest.raises(PrecisionError, match=r'config.update\("jax_enable_x64", True\)'):
+                building()
+        assert load("two-torque-free", purpose="text") == scenario

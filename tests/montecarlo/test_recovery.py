@@ -57,6 +57,8 @@ def test_fractions_delays_and_reasons_by_kind():
     assert dead.recovered == wilson(1, 2)
     assert dead.of_recoverable == wilson(1, 1)
     assert dead.reasons == {Recovery.UNRECOVERABLE: 1}
+    assert dead.settling_delay[90.0].value == 50 - 10  # of the case that recovered
+    assert stuck.settling_delay == healthy.settling_delay == {}
     assert dead.diagnosis.detected == dead.diagnosis.isolated == dead.diagnosis.as_kind == 1
     assert dead.diagnosis.detection_delay[50.0].value == 2
     assert dead.diagnosis.isolation_delay[50.0].value == 1
@@ -89,9 +91,11 @@ def test_terminal_and_page_tell_the_same_numbers():
     told = summarise_recovery(by_hand(), np.arange(4))
     lines = "\n".join(recovery_lines(told))
     assert "all         2 of 4, 15.00% to 85.00%; 2 of 3 recoverable" in lines
+    assert "dead        40, 40, 40 s" in lines
     assert "false alarms     2 in 0.1 h" in lines
     kinds, diagnosis, explained = recovery_tables(told)
     assert kinds.rows[-1][:4] == ["all", 4, 2, 0.5]
+    assert kinds.rows[0][kinds.columns.index("settled 99 % (s)")] == 40
     assert diagnosis.rows[0][2:5] == [1, 1, 1]
     assert [row[0] for row in explained.rows] == [1, 2]
     assert recovery_line(told).startswith("Recovered: 2 of 3 recoverable cases (66.67%")
