@@ -36,6 +36,7 @@ from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law, is_plugin
+from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable
 from jaxsat.simulation import (
@@ -148,11 +149,6 @@ def _closed(
     if uses_error_coordinates(flattened(scenario)):
         return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
     return ContinuousLoop(plant, controller, cast(AbstractActuators, build_actuators(scenario)))
-
-
-def substeps_of(scenario: Scenario) -> int:
-    """Steps in each period of a sampled law, or in each time between two edges of pulses."""
-    return scenario.simulation.solver.substeps or (1 if scenario.thruster else 4)
 
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:

@@ -132,9 +132,7 @@ class SampledStepper(AbstractStepper):
     def _periods(self, program: Program, loop: SampledLoop, progress, first, count) -> Progress:
         tableau, judged = tableau_of(self.solver), _judge(program, loop)
 
-        estimate = HalvedSteps(
-            program, tableau, loop.substeps, loop.plant, lambda t, plant: plant
-        )
+        estimate = HalvedSteps(program, tableau, loop.substeps, loop.plant, lambda t, plant: plant)
 
         def integrate(number, t, hold, plant, carry):
             integrals, since, held, error = carry

@@ -167,7 +167,8 @@ class Outputs(NamedTuple):
     thrusters that push also the propellant (kg) and how often each valve opened, and of wheels the
     peak |h| of each at the instants observed (N m s); None without them. `failures` is what
     `FailureRecord` tells, of sampled loops with failures in flight, and `details` are told by a
-    detailed program. `integration_error` is told by a program that estimates it. With a leading axis these are the outputs of many cases.
+    detailed program. `integration_error` is told by a program that estimates it. With a leading
+    axis these are the outputs of many cases.
     """
 
     code: Int[Array, "*n"]

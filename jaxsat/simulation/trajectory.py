@@ -98,8 +98,8 @@ class Trajectory(eqx.Module):
     `final` is the loop's own state at the last of these times, from which a run can go on.
     `assessment` is of the whole run and does not depend on the times between its ends.
     `torque_range` tells what a sampled loop's torque was between these times, of every hold; None
-    for other loops. `integration_error` is the estimate of equal steps; None for adaptive ones, which
-    are held to their tolerances.
+    for other loops. `integration_error` is the estimate of equal steps; None for adaptive ones,
+    which are held to their tolerances.
     """
 
     times: Float[Array, " times"]
