@@ -44,7 +44,7 @@ class IntegrationError(eqx.Module):
         whole, halved = stop_gradient((whole, halved))
         rate = _norm(whole.omega - halved.omega)
         if whole.wheel_momentum is not None and halved.wheel_momentum is not None:
-            moment = jnp.trace(stop_gradient(body.inertia)) / 3
+            moment = jnp.trace(stop_gradient(body.spacecraft.inertia)) / 3
             rate = rate + _norm(whole.wheel_momentum - halved.wheel_momentum) / moment
         one, other = (state.attitude.as_quaternion().q for state in (whole, halved))
         turn = 2 * jnp.minimum(_norm(one - other), _norm(one + other))
