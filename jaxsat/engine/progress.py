@@ -3,7 +3,6 @@
 from typing import Literal, NamedTuple, get_args
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
@@ -167,8 +166,8 @@ class Outputs(NamedTuple):
     thrusters that push also the propellant (kg) and how often each valve opened, and of wheels the
     peak |h| of each at the instants observed (N m s); None without them. `failures` is what
     `FailureRecord` tells, of sampled loops with failures in flight, and `details` are told by a
-    detailed program. `integration_error` is told by a program that estimates it. With a leading
-    axis these are the outputs of many cases.
+    detailed program. `integration_error`, up to the end of the good part, is told by a program that
+    estimates it. With a leading axis these are the outputs of many cases.
     """
 
     code: Int[Array, "*n"]
@@ -276,5 +275,5 @@ def outputs_of(
         peak_wheel_momentum=None if momentum is None else kept(momentum),
         failures=None if failures is None else failures.outputs(jnp.asarray(interval)),
         details=details,
-        integration_error=None if error is None else jax.tree.map(kept, error),
+        integration_error=error,
     )
