@@ -218,8 +218,7 @@ def _method(table: SolverTable, loop: AbstractLoop) -> Method:
     }
     given = {name: value for name, value in given.items() if value is not None}
     if table.steps is None and not given:
-        suitable = default_method(loop)
-        return dataclasses.replace(suitable, solver=solver or suitable.solver)
+        return default_method(loop, solver)
     return adaptive(solver=solver, **{"min_step": MIN_STEP, **given})
 
 

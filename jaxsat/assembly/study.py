@@ -46,6 +46,7 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
 from jaxsat.scenario.thruster_tables import names_of, signs
 from jaxsat.simulation import ContinuousLoop, SampledLoop
+from jaxsat.simulation.methods import SMOOTH_STEP
 from jaxsat.solvers import NamedSolver
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
@@ -55,9 +56,6 @@ relative and absolute, is where a scenario names none."""
 EngineName = Literal["auto", "native", "scan", "diffrax"]
 CHUNK, NATIVE_CHUNKS = 256, (1024, 4096)
 """Cases computed and written together: by XLA, and fewest and most by the native engine."""
-
-SMOOTH_STEP = 0.01
-"""Seconds; steps of the scan engine for a smooth loop whose scenario names none."""
 
 ERROR_EVERY = 64
 """Intervals, in one of which the error of equal steps is estimated: a few percent of the time."""
@@ -239,9 +237,10 @@ def _engine(
 def _adaptive(scenario: Scenario, run: Run) -> bool:
     """Whether the engines of jaxsat take steps that meet a tolerance."""
     loop, solver = run.loop, scenario.simulation.solver
+    if isinstance(loop, SampledLoop) or solver.steps is not None or solver.step_s is not None:
+        return solver.steps == "adaptive" and not isinstance(loop, SampledLoop)
     smooth = isinstance(loop, ContinuousLoop) and loop.is_smooth()
-    fixed = smooth or solver.step_s is not None
-    return not isinstance(loop, SampledLoop) and (solver.steps == "adaptive" or not fixed)
+    return not smooth or solver.name in (None, *ADAPTIVE_SOLVERS)
 
 
 def _tolerance(solver: SolverTable, usual: float | None) -> Tolerance:
