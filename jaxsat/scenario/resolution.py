@@ -144,19 +144,20 @@ def _friction(scenario: Scenario) -> Iterator[Fast]:
 
 
 def _dispersed(scenario: Scenario, name: str, size: int) -> np.ndarray:
-    """The largest size of each component of a dispersed quantity, zeros where it is not."""
+    """The largest size of any component of a dispersed quantity for each, zeros where it is not."""
     table = None
     if scenario.dispersion is not None:
         table = scenario.dispersion.distributions.get(name)
-    return np.zeros(size) if table is None else np.broadcast_to(_largest(table), size)
+    return np.full(size, 0.0 if table is None else _largest(table))
 
 
-def _largest(table: DistributionTable) -> np.ndarray:
-    """The largest size that a distribution gives, of all its components or of each."""
+def _largest(table: DistributionTable) -> float:
+    """The largest size that a distribution gives."""
+    sizes = [np.zeros(1)]
     if table.values is not None:
-        return np.max(np.abs(table.values))
-    if table.low is not None and table.high is not None:
-        return np.maximum(np.abs(table.low), np.abs(table.high))
-    if table.mean is not None and table.sigma is not None:
-        return np.abs(table.mean) + SPREAD * np.asarray(table.sigma)
-    return np.zeros(())
+        sizes.append(np.abs(table.values))
+    elif table.low is not None and table.high is not None:
+        sizes += [np.abs(np.atleast_1d(table.low)), np.abs(np.atleast_1d(table.high))]
+    elif table.mean is not None and table.sigma is not None:
+        sizes.append(np.abs(np.atleast_1d(table.mean)) + SPREAD * np.max(table.sigma))
+    return float(np.concatenate(sizes).max())

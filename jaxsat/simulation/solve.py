@@ -24,6 +24,7 @@ from jaxsat.simulation.assessment import (
     stop_gradient,
 )
 from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop
 from jaxsat.simulation.methods import (
     Adjoint,
@@ -233,13 +234,14 @@ def run_samples(
 
 
 class _SampledRecord(NamedTuple):
-    """What is recorded of a sampled run: settled and at rest since when, ∫|T| (N m s), and the
-    torques of the period."""
+    """What is recorded of a sampled run: settled and at rest since when, ∫|T| (N m s), the torques
+    of the period, and the error of the steps."""
 
     settled: SettlingTracker
     rest: SettlingTracker
     integral: Float[Array, " m"]
     held: HeldTorque
+    error: IntegrationError
 
     def at(self, t, observed: Observation, tolerances: Tolerances) -> "_SampledRecord":
         """With one more observation."""
@@ -259,6 +261,7 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances
         SettlingTracker.initial(times[0], 1),
         nothing,
         HeldTorque.none(start.omega),
+        IntegrationError.none(start.omega),
     )
     record = record.at(times[0], Observation.of(loop.plant, start), tolerances)
 
@@ -274,7 +277,7 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances
     signals = _saved(signals, numbers)
     steps = jnp.array(samples * loop.substeps)
     torque_range = held.between(numbers, stop_gradient(signals.torque[-1]))
-    return Trajectory(times, signals, state, code, steps, found, torque_range)
+    return Trajectory(times, signals, state, code, steps, found, torque_range, record.error)
 
 
 def _saved(signals: Signals, numbers: Int[Array, " times"]) -> Signals:
@@ -291,29 +294,43 @@ def _saved(signals: Signals, numbers: Int[Array, " times"]) -> Signals:
 
 def _over_hold(loop, solver, t, state, hold, record, tolerances):
     """The plant's state and the record at the end of a hold that begins at time `t` (s)."""
-    import diffrax
 
-    term = diffrax.ODETerm(lambda now, state, hold: loop.plant_rate(now, state, hold, now - t))
-    step = hold.length / loop.substeps
-    solver_state = solver.init(term, t, t + step, state, hold)
-
-    def substep(number, carry):
-        current, inner, record = carry
-        begin = t + number * step
-        after, _, _, inner, _ = solver.step(
-            term, begin, begin + step, current, hold, inner, made_jump=False
-        )
+    def observe(record, begin, length, before, after):
         same, held, before, now, length, gone = stop_gradient(
-            (loop, hold, current, after, step, number * step)
+            (loop, hold, before, after, length, begin - t)
         )
         rate = effort_rate(same.plant, begin, before, same.torque(begin, before, held, gone))
         torque = same.torque(begin + length, now, held, gone + length)
         rate = rate + effort_rate(same.plant, begin + length, now, torque)
         record = record.at(begin + length, Observation.of(same.plant, now), tolerances)
-        return after, inner, record._replace(integral=record.integral + length / 2 * rate)
+        return record._replace(integral=record.integral + length / 2 * rate)
 
-    after, _, record = jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state, record))
+    steps = loop.substeps
+    after, record = _equal_steps(loop, solver, t, state, hold, steps, observe, record)
+    still = stop_gradient((loop, t, state, hold))
+    halved, _ = _equal_steps(still[0], solver, *still[1:], 2 * steps, lambda record, *_: record, ())
+    error = record.error.after(loop.plant, hold.length, after, halved)
     first = loop.torque(t, state, hold, jnp.zeros_like(hold.length))
     last = loop.torque(t + hold.length, after, hold, hold.length)
     held = record.held.with_hold(*stop_gradient((hold.length, first, last)))
-    return after, record._replace(held=held)
+    return after, record._replace(held=held, error=error)
+
+
+def _equal_steps(loop, solver, t, state, hold, count: int, observe, record):
+    """The plant's state after so many equal steps through a hold, and what was observed of each."""
+    import diffrax
+
+    term = diffrax.ODETerm(lambda now, state, hold: loop.plant_rate(now, state, hold, now - t))
+    step = hold.length / count
+    solver_state = solver.init(term, t, t + step, state, hold)
+
+    def one(number, carry):
+        before, inner, record = carry
+        begin = t + number * step
+        after, _, _, inner, _ = solver.step(
+            term, begin, begin + step, before, hold, inner, made_jump=False
+        )
+        return after, inner, observe(record, begin, step, before, after)
+
+    after, _, record = jax.lax.fori_loop(0, count, one, (state, solver_state, record))
+    return after, record
