@@ -25,12 +25,13 @@ class Span(NamedTuple):
 class HalvedSteps(NamedTuple):
     """Integrates a span once more in twice as many steps, see `IntegrationError`.
 
-    The span has been integrated in `count` steps. `plant_at` gives the plant of a state at a time.
+    The span has been integrated in `substeps` steps. `plant_at` gives the plant of a state at a
+    time.
     """
 
     program: Program
     tableau: Tableau
-    count: int
+    substeps: int
     body: RigidBody
     plant_at: Callable[[Float[Array, ""], PyTree], PlantState]
 
@@ -49,7 +50,7 @@ class HalvedSteps(NamedTuple):
         if error is None:
             return None
         begin, length, first, last = stop_gradient(span)
-        steps, end = 2 * self.count, begin + length
+        steps, end = 2 * self.substeps, begin + length
 
         def one(number, state):
             step = length / steps

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxsat.montecarlo.columns import DRAWN, ERRORS
+from jaxsat.montecarlo.columns import DRAWN
 from jaxsat.montecarlo.recovery_summary import RecoverySummary, summarise_recovery
 from jaxsat.montecarlo.sensitivities import Sensitivities, Sensitivity
 from jaxsat.montecarlo.statistics import Interval, percentile, wilson
@@ -74,6 +74,10 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
     def column(name: str) -> np.ndarray:
         return np.asarray(dataset[name])[:count][done]
 
+    def largest_error(part: str) -> float | None:
+        name = f"{part}_error_estimate"
+        return _largest(column(name)) if name in dataset else None
+
     numbers = np.flatnonzero(done)
     columns = {name: column(name) for name in ("code", "settling_time", "effort", "cost")}
     settled = np.isfinite(columns["settling_time"])
@@ -93,10 +97,8 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         cost_sensitivity=of_cost,
         settling_sensitivity=of_settling,
         recovery=summarise_recovery(dataset, numbers),
-        **{
-            f"{part}_error": _largest(column(name)) if name in dataset else None
-            for name, (part, _) in ERRORS.items()
-        },
+        rate_error=largest_error("rate"),
+        attitude_error=largest_error("attitude"),
         **{
             name: _percentiles(over_parts(column(name)[success])) if name in dataset else {}
             for name, over_parts in OF_ACTUATORS.items()

@@ -1,7 +1,5 @@
 """How far the steps of a run are from the motion, estimated by halving them hold by hold."""
 
-import math
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -54,11 +52,6 @@ class IntegrationError(eqx.Module):
     def later(self, length: Float[Array, ""]) -> "IntegrationError":
         """After so many seconds without an error of their own."""
         return IntegrationError(self.rate, self.attitude + self.rate * stop_gradient(length))
-
-    def exceeds(self, rate: float, attitude: float) -> bool:
-        """Whether one of the two is not below what is allowed of it (rad/s and rad)."""
-        found = ((float(self.rate), rate), (float(self.attitude), attitude))
-        return any(not value <= allowed for value, allowed in found if not math.isinf(allowed))
 
 
 def _norm(vector: Float[Array, " n"]) -> Float[Array, ""]:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -33,6 +33,7 @@ from jaxsat.simulation.methods import (
     default_method,
     step_size_for,
 )
+from jaxsat.simulation.recorded_hold import SampledRecord, over_hold
 from jaxsat.simulation.sampled_loop import Integrator, SampledLoop, SampledState
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
 from jaxsat.solvers import AbstractSolver, solver_of
@@ -233,30 +234,13 @@ def run_samples(
     return state, carry, code, signals, seen
 
 
-class _SampledRecord(NamedTuple):
-    """What is recorded of a sampled run: settled and at rest since when, ∫|T| (N m s), the torques
-    of the period, and the error of the steps."""
-
-    settled: SettlingTracker
-    rest: SettlingTracker
-    integral: Float[Array, " m"]
-    held: HeldTorque
-    error: IntegrationError
-
-    def at(self, t, observed: Observation, tolerances: Tolerances) -> "_SampledRecord":
-        """With one more observation."""
-        settled = self.settled.observe(t, observed.excess(tolerances))
-        rest = self.rest.observe(t, observed.rest_excess(tolerances))
-        return self._replace(settled=settled, rest=rest)
-
-
 @eqx.filter_jit
 def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances) -> Trajectory:
     def integrate(t, hold, state, record):
-        return _over_hold(loop, solver, t, state, hold, record, tolerances)
+        return over_hold(loop, solver, t, state, hold, record, tolerances)
 
     nothing = effort_rate(loop.plant, times[0], start, jnp.zeros_like(start.omega)) * 0
-    record = _SampledRecord(
+    record = SampledRecord(
         SettlingTracker.initial(times[0], 3),
         SettlingTracker.initial(times[0], 1),
         nothing,
@@ -290,47 +274,3 @@ def _saved(signals: Signals, numbers: Int[Array, " times"]) -> Signals:
     ends = jnp.append(numbers[1:], numbers[-1] + 1)
     means = (sums[ends] - sums[numbers]) / (ends - numbers)[:, None]
     return dataclasses.replace(saved, thrust_level=means)
-
-
-def _over_hold(loop, solver, t, state, hold, record, tolerances):
-    """The plant's state and the record at the end of a hold that begins at time `t` (s)."""
-
-    def observe(record, begin, length, before, after):
-        same, held, before, now, length, gone = stop_gradient(
-            (loop, hold, before, after, length, begin - t)
-        )
-        rate = effort_rate(same.plant, begin, before, same.torque(begin, before, held, gone))
-        torque = same.torque(begin + length, now, held, gone + length)
-        rate = rate + effort_rate(same.plant, begin + length, now, torque)
-        record = record.at(begin + length, Observation.of(same.plant, now), tolerances)
-        return record._replace(integral=record.integral + length / 2 * rate)
-
-    steps = loop.substeps
-    after, record = _equal_steps(loop, solver, t, state, hold, steps, observe, record)
-    still = stop_gradient((loop, t, state, hold))
-    halved, _ = _equal_steps(still[0], solver, *still[1:], 2 * steps, lambda record, *_: record, ())
-    error = record.error.after(loop.plant, hold.length, after, halved)
-    first = loop.torque(t, state, hold, jnp.zeros_like(hold.length))
-    last = loop.torque(t + hold.length, after, hold, hold.length)
-    held = record.held.with_hold(*stop_gradient((hold.length, first, last)))
-    return after, record._replace(held=held, error=error)
-
-
-def _equal_steps(loop, solver, t, state, hold, count: int, observe, record):
-    """The plant's state after so many equal steps through a hold, and what was observed of each."""
-    import diffrax
-
-    term = diffrax.ODETerm(lambda now, state, hold: loop.plant_rate(now, state, hold, now - t))
-    step = hold.length / count
-    solver_state = solver.init(term, t, t + step, state, hold)
-
-    def one(number, carry):
-        before, inner, record = carry
-        begin = t + number * step
-        after, _, _, inner, _ = solver.step(
-            term, begin, begin + step, before, hold, inner, made_jump=False
-        )
-        return after, inner, observe(record, begin, step, before, after)
-
-    after, _, record = jax.lax.fori_loop(0, count, one, (state, solver_state, record))
-    return after, record
