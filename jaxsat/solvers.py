@@ -25,6 +25,10 @@ SOLVERS = {
 """Classes of diffrax, all explicit Runge-Kutta methods, by their names in scenarios."""
 
 
+HIGH_ORDER = ("tsit5", "dopri5", "dopri8")
+"""Those that suit tight tolerances; they have a dense output of their own."""
+
+
 class NamedSolver(eqx.Module):
     """One of `SOLVERS`, made when it is used. Raises `ValueError` for another name."""
 

@@ -29,9 +29,10 @@ def replay_case(scenario: Scenario, study: Study, number: int) -> "xr.Dataset":
     law = known_law(scenario.control.law)
     attitude = law is None or law.declaration.regulates_attitude
     assessment = Assessment(settled, unknown) if attitude else Assessment(unknown, settled)
+    error = replay.outputs.integration_error
     times, ranges = jnp.asarray(replay.times), signals.torque_range
     dataset = trajectory_dataset(
-        Trajectory(times, signals, None, code, steps, assessment, ranges),
+        Trajectory(times, signals, None, code, steps, assessment, ranges, error),
         title=scenario.title,
         scenario=dump(scenario),
         modes=getattr(find_law(scenario.control.law).controller, "modes", None),

@@ -38,6 +38,7 @@ from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law, is_plugin
+from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable
 from jaxsat.simulation import (
@@ -157,11 +158,6 @@ def _closed(
     return ContinuousLoop(plant, controller, cast(AbstractActuators, build_actuators(scenario)))
 
 
-def substeps_of(scenario: Scenario) -> int:
-    """Steps in each period of a sampled law, or in each time between two edges of pulses."""
-    return scenario.simulation.solver.substeps or (1 if scenario.thruster else 4)
-
-
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
     """Sensors and delay; None for those that are perfect in every case.
 
@@ -229,8 +225,7 @@ def _method(table: SolverTable, loop: AbstractLoop) -> Method:
     }
     given = {name: value for name, value in given.items() if value is not None}
     if table.steps is None and not given:
-        suitable = default_method(loop)
-        return dataclasses.replace(suitable, solver=solver or suitable.solver)
+        return default_method(loop, solver)
     return adaptive(solver=solver, **{"min_step": MIN_STEP, **given})
 
 

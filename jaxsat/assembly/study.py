@@ -46,6 +46,7 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
 from jaxsat.scenario.thruster_tables import names_of, signs
 from jaxsat.simulation import ContinuousLoop, SampledLoop
+from jaxsat.simulation.methods import SMOOTH_STEP
 from jaxsat.solvers import NamedSolver
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
@@ -56,8 +57,8 @@ EngineName = Literal["auto", "native", "scan", "diffrax"]
 CHUNK, NATIVE_CHUNKS = 256, (1024, 4096)
 """Cases computed and written together: by XLA, and fewest and most by the native engine."""
 
-SMOOTH_STEP = 0.01
-"""Seconds; steps of the scan engine for a smooth loop whose scenario names none."""
+ERROR_EVERY = 64
+"""Intervals, in one of which the error of equal steps is estimated: a few percent of the time."""
 
 _KINDS = {
     "uniform": Uniform,
@@ -101,6 +102,8 @@ def build_study(
         engine = "scan" if engine == "auto" else engine  # machine code calls nothing back
     seed = scenario.simulation.seed if seed is None else seed
     copies, program = study_program(scenario, run, seed)
+    if engine != "diffrax" and not _adaptive(scenario, run):
+        program = dataclasses.replace(program, error_every=ERROR_EVERY)
     design = _design(scenario.dispersion, seed, count)
     example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
     chosen, remark = _engine(scenario, run, (program, example), engine, batch_size)
@@ -209,10 +212,7 @@ def _engine(
     batch_size: int,
 ) -> tuple[AbstractEngine, str | None]:
     """The engine, and why it is not the native one if that was wanted."""
-    loop, solver = run.loop, scenario.simulation.solver
-    smooth = isinstance(loop, ContinuousLoop) and loop.is_smooth()
-    fixed = smooth or solver.step_s is not None
-    adaptive = not isinstance(loop, SampledLoop) and (solver.steps == "adaptive" or not fixed)
+    solver, adaptive = scenario.simulation.solver, _adaptive(scenario, run)
     suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)
     if name == "diffrax" or (name == "auto" and not suits):
         return ReferenceEngine(method=run.method, batch_size=batch_size), None
@@ -232,6 +232,15 @@ def _engine(
             raise ValueError(f"The native engine cannot run this: {obstacle}")
         remark = f"not the native engine: {obstacle}"
     return ScanEngine(stepper=stepper, batch_size=batch_size), remark
+
+
+def _adaptive(scenario: Scenario, run: Run) -> bool:
+    """Whether the engines of jaxsat take steps that meet a tolerance."""
+    loop, solver = run.loop, scenario.simulation.solver
+    if isinstance(loop, SampledLoop) or solver.steps is not None or solver.step_s is not None:
+        return solver.steps == "adaptive" and not isinstance(loop, SampledLoop)
+    smooth = isinstance(loop, ContinuousLoop) and loop.is_smooth()
+    return not smooth or solver.name in (None, *ADAPTIVE_SOLVERS)
 
 
 def _tolerance(solver: SolverTable, usual: float | None) -> Tolerance:

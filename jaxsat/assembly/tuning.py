@@ -265,7 +265,7 @@ def _plain(cost: RunningCost) -> RunningCost:
 
 def _with_cost(program: Program, cost: RunningCost, tolerances: Tolerances) -> Program:
     cost = eqx.tree_at(lambda cost: cost.unsettled, cost, Unsettled(tolerances))
-    return dataclasses.replace(program, tolerances=tolerances, cost=cost)
+    return dataclasses.replace(program, tolerances=tolerances, cost=cost, error_every=0)
 
 
 def _aggregate(table: TuningTable) -> AbstractAggregate:

@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
-from jaxsat.assembly.run import substeps_of
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.thruster_tables import ModulationTable
 from jaxsat.scenario.tuning_tables import TuningTable

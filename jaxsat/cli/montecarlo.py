@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.integration_error import excessive_error
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import (
     BatchSize,
@@ -213,6 +214,9 @@ def montecarlo(
         with contextlib.suppress(KeyboardInterrupt, Terminated):  # a second one does not wait
             executor.stop()
         raise type(stop)(_what_is_left(target)) from None
+    excess = excessive_error((summary.rate_error, summary.attitude_error), chosen)
+    if excess:
+        print_stderr(excess, "warning: ")
     if not quiet:
         for line in summary_lines(summary):
             print_stdout(line)

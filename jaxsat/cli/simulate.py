@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.computing import in_background, interruptibly
+from jaxsat.cli.integration_error import errors_of, excessive_error
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report
 from jaxsat.cli.progress import show_progress
@@ -72,9 +73,9 @@ def simulate(
         raise output_problem(error) from None
     from jaxsat.results.coarseness import coarseness
 
-    told = coarseness(dataset)
-    if told:
-        print_stderr(told, "warning: ")
+    for told in (coarseness(dataset), excessive_error(errors_of(dataset), chosen)):
+        if told:
+            print_stderr(told, "warning: ")
     for obstacle in remarks:
         print_stderr(f"not the compiled engine, which starts in seconds: {obstacle}", "")
     if not quiet:

@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from jaxsat.cli.integration_error import error_row
+
 if TYPE_CHECKING:
     from jaxsat.montecarlo import RecoverySummary, Sensitivity, StudyProgress, Summary
 
@@ -36,6 +38,8 @@ def summary_lines(summary: "Summary") -> list[str]:
         ]
         if parts:
             lines.append(f"{title:<16} {', '.join(parts)} {unit}")
+    errors = error_row((summary.rate_error, summary.attitude_error))
+    lines += [f"{title:<16} {text}" for title, text in errors.items()]
     lines += recovery_lines(summary.recovery)
     lines.append(f"worst cases      {', '.join(map(str, summary.worst))} (see --case)")
     rankings = {"the cost": summary.cost_sensitivity, "settling": summary.settling_sensitivity}

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from jaxsat.cli.integration_error import error_row, errors_of
 from jaxsat.cli.terminal import print_stdout
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def print_summary(
         "rates": f"omega = {_numbers(final['omega'])} rad/s {at}",
         "torque": f"peak |T| = {_numbers(peak)} N m{'' if ranged else ' at the saved times'}",
         "effort": effort_text(dataset),
+        **error_row(errors_of(dataset)),
         "written": f"{target}: {', '.join(files)}",
     }
     width = max(map(len, rows))

@@ -1,6 +1,7 @@
 """Equal steps, interval by interval: through a continuous loop, and between samples."""
 
 import dataclasses
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -8,6 +9,7 @@ import jax.numpy as jnp
 
 from jaxsat.checks import require_counts
 from jaxsat.engine.details import details_of, rest_at, with_details
+from jaxsat.engine.error_estimate import HalvedSteps, Span
 from jaxsat.engine.failure_record import initial_record
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import (
@@ -25,6 +27,7 @@ from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
 from jaxsat.simulation.assessment import Observation, stop_gradient
 from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.simulation.solve import within_limit
 from jaxsat.solvers import NamedSolver, Solver, class_name
 from jaxsat.symmetric import halved, restored
@@ -61,20 +64,19 @@ class FixedStepper(AbstractStepper):
         del axis_name
         loop = continuous_loop(case)
         rate, judged = augmented_rate(program, loop), _judge(program, loop)
+        tableau, plant_at = tableau_of(self.solver), stop_gradient(loop).plant_state
+        estimate = HalvedSteps(program, tableau, self.substeps, loop.plant, plant_at)
 
         def interval(i, progress):
             t = (first + i) * program.interval
             seen = with_peaks(progress, loop.signals(t, progress.state))
+            both, since = (progress.state, progress.integrals), (progress.settled, progress.rest)
             (state, integrals), since = _equal_steps(
-                tableau_of(self.solver),
-                rate,
-                t,
-                program.interval,
-                self.substeps,
-                ((progress.state, progress.integrals), (progress.settled, progress.rest)),
-                judged,
+                tableau, rate, t, program.interval, self.substeps, (both, since), judged
             )
-            carry = (integrals, since, None)
+            span = Span(t, program.interval, progress.state, state)
+            error = estimate.after(progress.error, first + i, stop_gradient(loop), span)
+            carry = (integrals, since, None, error)
             return _unless_ended(program, progress, seen, state, (state,), carry, t)
 
         return jax.lax.fori_loop(0, count, interval, progress)
@@ -130,22 +132,34 @@ class SampledStepper(AbstractStepper):
     def _periods(self, program: Program, loop: SampledLoop, progress, first, count) -> Progress:
         tableau, judged = tableau_of(self.solver), _judge(program, loop)
 
-        def integrate(t, hold, plant, carry):
-            integrals, since, held = carry
+        estimate = HalvedSteps(program, tableau, loop.substeps, loop.plant, lambda t, plant: plant)
+
+        def integrate(number, t, hold, plant, carry):
+            integrals, since, held, error = carry
             rate, both = held_rate(program, loop, hold, t), (plant, integrals)
+            begun = plant
             first = loop.torque(t, plant, hold, jnp.zeros_like(hold.length))
             (plant, integrals), since = _equal_steps(
                 tableau, rate, t, hold.length, loop.substeps, (both, since), judged
             )
             last = loop.torque(t + hold.length, plant, hold, hold.length)
             held = held.with_hold(*stop_gradient((hold.length, first, last)))
-            return plant, (integrals, since, held)
+            same, still = stop_gradient((loop, hold))
+            error = estimate.after(
+                error,
+                number,
+                lambda now, plant: same.plant_rate(now, plant, still, now - t),
+                Span(t, hold.length, begun, plant),
+            )
+            return plant, (integrals, since, held, error)
 
         def period(i, progress):
             progress, number = restored(progress), first + i
             t = number * program.interval
-            carry = (progress.integrals, (progress.settled, progress.rest), progress.held)
-            state, carry, signals = loop.period(number, t, progress.state, integrate, carry)
+            since = (progress.settled, progress.rest)
+            carry = (progress.integrals, since, progress.held, progress.error)
+            through = partial(integrate, number)
+            state, carry, signals = loop.period(number, t, progress.state, through, carry)
             seen = with_peaks(progress, signals)
             if progress.failures is not None:
                 known = progress.failures.observe(t, signals, program.tolerances)
@@ -177,6 +191,8 @@ def _initial(program: Program, case: Case) -> Progress:
     state = case.loop.start(case.start)
     begin = initial_progress(state, plant_state(case.loop, 0.0, state), case.possible)
     begin = begin._replace(failures=initial_record(case.loop, state))
+    if program.error_every:
+        begin = begin._replace(error=IntegrationError.none(begin.peak_square))
     return with_details(begin, case.loop, 3) if program.detailed else begin
 
 
@@ -220,7 +236,7 @@ def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
 
     It ends where what is `checked` of the state, see `within_limit`, passes the limit.
     """
-    integrals, (settled, rest), held = carry
+    integrals, (settled, rest), held, error = carry
     moves, *finite = checked
     good = within_limit(moves, program.state_limit, *finite, integrals.cost)
     running = before.code == int(Outcome.SUCCESS)
@@ -231,6 +247,7 @@ def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
         settled=settled,
         rest=rest,
         held=held,
+        error=error,
         ended_at=t + program.interval,
         code=code,
     )

@@ -39,7 +39,8 @@ class Program(eqx.Module):
     The state is observed every `interval` seconds, `intervals` times after the start: that is
     where settling, the peak rate and divergence (a norm of `state_limit`) are judged.
     A sampled loop is observed at its samples. A `detailed` program tells the `Details` of each case
-    in place of its cost, which is NaN.
+    in place of its cost, which is NaN. The error of equal steps is estimated in one of
+    `error_every` intervals; never, if that is 0.
     """
 
     case_factory: AbstractCaseFactory
@@ -49,9 +50,14 @@ class Program(eqx.Module):
     cost: RunningCost = eqx.field(default_factory=RunningCost)
     state_limit: Float[Array, ""] = eqx.field(converter=as_float, default=STATE_LIMIT)
     detailed: bool = eqx.field(static=True, default=False)
+    error_every: int = eqx.field(static=True, default=0)
 
     def __check_init__(self):
         require_positive("interval", self.interval)
+        if self.error_every < 0:
+            raise ValueError(
+                f"Argument `error_every` must not be negative, but got {self.error_every}."
+            )
         if self.intervals < 1:
             raise ValueError(f"Argument `intervals` must be at least 1, but got {self.intervals}.")
 

@@ -15,6 +15,7 @@ from jaxsat.quotients import reciprocal
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import Observation, stop_gradient
 from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.trigonometry import cos
 from jaxsat.vehicle import Consumption
 
@@ -134,6 +135,7 @@ class Progress(NamedTuple):
     the state is good. `step` (s) is the next to be tried and `steps` the number of those tried,
     where steps are adaptive. `peak_momentum` is the largest |h| of each wheel (N m s) at the
     instants observed, None without wheels. `failures` is kept of sampled loops that have some.
+    `error` is the estimate of equal steps, where the program has one.
     `held` is what the torque of a sampled loop was since it was last observed, None for others.
     `rest` tells since when the inertial rate has been small, and `forced` counts the smallest steps
     taken in spite of their error, where steps are adaptive; both in a detailed program alone.
@@ -150,6 +152,7 @@ class Progress(NamedTuple):
     peak_momentum: Float[Array, " wheels"] | None = None
     failures: FailureRecord | None = None
     held: HeldTorque | None = None
+    error: IntegrationError | None = None
     rest: SettlingTracker | None = None
     forced: Int[Array, ""] | None = None
 
@@ -163,7 +166,8 @@ class Outputs(NamedTuple):
     thrusters that push also the propellant (kg) and how often each valve opened, and of wheels the
     peak |h| of each at the instants observed (N m s); None without them. `failures` is what
     `FailureRecord` tells, of sampled loops with failures in flight, and `details` are told by a
-    detailed program. With a leading axis these are the outputs of many cases.
+    detailed program. `integration_error`, up to the end of the good part, is told by a program that
+    estimates it. With a leading axis these are the outputs of many cases.
     """
 
     code: Int[Array, "*n"]
@@ -182,6 +186,7 @@ class Outputs(NamedTuple):
     peak_wheel_momentum: Float[Array, "*n wheels"] | None = None
     failures: dict[str, Array] | None = None
     details: Details | None = None
+    integration_error: IntegrationError | None = None
 
 
 def initial_progress(
@@ -250,7 +255,7 @@ def outputs_of(
         whole = cost.whole(progress.integrals.cost, success, missing)
     wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
     momentum, used = progress.peak_momentum, consumption
-    failures = progress.failures
+    failures, error = progress.failures, progress.error
     return Outputs(
         code=progress.code,
         settling_time=jnp.where(
@@ -270,4 +275,5 @@ def outputs_of(
         peak_wheel_momentum=None if momentum is None else kept(momentum),
         failures=None if failures is None else failures.outputs(jnp.asarray(interval)),
         details=details,
+        integration_error=error,
     )

@@ -135,7 +135,8 @@ def _planned(
     case, structure = jax.tree.flatten(arrays)
     places = jax.tree.unflatten(structure, range(len(case)))
     count = every * len(gaps)
-    program = Program(_OneCase(rest, places), interval, count, tolerances, detailed=True)
+    made = _OneCase(rest, places)
+    program = Program(made, interval, count, tolerances, detailed=True, error_every=1)
     flight = _Flight(program, stepper, case, every, pulsed)
     obstacle = native_obstacle(stepper, program, flight.cases, lanes=1)
     return (None, flight) if obstacle is None else (obstacle, None)
@@ -192,4 +193,5 @@ def _trajectory(times, outputs: Outputs, signals: Signals) -> Trajectory:
         outputs.settling_time, details.at_rest_from, details.effort, details.constraint_effort
     )
     signals = dataclasses.replace(signals, torque_range=None)
-    return Trajectory(times, signals, details.final, outputs.code, details.steps, found, ranges)
+    steps, error = details.steps, outputs.integration_error
+    return Trajectory(times, signals, details.final, outputs.code, steps, found, ranges, error)

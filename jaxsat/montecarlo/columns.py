@@ -53,6 +53,18 @@ PEAK_MOMENTUM = {
 }
 """Of loops with wheels; as many as there are."""
 
+ERRORS = {
+    "rate_error_estimate": (
+        "rate",
+        Column((), "float64", "rad s-1", "error of the rate that the length of the steps leaves"),
+    ),
+    "attitude_error_estimate": (
+        "attitude",
+        Column((), "float64", "rad", "error of the attitude that the length of the steps leaves"),
+    ),
+}
+"""Of programs that estimate it, see `jaxsat.simulation.IntegrationError`."""
+
 
 HISTORIES = {
     "w": Column((2,), "float64", "1", "tilt relative to the orbit frame", ("w_component",)),

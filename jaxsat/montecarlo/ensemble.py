@@ -16,6 +16,7 @@ from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.engine import AbstractEngine, Outputs, Program, Replay, program_identity
 from jaxsat.montecarlo.columns import (
     DRAWN,
+    ERRORS,
     HISTORY,
     HISTORY_TIME,
     columns_of,
@@ -134,6 +135,8 @@ class Study:
         """What a case has in a store."""
         drawn = {DRAWN + name: self._drawn(name) for name in self._dispersed}
         columns = columns_of(self.case_factory.loop)
+        if self.program.error_every:
+            columns = columns | {name: column for name, (_, column) in ERRORS.items()}
         if self.failures is not None:
             columns = columns | self.failures.columns()
         columns = columns | drawn
@@ -341,6 +344,9 @@ def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
     named = {name: values for name, values in outputs._asdict().items() if values is not None}
     drawn = named.pop("drawn")
     told = named.pop("failures", {})
+    estimated = named.pop("integration_error", None)
+    if estimated is not None:
+        told = told | {name: getattr(estimated, part) for name, (part, _) in ERRORS.items()}
     error = pointing_error(np.asarray(outputs.quaternion))
     named["pointing_error"] = np.linalg.norm(error, axis=-1)
     columns = {

@@ -33,7 +33,9 @@ class Summary(NamedTuple):
     `outcomes` counts the cases by how they ended, `worst` lists case numbers, those that failed
     first. The rankings say which dispersion matters for the cost and for settling at all. Intervals
     are of 95 %, those of independent draws, and open (infinite) where there are too few cases;
-    those of a ranking hold together. `recovery` is None where nothing fails in flight.
+    those of a ranking hold together. `recovery` is None where nothing fails in flight. `rate_error`
+    (rad/s) and `attitude_error` (rad) are the largest estimates of what the length of the steps
+    leaves, None where there are none.
     """
 
     cases: int
@@ -48,6 +50,8 @@ class Summary(NamedTuple):
     valve_openings: dict[float, Interval]
     peak_wheel_momentum: dict[float, Interval]
     recovery: RecoverySummary | None = None
+    rate_error: float | None = None
+    attitude_error: float | None = None
 
     @property
     def ranking(self) -> list[Sensitivity]:
@@ -70,6 +74,10 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
     def column(name: str) -> np.ndarray:
         return np.asarray(dataset[name])[:count][done]
 
+    def largest_error(part: str) -> float | None:
+        name = f"{part}_error_estimate"
+        return _largest(column(name)) if name in dataset else None
+
     numbers = np.flatnonzero(done)
     columns = {name: column(name) for name in ("code", "settling_time", "effort", "cost")}
     settled = np.isfinite(columns["settling_time"])
@@ -89,11 +97,19 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         cost_sensitivity=of_cost,
         settling_sensitivity=of_settling,
         recovery=summarise_recovery(dataset, numbers),
+        rate_error=largest_error("rate"),
+        attitude_error=largest_error("attitude"),
         **{
             name: _percentiles(over_parts(column(name)[success])) if name in dataset else {}
             for name, over_parts in OF_ACTUATORS.items()
         },
     )
+
+
+def _largest(values: np.ndarray) -> float | None:
+    """The largest of the numbers; None without any."""
+    known = values[~np.isnan(values)]
+    return float(known.max()) if known.size else None
 
 
 def _percentiles(values: np.ndarray) -> dict[float, Interval]:

@@ -106,6 +106,18 @@ TOTALS = {
 }
 """Of the whole run, judged on the integrator's steps and not at the saved times."""
 
+ERRORS = {
+    "rate_error_estimate": (
+        "rate",
+        _Variable((), "rad s-1", "error of the rate that the length of the steps leaves"),
+    ),
+    "attitude_error_estimate": (
+        "attitude",
+        _Variable((), "rad", "error of the attitude that the length of the steps leaves"),
+    ),
+}
+"""Of equal steps, see `IntegrationError`."""
+
 
 def trajectory_dataset(
     trajectory: Trajectory,
@@ -132,7 +144,7 @@ def trajectory_dataset(
         for name, one in found.items():
             found[name] = None if one is None else _along_wheels(one)
     found |= pointing(np.asarray(trajectory.signals.quaternion))
-    found |= _ranges(trajectory)
+    found |= _ranges(trajectory) | _errors(trajectory)
     variables = {name: variable for name, variable in found.items() if variable is not None}
     if modes is not None:
         variables["mode"].attrs |= {
@@ -175,6 +187,21 @@ def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
             {"units": "N m", "long_name": f"{what} thruster torque until the next saved time"},
         )
         for part, (name, what) in RANGES.items()
+    }
+
+
+def _errors(trajectory: Trajectory) -> dict[str, xr.Variable]:
+    """The error estimate of equal steps."""
+    told = trajectory.integration_error
+    if told is None:
+        return {}
+    return {
+        name: xr.Variable(
+            (),
+            np.asarray(getattr(told, part)),
+            {"units": label.units, "long_name": label.long_name},
+        )
+        for name, (part, label) in ERRORS.items()
     }
 
 

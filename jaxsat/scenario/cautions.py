@@ -11,6 +11,7 @@ from jaxsat.scenario.failure_cautions import failure_cautions
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import believed_axes
+from jaxsat.scenario.resolution import resolution_cautions
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
 
@@ -38,6 +39,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *_one_torque_cautions(scenario),
         *failure_cautions(scenario),
         *actuator_cautions(scenario),
+        *resolution_cautions(scenario),
     ]
 
 

@@ -147,7 +147,20 @@ class SolverTable(Table):
     )
     step_s: Seconds | None = quantity("Size of fixed steps", "s", None)
     substeps: Annotated[Whole, Ge(1), Le(10000)] | None = quantity(
-        "Equal steps in each period of a sampled control law", "1", None
+        "Equal steps in each period of a sampled control law; by default as many as resolve the "
+        "periodic torque, spin, nutation and viscous friction",
+        "1",
+        None,
+    )
+    rate_error_rad_s: Positive = quantity(
+        "Largest error of the rate that equal steps may leave without a warning, by the estimate",
+        "rad/s",
+        1e-4,
+    )
+    attitude_error_rad: Positive = quantity(
+        "Largest error of the attitude that equal steps may leave without a warning, likewise",
+        "rad",
+        1e-2,
     )
 
 

@@ -2,6 +2,7 @@
 
 from jaxsat.simulation.assessment import Assessment
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.simulation.loops import (
     AbstractContinuousLoop,
     AbstractLoop,
@@ -19,6 +20,7 @@ __all__ = [
     "Assessment",
     "ContinuousLoop",
     "ErrorCoordinateLoop",
+    "IntegrationError",
     "Method",
     "Motion",
     "Outcome",

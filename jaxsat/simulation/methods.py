@@ -7,9 +7,8 @@ from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.ranges import MAX_FIXED_STEPS
-from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
-from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
-from jaxsat.solvers import NamedSolver, Solver
+from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, ContinuousLoop
+from jaxsat.solvers import HIGH_ORDER, NamedSolver, Solver
 
 if TYPE_CHECKING:
     from diffrax import AbstractAdjoint as Adjoint
@@ -19,6 +18,9 @@ else:
 
 ADAPTIVE_MAX_STEPS = 2**17
 """Many times what a sound run needs; a law that slides on a corner uses them up in seconds."""
+
+SMOOTH_STEP = 0.01
+"""Seconds; equal steps of a smooth loop whose scenario names a solver of low order alone."""
 
 MIN_STEP = 1e-10
 """Seconds. Far below anything a law resolves, and far above the rounding of a time of 1000 s."""
@@ -101,15 +103,16 @@ def checkpoints() -> Adjoint:
     return diffrax.RecursiveCheckpointAdjoint()
 
 
-def default_method(loop: AbstractLoop) -> Method:
-    """What suits a loop.
+def default_method(loop: AbstractLoop, solver: Solver | None = None) -> Method:
+    """What suits a loop, with a solver of one's own or Dopri8.
 
-    Printed laws have corners: they get tight adaptive steps, with a smallest step that passes the
-    zero crossings of ω3 in (38). Smooth loops get equal steps of 0.01 s, and sampled loops take
-    their steps from their own period.
+    Continuous loops get tight adaptive steps, with a smallest step that passes the zero crossings
+    of ω3 in (38); smooth ones equal steps of 0.01 s with a solver of low order, which would take
+    too many of the others. Sampled loops take their steps from their own period.
     """
-    if isinstance(loop, ErrorCoordinateLoop):
-        return adaptive(min_step=MIN_STEP)
-    if isinstance(loop, ContinuousLoop) and not loop.is_smooth():
-        return adaptive(min_step=MIN_STEP)
-    return fixed(0.01, NamedSolver("dopri8"))
+    smooth = isinstance(loop, ContinuousLoop) and loop.is_smooth()
+    low = isinstance(solver, NamedSolver) and solver.name not in HIGH_ORDER
+    if isinstance(loop, AbstractContinuousLoop) and not (smooth and low):
+        most = MAX_FIXED_STEPS if smooth else ADAPTIVE_MAX_STEPS
+        return adaptive(solver=solver, min_step=MIN_STEP, max_steps=most)
+    return fixed(SMOOTH_STEP, solver or NamedSolver("dopri8"))

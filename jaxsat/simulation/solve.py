@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -24,6 +24,7 @@ from jaxsat.simulation.assessment import (
     stop_gradient,
 )
 from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop
 from jaxsat.simulation.methods import (
     Adjoint,
@@ -32,6 +33,7 @@ from jaxsat.simulation.methods import (
     default_method,
     step_size_for,
 )
+from jaxsat.simulation.recorded_hold import SampledRecord, over_hold
 from jaxsat.simulation.sampled_loop import Integrator, SampledLoop, SampledState
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
 from jaxsat.solvers import AbstractSolver, solver_of
@@ -232,33 +234,18 @@ def run_samples(
     return state, carry, code, signals, seen
 
 
-class _SampledRecord(NamedTuple):
-    """What is recorded of a sampled run: settled and at rest since when, ∫|T| (N m s), and the
-    torques of the period."""
-
-    settled: SettlingTracker
-    rest: SettlingTracker
-    integral: Float[Array, " m"]
-    held: HeldTorque
-
-    def at(self, t, observed: Observation, tolerances: Tolerances) -> "_SampledRecord":
-        """With one more observation."""
-        settled = self.settled.observe(t, observed.excess(tolerances))
-        rest = self.rest.observe(t, observed.rest_excess(tolerances))
-        return self._replace(settled=settled, rest=rest)
-
-
 @eqx.filter_jit
 def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances) -> Trajectory:
     def integrate(t, hold, state, record):
-        return _over_hold(loop, solver, t, state, hold, record, tolerances)
+        return over_hold(loop, solver, t, state, hold, record, tolerances)
 
     nothing = effort_rate(loop.plant, times[0], start, jnp.zeros_like(start.omega)) * 0
-    record = _SampledRecord(
+    record = SampledRecord(
         SettlingTracker.initial(times[0], 3),
         SettlingTracker.initial(times[0], 1),
         nothing,
         HeldTorque.none(start.omega),
+        IntegrationError.none(start.omega),
     )
     record = record.at(times[0], Observation.of(loop.plant, start), tolerances)
 
@@ -274,7 +261,7 @@ def _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances
     signals = _saved(signals, numbers)
     steps = jnp.array(samples * loop.substeps)
     torque_range = held.between(numbers, stop_gradient(signals.torque[-1]))
-    return Trajectory(times, signals, state, code, steps, found, torque_range)
+    return Trajectory(times, signals, state, code, steps, found, torque_range, record.error)
 
 
 def _saved(signals: Signals, numbers: Int[Array, " times"]) -> Signals:
@@ -287,33 +274,3 @@ def _saved(signals: Signals, numbers: Int[Array, " times"]) -> Signals:
     ends = jnp.append(numbers[1:], numbers[-1] + 1)
     means = (sums[ends] - sums[numbers]) / (ends - numbers)[:, None]
     return dataclasses.replace(saved, thrust_level=means)
-
-
-def _over_hold(loop, solver, t, state, hold, record, tolerances):
-    """The plant's state and the record at the end of a hold that begins at time `t` (s)."""
-    import diffrax
-
-    term = diffrax.ODETerm(lambda now, state, hold: loop.plant_rate(now, state, hold, now - t))
-    step = hold.length / loop.substeps
-    solver_state = solver.init(term, t, t + step, state, hold)
-
-    def substep(number, carry):
-        current, inner, record = carry
-        begin = t + number * step
-        after, _, _, inner, _ = solver.step(
-            term, begin, begin + step, current, hold, inner, made_jump=False
-        )
-        same, held, before, now, length, gone = stop_gradient(
-            (loop, hold, current, after, step, number * step)
-        )
-        rate = effort_rate(same.plant, begin, before, same.torque(begin, before, held, gone))
-        torque = same.torque(begin + length, now, held, gone + length)
-        rate = rate + effort_rate(same.plant, begin + length, now, torque)
-        record = record.at(begin + length, Observation.of(same.plant, now), tolerances)
-        return after, inner, record._replace(integral=record.integral + length / 2 * rate)
-
-    after, _, record = jax.lax.fori_loop(0, loop.substeps, substep, (state, solver_state, record))
-    first = loop.torque(t, state, hold, jnp.zeros_like(hold.length))
-    last = loop.torque(t + hold.length, after, hold, hold.length)
-    held = record.held.with_hold(*stop_gradient((hold.length, first, last)))
-    return after, record._replace(held=held)

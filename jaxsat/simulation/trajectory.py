@@ -6,6 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.simulation.assessment import Assessment
+from jaxsat.simulation.integration_error import IntegrationError
 
 
 class Outcome(enum.IntEnum):
@@ -97,7 +98,8 @@ class Trajectory(eqx.Module):
     `final` is the loop's own state at the last of these times, from which a run can go on.
     `assessment` is of the whole run and does not depend on the times between its ends.
     `torque_range` tells what a sampled loop's torque was between these times, of every hold; None
-    for other loops.
+    for other loops. `integration_error` is the estimate of equal steps; None for adaptive ones,
+    which are held to their tolerances.
     """
 
     times: Float[Array, " times"]
@@ -107,6 +109,7 @@ class Trajectory(eqx.Module):
     steps: Int[Array, ""]
     assessment: Assessment
     torque_range: TorqueRange | None = None
+    integration_error: IntegrationError | None = None
 
     @property
     def outcome(self) -> Outcome:

@@ -75,7 +75,7 @@ def test_method_of_the_file():
 
 
 def test_long_runs_with_fixed_steps_have_steps_enough():
-    changes = ["simulation.duration_s=50000", "control.law=coast"]
+    changes = ["simulation.duration_s=50000", "control.law=coast", "simulation.solver.name=heun"]
     run = build(load("paper-rate", changes))
     assert run.method.max_steps >= 50000 / float(run.method.first_step)
 

@@ -72,7 +72,11 @@ def test_numbers_beyond_reason_are_refused_with_their_key(name, override, messag
 
 
 def test_a_long_run_in_default_steps_has_a_limit_too():
-    long = ["control.law=coast", "simulation.duration_s=200000"]
+    long = [
+        "control.law=coast",
+        "simulation.solver.name=heun",
+        "simulation.duration_s=200000",
+    ]
     assert "key simulation.duration_s: must leave at most 16777216 steps" in refused(
         "paper-rate", *long
     )

@@ -14,7 +14,7 @@ from jaxsat.engine import fly
 from jaxsat.engine.native import engine
 from jaxsat.simulation import adaptive, fixed, simulate
 
-SMOOTH = ("rate-limited", ["simulation.duration_s=30"], 1e-10)
+SMOOTH = ("rate-limited", ["simulation.duration_s=30"], 1e-9)
 SAMPLED = ("two-torque-free", ["simulation.duration_s=30"], 1e-10)
 CORNERS = ("paper-three-axis", ["simulation.duration_s=30"], 1e-9)
 HELD = ("benchmark-three-axis", ["simulation.duration_s=20"], 1e-9)

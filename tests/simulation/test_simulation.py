@@ -33,7 +33,7 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import AdaptiveSteps
-from jaxsat.solvers import class_name
+from jaxsat.solvers import NamedSolver, class_name
 from jaxsat.vehicle import Spacecraft
 
 TIMES = jnp.linspace(0.0, 10.0, 11)
@@ -205,9 +205,11 @@ def test_error_coordinates_are_refused_where_law_and_plant_differ(change):
 
 def test_default_methods_suit_their_loops():
     assert class_name(default_method(three_axis_loop(PAPER_THREE_AXIS)).solver) == "Dopri8"
-    for width, kind in ((0.0, AdaptiveSteps), (1e-4, type(None))):
-        method = default_method(rate_loop(PAPER_RATE, width=width))
-        assert isinstance(method.step_size, kind)
+    for width in (0.0, 1e-4):
+        loop = rate_loop(PAPER_RATE, width=width)
+        assert isinstance(default_method(loop).step_size, AdaptiveSteps)
+        low = default_method(loop, NamedSolver("heun"))
+        assert isinstance(low.step_size, type(None) if width else AdaptiveSteps)
 
 
 def terminal_cost(gains, loop_of, start, times, adjoint):

@@ -1,0 +1,61 @@
+"""What is told of the error that the length of equal steps leaves."""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from jaxsat.scenario import Scenario
+
+Errors = tuple[float | None, float | None]
+"""The estimates of the rate (rad/s) and of the attitude (rad), None where there are none."""
+
+
+def errors_of(dataset: "xr.Dataset") -> Errors:
+    """Those of a run."""
+    rate, attitude = (
+        float(dataset[f"{part}_error_estimate"]) if f"{part}_error_estimate" in dataset else None
+        for part in ("rate", "attitude")
+    )
+    return rate, attitude
+
+
+def error_row(errors: Errors) -> dict[str, str]:
+    """A line of a summary by its title; none without estimates."""
+    rate, attitude = errors
+    if rate is None or attitude is None:
+        return {}
+    text = f"up to {rate:.2g} rad/s and {attitude:.2g} rad by the steps, against halved ones"
+    return {"error": text}
+
+
+def excessive_error(errors: Errors, scenario: "Scenario") -> str:
+    """What to say where an estimate is larger than the scenario allows; nothing where none is."""
+    solver = scenario.simulation.solver
+    allowed = {
+        "rate_error_rad_s": ("rate", errors[0], solver.rate_error_rad_s, "rad/s"),
+        "attitude_error_rad": ("attitude", errors[1], solver.attitude_error_rad, "rad"),
+    }
+    parts = [
+        f"the {of} of about {value:.2g} {unit} (simulation.solver.{key} = {most:g})"
+        for key, (of, value, most, unit) in allowed.items()
+        if value is not None and value > most
+    ]
+    if not parts:
+        return ""
+    return (
+        f"the steps leave an error of {' and of '.join(parts)}, against halved ones; "
+        f"{_finer(scenario)}"
+    )
+
+
+def _finer(scenario: "Scenario") -> str:
+    from jaxsat.scenario.laws import find_law
+    from jaxsat.scenario.resolution import substeps_of
+
+    if not find_law(scenario.control.law).declaration.sampled:
+        return "make simulation.solver.step_s smaller, or use adaptive steps"
+    return (
+        f"raise simulation.solver.substeps, now {substeps_of(scenario)}, or name a solver of "
+        "higher order"
+    )

@@ -1,0 +1,163 @@
+"""What of a scenario is fast, and steps that resolve it."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from jaxsat.scenario.coordinates import inertia_matrix
+from jaxsat.scenario.dispersion_tables import DistributionTable
+from jaxsat.scenario.errors import Issue, Location
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.wheel_tables import rotors, wheel_axes
+
+ORDERS = {
+    "euler": 1,
+    "midpoint": 2,
+    "heun": 2,
+    "ralston": 2,
+    "bosh3": 3,
+    "tsit5": 5,
+    "dopri5": 5,
+    "dopri8": 8,
+}
+"""Of the solvers. A scenario without one is held to what studies take."""
+
+STUDIES = "tsit5"
+FINE, COARSE = 1e-7, 1e-2
+"""Relative error a radian of the fastest motion: what steps are chosen for where the scenario
+leaves that open, and above which it does not pass without a word."""
+
+MOST_SUBSTEPS, MOST_STEPS = 1024, 2**24
+"""In a period and in a run, unless the scenario asks for them."""
+
+SPREAD = 3.0
+"""Standard deviations of a normal distribution that count as possible."""
+
+
+class Fast(NamedTuple):
+    """A motion, its angular frequency or inverse time constant (rad/s or 1/s), and its key."""
+
+    what: str
+    rate: float
+    location: Location
+
+
+def substeps_of(scenario: Scenario) -> int:
+    """Steps in each period of a sampled law, or in each time between two edges of pulses.
+
+    Without `simulation.solver.substeps` a power of two that resolves what is fast, as far as the
+    run then has no more than `MOST_STEPS`, and at least what suits slow motions.
+    """
+    given = scenario.simulation.solver.substeps
+    if given is not None:
+        return given
+    usual, period = 1 if scenario.thruster else 4, _period(scenario)
+    fast = fastest(scenario)
+    if fast is None:
+        return usual
+    needed = period * fast.rate / _resolved(scenario, FINE)
+    most = min(MOST_SUBSTEPS, MOST_STEPS * period / scenario.simulation.duration_s)
+    if needed <= usual or most <= usual:
+        return usual
+    return 2 ** min(math.ceil(math.log2(needed)), math.floor(math.log2(most)))
+
+
+def resolution_cautions(scenario: Scenario) -> Iterator[Issue]:
+    """Equal steps that do not resolve what is fast."""
+    solver, fast = scenario.simulation.solver, fastest(scenario)
+    if fast is None:
+        return
+    longest = _resolved(scenario, COARSE) / fast.rate
+    of = f"the {fast.what} of {fast.rate:.3g} rad/s ({'.'.join(map(str, fast.location))})"
+    if not find_law(scenario.control.law).declaration.sampled:
+        if solver.step_s is not None and solver.step_s > longest:
+            message = f"should be at most {longest:.2g} s to resolve {of}, got {solver.step_s:g} s"
+            yield Issue(("simulation", "solver", "step_s"), message, (fast.location,))
+        return
+    count, period = substeps_of(scenario), _period(scenario)
+    if period / count > longest:
+        message = (
+            f"should be at least {math.ceil(period / longest)} to resolve {of}, got {count} steps "
+            f"of {period / count:.3g} s"
+        )
+        yield Issue(("simulation", "solver", "substeps"), message, (fast.location,))
+
+
+def fastest(scenario: Scenario) -> Fast | None:
+    """The fastest motion that follows from the numbers of a scenario, None without any.
+
+    That is a periodic torque, the spin of the start with its nutation, or the spin-down of a wheel
+    by viscous friction; with what is dispersed at its largest.
+    """
+    found = [*_periodic(scenario), *_spin(scenario), *_friction(scenario)]
+    return max((one for one in found if one.rate > 0), key=lambda one: one.rate, default=None)
+
+
+def _period(scenario: Scenario) -> float:
+    return cast(float, getattr(scenario.control, "period_s", math.inf))
+
+
+def _resolved(scenario: Scenario, error: float) -> float:
+    """The angle (rad) a step along which a solver of order p is off by error, (p + 1)! terms."""
+    order = ORDERS[scenario.simulation.solver.name or STUDIES]
+    return (error * math.factorial(order + 1)) ** (1 / order)
+
+
+def _periodic(scenario: Scenario) -> Iterator[Fast]:
+    table = scenario.disturbance
+    amplitudes, rates = np.abs(table.amplitude_N_m), np.abs(table.frequency_rad_s)
+    more = 1 + _dispersed(scenario, "disturbance_frequency", 3)
+    yield Fast(
+        "periodic torque",
+        float(np.max(rates * more * (amplitudes > 0))),
+        ("disturbance", "frequency_rad_s"),
+    )
+
+
+def _spin(scenario: Scenario) -> Iterator[Fast]:
+    """The rate of the start, and the momentum of body and wheels over the least mean moment."""
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    omega = np.linalg.norm(scenario.initial.omega_rad_s)
+    omega = max(omega, np.linalg.norm(_dispersed(scenario, "omega", 3)))
+    omega += np.linalg.norm(_dispersed(scenario, "rate_error", 2))
+    of_wheels = np.abs([one.momentum_N_m_s for one in scenario.wheel])
+    of_wheels = np.maximum(of_wheels, _dispersed(scenario, "wheel_momentum", of_wheels.size))
+    moments = np.linalg.eigvalsh(inertia - rotors(scenario.wheel))
+    momentum = moments[2] * omega + np.linalg.norm(of_wheels, 1)
+    location = ("initial", "omega_rad_s")
+    yield Fast("spin", float(omega), location)
+    yield Fast("nutation", float(momentum / np.sqrt(moments[0] * moments[1])), location)
+
+
+def _friction(scenario: Scenario) -> Iterator[Fast]:
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2) - rotors(scenario.wheel)
+    more = max([1.0, *(one.factor or 1.0 for one in scenario.failure)])
+    for number, one in enumerate(scenario.wheel):
+        axis, rotor = wheel_axes((one,))[:, 0], one.rotor_inertia_kg_m2
+        if rotor is not None and one.viscous_friction_N_m_s > 0:
+            free = 1 + rotor * axis @ np.linalg.solve(inertia, axis)
+            rate = float(more * one.viscous_friction_N_m_s / rotor * free)
+            yield Fast("viscous friction", rate, ("wheel", number, "viscous_friction_N_m_s"))
+
+
+def _dispersed(scenario: Scenario, name: str, size: int) -> np.ndarray:
+    """The largest size of any component of a dispersed quantity for each, zeros where it is not."""
+    table = None
+    if scenario.dispersion is not None:
+        table = scenario.dispersion.distributions.get(name)
+    return np.full(size, 0.0 if table is None else _largest(table))
+
+
+def _largest(table: DistributionTable) -> float:
+    """The largest size that a distribution gives."""
+    sizes = [np.zeros(1)]
+    if table.values is not None:
+        sizes.append(np.abs(table.values))
+    elif table.low is not None and table.high is not None:
+        sizes += [np.abs(np.atleast_1d(table.low)), np.abs(np.atleast_1d(table.high))]
+    elif table.mean is not None and table.sigma is not None:
+        sizes.append(np.abs(np.atleast_1d(table.mean)) + SPREAD * np.max(table.sigma))
+    return float(np.concatenate(sizes).max())
