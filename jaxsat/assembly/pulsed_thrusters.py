@@ -45,7 +45,7 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     commanded = command_torques(scenario, torques or 3)
     return PulsedThrusters(
         thrusters,
-        None if as_commanded else LeastPropellant.of(*commanded),
+        None if as_commanded else LeastPropellant.of(*commanded, tabled=True),
         _modulation(scenario),
         thruster_failures(scenario.failure, scenario.thruster),
         late or thrusters.valve_delay is not None,

@@ -7,6 +7,7 @@ of the torque as can be made in its direction: there is no first phase, and no p
 """
 
 import math
+from functools import reduce
 from typing import NamedTuple
 
 import equinox as eqx
@@ -15,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.allocation import unit_columns
-from jaxsat.checks import as_float
-from jaxsat.smooth import within
+from jaxsat.allocation import least_propellant, unit_columns
+from jaxsat.checks import as_float, as_optional_float
+from jaxsat.smooth import positive_part, within
 
 RealScalar = Float[Array, ""]
 
@@ -75,13 +76,17 @@ class LeastPropellant(eqx.Module):
     torque by each, and `command_map` (3, torques) makes the torque on the body of a command. Any
     layout will do, also one whose torques are in a plane. Of a torque that cannot be made in full
     the greatest part is, in the same direction. At most `between` duties are neither zero nor at
-    their limit.
+    their limit. `table` (bases, m, torques) has the duties of `jaxsat.allocation.least_propellant`:
+    while none is beyond 1, the one without a negative duty is the solution, and no loop is run.
     """
 
     units: Float[Array, "3 m"] = eqx.field(converter=as_float)
     size: Float[Array, " m"] = eqx.field(converter=as_float)
     price: Float[Array, " m"] = eqx.field(converter=as_float)
     command_map: Float[Array, "3 torques"] = eqx.field(converter=as_float)
+    table: Float[Array, "bases m torques"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
     between: int = eqx.field(static=True, default=3)
 
     @staticmethod
@@ -89,15 +94,18 @@ class LeastPropellant(eqx.Module):
         torque: Float[np.ndarray, "3 m"],
         cost: Float[np.ndarray, " m"],
         command_map: Float[np.ndarray, "3 torques"] | None = None,
+        tabled: bool = False,
     ) -> "LeastPropellant":
         """For thrusters with these torques (N m) at full thrust, and what that costs.
 
-        A command is a torque (N m) about the body axes unless `command_map` makes it one.
+        A command is a torque (N m) about the body axes unless `command_map` makes it one. Raises
+        `ValueError` where they are `tabled` and make no torque of either sign for some command.
         """
         size = np.sqrt(np.sum(torque**2, axis=0))
         price = cost / size
         given = np.eye(3) if command_map is None else command_map
-        return LeastPropellant(unit_columns(torque), size, price / price.max(), given)
+        table = least_propellant(torque, cost, given) if tabled else None
+        return LeastPropellant(unit_columns(torque), size, price / price.max(), given, table)
 
     def __call__(
         self,
@@ -111,9 +119,27 @@ class LeastPropellant(eqx.Module):
         make a torque `first` (N m) besides. Where that is too much, `first` is made as far as it
         can be; then, of what the sum lacks, the greatest part in its direction.
         """
-        torque = self.command_map @ command
-        most = jnp.ones_like(self.size) if limit is None else limit
-        return _duties(self, most, torque, jnp.zeros_like(torque) if first is None else first)
+        torque = jnp.sum(self.command_map * command[None], axis=1)
+        if self.table is None or limit is not None or first is not None:
+            most = jnp.ones_like(self.size) if limit is None else limit
+            rest = jnp.zeros_like(torque) if first is None else first
+            return _duties(self, most, torque, rest, jnp.array(True))
+        candidates = jnp.sum(self.table * command[None, None, :], axis=-1)
+        best = jnp.argmax(reduce(_smaller, candidates.T))
+        duty = positive_part(candidates[best])
+        within_bounds = jnp.max(duty) <= 1
+        bounded, missed = _duties(
+            self, jnp.ones_like(duty), torque, jnp.zeros_like(torque), ~within_bounds
+        )
+        return (
+            jnp.where(within_bounds, duty, bounded),
+            jnp.where(within_bounds, 0.0, missed),
+        )
+
+
+def _smaller(x: Float[Array, " bases"], y: Float[Array, " bases"]) -> Float[Array, " bases"]:
+    """The smaller one, for numbers; which basis is chosen for NaN does not matter."""
+    return jnp.where(x < y, x, y)
 
 
 @jax.jit
@@ -122,8 +148,12 @@ def _duties(
     limit: Float[Array, " m"],
     torque: Float[Array, "3"],
     first: Float[Array, "3"],
+    wanted: Bool[Array, ""],
 ) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
-    """Compiled once, however often it is called. Derivatives are those at the last vertex."""
+    """Compiled once, however often it is called. Derivatives are those at the last vertex.
+
+    The loop is not run where the duties are not `wanted`.
+    """
     count = table.size.shape[0]
     upper = limit * table.size
     spread = GOLDEN * jnp.arange(count, dtype=upper.dtype) % 1
@@ -132,7 +162,7 @@ def _duties(
     last = jax.lax.while_loop(
         lambda at: at.goes & (at.pivots < PIVOTS_A_THRUSTER * (count + 2)),
         lambda at: _pivot(*fixed, at),
-        jax.lax.stop_gradient(_beginning(upper, torque, first)),
+        jax.lax.stop_gradient(_beginning(upper, torque, first)._replace(goes=wanted)),
     )
     made = _part(table.units, upper, last.facets[0], 0 * first, first)
     made = made + _part(table.units, upper, last.facets[1], made, torque + first - made)

@@ -37,4 +37,4 @@ def thruster_set(torque, min_on=0.0, **times):
 def allocated(torque, torques=3):
     """The allocation by least ∫ |torque| dt."""
     cost = np.linalg.norm(torque, axis=0)
-    return LeastPropellant.of(torque, cost, np.eye(3)[:, :torques])
+    return LeastPropellant.of(torque, cost, np.eye(3)[:, :torques], tabled=True)
