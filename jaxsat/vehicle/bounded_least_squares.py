@@ -12,6 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsat.smooth import within
+
 RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]
 
@@ -71,7 +73,8 @@ def nearest_within(
     )
     found, part = _solved(given)
     fits = jnp.all(jnp.abs(given.wanted) <= given.limit)
-    return jnp.where(fits, jnp.where(used, wanted, 0.0), size * found), jnp.where(fits, 1.0, part)
+    found = within(size * found, -limit, limit)
+    return jnp.where(fits, jnp.where(used, wanted, 0.0), found), jnp.where(fits, 1.0, part)
 
 
 def _solved(given: Wheeling) -> tuple[OfEach, RealScalar]:
@@ -105,7 +108,7 @@ def _solved(given: Wheeling) -> tuple[OfEach, RealScalar]:
     for _ in range(3):  # the second and third take away what rounding has left
         lacks = part * torque - given.axes @ made
         made = made + jnp.where(free, given.weight * ((inverse @ lacks) @ given.axes), 0.0)
-    return jnp.clip(made, -given.limit, given.limit), part
+    return made, part
 
 
 def _free(given: Wheeling, at: Shared) -> Bool[Array, " m"]:
