@@ -16,12 +16,12 @@ from jaxsat.vehicle import nearest_within
 class MagneticSteering(eqx.Module):
     """Dipoles m = B × τ / |B|², which make of a wanted torque τ what is across the field B.
 
-    τ = `wanted` u - `unloading` A h: a part of the law's command u (N m), and what takes momentum
-    h along `wheel_axes` A out of the wheels, in parts a second. `shares` (k, 3) makes a dipole of
-    the magnetorquers along `axes`. Where that exceeds the `dipole_limit` (A m²) of one, others make
-    up for it; of a torque that they cannot make, the greatest part is. What they then make is left out of the command of all other actuators, so
-    that the body feels the law's torque. B is that of the `field` at the attitude that the law is
-    told.
+    τ = `wanted` u - `unloading` A h: a part of the law's command u (N m), and what takes momentum h
+    along `wheel_axes` A out of the wheels, in parts a second. `shares` (k, 3) makes a dipole of the
+    magnetorquers along `axes`. Where that exceeds the `dipole_limit` (A m²) of one, others make up
+    for it; of a torque that they cannot make, the greatest part is. What they then make is left out
+    of the command of all other actuators, so that the body feels the law's torque. B is that of the
+    `field` at the attitude that the law is told.
     """
 
     field: DipoleField

@@ -61,9 +61,9 @@ def adjugate(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
 class WheelAllocation(eqx.Module):
     """Which wheels are used in a condition, and what each does of a commanded torque.
 
-    Wheels are weighted by the torque that they have to spare. Where that of one is too small, others
-    make up for it; of a command that they cannot make, the greatest part is. Momentum that makes no torque on the body, where there are
-    more wheels than axes, is driven to zero.
+    Wheels are weighted by the torque that they have to spare. Where that of one is too small,
+    others make up for it; of a command that they cannot make, the greatest part is. Momentum that
+    makes no torque on the body, where there are more wheels than axes, is driven to zero.
     """
 
     filter: WheelFilter

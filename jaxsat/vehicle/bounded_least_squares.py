@@ -1,4 +1,4 @@
-"""Torques of wheels within their limits, nearest to those that least squares give: an exact solution.
+"""Torques of wheels within their limits, nearest to those that least squares give.
 
 The parametric active-set method (Best, An algorithm for the solution of the parametric quadratic
 programming problem, 1996) for three equations, in plain `jax.numpy`. The torque on the body grows
@@ -55,11 +55,11 @@ class Wheeling(NamedTuple):
 def nearest_within(
     axes: Float[Array, "3 m"], weight: OfEach, limit: OfEach, wanted: OfEach
 ) -> tuple[OfEach, RealScalar]:
-    """Torques u within |u| <= `limit` (N m) that make the torque of those `wanted`, nearest to them.
+    """Torques u within |u| <= `limit` (N m) that make the torque of those `wanted`.
 
     They minimise Σ (u - s wanted)² / `weight` subject to A u = s A wanted, for the greatest part s
-    up to 1; returned are u and s. A wheel without a limit or a weight makes nothing. `axes` are unit
-    columns.
+    up to 1; returned are u and s. A wheel without a limit or a weight makes nothing. `axes` are
+    unit columns.
     """
     used = (limit > 0) & (weight > 0)
     size = jnp.max(jnp.where(used, limit, 0.0))

@@ -24,11 +24,11 @@ class ActuatorsWithWheels(AbstractActuators):
 
     `wheel_map` (wheels, torques) shares the command, two torques or three, among the wheels, of
     which those that have failed have rows of zeros. Where that exceeds the `wheel_limit` (N m, None
-    for no limit) of one, others make up for it. Of a torque that they cannot make, the greatest part
-    is, in its direction. `axes` (3, wheels) has zeros for those that have failed; it is None where
-    wheels make every torque in one way only, and are then scaled down together.
-    `rest` (torques, torques) gives the part of the command that is left to the `thrusters`; both
-    are None where nothing is. `limiting` holds which wheel is at its limit, see `smooth_piece`.
+    for no limit) of one, others make up for it. Of a torque that they cannot make, the greatest
+    part is, in its direction. `axes` (3, wheels) has zeros for those that have failed; it is None
+    where wheels make every torque in one way only, and are then scaled down together. `rest`
+    (torques, torques) gives the part of the command that is left to the `thrusters`; both are None
+    where nothing is. `limiting` holds which wheel is at its limit, see `smooth_piece`.
     """
 
     wheel_map: Float[Array, "wheels torques"] = eqx.field(converter=as_float)

@@ -88,7 +88,8 @@ def test_derivatives_are_those_of_differences_within_at_and_beyond_the_limits():
     weight = limit = np.array([1.0, 0.5, 1.0, 0.2, 1.0, 0.0])
     root = np.sqrt(weight)
     spread = root[:, None] * np.linalg.pinv(axes * root)
-    torques = jax.jit(lambda way: nearest_within(*map(jnp.asarray, (axes, weight, limit)), spread @ way)[0])
+    given = [jnp.asarray(one) for one in (axes, weight, limit)]
+    torques = jax.jit(lambda way: nearest_within(*given, spread @ way)[0])
     slopes = [jax.jit(way(torques)) for way in (jax.jacfwd, jax.jacrev)]
     for amount in (0.0, 0.1, 0.9, 1.1, 5.0):
         command, step = amount * np.array([0.5, -0.6, 0.4]), 1e-7

@@ -1,4 +1,4 @@
-"""Allocation by least propellant against SciPy's linear programmes, by XLA and the compiled engine."""
+"""Allocation by least propellant against linear programmes, by XLA and the compiled engine."""
 
 import jax
 import jax.numpy as jnp
