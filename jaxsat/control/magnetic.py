@@ -49,5 +49,6 @@ class MagneticSteering(eqx.Module):
         square = jnp.sum(field**2)
         shares = self.shares @ (jnp.cross(field, torque) / square)
         across = jnp.cross(self.axes, (field / jnp.sqrt(square))[:, None], axis=0)
-        dipoles, _ = nearest_within(across, jnp.ones_like(shares), self.dipole_limit, shares)
+        working = jnp.where(jnp.any(self.shares != 0, axis=1), 1.0, 0.0)
+        dipoles, _ = nearest_within(across, working, self.dipole_limit, shares)
         return dipoles, command - jnp.cross(self.axes @ dipoles, field)
