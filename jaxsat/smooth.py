@@ -116,3 +116,10 @@ def at_least(x: Float[Array, "*n"], least: Float[Array, "*n"]) -> Float[Array, "
 @at_least.defjvp
 def _at_least_jvp(primals, tangents):
     return at_least(*primals), jnp.where(primals[0] < primals[1], tangents[1], tangents[0])
+
+
+def within(
+    x: Float[Array, "*n"], least: Float[Array, "*n"], most: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """x between two bounds, whose slope at a bound is that of x."""
+    return -at_least(-at_least(x, least), -most)

@@ -1,5 +1,6 @@
 """From a scenario to its actuators."""
 
+import dataclasses
 import math
 
 import jax.numpy as jnp
@@ -68,7 +69,7 @@ def _with_wheels(
     mixed = ActuatorsWithWheels.of(axes, torques, limit, ideal, failed)
     if not scenario.thruster or mixed.rest is None:
         return mixed
-    alone = ActuatorsWithWheels(mixed.wheel_map, mixed.wheel_limit)
+    alone = dataclasses.replace(mixed, thrusters=None, rest=None)
     return PulsedActuatorsWithWheels(alone, pulsed_thrusters(scenario, torques), mixed.rest)
 
 

@@ -11,7 +11,7 @@ from jaxsat.declaration.sensors import DELAY, GYRO_KEYS, SENSOR_KEYS
 from jaxsat.diagnosis import ThrusterModel
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.laws import find_law
-from jaxsat.scenario.layout import least_duties, thruster_costs
+from jaxsat.scenario.layout import command_torques, thruster_costs
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.thruster_tables import (
     ModulationTable,
@@ -42,10 +42,10 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     drawn = getattr(scenario.dispersion, "failure_kind", None) is not None
     late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
     as_commanded = find_law(scenario.control.law).declaration.commands_duties
-    duties = np.eye(thrusters.count)[None] if as_commanded else least_duties(scenario, torques or 3)
+    commanded = command_torques(scenario, torques or 3)
     return PulsedThrusters(
         thrusters,
-        LeastPropellant.of(duties),
+        None if as_commanded else LeastPropellant.of(*commanded, tabled=True),
         _modulation(scenario),
         thruster_failures(scenario.failure, scenario.thruster),
         late or thrusters.valve_delay is not None,

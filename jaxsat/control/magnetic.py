@@ -10,17 +10,18 @@ from jaxtyping import Array, Float
 from jaxsat.checks import as_float, as_optional_float, require_positive
 from jaxsat.dynamics import PlantState
 from jaxsat.environment import DipoleField
+from jaxsat.vehicle import nearest_within
 
 
 class MagneticSteering(eqx.Module):
     """Dipoles m = B × τ / |B|², which make of a wanted torque τ what is across the field B.
 
-    τ = `wanted` u - `unloading` A h: a part of the law's command u (N m), and what takes momentum
-    h along `wheel_axes` A out of the wheels, in parts a second. `shares` (k, 3) makes a dipole of
-    the magnetorquers along `axes`; all are scaled down together until none exceeds its
-    `dipole_limit` (A m²). What they then make is left out of the command of all other actuators, so
-    that the body feels the law's torque. B is that of the `field` at the attitude that the law is
-    told.
+    τ = `wanted` u - `unloading` A h: a part of the law's command u (N m), and what takes momentum h
+    along `wheel_axes` A out of the wheels, in parts a second. `shares` (k, 3) makes a dipole of the
+    magnetorquers along `axes`. Where that exceeds the `dipole_limit` (A m²) of one, others make up
+    for it; of a torque that they cannot make, the greatest part is. What they then make is left out
+    of the command of all other actuators, so that the body feels the law's torque. B is that of the
+    `field` at the attitude that the law is told.
     """
 
     field: DipoleField
@@ -45,6 +46,9 @@ class MagneticSteering(eqx.Module):
         torque = self.wanted @ command
         if self.wheel_axes is not None and state.wheel_momentum is not None:
             torque = torque - self.unloading * (self.wheel_axes @ state.wheel_momentum)
-        shares = self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
-        dipoles = shares / jnp.maximum(jnp.max(jnp.abs(shares) / self.dipole_limit), 1.0)
+        square = jnp.sum(field**2)
+        shares = self.shares @ (jnp.cross(field, torque) / square)
+        across = jnp.cross(self.axes, (field / jnp.sqrt(square))[:, None], axis=0)
+        working = jnp.where(jnp.any(self.shares != 0, axis=1), 1.0, 0.0)
+        dipoles, _ = nearest_within(across, working, self.dipole_limit, shares)
         return dipoles, command - jnp.cross(self.axes @ dipoles, field)

@@ -18,8 +18,8 @@ from jaxsat.allocation import (
     unit_columns,
 )
 from jaxsat.checks import as_array, as_float
-from jaxsat.control.bounded_duties import BoundedDuties
 from jaxsat.diagnosis import WEAK, Condition
+from jaxsat.vehicle import LeastPropellant
 
 RealScalar = Float[Array, ""]
 
@@ -113,7 +113,7 @@ class Reconfiguration(eqx.Module):
     """
 
     torque: Float[Array, "3 m"] = eqx.field(converter=as_float)
-    duties: BoundedDuties
+    duties: LeastPropellant
     number: Int[Array, "m m"]
     left: Int[Array, " sets"]
 
@@ -130,7 +130,7 @@ class Reconfiguration(eqx.Module):
                 number[one.failed[0], one.failed[-1]] = place
         return Reconfiguration(
             torque,
-            BoundedDuties.of(torque, cost),
+            LeastPropellant.of(torque, cost),
             as_array(number),
             as_array(np.array([int(one.left) for one in sets])),
         )
@@ -190,8 +190,7 @@ class Reconfiguration(eqx.Module):
 
         def also(way, spans):
             wanted = steady + spare * ways[way] * largest
-            duty = self.duties(limit, wanted)
-            missed = wanted - self.torque @ duty
+            _, missed = self.duties(wanted, limit)
             return spans & (jnp.sum(missed**2) < smallest)
 
         return jax.lax.fori_loop(0, len(ways), also, jnp.array(True))
@@ -224,4 +223,4 @@ class Reconfiguration(eqx.Module):
         Where that is more than they can, `steady` comes first, and of the rest the greatest part is
         made, in its direction.
         """
-        return self.duties(limit, torque, steady)
+        return self.duties(torque, limit, steady)[0]

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.control.reconfiguration import Left
 from jaxsat.diagnosis import WEAK, Condition, WheelFilter
 from jaxsat.roots import length, root
-from jaxsat.vehicle import Wheels
+from jaxsat.vehicle import Wheels, nearest_within
 
 RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]
@@ -61,9 +61,9 @@ def adjugate(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
 class WheelAllocation(eqx.Module):
     """Which wheels are used in a condition, and what each does of a commanded torque.
 
-    Wheels are weighted by the torque that they have to spare. Torques of a command that exceed that
-    of a wheel are scaled down together. Momentum that makes no torque on the body, where there are
-    more wheels than axes, is driven to zero.
+    Wheels are weighted by the torque that they have to spare. Where that of one is too small,
+    others make up for it; of a command that they cannot make, the greatest part is. Momentum that
+    makes no torque on the body, where there are more wheels than axes, is driven to zero.
     """
 
     filter: WheelFilter
@@ -124,7 +124,7 @@ class WheelAllocation(eqx.Module):
         far as the torque leaves room.
         """
         wanted = wheeled.shares @ torque
-        made = wanted * within(wheeled.usable, 0.0 * wanted, wanted)
+        made, _ = nearest_within(self.wheels.axes, wheeled.usable, wheeled.usable, wanted)
         held = jnp.where(wheeled.working, momentum, 0.0)
         idle = held - wheeled.shares @ (self.wheels.axes @ held)
         idle = jnp.where(wheeled.left == Left.THREE_AXES, unloading * idle, 0.0)

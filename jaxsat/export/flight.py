@@ -136,7 +136,7 @@ class FlightController(eqx.Module):
         found: dict[str, Array] = {} if wheels is None else {"wheel_torque": wheels}
         thrusters, command = self._thrusters(command)
         if isinstance(thrusters, PulsedThrusters):
-            duty = thrusters.allocation(command)
+            duty = thrusters.duties(command)
             period, least = self.law.period, thrusters.thrusters.min_on_time
             pulses, memory = thrusters.modulation(duty, memory, period, least)
             return found | dict(

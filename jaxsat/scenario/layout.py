@@ -67,15 +67,18 @@ def torque_limit(scenario: Any) -> float | None:
     if scenario.wheel:
         limits.append(limit_of_wheels(scenario.wheel, torques))
     if scenario.thruster:
-        limits.append(largest_torque(least_duties(scenario, torques)))
+        limits.append(largest_torque(least_propellant(*command_torques(scenario, torques))))
     return min((one for one in limits if one is not None), default=None)
 
 
-def least_duties(scenario: Any, torques: int) -> np.ndarray:
-    """What each thruster that works does of a unit of commanded torque, of least propellant."""
+def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Torques (N m) of the thrusters that work, their costs, and the torque of a unit of command.
+
+    All are at full thrust.
+    """
     torque = working_torques(scenario.thruster)
     any_plane = find_law(scenario.control.law).declaration.any_plane and not scenario.wheel
-    return least_propellant(torque, thruster_costs(scenario), plane_map(torque, torques, any_plane))
+    return torque, thruster_costs(scenario), plane_map(torque, torques, any_plane)
 
 
 def thruster_costs(scenario: Any) -> np.ndarray:

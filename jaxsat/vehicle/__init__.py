@@ -9,6 +9,7 @@ from jaxsat.vehicle.actuators import (
     NoThrusters,
 )
 from jaxsat.vehicle.allocation import LeastPropellant
+from jaxsat.vehicle.bounded_least_squares import nearest_within
 from jaxsat.vehicle.failures import (
     AbstractFailures,
     FailureEvents,
@@ -90,6 +91,7 @@ __all__ = [
     "allocation",
     "first_states",
     "inverse_of",
+    "nearest_within",
     "one_thruster_coupling",
     "two_thruster_coupling",
 ]

@@ -45,16 +45,11 @@ class AbstractModulation(eqx.Module):
     ) -> tuple[Pulses, PyTree]:
         """The pulses of the period that begins now, and the next memory."""
 
-    def firing(self, firing: int, count: int) -> int:
-        """How many of `count` thrusters may fire in a period in which so many have a duty."""
-        del count
-        return firing
-
     @abc.abstractmethod
-    def edges(self, firing: int, count: int) -> int:
+    def edges(self, between: int, count: int) -> int:
         """How often, in all, valves may open or shut strictly inside a period.
 
-        So many thrusters of `count` have a duty at most.
+        So many thrusters of `count` have a duty between 0 and 1 at most.
         """
 
     def counts_openings(self) -> bool:
@@ -80,9 +75,9 @@ class IdealThrottle(AbstractModulation):
         pulses = _one_pulse(jnp.zeros_like(duty) + period)
         return pulses._replace(level=duty[None]), memory
 
-    def edges(self, firing: int, count: int) -> int:
+    def edges(self, between: int, count: int) -> int:
         """None."""
-        del firing, count
+        del between, count
         return 0
 
     def counts_openings(self) -> bool:
@@ -102,10 +97,10 @@ class PulseWidth(AbstractModulation):
         width = duty * period
         return _one_pulse(jnp.where(width >= min_on_time, width, 0.0)), memory
 
-    def edges(self, firing: int, count: int) -> int:
-        """Each thruster that fires shuts once."""
+    def edges(self, between: int, count: int) -> int:
+        """Each thruster that fires for a part of the period shuts once."""
         del count
-        return firing
+        return between
 
 
 class DeltaSigma(AbstractModulation):
@@ -125,14 +120,9 @@ class DeltaSigma(AbstractModulation):
         width = whole * min_on_time
         return _one_pulse(width), jnp.minimum(owed - width, period)
 
-    def firing(self, firing: int, count: int) -> int:
-        """Any may fire what it owes."""
-        del firing
-        return count
-
-    def edges(self, firing: int, count: int) -> int:
-        """Any thruster may shut once."""
-        del firing
+    def edges(self, between: int, count: int) -> int:
+        """Any thruster may fire what it owes, and shut once."""
+        del between
         return count
 
 
@@ -221,11 +211,7 @@ class PulseWidthPulseFrequency(AbstractModulation):
         begins, ends = jnp.stack(on), jnp.stack(off)
         return Pulses(begins, ends, jnp.ones_like(begins))
 
-    def firing(self, firing: int, count: int) -> int:
+    def edges(self, between: int, count: int) -> int:
         """Any may fire: one that has lost its duty goes on until its lag has decayed."""
-        del firing
-        return count
-
-    def edges(self, firing: int, count: int) -> int:
-        """A thruster without a duty shuts at most."""
-        return firing * self.switchings + (count - firing)
+        del between
+        return count * self.switchings

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.smooth import at_least
+from jaxsat.smooth import at_least, within
 from jaxsat.vehicle.allocation import LeastPropellant
 from jaxsat.vehicle.failures import Condition, FailureEvents
 from jaxsat.vehicle.holds import AbstractPulsedActuators, Consumption, Hold, Usage
@@ -64,13 +64,14 @@ class Running(NamedTuple):
 class PulsedThrusters(AbstractPulsedActuators):
     """Allocation, modulation, valves and failures of a set of thrusters that push.
 
+    Without an `allocation` the law commands the duty of each.
     Where valves may be `late`, by a delay of theirs, of the law or of a failure, pulses reach into
     the next period. A delay of more than a period counts as one; thrust must rise and fall within a
     period.
     """
 
     thrusters: ThrusterSet
-    allocation: LeastPropellant
+    allocation: LeastPropellant | None
     modulation: AbstractModulation
     failures: FailureEvents | None = None
     late: bool = eqx.field(static=True, default=False)
@@ -82,14 +83,13 @@ class PulsedThrusters(AbstractPulsedActuators):
     @property
     def holds(self) -> int:
         """One more than there are edges: of commands, failures, and ends of ramps."""
-        count, firing = self.thrusters.count, self.allocation.firing
-        edges = self.modulation.edges(firing, count)
-        firing = self.modulation.firing(firing, count)
+        count = self.thrusters.count
+        edges = self.modulation.edges(self.allocation.between if self.allocation else count, count)
         if self.late:
-            edges = 2 * (edges + firing)
+            edges = 2 * (edges + count)
         edges += 0 if self.failures is None else self.failures.count
         if self.thrusters.ramps:
-            edges += edges + (count if self.late else min(count, 2 * firing))
+            edges += edges + count
         return edges + 1
 
     def init(self) -> ThrusterMemory:
@@ -98,15 +98,21 @@ class PulsedThrusters(AbstractPulsedActuators):
         zero, modulation = jnp.zeros(count), self.modulation.init(count)
         pulses = None
         if self.late:
-            command = jnp.zeros(self.allocation.duties.shape[2])
+            command = jnp.zeros(self.allocation.command_map.shape[1] if self.allocation else count)
             period = jnp.ones_like(zero[0])
             first = self._pulses(command, modulation, period)[0]
             pulses = Pulses(first.on, 0 * first.off, 0 * first.level)
         level = zero if self.thrusters.ramps else None
         return ThrusterMemory(modulation, pulses, level, zero > 0, zero[0], zero)
 
+    def duties(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+        """Parts of full thrust, on average over a period, for the law's command."""
+        if self.allocation is None:
+            return within(command, jnp.zeros_like(command), jnp.ones_like(command))
+        return self.allocation(command)[0]
+
     def _pulses(self, command, modulation, period) -> tuple[Pulses, PyTree]:
-        duty = self.allocation(command)
+        duty = self.duties(command)
         return self.modulation(duty, modulation, period, self.thrusters.min_on_time)
 
     def plan(self, t, command, memory, period, delay):

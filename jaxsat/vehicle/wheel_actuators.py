@@ -7,9 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
-from jaxsat.allocation import least_squares_map, unit_columns, what_is_left
+from jaxsat.allocation import (
+    NORMALISER_FLOOR,
+    least_squares_map,
+    unit_columns,
+    what_is_left,
+)
 from jaxsat.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.vehicle.actuators import AbstractActuators, AbstractSmoothActuators
+from jaxsat.vehicle.bounded_least_squares import nearest_within
 from jaxsat.vehicle.holds import AbstractPulsedActuators
 
 
@@ -17,10 +23,12 @@ class ActuatorsWithWheels(AbstractActuators):
     """Wheels that make as much of a commanded torque as they can, and thrusters for the rest.
 
     `wheel_map` (wheels, torques) shares the command, two torques or three, among the wheels, of
-    which those that have failed have rows of zeros. All wheels are scaled down together until none
-    exceeds its `wheel_limit` (N m, None for no limit), so that what they make keeps its direction.
-    `rest` (torques, torques) gives the part of the command that is left to the `thrusters`; both
-    are None where nothing is. `limiting` holds which wheel is at its limit, see `smooth_piece`.
+    which those that have failed have rows of zeros. Where that exceeds the `wheel_limit` (N m, None
+    for no limit) of one, others make up for it. Of a torque that they cannot make, the greatest
+    part is, in its direction. `axes` (3, wheels) has zeros for those that have failed; it is None
+    where wheels make every torque in one way only, and are then scaled down together. `rest`
+    (torques, torques) gives the part of the command that is left to the `thrusters`; both are None
+    where nothing is. `limiting` holds which wheel is at its limit, see `smooth_piece`.
     """
 
     wheel_map: Float[Array, "wheels torques"] = eqx.field(converter=as_float)
@@ -32,6 +40,7 @@ class ActuatorsWithWheels(AbstractActuators):
         converter=as_optional_float, default=None
     )
     limiting: Bool[Array, " wheels"] | None = None
+    axes: Float[Array, "3 wheels"] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         if self.wheel_limit is not None:
@@ -57,16 +66,19 @@ class ActuatorsWithWheels(AbstractActuators):
         shares = np.zeros((known.shape[1], torques))
         shares[working] = least_squares_map(known[:, working], torques)
         rest = what_is_left(known, shares)
+        left = known * np.array(working)
+        spare = sum(working) > np.linalg.matrix_rank(left, tol=NORMALISER_FLOOR)
+        left = left if spare else None
         limit = None if wheel_limit is None else as_float(wheel_limit) * jnp.ones(known.shape[1])
         if not rest.any():
-            return ActuatorsWithWheels(as_array(shares), limit)
+            return ActuatorsWithWheels(as_array(shares), limit, axes=left)
         if thrusters is None:
             which = "x and y" if torques == 2 else "x, y and z"
             raise ValueError(
                 f"The wheels left must make independent torques about body axes {which}, "
                 f"but their axes are the columns of {known[:, working].round(6).tolist()}."
             )
-        return ActuatorsWithWheels(as_array(shares), limit, thrusters, as_array(rest))
+        return ActuatorsWithWheels(as_array(shares), limit, thrusters, as_array(rest), axes=left)
 
     def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:
         """The torque that each wheel is to put on the body, N m."""
@@ -75,6 +87,11 @@ class ActuatorsWithWheels(AbstractActuators):
     def _scaled(self, shares: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
         if self.wheel_limit is None:
             return shares
+        if self.axes is not None:
+            weight = jnp.sum(self.axes**2, axis=0)
+            made, _ = nearest_within(self.axes, weight, self.wheel_limit, shares)
+            any_limit = True if self.limiting is None else jnp.any(self.limiting)
+            return jnp.where(any_limit, made, shares)
         ratios = jnp.abs(shares) / self.wheel_limit
         if self.limiting is None:
             return shares / jnp.maximum(jnp.max(ratios), 1.0)
@@ -105,7 +122,7 @@ class ActuatorsWithWheels(AbstractActuators):
         return wheels + (0 if self.thrusters is None else self.thrusters.event_count)
 
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
-        """Positive for the wheel by which all are scaled down; then those of the thrusters."""
+        """Positive for the wheel that is first at its limit; then those of the thrusters."""
         found = []
         if self.wheel_limit is not None:
             ratios = ((self.wheel_map @ command) / self.wheel_limit) ** 2
@@ -116,7 +133,7 @@ class ActuatorsWithWheels(AbstractActuators):
         return jnp.concatenate([*found, jnp.zeros(0, self.wheel_map.dtype)])
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ActuatorsWithWheels":
-        """These actuators, scaled down by one wheel or by none, and the thrusters' own piece."""
+        """These actuators, bounded by one wheel or by none, and the thrusters' own piece."""
         made, count = self, self.event_count
         if self.thrusters is not None:
             count -= self.thrusters.event_count

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from jaxsat.allocation import least_propellant
 from jaxsat.vehicle import LeastPropellant, ThrusterSet
 
 
@@ -38,5 +37,4 @@ def thruster_set(torque, min_on=0.0, **times):
 def allocated(torque, torques=3):
     """The allocation by least ∫ |torque| dt."""
     cost = np.linalg.norm(torque, axis=0)
-    duties = least_propellant(torque, cost, np.eye(3)[:, :torques])
-    return LeastPropellant.of(duties)
+    return LeastPropellant.of(torque, cost, np.eye(3)[:, :torques], tabled=True)

@@ -7,6 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.linalg import null_space
+from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from oracle import orbital_torques as earth
@@ -39,10 +41,27 @@ def law(c, omega, inertia, rate, frequency, damping):
 
 
 def dipole_of(command, b, axes, limits, working):
-    """Return what is asked of each magnetorquer for a torque: (b × τ) / b², scaled together."""
+    """Return what is asked of each magnetorquer for a torque: (b × τ) / b², within the limits.
+
+    What three of them may change without an effect on the torque is along one direction.
+    """
     asked = np.zeros(axes.shape[1])
     asked[working] = np.linalg.pinv(axes[:, working]) @ np.cross(b, command) / (b @ b)
-    return asked / max(1.0, np.max(np.abs(asked) / limits))
+    if np.all(np.abs(asked) <= limits):
+        return asked
+    idle = np.zeros(axes.shape[1])
+    made = cross(b / np.linalg.norm(b)) @ axes[:, working]
+    idle[working] = null_space(made, rcond=1e-9).sum(axis=1)
+    bounds = np.concatenate([limits, limits])
+    changes = np.column_stack([asked, idle])
+    found = linprog(
+        [-1.0, 0.0], np.vstack([changes, -changes]), bounds, bounds=[(0, 1), (None, None)]
+    )
+    assert found.status == 0
+    part = found.x[0]
+    ends = (np.array([[-1.0], [1.0]]) * limits - part * asked)[:, idle != 0] / idle[idle != 0]
+    low, high = np.max(ends.min(axis=0), initial=-np.inf), np.min(ends.max(axis=0), initial=np.inf)
+    return part * asked + np.clip(0.0, low, max(low, high)) * idle
 
 
 def after(asked, limits, failures, t):

@@ -12,10 +12,18 @@ from scipy.optimize import brentq, linprog
 
 
 def least_propellant(torque, cost, wanted):
-    """Duties by the simplex method, reduced in size where one is beyond 1."""
-    found = linprog(cost, A_eq=torque, b_eq=wanted, bounds=(0, None), method="highs-ds")
+    """Duties up to 1 by HiGHS, of the greatest part of a torque that can be made."""
+    most = linprog(
+        np.append(0 * cost, -1.0),
+        A_eq=np.column_stack([torque, -np.asarray(wanted)]),
+        b_eq=np.zeros(3),
+        bounds=(0, 1),
+    )
+    assert most.status == 0
+    made = torque @ most.x[:-1] if most.x[-1] < 1 else wanted
+    found = linprog(cost, A_eq=torque, b_eq=made, bounds=(0, 1), method="highs-ds")
     assert found.status == 0
-    return found.x / max(1.0, found.x.max())
+    return found.x
 
 
 def pulse_width(duties, period, min_on):

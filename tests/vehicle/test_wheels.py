@@ -163,10 +163,15 @@ def test_a_command_is_shared_by_least_squares_and_keeps_its_direction():
     command = jnp.array([0.3, -0.2, 0.1])
     shared = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=[1.0, 0.05, 1.0, 1.0])
     u = np.array(shared.wheel_command(command))
-    whole = np.linalg.lstsq(PYRAMID, np.array(command), rcond=None)[0]
-    np.testing.assert_allclose(u, whole * 0.05 / abs(whole[1]), atol=1e-15)
-    np.testing.assert_allclose(np.cross(PYRAMID @ u, command), 0, atol=1e-16)
+    others = PYRAMID[:, [0, 2, 3]]
+    rest = np.linalg.solve(others, np.array(command) - PYRAMID[:, 1] * u[1])
+    assert abs(u[1]) == 0.05
+    np.testing.assert_allclose(u[[0, 2, 3]], rest, atol=1e-15)
     assert not shared(command).any()
+    weak = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=[0.01, 0.05, 0.01, 0.01])
+    u = np.array(weak.wheel_command(command))
+    np.testing.assert_allclose(np.cross(PYRAMID @ u, command), 0, atol=1e-16)
+    assert (PYRAMID @ u) @ np.array(command) > 0
     one_failed = ActuatorsWithWheels.of(PYRAMID, 3, failed=(2,))
     u = np.array(one_failed.wheel_command(command))
     assert u[1] == 0
@@ -202,3 +207,6 @@ def test_actuators_are_their_smooth_piece_where_their_event_functions_say_so(siz
     piece = mixed.smooth_piece(events > 0)
     np.testing.assert_allclose(piece.wheel_command(command), mixed.wheel_command(command))
     np.testing.assert_allclose(piece(command), mixed(command))
+    spare = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=[0.1, 0.02, 0.1, 0.1])
+    piece = spare.smooth_piece(spare.event_functions(command) > 0)
+    np.testing.assert_array_equal(piece.wheel_command(command), spare.wheel_command(command))
