@@ -25,8 +25,9 @@ MIN_COUPLING, MIN_SHARE = 0.2, 0.2
 by it."""
 
 
-MOST_TURN = 0.02
-"""rad: how far the laws go from an attitude that cannot be held. Settled means within 0.05."""
+MOST_TURN, TILT_PRICE = 0.03, (0.25, 0.25, 1.0)
+"""How far the laws go from an attitude that cannot be held: turn about n, rad, and what the squares
+of tilt and turn count. Settled means within 0.05 of z and of |w|, which is half of the tilt."""
 
 STILL = 1e-30
 """Added to what may be zero, in the unit of its sum: keeps the quotient of two zeros finite."""
@@ -222,8 +223,9 @@ class ThirdAxisEstimator(eqx.Module):
             drift, by_turn = drift - less, by_turn - slope
         if self.balanced is not None:
             drift = drift - jnp.clip(drift, -self.balanced, self.balanced)
-        turn = -drift * reciprocal(jnp.sum(by_turn**2) + STILL) * by_turn
-        size = jnp.sqrt(jnp.sum(turn**2) + STILL)
+        eased = by_turn / jnp.array(TILT_PRICE)
+        turn = -drift * reciprocal(jnp.sum(by_turn * eased) + STILL) * eased
+        size = jnp.sqrt(jnp.sum(turn**2 * jnp.array(TILT_PRICE)) + STILL)
         return turn * jnp.minimum(MOST_TURN / size, 1.0)
 
 
