@@ -110,7 +110,7 @@ def test_gravity_gradient_acts_by_the_products_of_the_orbit():
     factors = np.asarray(form.other_products.at[0].add(form.coupling))
     inertia = np.asarray(form.inertia)
     for attitude in Rotation.random(5, rng=np.random.default_rng(4)):
-        nadir = attitude.inv().apply(np.asarray(form.axes[:, 2]))
+        nadir = attitude.inv().apply(np.array(form.axes[:, 2]))
         torque = 3 * ORBIT_RATE**2 * np.cross(nadir, inertia @ nadir)
         q = Quaternion(jnp.asarray(attitude.as_quat(scalar_first=True)))
         seen = form.slow(in_body(q, form.gradient_rate))
