@@ -103,8 +103,8 @@ def oscillatory_settling(
     `model` is what the controller believes of the plant. `observe` tells whether it estimates the
     ripple of d3 (by `ripple`, `ripple_filter(model, ...)` unless given), `estimate` whether it
     estimates the errors of axes and inertia. The two torques are about the orthonormal
-    `directions`; `holding_amplitude` (rad/s) is the largest of the end game, `gravity_gradient` tells
-    whether its torque acts, which moves the attitude that is held. Raises `ValueError`
+    `directions`; `holding_amplitude` (rad/s) is the largest of the end game, `gravity_gradient`
+    tells whether its torque acts, which moves the attitude that is held. Raises `ValueError`
     for a torque limit that is not positive and finite, and for S1 = S2, where nothing moves the
     third axis.
     """

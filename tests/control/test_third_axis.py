@@ -79,7 +79,9 @@ def test_two_products_are_one_about_the_axes_of_the_reduced_inertia():
 @pytest.mark.parametrize("gradient", [False, True])
 @pytest.mark.parametrize("share", [1.0, 0.02])
 def test_the_nearest_attitude_that_can_be_held_is_wanted(share, gradient):
-    """Nearest by what counts as settled: a tilt counts half of a turn about n. The turn goes along the steepest change of the drift by SciPy's rotations, as far as allowed.
+    """Nearest by what counts as settled: a tilt counts half of a turn about n.
+
+    The turn goes along the steepest change of the drift by SciPy's rotations, as far as allowed.
 
     Of an inertia nearer to one whose n is a principal axis, so that the drift is small, all of it.
     """
