@@ -50,6 +50,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         believed_axes(scenario),
         thruster_context(scenario),
         wheel_context(scenario),
+        disturbance.gravity_gradient,
     )
     try:
         made = law.from_table(values, context)

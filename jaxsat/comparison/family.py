@@ -3,6 +3,7 @@
 Spacecraft i of a seed is drawn from fold_in(seed, i) alone. The dispersions are those of the
 scenario `acceptance-hard`, scaled with the spacecraft: rates by 1/τ, torques by the torque limit,
 times by τ (`docs/laws.md`), so that they are as large for every spacecraft as for the paper's.
+In low orbit gravity gradient acts as well.
 """
 
 import math
@@ -129,10 +130,11 @@ def _drawn(number: int, key: noise.Key) -> FamilyMember | None:
     low, middle, high = np.linalg.eigvalsh(inertia)
     if away < LEAST_ANGLE or low + middle < high:
         return None
-    low_orbit = u[11] < 0.5
+    low_orbit = bool(u[11] < 0.5)
     orbit_rate = float(ORBIT_RATE[0] + u[12] * (ORBIT_RATE[1] - ORBIT_RATE[0])) * low_orbit
-    turn = _turn_to_hold(inertia, axes) if low_orbit else np.zeros(3)
-    into_body = rotation(turn)
+    into_body = _held_attitude(inertia, axes) if low_orbit else np.eye(3)
+    if into_body is None:
+        return None
     inertia, axes = into_body.T @ inertia @ into_body, into_body.T @ axes
     frame, reduced = normal_axes(inertia, torque_directions(axes))
     if reduced[0] - reduced[1] < LEAST_COUPLING * reduced[2]:
@@ -148,7 +150,7 @@ def _drawn(number: int, key: noise.Key) -> FamilyMember | None:
         orbit_rate,
         min(_between(u[14], PERIOD) * unit, LONGEST_PERIOD),
         unit,
-        float(np.sqrt(turn @ turn)),
+        math.acos(min(1.0, (float(np.trace(into_body)) - 1) / 2)),
         reduced,
         (-float(across[0] / across[2]), -float(across[1] / across[2])),
     )
@@ -166,19 +168,24 @@ def _direction(u: Float[np.ndarray, "2"]) -> Float[np.ndarray, "3"]:
     return np.array([across * math.cos(angle), across * math.sin(angle), z])
 
 
-def _turn_to_hold(
+def _held_attitude(
     inertia: Float[np.ndarray, "3 3"], axes: Float[np.ndarray, "3 2"]
-) -> Float[np.ndarray, "3"]:
-    """From the attitude drawn to the nearest that can be held; n to the orbit's normal at worst."""
+) -> Float[np.ndarray, "3 3"] | None:
+    """From the nearest attitude that can be held under gravity gradient to the axes drawn.
+
+    It is searched for from the attitude drawn, then from that with n along the orbit's normal.
+    """
     directions = torque_directions(axes)
     normal = np.cross(directions[:, 0], directions[:, 1])
-    turn = nearest_held(inertia, normal, gravity_gradient=False)
-    if turn is not None:
-        return turn
     orbit_normal = np.array([0.0, math.copysign(1.0, normal[1]), 0.0])
     axis = np.cross(orbit_normal, normal)
     size = float(np.sqrt(axis @ axis))
-    return axis / size * math.atan2(size, float(orbit_normal @ normal))
+    along = rotation(axis / size * math.atan2(size, float(orbit_normal @ normal)))
+    for begin in (np.eye(3), along):
+        turn = nearest_held(begin.T @ inertia @ begin, begin.T @ normal, gravity_gradient=True)
+        if turn is not None:
+            return begin @ rotation(turn)
+    return None
 
 
 def family_scenario(member: FamilyMember, law: str) -> Scenario:
@@ -201,6 +208,7 @@ def family_scenario(member: FamilyMember, law: str) -> Scenario:
         "third_rate": "free",
     }
     data["orbit"]["rate_rad_s"] = member.orbit_rate
+    data["disturbance"]["gravity_gradient"] = member.orbit_rate > 0
     data["initial"]["omega_rad_s"] = [rate * slower for rate in data["initial"]["omega_rad_s"]]
     data["control"] = {"law": law, "period_s": member.period}
     data["simulation"]["duration_s"] = PERIODS * member.period

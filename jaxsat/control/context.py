@@ -50,6 +50,7 @@ class LawContext(NamedTuple):
     `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z. The unit
     columns of `torque_axes` are the torque axes of the working thrusters. `thrusters` is None but
     for laws that command their duties, `wheels` but for those that command the torque of each.
+    `gravity_gradient` tells whether that torque acts.
     """
 
     model: RigidBody
@@ -59,6 +60,7 @@ class LawContext(NamedTuple):
     torque_axes: Float[np.ndarray, "3 m"] = np.eye(3)[:, :2]
     thrusters: ThrusterContext | None = None
     wheels: WheelContext | None = None
+    gravity_gradient: bool = False
 
 
 class UnsuitableModel(JaxsatError, ValueError):

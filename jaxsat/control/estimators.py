@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.attitude import Quaternion
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm, leaned
 from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
@@ -24,8 +25,9 @@ MIN_COUPLING, MIN_SHARE = 0.2, 0.2
 by it."""
 
 
-MOST_TURN = 0.02
-"""rad: how far the laws go from an attitude that cannot be held. Settled means within 0.05."""
+MOST_TURN, TILT_PRICE = 0.03, (0.25, 0.25, 1.0)
+"""How far the laws go from an attitude that cannot be held: turn about n, rad, and what the squares
+of tilt and turn count. Settled means within 0.05 of z and of |w|, which is half of the tilt."""
 
 STILL = 1e-30
 """Added to what may be zero, in the unit of its sum: keeps the quotient of two zeros finite."""
@@ -89,13 +91,17 @@ class ThirdAxisEstimator(eqx.Module):
 
     The observer predicts the measured ω3 with the fitted errors in it, so that a new estimate
     does not look like a disturbance. A drift at rest within ± `balanced` (rad/s²), unless that is
-    None, is no reason to leave the wanted attitude.
+    None, is no reason to leave the wanted attitude. `gradient` is √3 ω0 times the direction to the
+    Earth's centre along (x, y, n) in the wanted attitude (rad/s), None where no gravity gradient
+    acts: its torque 3 ω0² o × J o is that of -ω × J ω at ω = √3 ω0 o with the other sign, so it
+    changes s by the same products.
     """
 
     form: NormalForm
     observer: AbstractRippleEstimator | None
     least_squares: RecursiveLeastSquares | None
     balanced: RealScalar | None = None
+    gradient: Float[Array, "3"] | None = None
 
     def init(self, omega: Float[Array, "3"]) -> EstimatorMemory:
         """Nothing known yet but (p1, p2, s), rad/s."""
@@ -120,13 +126,24 @@ class ThirdAxisEstimator(eqx.Module):
         return memory._replace(ripple=self.observer.forget(memory.ripple, when))
 
     def update(
-        self, omega: Float[Array, "3"], memory: EstimatorMemory, period: RealScalar
+        self,
+        omega: Float[Array, "3"],
+        memory: EstimatorMemory,
+        period: RealScalar,
+        attitude: Quaternion | None = None,
     ) -> tuple[ThirdAxis, EstimatorMemory]:
-        """One sample: what to believe now of (p1, p2, s), and the next memory; `period` in s."""
+        """One sample: what to believe now of (p1, p2, s), and the next memory; `period` in s.
+
+        `attitude` is that of `NormalState`; gravity gradient is left out without it.
+        """
         c, lean, started = self.form.coupling, self.form.lean, memory.started
         factors = self.form.other_products.at[0].add(c)
         last = jnp.where(started, memory.omega, omega)
-        products = integrated_products(last, omega, jnp.where(started, period, 0.0))
+        span = jnp.where(started, period, 0.0)
+        products = integrated_products(last, omega, span)
+        if self.gradient is not None and attitude is not None:
+            gradient = leaned(in_body(attitude, self.gradient), lean)
+            products = products - products_of(gradient) * span
         errors = jnp.zeros(8, omega.dtype) if memory.fit is None else memory.fit.estimate
         ripple, fit = memory.ripple, memory.fit
         if self.observer is not None:
@@ -160,12 +177,14 @@ class ThirdAxisEstimator(eqx.Module):
             coupling = jnp.maximum(coupling, jnp.minimum(MIN_COUPLING, MIN_SHARE * jnp.abs(c)))
         turn = self._balance(products, lean)
         drift = jnp.sum(products * products_of(leaned(self._orbit_rate(turn), lean)))
+        if self.gradient is not None:
+            gradient = leaned(seen_turned(self.gradient, turn), lean)
+            drift = drift - jnp.sum(products * products_of(gradient))
         return Belief(coupling, axes, turn, drift)
 
     def _orbit_rate(self, turn: Float[Array, "3"]) -> Float[Array, "3"]:
         """`orbit_rate` of `ThirdAxis`, a `turn` (rad) from the orbit frame."""
-        orbit_rate = self.form.orbit_rate
-        return orbit_rate - jnp.cross(turn, orbit_rate)
+        return seen_turned(self.form.orbit_rate, turn)
 
     def _third_axis(
         self,
@@ -198,16 +217,37 @@ class ThirdAxisEstimator(eqx.Module):
 
     def _balance(self, products: Float[Array, "6"], lean: Float[Array, "2"]) -> Float[Array, "3"]:
         """The least turn (rad) from the orbit frame to where s stays, but at most `MOST_TURN`."""
-        rest = leaned(self.form.orbit_rate, lean)
-        change = jax.value_and_grad(lambda rates: jnp.sum(products * products_of(rates)))
-        drift, slope = change(rest)
-        along = slope.at[:2].add(-lean * slope[2])  # by the orbit frame's rate along (x, y, n)
-        by_turn = jnp.cross(along, self.form.orbit_rate)
+        drift, by_turn = _drift(products, lean, self.form.orbit_rate)
+        if self.gradient is not None:
+            less, slope = _drift(products, lean, self.gradient)
+            drift, by_turn = drift - less, by_turn - slope
         if self.balanced is not None:
             drift = drift - jnp.clip(drift, -self.balanced, self.balanced)
-        turn = -drift * reciprocal(jnp.sum(by_turn**2) + STILL) * by_turn
-        size = jnp.sqrt(jnp.sum(turn**2) + STILL)
+        eased = by_turn / jnp.array(TILT_PRICE)
+        turn = -drift * reciprocal(jnp.sum(by_turn * eased) + STILL) * eased
+        size = jnp.sqrt(jnp.sum(turn**2 * jnp.array(TILT_PRICE)) + STILL)
         return turn * jnp.minimum(MOST_TURN / size, 1.0)
+
+
+def _drift(
+    products: Float[Array, "6"], lean: Float[Array, "2"], rate: Float[Array, "3"]
+) -> tuple[RealScalar, Float[Array, "3"]]:
+    """ds/dt at a rate (rad/s) that the orbit gives along (x, y, n), and by a turn of the body."""
+    change = jax.value_and_grad(lambda rates: jnp.sum(products * products_of(rates)))
+    drift, slope = change(leaned(rate, lean))
+    return drift, jnp.cross(slope.at[:2].add(-lean * slope[2]), rate)
+
+
+def seen_turned(vector: Float[Array, "3"], turn: Float[Array, "3"]) -> Float[Array, "3"]:
+    """A vector of the orbit frame along (x, y, n) of a body that is a small `turn` (rad) away."""
+    return vector - jnp.cross(turn, vector)
+
+
+def in_body(attitude: Quaternion, vector: Float[Array, "3"]) -> Float[Array, "3"]:
+    """A vector of the orbit frame turned like (x, y, n), along the axes of an attitude."""
+    scalar, along = attitude.q[0], attitude.q[1:]
+    cross = jnp.cross(along, vector)
+    return vector + 2 * (jnp.cross(along, cross) - scalar * cross)
 
 
 def _main_axes(a: RealScalar, b: RealScalar) -> tuple[RealScalar, Float[Array, "2"]]:

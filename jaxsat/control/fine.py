@@ -277,7 +277,9 @@ class OscillatorySettling(AbstractSampledController):
         del t
         clock = memory.samples * self.period
         seen = self.form.seen(state)
-        third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
+        third, estimator = self.estimator.update(
+            seen.omega, memory.estimator, self.period, seen.attitude
+        )
         seen = seen.relative_to(third.turn)
         torque, reference, fine = self.fine.step(clock, seen, third, memory.fine)
         command = self.form.command(clipped(torque, self.torque_limit))

@@ -6,6 +6,7 @@ s = h / (n·Jn), equation (37) holds for (p1, p2, s) in place of (ω1, ω2, ω3)
 the derivation is in docs/laws.md.
 """
 
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -112,6 +113,12 @@ class NormalForm(eqx.Module):
     def orbit_rate(self) -> Float[Array, "3"]:
         """Angular velocity of the orbit frame along (x, y, n) at the wanted attitude, rad/s."""
         return -self.model.orbit.rate * self.axes[:, 1]
+
+    @property
+    def gradient_rate(self) -> Float[Array, "3"]:
+        """√3 ω0 times the direction to the Earth's centre along (x, y, n) at the wanted attitude,
+        rad/s, see `ThirdAxisEstimator`."""
+        return math.sqrt(3) * self.model.orbit.rate * self.axes[:, 2]
 
     @property
     def rest(self) -> Float[Array, "3"]:

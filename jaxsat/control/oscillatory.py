@@ -299,7 +299,9 @@ class OscillatoryLaw(AbstractSampledController):
     ) -> tuple[Float[Array, "2"], OscillatoryMemory]:
         """Estimate, slow errors, oscillation, torque."""
         seen = self.oscillator.form.seen(state)
-        third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
+        third, estimator = self.estimator.update(
+            seen.omega, memory.estimator, self.period, seen.attitude
+        )
         seen = seen.relative_to(third.turn)
         tilt = tilt_of(seen.attitude)
         slow = self.oscillator.slow(t, tilt, third, memory.oscillation)

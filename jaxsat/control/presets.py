@@ -96,13 +96,15 @@ def oscillatory_settling(
     ripple: AbstractRippleEstimator | None = None,
     directions: Float[np.ndarray, "3 2"] = BODY_XY,
     holding_amplitude: float | None = None,
+    gravity_gradient: bool = False,
 ) -> OscillatorySettling:
     """The Morin-Samson law and the end game.
 
     `model` is what the controller believes of the plant. `observe` tells whether it estimates the
     ripple of d3 (by `ripple`, `ripple_filter(model, ...)` unless given), `estimate` whether it
     estimates the errors of axes and inertia. The two torques are about the orthonormal
-    `directions`; `holding_amplitude` (rad/s) is the largest of the end game. Raises `ValueError`
+    `directions`; `holding_amplitude` (rad/s) is the largest of the end game, `gravity_gradient`
+    tells whether its torque acts, which moves the attitude that is held. Raises `ValueError`
     for a torque limit that is not positive and finite, and for S1 = S2, where nothing moves the
     third axis.
     """
@@ -114,7 +116,7 @@ def oscillatory_settling(
     ripple = (ripple or ripple_filter(form, torque_limit, period=period)) if observe else None
     return OscillatorySettling(
         fine=_fine_stage(form, demand, gains, scaling, holding_amplitude, fade_lean=False),
-        estimator=_estimator(form, estimate, ripple, scaling),
+        estimator=_estimator(form, estimate, ripple, scaling, gravity_gradient),
         torque_limit=torque_limit,
         period=period,
     )
@@ -130,6 +132,7 @@ def three_slew_settling(
     ripple: AbstractRippleEstimator | None = None,
     directions: Float[np.ndarray, "3 2"] = BODY_XY,
     holding_amplitude: float | None = None,
+    gravity_gradient: bool = False,
 ) -> ThreeSlewSettling:
     """Rate law, three slews, two-channel law and end game; arguments as above."""
     form = NormalForm.of(model, directions)
@@ -141,7 +144,7 @@ def three_slew_settling(
         rate_law=FiniteTimeRate(form, torque_limit, **approach.rate_law._asdict()),
         planner=SlewPlanner(form, torque_limit, **approach.slews._asdict()),
         fine=_fine_stage(form, demand, gains, scaling, holding_amplitude, fade_lean=True),
-        estimator=_estimator(form, estimate, ripple, scaling),
+        estimator=_estimator(form, estimate, ripple, scaling, gravity_gradient),
         torque_limit=torque_limit,
         stopped_rate=approach.stopped_rate,
         lost_rate=approach.lost_rate,
@@ -256,14 +259,19 @@ def _holding_amplitude(form: NormalForm, scaling: Scaling) -> float:
 
 
 def _estimator(
-    form: NormalForm, estimate: bool, ripple: AbstractRippleEstimator | None, scaling: Scaling
+    form: NormalForm,
+    estimate: bool,
+    ripple: AbstractRippleEstimator | None,
+    scaling: Scaling,
+    gravity_gradient: bool,
 ) -> ThirdAxisEstimator:
     noise = CHANGE_NOISE / scaling.fine_time
     if isinstance(ripple, RippleFilter):  # it changes s as well between two samples
         turned = float(ripple.frequency) * CHANGE_SAMPLES * scaling.step * scaling.time
         noise = math.hypot(noise, float(ripple.amplitude) * min(turned, MOST_TURNED))
     fit = RecursiveLeastSquares(noise=noise, samples=CHANGE_SAMPLES) if estimate else None
-    return ThirdAxisEstimator(form, ripple, fit)
+    acts = gravity_gradient and float(form.model.orbit.rate) != 0
+    return ThirdAxisEstimator(form, ripple, fit, gradient=form.gradient_rate if acts else None)
 
 
 def _moments(form: NormalForm) -> list[float]:

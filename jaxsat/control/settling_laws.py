@@ -80,6 +80,7 @@ def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawCon
             ripple=ripple,
             directions=directions,
             holding_amplitude=values.get(HOLDING_AMPLITUDE),
+            gravity_gradient=context.gravity_gradient,
         )
     except ValueError as error:
         first, second, _ = np.asarray(form.moments)

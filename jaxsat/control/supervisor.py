@@ -119,7 +119,9 @@ class ThreeSlewSettling(AbstractSampledController):
         """As `step`, in a phase that is given; 0 where it is chosen."""
         t = self.clock(memory)
         seen = self.form.seen(state)
-        third, estimator = self.estimator.update(seen.omega, memory.estimator, self.period)
+        third, estimator = self.estimator.update(
+            seen.omega, memory.estimator, self.period, seen.attitude
+        )
         seen = seen.relative_to(third.turn)
         slewing = self.planner.advance(t, seen, memory.slewing, self.period)
         chosen = self._phase(t, memory, seen, third, slewing)

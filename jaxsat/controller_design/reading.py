@@ -55,16 +55,25 @@ def read_vehicle(
 
     What `jaxsat.load` needs and a vehicle does not have may be left out: title, orbit (inertial
     pointing then), start (at rest in the wanted attitude), law (all that fit; so with "coast"),
-    duration. Raises `ScenarioError` and tells `caution` as `jaxsat.load` does.
+    duration. A body in orbit without `[disturbance]` and without wheels gets gravity gradient.
+    Raises `ScenarioError` and tells `caution` as `jaxsat.load` does.
     """
     given = list(overrides)
     present = _keys(_parsed(name_or_path)) | {text.partition("=")[0].strip() for text in given}
     lacking = [key for key, (spellings, _) in _DEFAULTS.items() if not present & {*spellings}]
     name = clean(Path(name_or_path).stem) or "vehicle"
     added = [override(key, name if key == "title" else _DEFAULTS[key][1]) for key in lacking]
+    if _has_unsaid_torques(present, in_orbit="orbit.rate_rad_s" not in lacking):
+        added.append(override("disturbance.gravity_gradient", True))
     scenario = load(name_or_path, [*added, *given], purpose="motion", caution=caution)
     law = ALL if "control.law" in lacking else scenario.control.law
     return Vehicle(scenario, ALL if law == "coast" else law, "simulation.duration_s" not in lacking)
+
+
+def _has_unsaid_torques(present: set[str], in_orbit: bool) -> bool:
+    """Whether a body in orbit has no word on its disturbances; wheels would store their torque."""
+    tables = {key.partition(".")[0] for key in present}
+    return in_orbit and not tables & {"disturbance", "wheel"}
 
 
 def _parsed(name_or_path: str | Path) -> dict[str, Any]:

@@ -34,13 +34,15 @@ class VehicleVerdict:
 
     `lost` is what the failures took away, `turn` the rotation vector (rad, body axes) from the
     wanted attitude to the nearest one that can be held: zeros where the wanted one can be, None
-    where none near it can. `in_flight` tells of failures that strike later.
+    where none near it can. `in_flight` tells of failures that strike later, `orbit` whether
+    gravity gradient acts.
     """
 
     judgement: Judgement
     lost: str
     turn: tuple[float, float, float] | None
     in_flight: tuple[str, ...]
+    orbit: tuple[str, ...]
 
     @property
     def holds(self) -> bool:
@@ -63,7 +65,7 @@ class VehicleVerdict:
                 "one. The nearest attitude that can be is turned from it by the rotation vector "
                 f"({turn}) rad, body axes."
             )
-        return [*found, *self.in_flight]
+        return [*found, *self.orbit, *self.in_flight]
 
 
 class Scale(NamedTuple):
@@ -97,7 +99,11 @@ def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
     left = actuators.only(working)
     judgement = judge(scenario.spacecraft.inertia_kg_m2, left)
     return VehicleVerdict(
-        judgement, lost_words(judgement), _held_turn(scenario, judgement), _in_flight(scenario)
+        judgement,
+        lost_words(judgement),
+        _held_turn(scenario, judgement),
+        _in_flight(scenario),
+        _orbit_lines(scenario),
     )
 
 
@@ -134,6 +140,17 @@ def _held_turn(scenario: Scenario, judgement: Judgement) -> tuple[float, float, 
     axes, _ = normal_axes(inertia, directions)
     found = nearest_held(inertia, axes[2], scenario.disturbance.gravity_gradient)
     return None if found is None else tuple(np.where(np.abs(found) < ROUNDING, 0.0, found).tolist())
+
+
+def _orbit_lines(scenario: Scenario) -> tuple[str, ...]:
+    """Whether a body in orbit is flown with gravity gradient."""
+    if orbit_rate(scenario) == 0:
+        return ()
+    if scenario.disturbance.gravity_gradient:
+        return ("Gravity gradient acts in every case.",)
+    return (
+        "No gravity gradient acts: in orbit it does, give `disturbance.gravity_gradient = true`.",
+    )
 
 
 def _in_flight(scenario: Scenario) -> tuple[str, ...]:

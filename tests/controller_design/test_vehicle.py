@@ -77,6 +77,23 @@ def test_what_a_file_says_is_kept(bare):
     assert found.scenario.control.model_dump()["period_s"] == 0.2
 
 
+@pytest.mark.parametrize(
+    ("tables", "acts"),
+    [
+        ("[orbit]\naltitude_km = 500\n", True),
+        ("", False),
+        ("[orbit]\naltitude_km = 500\n[disturbance]\namplitude_N_m = [1e-6, 0, 0]\n", False),
+    ],
+)
+def test_gravity_gradient_is_filled_in_where_a_file_in_orbit_is_silent(bare, tables, acts):
+    bare.write_text(BARE + tables)
+    scenario = read_vehicle(bare).scenario
+    assert scenario.disturbance.gravity_gradient is acts
+    told = [line for line in vehicle_verdict(scenario).lines() if "ravity gradient" in line]
+    assert len(told) == ("orbit" in tables)
+    assert all(("acts in every case" in line) is acts for line in told)
+
+
 @pytest.mark.parametrize(("given", "law"), [("oscillatory", "oscillatory"), ("coast", ALL)])
 def test_a_law_that_is_named_is_the_one_designed(bare, given, law):
     assert read_vehicle(bare, [f"control.law={given}"]).law == law
