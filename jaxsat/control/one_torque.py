@@ -280,7 +280,8 @@ class OneTorque(AbstractSampledController):
         """|w| that takes |y| down as xᵖ, without a limit, and its sign.
 
         The sign is kept where a brake has taken y past zero and turning round would take longer
-        than what is left of it, and where y is as good as zero. `small` (N m s) keeps quotients finite.
+        than what is left of it, and where y is as good as zero. `small` (N m s) keeps quotients
+        finite.
         """
         w, x, y = at
         coupling = frame.coupling(x, y)

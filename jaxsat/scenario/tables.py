@@ -137,8 +137,8 @@ class SolverTable(Table):
         "Relative tolerance of adaptive steps", "1", None
     )
     atol: Positive | None = quantity(
-        "Absolute tolerance of adaptive steps, in the unit of each state; of a wheel's momentum, of "
-        "that over the mean moment of inertia",
+        "Absolute tolerance of adaptive steps, in the unit of each state; for a wheel's momentum, "
+        "of that over the mean moment of inertia",
         "1",
         None,
     )

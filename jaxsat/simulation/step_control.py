@@ -23,9 +23,10 @@ class StepControl(diffrax.PIDController):
         self, t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
     ):
         """By states and error in units."""
-        states = (self._of(in_units, y) for y in (y0, y1_candidate))
-        error = self._of(in_units, y_error)
-        return super().adapt_step_size(t0, t1, *states, args, error, error_order, controller_state)
+        before, after, error = (self._of(in_units, y) for y in (y0, y1_candidate, y_error))
+        return super().adapt_step_size(
+            t0, t1, before, after, args, error, error_order, controller_state
+        )
 
     def _of(self, change, state):
         return state if self.body is None else change(self.body, state)
