@@ -235,7 +235,8 @@ class FaultTolerantWheels(AbstractSampledController):
         total = inertia @ state.omega + axes @ momentum
         into_body = state.attitude.as_dcm().matrix
         coasting = axes @ jnp.where(wheeled.working, 0.0, momentum)
-        size = jnp.sqrt(jnp.sum((inertia @ normal) ** 2) + SMALLEST)
+        unit = model.spacecraft.momentum_unit
+        size = unit * jnp.sqrt(jnp.sum((inertia @ normal / unit) ** 2) + SMALLEST)
         now = normal @ (into_body.T @ total - coasting) / size
         limit = TURNING * self.healthy.natural_frequency
         own = jnp.sqrt(jnp.sum((inertia @ state.omega) ** 2)) / size

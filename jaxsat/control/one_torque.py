@@ -67,7 +67,7 @@ LEAVE_REST = 1.2
 """Rate over the rest rate at which the law goes on."""
 
 SMALL = 1e-30
-"""Keeps quotients and roots of zero finite."""
+"""Keeps quotients and roots of zero finite: rad²/s², or of a momentum that one torque makes."""
 
 
 class OneTorqueMode(enum.IntEnum):
@@ -241,8 +241,9 @@ class OneTorque(AbstractSampledController):
     ) -> tuple[Wanted, Bool[Array, ""]]:
         """What to do, and whether that is to spin up."""
         w, x, y = at
-        across = jnp.sqrt(x**2 + y**2 + SMALL)
         force = self.share * self.torque_limit
+        unit = jnp.sqrt(force / frame.gamma)
+        across = jnp.sqrt(x**2 + y**2 + SMALL * unit**2)
         left = LEFT * self.rest_rate / frame.alpha
         braking_room = jnp.maximum(x - left, 0.0)
         held = HELD * self.torque_limit / (frame.gamma * across)
@@ -250,10 +251,9 @@ class OneTorque(AbstractSampledController):
         brake = jnp.minimum(_cube_root(3 * force * braking_room / frame.gamma), held)
         brake = jnp.where(jnp.abs(y) < BRAKE_SIDE * x, brake, 0.0)
         most = jnp.maximum(turn, brake)
-        asked, sense = self._turning(frame, at, turn, brake, most, left)
+        asked, sense = self._turning(frame, at, turn, brake, most, left, SMALL * unit)
         size = jnp.minimum(asked, most)
 
-        unit = jnp.sqrt(force / frame.gamma)
         ready = (x > 0) & (asked >= BRAKED * brake)
         slow = (jnp.abs(w) < STILL * across) & (across < SLOW * unit) & ~ready
         spins = ~rests & (across <= QUICK * unit) & (spun | slow)
@@ -275,18 +275,19 @@ class OneTorque(AbstractSampledController):
         return Wanted(momentum, derivative, mode), spins
 
     def _turning(
-        self, frame: TorqueAxisFrame, at: Momenta, turn, brake, most, left
+        self, frame: TorqueAxisFrame, at: Momenta, turn, brake, most, left, small
     ) -> tuple[RealScalar, RealScalar]:
         """|w| that takes |y| down as xᵖ, without a limit, and its sign.
 
         The sign is kept where a brake has taken y past zero and turning round would take longer
-        than what is left of it, and where y is as good as zero.
+        than what is left of it, and where y is as good as zero. `small` (N m s) keeps quotients
+        finite.
         """
         w, x, y = at
         coupling = frame.coupling(x, y)
         sense = jnp.where((coupling >= 0) == (y >= 0), -1.0, 1.0)
-        size = jnp.abs(coupling) / (self.exponent * frame.gamma * (jnp.abs(y) + SMALL))
-        turned = 0.6 * jnp.abs(frame.delta - frame.alpha) * x**2 / (frame.gamma * (brake + SMALL))
+        size = jnp.abs(coupling) / (self.exponent * frame.gamma * (jnp.abs(y) + small))
+        turned = 0.6 * jnp.abs(frame.delta - frame.alpha) * x**2 / (frame.gamma * (brake + small))
         passed = (brake > turn) & (jnp.abs(y) < PASSED * turned) & (jnp.abs(w) > FAST * most)
         kept = (passed | (jnp.abs(y) < left)) & (w * sense < 0)
         return jnp.where(kept, jnp.inf, size), jnp.where(kept, -sense, sense)

@@ -32,10 +32,10 @@ class TorqueAxisFrame(NamedTuple):
         )
         inverse = adjugate / jnp.sum(first * adjugate[0])
         answer = inverse @ axis
-        side = jnp.cross(answer, axis)
+        alpha = jnp.sum(axis * answer)
+        side = jnp.cross(answer / alpha, axis)
         side = side / jnp.sqrt(jnp.sum(side**2) + SMALL)
         axes = jnp.stack([axis, side, jnp.cross(axis, side)])
-        alpha = jnp.sum(axis * answer)
         by_side, by_third = (inverse @ row for row in axes[1:])
         return TorqueAxisFrame(
             axes,

@@ -45,7 +45,8 @@ class TwoWheels(eqx.Module):
 
     def frame(self, normal: Float[Array, "3"]) -> Float[Array, "3 3"]:
         """Rows e1, e2, e3 in body axes, where no wheel turns about the unit vector `normal`."""
-        along = self.model.spacecraft.inertia @ normal
+        spacecraft = self.model.spacecraft
+        along = spacecraft.inertia @ normal / spacecraft.momentum_unit
         third = along / jnp.sqrt(jnp.sum(along**2) + SMALLEST)
         across = jnp.eye(3)[jnp.argmin(jnp.abs(third))]
         first = jnp.cross(across, third)

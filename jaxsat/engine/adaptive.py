@@ -49,6 +49,7 @@ SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
 class Tolerance(eqx.Module):
     """What adaptive steps are held to: the error of a step below atol + rtol |state|.
 
+    `atol` is in the unit of each state, for momenta of wheels `Spacecraft.momentum_unit`.
     The norm is the root mean square over the loop's state and the cost; the effort goes along
     unjudged. Steps begin at `first_step` (s) and are never below `min_step` (s), which passes
     points where a law has no derivative and surfaces on which it slides; a case has at most

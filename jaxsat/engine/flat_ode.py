@@ -17,6 +17,7 @@ from jaxsat.engine.rates import continuous_loop, running_cost
 from jaxsat.engine.root_finding import ends_of_parts, polynomial
 from jaxsat.simulation import AbstractContinuousLoop
 from jaxsat.simulation.rotating_frame import into_frame, motion_in_frame, out_of_frame
+from jaxsat.simulation.units import in_units
 from jaxsat.solvers import Solver
 
 
@@ -100,8 +101,14 @@ class FlatODE(NamedTuple):
         return jnp.where(torques, 0.0, flat)
 
     def error_controlled(self, flat: Float[Array, " n"]) -> Float[Array, " m"]:
-        """What of a flat state an error is judged by: the loop's state and, last, the cost."""
-        return flat[: -self.torque_count]
+        """What of a flat state an error is judged by: the loop's state and, last, the cost.
+
+        Momenta of wheels are in units of the body.
+        """
+        if self.loop.plant.wheels is None:
+            return flat[: -self.torque_count]
+        state, cost, _ = self.restore(flat)
+        return _flat((in_units(self.loop.plant, state), cost))
 
     def state(self, t: Float[Array, ""], flat: Float[Array, " n"]) -> PyTree:
         """The loop's state in a flat one."""

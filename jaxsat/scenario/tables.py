@@ -137,7 +137,10 @@ class SolverTable(Table):
         "Relative tolerance of adaptive steps", "1", None
     )
     atol: Positive | None = quantity(
-        "Absolute tolerance of adaptive steps, in the unit of each state", "1", None
+        "Absolute tolerance of adaptive steps, in the unit of each state; for a wheel's momentum, "
+        "of that over the mean moment of inertia",
+        "1",
+        None,
     )
     min_step_s: Annotated[Number, Gt(0), Le(SECONDS.high)] | None = quantity(
         "Smallest adaptive step, taken whatever the error there", "s", None

@@ -1,6 +1,6 @@
 """Holds of a sampled loop divided where something fails, or a wheel comes to rest or its limit."""
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -134,7 +134,8 @@ def _between_failures(
         one = hold.part(begin, end - begin)
         piece = wheels.piece(momentum, command, (begin + end) / 2)
         plant, carry = integrate(t + begin, one._replace(wheels=piece), plant, carry)
-        return end, plant, carry
+        reached = wheels.snapped(momentum, command, end, cast(Array, plant.wheel_momentum))
+        return end, PlantState(plant.attitude, plant.omega, reached), carry
 
     first = (jnp.zeros_like(hold.length), plant, carry)
     return jax.lax.fori_loop(0, wheels.edge_count + 1, part, first)[1:]

@@ -6,6 +6,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.dynamics import RigidBody
 from jaxsat.ranges import MAX_FIXED_STEPS
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, ContinuousLoop
 from jaxsat.solvers import HIGH_ORDER, NamedSolver, Solver
@@ -27,7 +28,10 @@ MIN_STEP = 1e-10
 
 
 class AdaptiveSteps(eqx.Module):
-    """Steps chosen to meet tolerances; `min_step` (s) is taken whatever the error there."""
+    """Steps chosen to meet tolerances; `min_step` (s) is taken whatever the error there.
+
+    `atol` is in the unit of each state, for momenta of wheels `Spacecraft.momentum_unit`.
+    """
 
     rtol: Float[Array, ""] = eqx.field(converter=as_float)
     atol: Float[Array, ""] = eqx.field(converter=as_float)
@@ -37,12 +41,12 @@ class AdaptiveSteps(eqx.Module):
         require_positive("rtol", self.rtol)
         require_positive("atol", self.atol)
 
-    def controller(self) -> StepSizeController:
-        """What diffrax takes for it."""
-        import diffrax  # takes its time
+    def controller(self, body: RigidBody) -> StepSizeController:
+        """What diffrax takes for it, in a loop of this body."""
+        from jaxsat.simulation.step_control import StepControl  # imports diffrax
 
-        return diffrax.PIDController(
-            rtol=self.rtol, atol=self.atol, dtmin=self.min_step, force_dtmin=True
+        return StepControl(
+            rtol=self.rtol, atol=self.atol, dtmin=self.min_step, force_dtmin=True, body=body
         )
 
 
@@ -66,7 +70,7 @@ def step_size_for(method: Method, loop: AbstractLoop) -> StepSizeController:
     if steps is None:
         return diffrax.ConstantStepSize()
     if isinstance(steps, AdaptiveSteps):
-        steps = steps.controller()
+        steps = steps.controller(loop.plant)
     if not isinstance(loop, ContinuousLoop) or not isinstance(steps, diffrax.PIDController):
         return steps
     times = loop.failure_times

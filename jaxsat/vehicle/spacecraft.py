@@ -49,6 +49,11 @@ class Spacecraft(eqx.Module):
         return jnp.stack([a[0], b[1], c[2]])  # far fewer operations than jnp.diagonal
 
     @property
+    def momentum_unit(self) -> Float[Array, ""]:
+        """The mean moment of inertia times 1 rad/s, N m s: what momenta are large or small by."""
+        return jnp.mean(self.moments)
+
+    @property
     def inverse_inertia(self) -> Float[Array, "3 3"]:
         """Inverse of the inertia."""
         return inverse_of(self.inertia)

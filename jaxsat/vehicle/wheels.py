@@ -247,6 +247,21 @@ class Wheels(eqx.Module):
         drive, decay = jnp.where(limited, 0.0, piece.drive), jnp.where(limited, 0.0, piece.decay)
         return WheelPiece(drive, decay)
 
+    def snapped(
+        self,
+        momentum: Float[Array, " wheels"],
+        command: Float[Array, " wheels"],
+        elapsed: Float[Array, ""],
+        reached: Float[Array, " wheels"],
+    ) -> Float[Array, " wheels"]:
+        """What momenta have `reached` (N m s), `elapsed` seconds after a command began to stay at
+        `momentum`: exactly zero, or the limit, where the edge at which they come to it is then."""
+        course = self._course(momentum, command)
+        if self.momentum_limit is not None:
+            limit = jnp.sign(reached) * self.momentum_limit
+            reached = jnp.where(elapsed == course.limit, limit, reached)
+        return jnp.where(elapsed == course.zero, 0.0, reached)
+
     def _course(self, momentum, command) -> _Course:
         drive = self.motor_torque(command)
         before = self._side(momentum, drive)
@@ -285,7 +300,8 @@ class Wheels(eqx.Module):
         """
         if self.momentum_limit is None:
             return jnp.zeros(0, momentum.dtype)
-        growth = -(self._unlimited(momentum, command) + drag) * momentum
+        driven = self._unlimited(momentum, command) + drag
+        growth = -driven * momentum / self.momentum_limit**2
         arrives = jnp.minimum((momentum / self.momentum_limit) ** 2 - 1, growth)
         return arrives if self.limited is None else jnp.where(self.limited, growth, arrives)
 

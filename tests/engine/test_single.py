@@ -19,7 +19,9 @@ SAMPLED = ("two-torque-free", ["simulation.duration_s=30"], 1e-10)
 CORNERS = ("paper-three-axis", ["simulation.duration_s=30"], 1e-9)
 HELD = ("benchmark-three-axis", ["simulation.duration_s=20"], 1e-9)
 PULSES = ("pulsed-two-torque", ["simulation.duration_s=8", "simulation.save_every_s=0.4"], 1e-9)
-WHEELS = ("two-wheel-telescope", ["simulation.duration_s=20"], 1e-7)
+FINE = ["simulation.solver.rtol=1e-11", "simulation.solver.atol=1e-12"]
+WHEELS = ("two-wheel-telescope", ["simulation.duration_s=20", *FINE], 1e-8)
+"""diffrax steps across the instants at which a motor leaves its limit."""
 ROUNDED = ("switching-rounded", ["simulation.duration_s=20"], 1e-9)
 
 

@@ -41,9 +41,13 @@ def bounds_of(law):
 
 def plan_of(law, place):
     """Tuning all gains of a law over 20 s from rest in a place, or from a tumble."""
-    quaternion, rates = PLACES[place], [0.0, 0.0, 0.0]
     if place == "a start":  # from which no switch is so near that a difference meets it
-        quaternion, rates = [0.8, 0.6, 0.0, 0.0], [0.01, -0.02, 0.03]
+        return plan_from(law, [0.8, 0.6, 0.0, 0.0], [0.01, -0.02, 0.03])
+    return plan_from(law, PLACES[place], [0.0, 0.0, 0.0])
+
+
+def plan_from(law, quaternion, rates):
+    """The same from an attitude and rates (rad/s)."""
     spread = {"distribution": "uniform", "low": -0.05, "high": 0.05}
     tuning = {"starts": 1, "steps": 1, "cases": CASES, "parameters": bounds_of(law)}
     scenario = scenario_of(
@@ -70,3 +74,39 @@ def test_gradients_through_whole_runs_are_those_of_differences(law, place):
     assert np.all(off <= 1e-4 * np.abs(found.difference).max() + ROUNDING)
     if place == "a start":
         assert np.abs(found.difference).max() > 1e-3
+
+
+CORNERED = (
+    ([0.0866756, -0.9432953, 0.2610341, 0.1858561], [0.024686, 0.0252223, 0.0066978]),
+    ([-0.5746674, -0.6550689, 0.2576006, 0.417475], [-0.0373981, -0.0084835, 0.0168157]),
+    ([-0.0030516, 0.8389583, 0.5233678, 0.1490832], [-0.0106335, -0.04804, 0.002775]),
+)
+NARROW = 1e-7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("quaternion", "rates"), CORNERED)
+def test_wide_differences_reach_across_corners_of_a_sampled_law(quaternion, rates):
+    """A limit that is just met at one of 200 samples is a corner of the cost as good as anywhere.
+
+    The derivative is that of the side where the gains are: differences of either side agree where
+    they are narrower than the way to the corner, and differ from each other where they are wider.
+    """
+    plan = plan_from("oscillatory", quaternion, rates)
+    point = plan.space.to_search(plan.start[None])[0]
+    cases, count = np.arange(CASES), len(point)
+    slopes = plan.smooth.differentiate(point[None], cases).derivatives[0]
+    cost = plan.smooth.evaluate(point[None], cases).cost[0]
+
+    def one_sided(width):
+        shifts = width * np.eye(count)
+        return [
+            (np.asarray(plan.smooth.evaluate(point + way, cases).cost) - cost).T / np.diag(way)
+            for way in (shifts, -shifts)
+        ]
+
+    size = np.abs(slopes).max()
+    apart = np.abs(np.subtract(*one_sided(1e-5)))
+    assert apart.max() > 1e-3 * size
+    right, left = one_sided(NARROW)
+    assert np.abs((right + left) / 2 - slopes).max() < 2e-5 * size

@@ -95,6 +95,16 @@ def test_the_torque_at_an_instant_is_that_of_the_piece_there(h, command):
     np.testing.assert_allclose(torque_of(one, momentum, asked), piece.torque(momentum), atol=1e-15)
 
 
+def test_momenta_are_exact_where_a_wheel_comes_to_rest_or_its_limit():
+    """Rounding in their place would turn at 1e-300 N m s against friction."""
+    one, begin, command = wheel(viscous_friction=None), jnp.array([0.5]), jnp.array([0.1])
+    rest, limit = jnp.sort(one.edges(begin, command, jnp.array(100.0)))
+    reached = jnp.array([3e-17])
+    assert one.snapped(begin, command, rest, reached) == 0
+    assert one.snapped(begin, command, limit, reached - 1.0 + 1e-15) == -1
+    assert one.snapped(begin, command, (rest + limit) / 2, reached) == reached
+
+
 @pytest.mark.slow
 def test_a_hand_computed_braking():
     """From 0.5 N m s at -(0.1 + 0.002) N m to rest in 0.5/0.102 s, then to -1 in 1/0.098 s."""

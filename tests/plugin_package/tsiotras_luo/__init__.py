@@ -11,6 +11,9 @@ from jaxsat.dynamics import RigidBody
 
 Scalar = Float[Array, ""]
 
+SMALLEST = 1e-30
+"""Keeps the quotient of two zeros finite: at the target."""
+
 
 class ReducedEffortLaw(AbstractSampledController):
     """Brings an axisymmetric body that does not spin to rest in the orbit frame by two torques.
@@ -49,7 +52,7 @@ class ReducedEffortLaw(AbstractSampledController):
     def reference(self, attitude):
         """ω_d about x and y, rad/s."""
         wz = attitude.as_wz()
-        (w1, w2), eta = wz.w, wz.z / jnp.sum(wz.w**2)
+        (w1, w2), eta = wz.w, wz.z / (jnp.sum(wz.w**2) + SMALLEST)
         share = jnp.arctan(self.rho * (1 - eta**2)) / jnp.pi
         kappa, mu = 2 * self.kappa_c * share, self.mu_c * (share + 0.5)
         return -kappa * wz.w - mu * eta * jnp.stack([-w2, w1])
