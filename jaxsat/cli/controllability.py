@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.loading import vehicle_or_explain
 from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report, number
 from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import show_progress
@@ -54,7 +54,7 @@ def controllability(
     Parameters
     ----------
     scenario
-        A name from `jaxsat scenarios list`, or a TOML file.
+        A name from `jaxsat scenarios list`, or a TOML file. [spacecraft] is enough.
     overrides
         KEY=VALUE that replaces a value of the scenario, such as spacecraft.failed_thrusters=[2,3];
         may be given several times.
@@ -72,7 +72,7 @@ def controllability(
     tolerance
         Margins below this are called borderline; use the relative error of your inertia.
     """
-    chosen = load_or_explain(scenario, overrides, "motion")
+    chosen = vehicle_or_explain(scenario, overrides).scenario
     if report is not False and out is None:
         raise UserMistake("--report: must be given with --out, the folder of the results")
     planned = None if out is None else planned_report(report, out, overwrite=overwrite)

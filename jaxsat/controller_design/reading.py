@@ -58,13 +58,18 @@ def read_vehicle(
     duration. Raises `ScenarioError` and tells `caution` as `jaxsat.load` does.
     """
     given = list(overrides)
-    present = _keys(_parsed(name_or_path)) | {text.partition("=")[0].strip() for text in given}
+    present = given_keys(name_or_path, given)
     lacking = [key for key, (spellings, _) in _DEFAULTS.items() if not present & {*spellings}]
     name = clean(Path(name_or_path).stem) or "vehicle"
     added = [override(key, name if key == "title" else _DEFAULTS[key][1]) for key in lacking]
     scenario = load(name_or_path, [*added, *given], purpose="motion", caution=caution)
     law = ALL if "control.law" in lacking else scenario.control.law
     return Vehicle(scenario, ALL if law == "coast" else law, "simulation.duration_s" not in lacking)
+
+
+def given_keys(name_or_path: str | Path, overrides: Iterable[str] = ()) -> set[str]:
+    """Dotted keys that a file and overrides give; none of a file that cannot be read."""
+    return _keys(_parsed(name_or_path)) | {text.partition("=")[0].strip() for text in overrides}
 
 
 def _parsed(name_or_path: str | Path) -> dict[str, Any]:

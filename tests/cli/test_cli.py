@@ -181,7 +181,7 @@ def test_warnings_are_told(jaxsat):
     )
     assert status == 0
     assert err.startswith("warning: --set spacecraft.inertia_kg_m2=[600,100,100]: key ")
-    assert out == "paper-rate: valid (Angular-velocity stabilisation, as in the paper)\n"
+    assert out.startswith("paper-rate: valid (Angular-velocity stabilisation, as in the paper)\n")
 
 
 def test_bash_completes_commands_and_options(jaxsat):
