@@ -113,6 +113,16 @@ def torque_directions(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray
     return np.stack([first, np.cross(normal, first)], axis=1)
 
 
+def pushed_directions(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 2"]:
+    """`torque_directions` of thrusters that push, with torque columns in N m at full thrust.
+
+    Of what they can make with either sign, where that is a plane or more; else of all.
+    """
+    both_ways = two_sided_torques(torque)
+    plane = both_ways.size and len(_independent_rows(both_ways)) >= 2
+    return torque_directions(unit_columns(both_ways if plane else torque))
+
+
 def direction_matrix(
     torque_axes: Float[np.ndarray, "3 m"], directions: Float[np.ndarray, "3 2"]
 ) -> Float[np.ndarray, "m 2"]:
@@ -126,7 +136,7 @@ def plane_map(
     """The torque on the body for a command about the first two body axes, or about all three.
 
     Where the thrusters make torques in one plane only, two commanded torques have the third with
-    them that keeps to the plane; commands in `any_plane` are about its `torque_directions`, and one
+    them that keeps to the plane; commands in `any_plane` are about `pushed_directions`, and one
     torque is about the `torque_axis`. Raises `ValueError` where the plane holds no such torques.
     """
     if torques == 3:
@@ -134,7 +144,7 @@ def plane_map(
     if torques == 1:
         return torque_axis(torque)[:, None]
     if any_plane:
-        return torque_directions(unit_columns(torque))
+        return pushed_directions(torque)
     rows = _independent_rows(torque)
     if len(rows) != 2:
         return np.eye(3)[:, :2]

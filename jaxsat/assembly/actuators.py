@@ -16,7 +16,7 @@ from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.thruster_tables import working_torques
-from jaxsat.scenario.wheel_tables import failed_wheels, left_by_wheels, wheel_axes
+from jaxsat.scenario.wheel_tables import failed_wheels, wheel_axes, wheels_make_all
 from jaxsat.vehicle import (
     AbstractActuators,
     AbstractPulsedActuators,
@@ -62,7 +62,7 @@ def _with_wheels(
     tables = scenario.wheel
     axes, failed = wheel_axes(tables), failed_wheels(tables)
     limit = limits_of(tables, "torque_limit_N_m")
-    if not left_by_wheels(tables, torques).any():
+    if wheels_make_all(tables, torques):
         return ActuatorsWithWheels.of(axes, torques, limit, failed=failed)
     thrusters = bool(scenario.thruster or scenario.spacecraft.thruster_torque_axes)
     ideal = failing(scenario, ideal_thrusters(scenario, torques)) if thrusters else NoThrusters()

@@ -59,17 +59,13 @@ def build_plan(
     table = scenario.tuning
     if table is None:
         raise ValueError("The scenario must have a [tuning] table, but got none.")
+    _require_optimiser(table)
     prepared = _prepared(scenario, table)
     scenario, smooth, widths = prepared.scenario, prepared.smooth, prepared.widths
     space, start = prepared.space, prepared.start
     seed = scenario.simulation.seed
     unseen = seed + 1 if table.held_out_seed is None else table.held_out_seed
     free = table.optimiser == DERIVATIVE_FREE
-    if free and importlib.util.find_spec(PACKAGE) is None:
-        raise ValueError(
-            f'tuning.optimiser = "{DERIVATIVE_FREE}" must have the package {PACKAGE}: '
-            "pip install 'jaxsat[baselines]'."
-        )
     penalty = _false_alarm_penalty(scenario, table, space)
     bounded = _cost(table.cost, scenario.simulation.attitude_cost)
     unbounded = _plain(bounded)
@@ -120,6 +116,15 @@ def build_plan(
     )
 
 
+def _require_optimiser(table: TuningTable) -> None:
+    """Raise `ValueError` where the optimiser is in a package that is not installed."""
+    if table.optimiser == DERIVATIVE_FREE and importlib.util.find_spec(PACKAGE) is None:
+        raise ValueError(
+            f'tuning.optimiser = "{DERIVATIVE_FREE}" must have the package {PACKAGE}: '
+            "pip install 'jaxsat[baselines]'."
+        )
+
+
 class _Prepared(NamedTuple):
     """The scenario in one form, rounded for gradients and in finer steps, and the search."""
 
@@ -144,6 +149,8 @@ def _prepared(scenario: Scenario, table: TuningTable) -> _Prepared:
 def try_tuning(scenario: Scenario) -> None:
     """Build all that a tuning run runs; raises `BuildError` where that cannot be."""
     table = cast(TuningTable, scenario.tuning)
+    with at_key("tuning.optimiser"):
+        _require_optimiser(table)
     with at_key("tuning"):
         prepared = _prepared(scenario, table)
         for one in (prepared.scenario, prepared.smooth, prepared.refined):

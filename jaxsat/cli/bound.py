@@ -24,6 +24,7 @@ from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
     from jaxsat.bounds import Bound
+    from jaxsat.bounds.manoeuvre import Manoeuvre
     from jaxsat.scenario import Scenario
 
 Longest = Annotated[float | None, Parameter(converter=number(0.01, 1e9))]
@@ -77,15 +78,10 @@ def bound(
     if out is not None:
         _refuse_existing(out, overwrite)
     chosen = load_or_explain(scenario, overrides, "motion")
-    require_ideal_thrusters(chosen, "a bound")
     use_double_precision()
-    from jaxsat.assembly.run import build_uncontrolled
-    from jaxsat.bounds import BoundObjective, manoeuvre_of
+    manoeuvre = required_manoeuvre(chosen, rates_only=target == "rates")
+    from jaxsat.bounds import BoundObjective
 
-    try:
-        manoeuvre = manoeuvre_of(*build_uncontrolled(chosen), rates_only=target == "rates")
-    except ValueError as error:
-        raise UserMistake(str(error)) from None
     limit = chosen.simulation.duration_s if longest is None else longest
     _require_time(limit, "simulation.duration_s")
     unit = UNITS[objective]
@@ -108,6 +104,18 @@ def bound(
         listed = ", ".join(f"{value:.4g}" for value in values)
         print_stdout(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
     return SUCCESS
+
+
+def required_manoeuvre(scenario: "Scenario", *, rates_only: bool = False) -> "Manoeuvre":
+    """The manoeuvre of a scenario; raises `UserMistake` for one that a bound does not support."""
+    require_ideal_thrusters(scenario, "a bound")
+    from jaxsat.assembly.run import build_uncontrolled
+    from jaxsat.bounds.manoeuvre import manoeuvre_of
+
+    try:
+        return manoeuvre_of(*build_uncontrolled(scenario), rates_only=rates_only)
+    except ValueError as error:
+        raise UserMistake(str(error)) from None
 
 
 def require_ideal_thrusters(scenario: "Scenario", what: str) -> None:

@@ -55,10 +55,10 @@ def _in_a_thread(work: Callable[[], Result]) -> Result:
 
 
 def in_background(module: str) -> None:
-    """Import a slow module while something else compiles."""
+    """Import a slow module while something else compiles; what fails is told when it is needed."""
 
     def target() -> None:
-        with contextlib.suppress(ImportError):  # told when the module is really needed
+        with contextlib.suppress(Exception):
             importlib.import_module(module)
 
     threading.Thread(target=target, daemon=True).start()

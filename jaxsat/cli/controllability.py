@@ -1,14 +1,15 @@
 """`jaxsat controllability`: can the remaining actuators still control the spacecraft?"""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report, number
+from jaxsat.cli.loading import vehicle_or_explain
+from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report, number, whole
 from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
@@ -32,6 +33,7 @@ COLOURS = {
     "borderline": "yellow",
     "uncontrollable": "red",
 }
+TURN = "turn at 1 N m (s)"
 MAP_STEPS = 450  # about 10⁵ bodies
 MAP_ANGLES = (361, 181)
 MAX_ACTUATORS = 8  # 256 cases; of more actuators, single and double failures are told
@@ -46,6 +48,7 @@ def controllability(
     report: Report = False,
     overwrite: Flag = False,
     quiet: Flag = False,
+    failures: Annotated[int | None, Parameter(converter=whole(0, 99))] = None,
     drift: Flag = False,
     tolerance: Annotated[float, Parameter(converter=number(0.0, 1.0, open_ends=True))] = 1e-6,
 ) -> int:
@@ -54,7 +57,7 @@ def controllability(
     Parameters
     ----------
     scenario
-        A name from `jaxsat scenarios list`, or a TOML file.
+        A name from `jaxsat scenarios list`, or a TOML file. [spacecraft] is enough.
     overrides
         KEY=VALUE that replaces a value of the scenario, such as spacecraft.failed_thrusters=[2,3];
         may be given several times.
@@ -67,12 +70,14 @@ def controllability(
         Replace the folder, or the file of --report, if jaxsat wrote it.
     quiet
         Print only warnings and errors.
+    failures
+        List only cases of so many failures; by default all.
     drift
         Also follow the drift: recurrence, and the energy claim (18). Takes a few seconds.
     tolerance
         Margins below this are called borderline; use the relative error of your inertia.
     """
-    chosen = load_or_explain(scenario, overrides, "motion")
+    chosen = vehicle_or_explain(scenario, overrides).scenario
     if report is not False and out is None:
         raise UserMistake("--report: must be given with --out, the folder of the results")
     planned = None if out is None else planned_report(report, out, overwrite=overwrite)
@@ -83,13 +88,14 @@ def controllability(
     use_double_precision()
     show_progress("deciding controllability")
     judgement, analysis, cases = interruptibly(lambda: _analyse(chosen, tolerance))
-    from jaxsat.report.controllability_page import controllability_lines
+    from jaxsat.report.controllability_page import controllability_lines, survival_words
 
     torque = chosen.spacecraft.torque_limit_N_m or 1.0
     from jaxsat.controllability import judge_once_stopped
 
     stopped = judge_once_stopped(judgement, tolerance)
-    lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
+    lines = [survival_words(cases)]
+    lines += controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
     lines += interruptibly(lambda: _magnetic_lines(chosen))
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")
@@ -102,7 +108,7 @@ def controllability(
         show_progress("drawing maps")
         _write_folder(out, overwrite, chosen, judgement, cases, lines, found)
     if not quiet:
-        _print(lines, cases, found[0])
+        _print(lines, cases, found[0], failures)
         if out is not None:
             print_stdout(f"written to {out}")
     finish_report(planned, quiet=quiet)
@@ -304,7 +310,19 @@ def _figures(judgement: "Judgement", cases: "Sequence[FailureCase]") -> "dict[st
     return figures
 
 
-def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -> None:
+def count_of(record: "Mapping[str, object]") -> int:
+    """How many actuators have failed in a record of `failure_records`."""
+    return 0 if record["failed"] == "none" else len(str(record["failed"]).split())
+
+
+def _cell(value: float) -> str:
+    """A number of the table: nothing where there is none, and never a negative zero."""
+    return "" if math.isnan(value) else f"{value + 0.0:.3g}"
+
+
+def _print(
+    lines: list[str], cases: "Sequence[FailureCase]", drift: list[str], failures: int | None
+) -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -313,16 +331,19 @@ def _print(lines: list[str], cases: "Sequence[FailureCase]", drift: list[str]) -
     for line in [*lines, *drift]:
         print_stdout(line.replace("**", ""))
     table = Table(pad_edge=False)
-    numbers = ("rank", "margin", "turn at 1 N m (s)")
+    numbers = ("rank", "margin", TURN)
     both = any(case.once_stopped for case in cases)
-    headings = ["failed", "rank", "verdict", "margin", "turn at 1 N m (s)", "lost"]
+    records = [one for one in failure_records(cases) if failures in (None, count_of(one))]
+    timed = any(math.isfinite(float(one["turn_time_s"])) for one in records)
+    headings = ["failed", "rank", "verdict", "margin", *([TURN] if timed else []), "lost"]
     for heading in [*headings, *(["once stopped"] if both else [])]:
         table.add_column(heading, justify="right" if heading in numbers else "left")
-    for record in failure_records(cases):
+    for record in records:
         verdict = Text(str(record["verdict"]), style=COLOURS[str(record["verdict"])])
-        margin, turn = (f"{float(record[name]):.3g}" for name in ("margin", "turn_time_s"))
+        margin, turn = (_cell(float(record[name])) for name in ("margin", "turn_time_s"))
         rank = "{rank}" if record["dimension"] == 6 else "{rank} of {dimension}"
-        row = (Text(str(record["failed"])), rank.format(**record), verdict, margin, turn)
+        row = (Text(str(record["failed"])), rank.format(**record), verdict, margin)
+        row = (*row, turn) if timed else row
         later = (str(record["once_stopped"]),) if both else ()
         table.add_row(*row, str(record["lost"]), *later)
     show_table(table)

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.computing import interruptibly
+from jaxsat.cli.loading import vehicle_or_explain
 from jaxsat.cli.options import (
     Flag,
     OptionalPath,
@@ -29,7 +30,6 @@ from jaxsat.cli.terminal import (
     print_stderr,
     print_stdout,
     print_text,
-    print_warning,
 )
 from jaxsat.cli.tune import progress_text as tuning_progress_text
 from jaxsat.cli.work import require_approval
@@ -122,7 +122,7 @@ def design(
     quiet
         Print only warnings and errors.
     """
-    vehicle = _vehicle(scenario, overrides)
+    vehicle = vehicle_or_explain(scenario, overrides)
     target = Path(f"jaxsat-{Path(scenario).stem}-designed") if out is None else out
     planned = planned_report(report, target, overwrite=overwrite)
     require_approval([_work(vehicle, cases, steps)], target, yes=yes, quiet=quiet)
@@ -166,19 +166,6 @@ def design(
     status = _concluded(found, target, quiet)
     finish_report(planned, quiet=quiet)
     return status
-
-
-def _vehicle(scenario: str, overrides: tuple[str, ...]) -> "Vehicle":
-    """The vehicle of a file; raises `UserMistake` with every problem."""
-    show_progress(f"reading {scenario}")
-    use_double_precision()
-    from jaxsat.controller_design import read_vehicle
-    from jaxsat.scenario import ScenarioError
-
-    try:
-        return read_vehicle(scenario, overrides, caution=print_warning)
-    except ScenarioError as error:
-        raise UserMistake(str(error), located=True) from None
 
 
 def _concluded(found: "ControllerDesign", target: Path, quiet: bool) -> int:

@@ -4,8 +4,9 @@ import json
 
 from cyclopts import App
 
-from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.loading import load_or_explain, vehicle_or_explain
 from jaxsat.cli.options import Overrides
+from jaxsat.cli.takers import TABLES, refusals, says_no_more_than_a_vehicle
 from jaxsat.cli.terminal import (
     SUCCESS,
     USER_MISTAKE,
@@ -72,7 +73,8 @@ def check(
     """Check scenario files and report every error in them.
 
     A file without errors can be run: the check builds it, with the dispersions of a study and the
-    gains to tune if the file has them.
+    gains to tune if the file has them, and names the commands that do not take it. [spacecraft]
+    is enough for controllability and design.
 
     Parameters
     ----------
@@ -87,10 +89,17 @@ def check(
     status = SUCCESS
     for file in files:
         try:
+            if says_no_more_than_a_vehicle(file, overrides):
+                title = vehicle_or_explain(file, overrides).scenario.title
+                print_stdout(f"{clean(file)}: valid for controllability and design ({title})")
+                print_stdout(f"  not for the others: {', '.join(TABLES)} must be given")
+                continue
             scenario = load_or_explain(file, overrides, "tuning")
         except UserMistake as mistake:
             print_mistake(mistake)
             status = USER_MISTAKE
         else:
             print_stdout(f"{clean(file)}: valid ({scenario.title})")
+            for refusal in refusals(scenario):
+                print_stdout(f"  {refusal}")
     return status

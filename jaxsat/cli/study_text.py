@@ -118,8 +118,8 @@ def _ranking_lines(result: str, ranking: "Sequence[Sensitivity]") -> Iterator[st
 
 def progress_text(progress: "StudyProgress") -> str:
     """One line on how far a study is."""
-    left = progress.seconds_left
+    left = f"{progress.seconds_left:.0f} s left" if progress.seconds_left >= 1 else "finishing"
     return (
         f"{progress.done} of {progress.count} cases, {progress.rate:.1f} per second, "
-        f"{left:.0f} s left, {progress.fraction_settled:.1%} settled"
+        f"{left}, {progress.fraction_settled:.1%} settled"
     )

@@ -78,10 +78,13 @@ def print_text(text: str) -> None:
 
 
 def show_table(table: Any) -> None:
-    """Write one of Rich's renderables to standard output."""
+    """Write one of Rich's renderables to standard output, as wide as its longest words need."""
     from rich.console import Console
+    from rich.measure import Measurement
 
     console = Console(markup=False, highlight=False, soft_wrap=True)
+    least = Measurement.get(console, console.options.update(width=10**4), table).minimum
+    console.width = max(console.width, least)
     with console.capture() as caught:
         console.print(table)
     _print(caught.get())

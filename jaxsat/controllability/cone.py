@@ -188,4 +188,4 @@ def direction_words(direction: Float[np.ndarray, "3"]) -> str:
     k = int(np.argmax(np.abs(direction)))
     if abs(direction[k]) > 1.0 - 1e-9:
         return ("+" if direction[k] > 0 else "-") + "xyz"[k]
-    return "(" + ", ".join(f"{entry + 0.0:.3f}" for entry in np.round(direction, 12)) + ")"
+    return "(" + ", ".join(f"{entry + 0.0:.3f}" for entry in np.round(direction, 3)) + ")"

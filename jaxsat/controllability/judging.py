@@ -113,7 +113,8 @@ def _judged(
         rank, dimension = wheels.rank, wheels.dimension
     else:  # thrusters take momentum up in any inertial direction, wheels having turned the body
         verdict, rank, dimension = "controllable", 6, 6
-        laws = "three torques" if cone.two_sided == 3 else "two torques"
+        # Without these, laws are flown by the wheels alone, as in `_wheels_alone`.
+        laws = "three torques" if cone.two_sided == 3 else _wheels_alone(wheels)[1]
     if wheels.borderline or cone.borderline:
         verdict = "borderline"
     return Judgement(

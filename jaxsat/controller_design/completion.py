@@ -11,6 +11,8 @@ from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.declaration.settling import equivalent_limit
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.wheel_tables import wheels_make_all
 
 RATE = 0.83
 """Largest initial rate about each axis times τ, as 0.1 rad/s on the acceptance set at 5 N m."""
@@ -75,7 +77,10 @@ def _distributions(
     scenario: Scenario, verdict: VehicleVerdict, scale: Scale
 ) -> dict[str, dict[str, Any]]:
     """Those of the level hard by key, times in τ."""
-    alone = bool(scenario.wheel) and not verdict.judgement.actuators.torques.any()
+    alone = bool(scenario.wheel) and (
+        not verdict.judgement.actuators.torques.any()
+        or wheels_make_all(scenario.wheel, find_law(scenario.control.law).declaration.torques)
+    )
     rate, start = RATE / scale.time, {"attitude": {"distribution": "random-attitude"}}
     if alone:
         limits = [one.momentum_limit_N_m_s for one in scenario.wheel if not one.failed]

@@ -81,7 +81,9 @@ def design_comment(found: ControllerDesign, version: str) -> str:
     if found.assumed:
         lines += [f"{ASSUMPTIONS}:"]
         lines += [f"  {line}" for line in found.assumed]
-    if found.settings.attitude == "nearest" and not found.verdict.holds and found.verdict.turn:
+    if found.misses_attitude is not None:
+        lines.append(found.misses_attitude)
+    elif found.settings.attitude == "nearest" and not found.verdict.holds:
         lines.append(
             "Body axes are turned so that the nearest attitude that can be held is the target."
         )

@@ -59,7 +59,7 @@ def read_vehicle(
     Raises `ScenarioError` and tells `caution` as `jaxsat.load` does.
     """
     given = list(overrides)
-    present = _keys(_parsed(name_or_path)) | {text.partition("=")[0].strip() for text in given}
+    present = given_keys(name_or_path, given)
     lacking = [key for key, (spellings, _) in _DEFAULTS.items() if not present & {*spellings}]
     name = clean(Path(name_or_path).stem) or "vehicle"
     added = [override(key, name if key == "title" else _DEFAULTS[key][1]) for key in lacking]
@@ -74,6 +74,11 @@ def _has_unsaid_torques(present: set[str], in_orbit: bool) -> bool:
     """Whether a body in orbit has no word on its disturbances; wheels would store their torque."""
     tables = {key.partition(".")[0] for key in present}
     return in_orbit and not tables & {"disturbance", "wheel"}
+
+
+def given_keys(name_or_path: str | Path, overrides: Iterable[str] = ()) -> set[str]:
+    """Dotted keys that a file and overrides give; none of a file that cannot be read."""
+    return _keys(_parsed(name_or_path)) | {text.partition("=")[0].strip() for text in overrides}
 
 
 def _parsed(name_or_path: str | Path) -> dict[str, Any]:

@@ -93,10 +93,12 @@ class ControllerDesign:
     @property
     def misses_attitude(self) -> str | None:
         """That the design is for an attitude that cannot be held, and what to do about it."""
-        if self.settings.attitude == "nearest" or self.verdict.holds:
+        if self.verdict.holds:
             return None
         if self.verdict.turn is None:
-            return "No attitude near the wanted one can be held, so cases drift out of it."
+            return "No attitude can be held without a torque about that axis, so cases drift."
+        if self.settings.attitude == "nearest":
+            return None
         turn = float(np.linalg.norm(self.verdict.turn))
         return (
             "The wanted attitude cannot be held, so cases drift out of it whatever the law. "

@@ -34,8 +34,8 @@ class VehicleVerdict:
 
     `lost` is what the failures took away, `turn` the rotation vector (rad, body axes) from the
     wanted attitude to the nearest one that can be held: zeros where the wanted one can be, None
-    where none near it can. `in_flight` tells of failures that strike later, `orbit` whether
-    gravity gradient acts.
+    where none can. `in_flight` tells of failures that strike later, `orbit` whether gravity
+    gradient acts.
     """
 
     judgement: Judgement
@@ -55,7 +55,7 @@ class VehicleVerdict:
         found.append(f"What the failures took away: {self.lost}.")
         found.append(f"Laws: {LAW_WORDS[self.judgement.laws]}.")
         if self.turn is None:
-            found.append("No attitude near the wanted one can be held.")
+            found.append("No attitude can be held without a torque about the axis without one.")
         elif self.holds:
             found.append("The wanted attitude can be held.")
         else:

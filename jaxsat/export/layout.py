@@ -71,6 +71,10 @@ class Struct:
             lines.append("  uint8_t unused; /* a structure must have a field */")
         return [*lines, f"}} {self.name};"]
 
+    def layout(self) -> list[str]:
+        """What the compiler makes of it: its name and fields, without the words about them."""
+        return [self.name, *(field.declaration for field in self.fields)]
+
     @property
     def size(self) -> int:
         """How many numbers it has."""

@@ -160,8 +160,8 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
 
 
 def _hash(traces, structs: dict[str, Struct]) -> str:
-    """Of the operations, and of the structures that they work on."""
-    layout = [line for struct in structs.values() for line in struct.declaration()]
+    """Of the operations, and of the structures that they work on; no comment is part of it."""
+    layout = [line for struct in structs.values() for line in struct.layout()]
     return hashlib.sha256("\n".join([fingerprint(traces), *layout]).encode()).hexdigest()
 
 

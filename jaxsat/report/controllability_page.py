@@ -1,9 +1,12 @@
 """The results of a controllability analysis, as Markdown."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from jaxsat.controllability import (
     Analysis,
+    FailureCase,
     Judgement,
     analyse,
     gramian_time_scales,
@@ -21,7 +24,18 @@ from jaxsat.controllability.wording import (
 )
 from jaxsat.text import markdown
 
+COUNT_WORDS = ("single", "double", "triple")
 ERRORS = ("roll 1°", "pitch 1°", "yaw 1°", "ω1 1 mrad/s", "ω2 1 mrad/s", "ω3 1 mrad/s")
+
+
+def survival_words(cases: Sequence[FailureCase]) -> str:
+    """How many failures of one actuator, of two, … leave the spacecraft controllable."""
+    found = []
+    for number, word in enumerate(COUNT_WORDS, 1):
+        those = [case.controllable for case in cases if len(case.failed) == number]
+        if those:
+            found.append(f"{sum(those)} of {len(those)} {word}")
+    return f"Survives: {', '.join(found)} failures" if found else "Survives: no failure is listed"
 
 
 def controllability_lines(

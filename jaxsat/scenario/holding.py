@@ -14,11 +14,14 @@ BALANCED = 1e-12
 
 ITERATIONS = 100
 
+RAYS, RAY_STEP, BISECTIONS = 1000, 0.05, 40
+"""Directions of turns that are looked along, the step (rad) and the halvings of a step."""
 
-def rotation(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+
+def rotation(turn: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
     """From the orbit frame to the axes of a body turned from it by a rotation vector (rad)."""
-    angle = float(np.sqrt(turn @ turn))
-    cross = np.cross(turn, np.eye(3))  # -skew(turn)
+    angle = np.sqrt(np.sum(turn**2, axis=-1))[..., None, None]
+    cross = np.cross(turn[..., None, :], np.eye(3))  # -skew(turn)
     share = (np.sinc(angle / np.pi), np.sinc(angle / 2 / np.pi) ** 2 / 2)
     return np.eye(3) + share[0] * cross + share[1] * cross @ cross
 
@@ -26,20 +29,20 @@ def rotation(turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
 def missing_torque(
     inertia: Float[np.ndarray, "3 3"],
     normal: Float[np.ndarray, "3"],
-    turn: Float[np.ndarray, "3"],
+    turn: Float[np.ndarray, "*n 3"],
     gravity_gradient: bool,
-) -> float:
+) -> Float[np.ndarray, "*n"]:
     """n·(ω × Jω) less the gravity gradient about n, at rest in the orbit frame, over ω0² (kg m²).
 
     It is what no thruster can supply. The body is turned from the orbit frame by the rotation
     vector `turn` (rad); `inertia` (kg m²) and the unit vector `normal` are in body axes.
     """
     into_body = rotation(turn)
-    across, nadir = into_body[:, 1], into_body[:, 2]
-    needed = float(normal @ np.cross(across, inertia @ across))
+    across, nadir = into_body[..., 1], into_body[..., 2]
+    needed = np.cross(across, across @ inertia.T) @ normal
     if gravity_gradient:
-        needed -= GRAVITY_GRADIENT * float(normal @ np.cross(nadir, inertia @ nadir))
-    return needed
+        needed = needed - GRAVITY_GRADIENT * (np.cross(nadir, nadir @ inertia.T) @ normal)
+    return np.asarray(needed)
 
 
 def nearest_held(
@@ -47,20 +50,67 @@ def nearest_held(
 ) -> Float[np.ndarray, "3"] | None:
     """The least turn (rotation vector, rad) from the orbit frame to an attitude that can be held.
 
-    None where the search from the orbit frame finds none. Lagrange's condition by iteration: each
-    step goes to the point of the linearised balance that is nearest to no turn.
+    Of the turn that iteration from the orbit frame finds and the one that iteration from the
+    nearest balance on rays in all directions finds; None where there is none on any ray.
     """
-    turn, scale = np.zeros(3), float(np.abs(inertia).max())
+    near = _iterated(inertia, normal, gravity_gradient, np.zeros(3))
+    if near is not None and np.sqrt(near @ near) < RAY_STEP:
+        return near
+    on_ray = _nearest_on_rays(inertia, normal, gravity_gradient)
+    if on_ray is None:
+        return near
+    refined = _iterated(inertia, normal, gravity_gradient, on_ray)
+    found = [one for one in (near, on_ray, refined) if one is not None]
+    return min(found, key=lambda turn: round(float(np.sqrt(turn @ turn)), 6))
+
+
+def _nearest_on_rays(
+    inertia: Float[np.ndarray, "3 3"], normal: Float[np.ndarray, "3"], gravity_gradient: bool
+) -> Float[np.ndarray, "3"] | None:
+    """The least turn with a change of sign of `missing_torque` on rays of all directions."""
+    count = np.arange(RAYS) + 0.5
+    height, around = 1 - 2 * count / RAYS, count * np.pi * (1 + 5**0.5)
+    across = np.sqrt(1 - height**2)
+    rays = np.stack([across * np.cos(around), across * np.sin(around), height], axis=1)
+    angles = np.arange(0.0, np.pi + RAY_STEP, RAY_STEP)
+
+    def missing(turns: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
+        return missing_torque(inertia, normal, turns, gravity_gradient)
+
+    signs = np.sign(missing(rays[:, None] * angles[:, None]))
+    changes = signs[:, :-1] * signs[:, 1:] <= 0
+    crossed = changes.any(axis=1)
+    if not crossed.any():
+        return None
+    rays, first = rays[crossed], np.argmax(changes[crossed], axis=1)
+    low, high = angles[first], angles[first + 1]
+    before = missing(rays * low[:, None])
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        after = missing(rays * middle[:, None]) * before <= 0
+        low, high = np.where(after, low, middle), np.where(after, middle, high)
+    least = np.argmin(high)
+    return rays[least] * high[least]
+
+
+def _iterated(
+    inertia: Float[np.ndarray, "3 3"],
+    normal: Float[np.ndarray, "3"],
+    gravity_gradient: bool,
+    turn: Float[np.ndarray, "3"],
+) -> Float[np.ndarray, "3"] | None:
+    """Lagrange's condition by iteration from a turn; None where it does not converge.
+
+    Each step goes to the point of the linearised balance that is nearest to no turn.
+    """
+    scale = float(np.abs(inertia).max())
     for _ in range(ITERATIONS):
         missing = missing_torque(inertia, normal, turn, gravity_gradient)
-        ends = [
-            [
-                missing_torque(inertia, normal, turn + sign * step, gravity_gradient)
-                for step in STEP * np.eye(3)
-            ]
+        ahead, behind = (
+            missing_torque(inertia, normal, turn + sign * STEP * np.eye(3), gravity_gradient)
             for sign in (1, -1)
-        ]
-        slope = np.subtract(*ends) / (2 * STEP)
+        )
+        slope = (ahead - behind) / (2 * STEP)
         following = turn
         if abs(missing) > BALANCED * scale or np.any(turn):
             steepness = float(slope @ slope)

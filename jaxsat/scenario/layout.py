@@ -11,13 +11,13 @@ from jaxsat.allocation import (
     largest_torque,
     least_propellant,
     plane_map,
+    pushed_directions,
     torque_axis,
-    torque_directions,
     unit_columns,
 )
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.thruster_tables import signs, working_torques
-from jaxsat.scenario.wheel_tables import limit_of_wheels
+from jaxsat.scenario.wheel_tables import limit_of_wheels, wheels_make_all
 
 
 def working_axes(
@@ -38,10 +38,10 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
     if scenario.wheel:
         return np.eye(3)[:, :2]
     if scenario.thruster:
-        torques = unit_columns(working_torques(scenario.thruster))
+        torques = working_torques(scenario.thruster)
         if find_law(scenario.control.law).declaration.torques == 1:
-            return torque_axis(torques)[:, None]
-        return torque_directions(torques)
+            return torque_axis(unit_columns(torques))[:, None]
+        return pushed_directions(torques)
     return working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
 
 
@@ -66,7 +66,7 @@ def torque_limit(scenario: Any) -> float | None:
     limits = []
     if scenario.wheel:
         limits.append(limit_of_wheels(scenario.wheel, torques))
-    if scenario.thruster:
+    if scenario.thruster and not (scenario.wheel and wheels_make_all(scenario.wheel, torques)):
         limits.append(largest_torque(least_propellant(*command_torques(scenario, torques))))
     return min((one for one in limits if one is not None), default=None)
 

@@ -217,11 +217,9 @@ def _unknown_name(name: str, known: list[str]) -> Problem:
     if name.endswith(".toml") or "/" in name or "\\" in name:
         stem = Path(name).stem
         hint = f" (jaxsat has a scenario {stem})" if stem in known else ""
-        return Problem(name, f"must be a file that exists, got none of that name{hint}")
-    hint = suggestion(name, known)
-    listed = ", ".join(known)
-    message = f"must be a scenario of jaxsat ({listed}) or a TOML file, got neither{hint}"
-    return Problem(name, message)
+        return Problem(name, f"no such file{hint}")
+    hint = suggestion(name, known) or " (`jaxsat scenarios list` lists the library)"
+    return Problem(name, f"no such file, and no scenario of jaxsat{hint}")
 
 
 def _parse(name: str, content: bytes) -> _Source:

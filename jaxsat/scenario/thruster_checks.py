@@ -10,7 +10,7 @@ from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.thruster_tables import working_torques
-from jaxsat.scenario.wheel_tables import left_by_wheels
+from jaxsat.scenario.wheel_tables import wheels_make_all
 from jaxsat.scenario.wording import shown
 
 MAX_THRUSTERS = 24
@@ -111,7 +111,7 @@ def _whole(thrusters) -> bool:
 def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
     declaration = find_law(law).declaration
     torques, any_plane = declaration.torques, declaration.any_plane and not wheels
-    if wheels and torques and not left_by_wheels(wheels, torques).any():
+    if wheels and torques and wheels_make_all(wheels, torques):
         return
     if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
         return

@@ -70,6 +70,11 @@ def left_by_wheels(wheels: tuple[WheelTable, ...], torques: int) -> np.ndarray:
     return what_is_left(axes, least_squares_map(axes, torques))
 
 
+def wheels_make_all(wheels: tuple[WheelTable, ...], torques: int) -> bool:
+    """Whether the working wheels make every command, so that thrusters beside them do nothing."""
+    return not left_by_wheels(wheels, torques).any()
+
+
 def limit_of_wheels(wheels: tuple[WheelTable, ...], torques: int) -> float | None:
     """The largest command (N m) about all axes at once for which no working wheel is at its limit.
 

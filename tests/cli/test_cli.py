@@ -130,7 +130,7 @@ def test_failed_run_is_written_and_exits_1(jaxsat, tmp_path):
         (["simulate"], "SCENARIO requires an argument"),
         (["simulat"], 'Did you mean "simulate"?'),
         (["simulate", "paper-rat"], "did you mean paper-rate?"),
-        (["simulate", "missing.toml"], "missing.toml: must be a file that exists"),
+        (["simulate", "missing.toml"], "missing.toml: no such file"),
         (["simulate", "paper-rate", "--sett", "x=1"], "Did you mean --set?"),
         (["simulate", "paper-rate", "--set"], "--set requires an argument"),
         (["simulate", "paper-rate", "--set", "a=1", "b=2"], "must be given without b=2"),
@@ -181,7 +181,7 @@ def test_warnings_are_told(jaxsat):
     )
     assert status == 0
     assert err.startswith("warning: --set spacecraft.inertia_kg_m2=[600,100,100]: key ")
-    assert out == "paper-rate: valid (Angular-velocity stabilisation, as in the paper)\n"
+    assert out.startswith("paper-rate: valid (Angular-velocity stabilisation, as in the paper)\n")
 
 
 def test_bash_completes_commands_and_options(jaxsat):

@@ -8,6 +8,7 @@ import xarray as xr
 
 from helpers.magnetic import scenario
 from jaxsat.cli import main
+from jaxsat.controllability.cone import direction_words
 from jaxsat.scenario import dump
 
 
@@ -112,3 +113,21 @@ def test_thrusters_that_push_are_told_apart_from_torques_of_both_signs(capsys, t
     assert {"torque-map.png", "failures.svg"} <= names
     assert "angle-map.png" not in names
     assert "none towards -z" in (folder / "controllability.md").read_text()
+
+
+def test_what_survives_is_told_first_and_a_number_of_failures_is_listed(capsys):
+    """Four skew wheels: any one or two may fail; numbers that do not exist are not printed."""
+    status, out, _ = run(capsys, "controllability", "wheels-fail", "--failures", "2")
+    lines = out.splitlines()
+    assert status == 0
+    assert lines[0] == "Survives: 4 of 4 single, 6 of 6 double, 0 of 4 triple failures"
+    assert sum("5 of 5" in line for line in lines) == 6
+    assert "nan" not in out
+    assert "-0.000" not in out
+    assert "controllable" in out
+    assert "…" not in out
+
+
+def test_a_direction_near_an_axis_has_no_negative_zero():
+    direction = np.array([-1e-5, 0.6, 0.8])
+    assert direction_words(direction) == "(0.000, 0.600, 0.800)"

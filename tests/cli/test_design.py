@@ -38,7 +38,7 @@ def test_a_bare_vehicle_without_its_torque_limit_is_told_what_lacks(jaxsat, tmp_
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        (["no-such"], "no-such: must be a scenario of jaxsat"),
+        (["no-such"], "no-such: no such file, and no scenario of jaxsat"),
         (["two-torque-free", "--law", "rate"], "aims at an attitude"),
         (["two-torque-free", "--cases", "0"], "--cases: must be a whole number"),
         (["two-torque-free", "--settled", "2"], "--settled: must be a number"),

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from jaxsat.cli import computing
 from jaxsat.cli.computing import interruptibly
 
 ROOT = Path(__file__).parents[2]
@@ -258,3 +259,32 @@ def test_a_title_of_every_evil_comes_out_harmless(command_line, tmp_path):
 
 def toml(text):
     return '"' + "".join(f"\\U{ord(one):08x}" for one in text) + '"'
+
+
+def test_a_damaged_matplotlibrc_loses_no_figure(tmp_path):
+    """That of the variable or of the user; one in the current folder leaves figures out."""
+    settings = tmp_path / "settings" / "matplotlibrc"
+    settings.parent.mkdir()
+    settings.write_bytes(b"\xff\xfe\x00")
+    code = (
+        "import sys; sys.argv = ['jaxsat', 'scenarios', 'schema']\n"
+        "from jaxsat.cli.entry import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "import matplotlib; sys.stderr.write(matplotlib.matplotlib_fname())"
+    )
+    given = os.environ | {"MATPLOTLIBRC": str(settings)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, env=given)
+    assert done.stderr.decode().endswith(os.devnull), done.stderr.decode()
+
+
+def test_what_fails_while_it_is_imported_beforehand_is_no_bug(tmp_path, monkeypatch, capfd):
+    (tmp_path / "damaged_settings.py").write_text("raise UnicodeError('settings')")
+    monkeypatch.syspath_prepend(tmp_path)
+    told = []
+    monkeypatch.setattr(threading, "excepthook", told.append)
+    computing.in_background("damaged_settings")
+    for thread in threading.enumerate():
+        if thread is not threading.current_thread():
+            thread.join(0.2)
+    assert told == []

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from jaxsat.cli.study_text import summary_lines
-from jaxsat.montecarlo import summarise
+from jaxsat.cli.study_text import progress_text, summary_lines
+from jaxsat.montecarlo import StudyProgress, summarise
 
 
 def lines(cost, settling_time=None, more=None, **drawn):
@@ -54,3 +54,11 @@ def test_only_what_matters_is_listed_and_noise_is_said_to_be():
     assert len(text) == start + 2  # nothing about settling, as all cases settle
     text = lines(rng.random(200), omega=x)
     assert text[-1].endswith("no significant dependence with this number of cases")
+
+
+def test_progress_never_says_that_no_time_is_left():
+    """An estimate below half a second would read "0 s left" until the last chunk is done."""
+    text = progress_text(StudyProgress(done=9_999, count=10_000, settled=9_999, rate=5.0))
+    assert "finishing" in text
+    assert "0 s left" not in text
+    assert "9 s left" in progress_text(StudyProgress(done=1, count=10, settled=1, rate=1.0))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from jaxsat.assembly.load import load
 from jaxsat.declaration.verified import THREE_SLEW
 from jaxsat.scenario import ScenarioWarning
-from jaxsat.scenario.holding import missing_torque, nearest_held
+from jaxsat.scenario.holding import _iterated, missing_torque, nearest_held
 
 J = np.array([449.5, 264.6, 312.5])
 Z = np.array([0.0, 0.0, 1.0])
@@ -78,3 +78,23 @@ def test_what_lies_outside_the_verified_ranges_is_told_with_what_happens_there()
     assert "constant disturbance" in told("disturbance.constant_N_m=[0,0,1e-4]")
     assert not told("disturbance.constant_N_m=[1e-4,0,0]")
     assert not told()
+
+
+@pytest.mark.parametrize("seed", [42, 58])
+def test_a_turn_is_found_where_iteration_from_the_orbit_frame_finds_none(seed):
+    """SLSQP of SciPy from many starts finds none nearer."""
+    turn = Rotation.random(random_state=seed).as_matrix()
+    inertia = turn @ np.diag([2.0, 2.5, 3.0]) @ turn.T
+    normal = Rotation.random(random_state=seed + 999).as_matrix()[0]
+    assert _iterated(inertia, normal, False, np.zeros(3)) is None
+    found = nearest_held(inertia, normal, False)
+    assert abs(missing_torque(inertia, normal, found, False)) < 1e-5
+
+    def balance(v):
+        return float(missing_torque(inertia, normal, v, False))
+
+    starts = np.random.default_rng(seed).normal(size=(8, 3))
+    equal = {"type": "eq", "fun": balance}
+    tried = [minimize(lambda v: v @ v, one, constraints=equal) for one in starts]
+    least = min(np.linalg.norm(one.x) for one in tried if one.success)
+    assert np.linalg.norm(found) <= least + 1e-4

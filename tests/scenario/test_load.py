@@ -32,15 +32,12 @@ def test_not_toml(content, line, message, tmp_path):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("paper-rats", "or a TOML file, got neither, did you mean paper-rate?"),
-        (
-            "nothing-like-it",
-            "paper-rate, paper-three-axis, pulsed-two-torque, rate-limited, switching",
-        ),
-        ("missing.toml", "must be a file that exists"),
+        ("paper-rats", "no such file, and no scenario of jaxsat, did you mean paper-rate?"),
+        ("nothing-like-it", "no such file, and no scenario of jaxsat (`jaxsat scenarios list`"),
+        ("missing.toml", "no such file"),
         ("paper-rate.toml", "(jaxsat has a scenario paper-rate)"),
         (".", "got a folder"),
-        ("nul\0byte.toml", "must be a file that"),
+        ("nul\0byte.toml", "no such file"),
     ],
 )
 def test_no_such_scenario(name, message):
