@@ -38,6 +38,10 @@ class Tolerances(eqx.Module):
         w = SETTLED_W if tilt_rad is None else math.tan(tilt_rad / 2)
         return Tolerances(w, turn_rad, rate_rad_s, dwell_s)
 
+    def of_rate(self, orbit_rate: float | Float[Array, ""]) -> "Tolerances":
+        """Those of a law without an attitude to go to: of the rate alone, at rest the orbit's."""
+        return Tolerances(math.inf, math.inf, self.relative_rate + orbit_rate, self.dwell)
+
     def text(self, attitude: bool = True) -> str:
         """What settled means, in a line; without an `attitude` by the inertial rates alone."""
         w, z, rate = (float(limit) for limit in (self.w, self.z, self.relative_rate))
