@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
 from jaxsat.declaration.verified import THREE_SLEW
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.holding import missing_torque, nearest_held
@@ -78,3 +79,21 @@ def test_what_lies_outside_the_verified_ranges_is_told_with_what_happens_there()
     assert "constant disturbance" in told("disturbance.constant_N_m=[0,0,1e-4]")
     assert not told("disturbance.constant_N_m=[1e-4,0,0]")
     assert not told()
+
+
+def told_of_end_game(changes):
+    found = []
+    scenario = load("acceptance-nominal", changes, caution=found.append)
+    return [one for one in found if "oscillation" in one], scenario
+
+
+@pytest.mark.parametrize("law", ["oscillatory", "three-slew"])
+def test_an_end_game_beyond_the_tolerances_is_told_of_end_game(law):
+    """The oscillation of the law as it is built, and tolerances just above and below it."""
+    changes = [f"control.law={law}", "control.period_s=0.15", "spacecraft.torque_limit_N_m=3"]
+    game = build(told_of_end_game(changes)[1]).loop.controller.fine.end_game
+    rate = np.sqrt(2) * float(game.largest_amplitude)
+    for key, reached in (("rate_rad_s", rate), ("tilt_rad", rate / float(game.frequency))):
+        assert told_of_end_game([*changes, f"settled.{key}={1.001 * reached}"])[0] == []
+        (text,) = told_of_end_game([*changes, f"settled.{key}={0.999 * reached}"])[0]
+        assert f"settled.{key}: should be above" in text

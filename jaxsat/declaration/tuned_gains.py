@@ -1,4 +1,4 @@
-"""Gains of the laws that settle, without dimension: rates times τ, see `jaxsat.control.scaling`.
+"""Gains of the laws that settle, without dimension: rates times τ of `jaxsat.declaration.scaling`.
 
 They were tuned for the paper's spacecraft, section 5, at thrusters of 1, 5 and 20 N m: τ = 18.57,
 8.305 and 4.153 s. With its orbit, disturbance and sensors the period over τ tells these apart.
@@ -33,7 +33,9 @@ Of the three slews the keys of `[control]` are the gains that decide how long th
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from jaxsat.control.scaling import STEPS
+import numpy as np
+
+from jaxsat.declaration.scaling import STEPS, Scaling
 
 
 class MorinSamsonGains(NamedTuple):
@@ -234,3 +236,10 @@ APPROACH: Mapping[float, ApproachGains] = {
     ),
 }
 """Of the three slews, by the period over τ."""
+
+
+def tuned_frequency(table: Mapping[float, FineGains], scaling: Scaling) -> float:
+    """ν (rad/s) of a table; between two of its steps on a straight line in logarithms."""
+    known = [table[step].frequency for step in STEPS]
+    number = np.exp(np.interp(np.log(scaling.step), np.log(STEPS), np.log(known)))
+    return float(number) / scaling.time
