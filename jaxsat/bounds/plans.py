@@ -1,5 +1,7 @@
 """Plans of `jaxsat.planning` from which the search for a bound begins."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -24,21 +26,28 @@ def plans_of(
     longest: float,
     tolerances: Tolerances | None = None,
 ) -> list[Solution]:
-    """The plan of least time or, for least effort, those in some durations up to `longest` (s).
+    """The plan of least time and, for least effort, those in some durations up to `longest` (s).
 
-    They end within `tolerances` or, without them, at rest. None where the planner has nothing to
+    They end within `tolerances` or, without them, at rest; so does a further one. None where the planner has nothing to
     offer: with less than two thrusters, for a third rate that is held, and where no plan arrives.
     """
     planner = _planner(loop, tolerances)
     if planner is None:
         return []
-    plans = [eqx.filter_jit(planner.quickest)(jnp.zeros(()), start)]
+    plans = [_quickest(planner, start)]
+    if tolerances is not None:  # what comes to rest settles, too
+        plans.append(_quickest(dataclasses.replace(planner, tolerances=None), start))
     if objective is BoundObjective.EFFORT and int(plans[0].status) != PlanStatus.FAILED:
         cheapest = eqx.filter_jit(planner.cheapest)
         least = float(plans[0].duration)
         durations = dict.fromkeys(min(stretch * least, longest) for stretch in STRETCHES)
         plans += [cheapest(jnp.zeros(()), start, jnp.asarray(one)) for one in durations]
     return [solution_of(plan) for plan in plans if int(plan.status) != PlanStatus.FAILED]
+
+
+@eqx.filter_jit
+def _quickest(planner: Planner, start: PlantState) -> Plan:
+    return planner.quickest(jnp.zeros(()), start)
 
 
 def solution_of(plan: Plan) -> Solution:

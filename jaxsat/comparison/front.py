@@ -1,5 +1,6 @@
 """Time against effort: the least effort within each time, and what laws take of both."""
 
+import dataclasses
 import functools
 import math
 from collections.abc import Callable, Iterable
@@ -102,10 +103,12 @@ def front(
     keys: dict[str, Any] = {"guesses": guesses, "tolerances": tolerances}
     planner = Planner(loop.plant, thrusters.torque_axes, thrusters.limit, **keys)
     report("least time")
-    quickest = _quickest(planner, start)
+    ways = [planner, dataclasses.replace(planner, tolerances=None)] if tolerances else [planner]
+    found = [_quickest(one, start) for one in ways]  # what comes to rest settles, too
     arriving = functools.partial(arrives, manoeuvre)
-    if not arriving(quickest):
-        return Front(float(thrusters.limit), [], [float(quickest.duration)], [], end)
+    if not any(map(arriving, found)):
+        return Front(float(thrusters.limit), [], [float(found[0].duration)], [], end)
+    quickest = min(filter(arriving, found), key=lambda plan: float(plan.duration))
     plans = _cheapest(planner, start, quickest, arriving, report)
     failed = [float(duration) for duration, plan in plans if plan is None]
     points = [FrontPoint(float(quickest.duration), float(quickest.effort))]

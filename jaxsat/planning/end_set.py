@@ -65,7 +65,7 @@ class EndTerms(NamedTuple):
         slack = slacks(place)
         along = BALLS * place[:, None]
         curvature = jnp.diag(BALLS @ (2 * multipliers))
-        hessian = curvature + 4 * (along * (multipliers / slack)) @ along.T
+        hessian = curvature + 4 * (along * (multipliers / slack)[None]) @ along.T
         return EndTerms(hessian, BALLS @ (2 * mu / slack) * place, BALLS @ radii)
 
 

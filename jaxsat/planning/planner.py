@@ -1,5 +1,6 @@
 """The planner: from any state to rest at the target, in least time or with least effort."""
 
+import dataclasses
 import enum
 from typing import NamedTuple
 
@@ -168,6 +169,7 @@ class Planner(eqx.Module):
     ) -> Plan:
         """The best of all guesses on half of the intervals, then improved on all of them."""
         coarse = self._program(objective, self.intervals // 2, 1)
+        coarse = dataclasses.replace(coarse, tolerances=None)
         unit = coarse.time_unit
         x, begin = coarse.scaled(state), t / unit
         scaled = None if duration is None else duration / unit
@@ -185,7 +187,8 @@ class Planner(eqx.Module):
         first = (jnp.full_like(begin, jnp.inf), nothing, jnp.array(0))
         (_, best, iterations), _ = lax.scan(better, first, numbers)
         fine = self._program(objective, self.intervals, FINE_SUBSTEPS)
-        found = solve(fine, begin, resampled(fine, x, best, jnp.zeros_like(begin)), FINE)
+        first = resampled(fine, x, best, jnp.zeros_like(begin))
+        found = solve(fine, begin, first, FINE if self.tolerances is None else STRETCHED)
         plan = self._plan(fine, t, found)
         return plan._replace(iterations=plan.iterations + iterations)
 

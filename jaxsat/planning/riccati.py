@@ -131,7 +131,7 @@ def _arrival_terms(multipliers: Float[Array, "6"], end: EndTerms | None):
     """
     if end is None:
         return ARRIVAL_WEIGHT * jnp.eye(len(multipliers)), multipliers
-    radii, scaled = end.radii, end.hessian / end.radii
+    radii, scaled = end.radii, end.hessian / end.radii[None]
     right = jnp.concatenate([scaled, end.gradient[:, None]], axis=1)
     found = radii[:, None] * solved(_place_curvature(end), right)
     share, pull = found[:, :-1], found[:, -1]

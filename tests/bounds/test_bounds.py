@@ -91,7 +91,7 @@ def least_time_until_settled(angle, limit, tolerances):
     return 2 * speeding - rate / acceleration
 
 
-@pytest.mark.parametrize("tilt, rate", [(0.05, 0.004), (1e-3, 0.01)])
+@pytest.mark.parametrize(("tilt", "rate"), [(0.05, 0.004), (1e-3, 0.01)])
 def test_a_settled_case_may_still_be_off_and_turn(tilt, rate):
     tolerances = Tolerances(math.tan(tilt / 2), 0.02, rate)
     manoeuvre = dataclasses.replace(planar(0.3, 0.0), end=(tilt, 0.02, rate))
@@ -127,14 +127,16 @@ def test_no_plan_is_quicker_than_the_bound(tolerances):
     """Of a random body under two random torques, from a random start."""
     body, axes, limit, start = random_body(np.random.default_rng(5))
     made = planner(body, axes, limit)
-    thrusters = Actuators(jnp.asarray(axes), limit)
+    thrusters = Actuators(jnp.asarray(axes), jnp.eye(2), limit)
     loop = SampledLoop(made.model, _Replayed(jnp.zeros((1, 2)), jnp.ones(())), thrusters, 1)
     manoeuvre = manoeuvre_of(loop, start, tolerances=tolerances)
     longest = 100 * math.sqrt(np.trace(body) / limit)
-    (plan,) = plans_of(loop, start, BoundObjective.TIME, longest, tolerances)
-    keys = {"longest": longest, "plans": [plan]}
+    plans = plans_of(loop, start, BoundObjective.TIME, longest, tolerances)
+    assert len(plans) == (1 if tolerances is None else 2)
+    keys = {"longest": longest, "plans": plans}
     found = best_of_starts(manoeuvre, BoundObjective.TIME, 1, **keys)
-    assert 0.8 * plan.value < found.solution.value <= plan.value
+    quickest = min(plan.value for plan in plans)
+    assert 0.8 * quickest < found.solution.value <= quickest
     assert found.verification.arrives(manoeuvre)
 
 
