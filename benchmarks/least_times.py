@@ -87,8 +87,8 @@ def main() -> None:
             arriving = [one for one in times if one is not None]
             solved = int(np.sum(plans.status == PlanStatus.SOLVED))
             print(
-                f"{limit:g} N m, {end}, seed {seed}: {solved} solved, {len(arriving)} arrive, median "
-                f"{np.median(arriving):.2f} s; over IPOPT: {np.round(ratios, 4).tolist()}",
+                f"{limit:g} N m, {end}, seed {seed}: {solved} solved, {len(arriving)} arrive, "
+                f"median {np.median(arriving):.2f} s; over IPOPT: {np.round(ratios, 4).tolist()}",
                 flush=True,
             )
             named = {"seed": seed, "torque_limit_N_m": limit, "end": end}

@@ -28,8 +28,9 @@ def plans_of(
 ) -> list[Solution]:
     """The plan of least time and, for least effort, those in some durations up to `longest` (s).
 
-    They end within `tolerances` or, without them, at rest; so does a further one. None where the planner has nothing to
-    offer: with less than two thrusters, for a third rate that is held, and where no plan arrives.
+    They end within `tolerances` or, without them, at rest; so does a further one. None where the
+    planner has nothing to offer: with less than two thrusters, for a third rate that is held, and
+    where no plan arrives.
     """
     planner = _planner(loop, tolerances)
     if planner is None:
