@@ -85,7 +85,7 @@ def test_no_time_is_less_than_the_momentum_takes(seed, end):
     assert np.all(times[5.0][both] > times[20.0][both])
 
 
-@pytest.mark.parametrize("place", range(len(TABLES) // 2))
+@pytest.mark.parametrize("place", range(len(TABLES) // 2, len(TABLES)))
 def test_rest_takes_longer_than_to_settle(place):
     """What comes to rest settles on the way; both are local optima."""
     settled = TABLES[place]
@@ -95,4 +95,4 @@ def test_rest_takes_longer_than_to_settle(place):
     ratios = pairs[0] / pairs[1]
     assert settled["end"] == "settled"
     assert np.nanmedian(ratios) < 0.97
-    assert np.nanmean(ratios < 1) > 0.97
+    assert np.nanmax(ratios) <= 1

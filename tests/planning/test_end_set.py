@@ -42,7 +42,7 @@ def test_terms_are_derivatives_of_the_barrier():
 
 @pytest.mark.parametrize("radii", [(0.1, 0.05, 0.008), (1e-6, 2.0, 1e-4)])
 def test_elimination_of_the_place(radii):
-    """Where the arrival misses by m: stationary in e of λ (m - R e) + W |m - R e|² / 2 and barrier."""
+    """Stationary in e: λ (m - R e) + W |m - R e|² / 2 and barrier, where it misses by m."""
     of_end, missed, known = terms(radii), RANDOM.normal(size=6), RANDOM.normal(size=6)
     weight, multipliers = _arrival_terms(jnp.asarray(known), of_end)
     change = np.asarray(_place_change(jnp.asarray(known), jnp.asarray(missed), of_end))
