@@ -66,7 +66,8 @@ class EndTerms(NamedTuple):
         along = BALLS * place[:, None]
         curvature = jnp.diag(BALLS @ (2 * multipliers))
         hessian = curvature + 4 * (along * (multipliers / slack)[None]) @ along.T
-        return EndTerms(hessian, BALLS @ (2 * mu / slack) * place, BALLS @ radii)
+        balls = jnp.asarray(BALLS)
+        return EndTerms(hessian, balls @ (2 * mu / slack) * place, balls @ radii)
 
 
 def longest_place_step(place: Float[Array, "6"], change: Float[Array, "6"]) -> RealScalar:

@@ -6,7 +6,7 @@ import numpy as np
 
 from jaxsat.allocation import usable_share
 from jaxsat.declaration.scaling import Scaling
-from jaxsat.declaration.settling import HOLDING_AMPLITUDE, holding_amplitude
+from jaxsat.declaration.settling import HOLDING_AMPLITUDE, TUNED_PERIOD, holding_amplitude
 from jaxsat.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, tuned_frequency
 from jaxsat.inertia import torque_axis_frame
 from jaxsat.ranges import SETTLED_W
@@ -139,10 +139,12 @@ def _end_game_cautions(scenario: Scenario) -> list[Issue]:
         return []
     _, frame, (first, second, _) = believed_normal_form(scenario)
     limit = known * usable_share(believed_axes(scenario), frame[:2])
-    scaling = Scaling.of(math.sqrt(first * second), limit, control.period_s)
+    scaling = Scaling.of(
+        math.sqrt(first * second), limit, getattr(control, "period_s", TUNED_PERIOD)
+    )
     amplitude = getattr(control, HOLDING_AMPLITUDE)
     amplitude = amplitude or holding_amplitude(scaling, scenario.orbit.rate())
-    frequency = control.frequency_rad_s or tuned_frequency(gains, scaling)
+    frequency = getattr(control, "frequency_rad_s", None) or tuned_frequency(gains, scaling)
     rate = math.sqrt(2) * amplitude
     tilt = 2 * math.atan(SETTLED_W) if settled.tilt_rad is None else settled.tilt_rad
     needs = [("rate_rad_s", rate, settled.rate_rad_s), ("tilt_rad", rate / frequency, tilt)]
