@@ -38,16 +38,24 @@ class Tolerances(eqx.Module):
         w = SETTLED_W if tilt_rad is None else math.tan(tilt_rad / 2)
         return Tolerances(w, turn_rad, rate_rad_s, dwell_s)
 
+    def of_rate(self, orbit_rate: float | Float[Array, ""]) -> "Tolerances":
+        """Those of a law without an attitude to go to: of the rate alone, at rest the orbit's."""
+        return Tolerances(math.inf, math.inf, self.relative_rate + orbit_rate, self.dwell)
+
     def text(self, attitude: bool = True) -> str:
         """What settled means, in a line; without an `attitude` by the inertial rates alone."""
-        w, z, rate = (float(limit) for limit in (self.w, self.z, self.relative_rate))
         end = " to the end"
         if self.dwell is not None:
             end += f", {float(self.dwell):g} s at least"
+        return self.limits_text(attitude) + end
+
+    def limits_text(self, attitude: bool = True) -> str:
+        """Within what a spacecraft is, in a line, for however long."""
+        w, z, rate = (float(limit) for limit in (self.w, self.z, self.relative_rate))
         if not attitude:
-            return f"|ω| < {rate:g} rad/s{end}"
+            return f"|ω| < {rate:g} rad/s"
         of_attitude = f"|w| < {w:g}, |z| < {z:g} rad, " if math.isfinite(w) else ""
-        return f"{of_attitude}relative rate |ω_r| < {rate:g} rad/s{end}"
+        return f"{of_attitude}relative rate |ω_r| < {rate:g} rad/s"
 
 
 def wrap_angle(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:

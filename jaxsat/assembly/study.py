@@ -166,8 +166,7 @@ def tolerances_of(scenario: Scenario) -> Tolerances:
     own = build_tolerances(scenario)
     if find_law(scenario.control.law).declaration.regulates_attitude:
         return own
-    rate = own.relative_rate + orbit_rate(scenario)
-    return Tolerances(np.inf, np.inf, rate, own.dwell)
+    return own.of_rate(orbit_rate(scenario))
 
 
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -16,22 +17,27 @@ from jaxsat.environment import (
     SmallAngleOrbit,
     SumOfDisturbances,
 )
+from jaxsat.metrics import Tolerances
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
 from jaxsat.vehicle import Actuators
 
 Vector = Float[np.ndarray, "3"]
 
+End = Literal["settled", "rest"]
+"""Where a manoeuvre ends: where a case begins to count as settled, or exactly at rest."""
+
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """From a start to rest in the orbit frame, as fast or as cheaply as thrusters can.
+    """From a start to rest in the orbit frame, or near it, as fast or as cheaply as thrusters can.
 
     `inertia` (3, 3) in kg m², `torque_axes` (3, m) of thrusters that each make up to `limit` N m
     of either sign, `orbit_rate` ω0 in rad/s. The start is a unit quaternion from the orbit to the
     body frame, scalar first, and ω in rad/s. The disturbance is (2) plus a constant, N m, and the
     gravity gradient of an orbit at `gradient_rate` rad/s. With `small_angle` (11) has the identity
     in place of C_bo; with `third_rate_held` an ideal torque keeps ω3 as it is. With `rates_only` it
-    ends at ω = 0 in any attitude.
+    ends at ω = 0 in any attitude. `end` is the largest tilt and turn (rad) and relative rate
+    (rad/s) in which it may end, zero for rest.
     """
 
     inertia: Float[np.ndarray, "3 3"]
@@ -48,6 +54,7 @@ class Manoeuvre:
     small_angle: bool = False
     third_rate_held: bool = False
     rates_only: bool = False
+    end: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self):
         if not 0 < self.limit < math.inf:
@@ -56,6 +63,11 @@ class Manoeuvre:
             )
         if self.torque_axes.shape[1] < 1:
             raise ValueError("Argument `torque_axes` must have at least one thruster.")
+
+    @property
+    def ends_at_rest(self) -> bool:
+        """Whether it ends exactly there."""
+        return not any(self.end)
 
     def disturbance(self, t: float) -> Vector:
         """(2) at time `t` (s) plus the constant, N m."""
@@ -69,10 +81,16 @@ class Manoeuvre:
         return 2 * math.sqrt(np.diag(self.inertia).max() * angle / self.limit) + stop
 
 
-def manoeuvre_of(loop: AbstractLoop, start: PlantState, rates_only: bool = False) -> Manoeuvre:
+def manoeuvre_of(
+    loop: AbstractLoop,
+    start: PlantState,
+    rates_only: bool = False,
+    tolerances: Tolerances | None = None,
+) -> Manoeuvre:
     """The manoeuvre that a closed loop has to do from a start, whatever its controller.
 
-    With `rates_only` it is to stop the rotation, in whatever attitude.
+    With `rates_only` it is to stop the rotation, in whatever attitude. It ends within `tolerances`
+    or, without them, at rest.
 
     Raises `ValueError` where the thrusters have no limit, or a disturbance is not one of jaxsat's.
     """
@@ -106,7 +124,13 @@ def manoeuvre_of(loop: AbstractLoop, start: PlantState, rates_only: bool = False
         small_angle=isinstance(plant.orbit, SmallAngleOrbit),
         third_rate_held=plant.third_rate_held,
         rates_only=rates_only,
+        end=(0.0, 0.0, 0.0) if tolerances is None else _end_of(tolerances),
     )
+
+
+def _end_of(tolerances: Tolerances) -> tuple[float, float, float]:
+    turn = min(float(tolerances.z), math.pi)
+    return 2 * math.atan(float(tolerances.w)), turn, float(tolerances.relative_rate)
 
 
 def _torques(

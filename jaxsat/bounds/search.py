@@ -1,18 +1,23 @@
-"""The best of several starts: what is found is a local optimum each time."""
+"""The best of several starts, plans among them: what is found is a local optimum each time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from jaxsat.bounds.manoeuvre import Manoeuvre
 from jaxsat.bounds.transcription import BoundObjective, Solution, Transcription
 from jaxsat.bounds.verification import Verification, propagate
 
+INTERVALS = 96
+"""Twice those of a plan, so that each plan is among the solutions."""
+
+ROUNDING = 1e-6
+"""Of the longest duration, relative; IPOPT exceeds bounds by less."""
+
 
 class Bound(NamedTuple):
     """The best solution found, its own flight, and the values of all local optima, best first.
 
-    Not certified: no start found a better one, which proves nothing. Nor does a feedback law aim
-    at the exact target, as the bound does.
+    Not certified: no start found a better one, which proves nothing.
     """
 
     objective: BoundObjective
@@ -29,29 +34,42 @@ def best_of_starts(
     *,
     longest: float,
     seed: int = 0,
-    intervals: int = 100,
+    intervals: int = INTERVALS,
+    plans: Sequence[Solution] = (),
     report: Callable[[int, float], None] | None = None,
 ) -> Bound | None:
-    """The best local optimum from `starts` random guesses whose flight arrives, or None.
+    """The best local optimum from `plans` and `starts` random guesses, or None where none arrives.
 
-    `longest` (s) bounds the duration. `report` is told the number of starts done and the best
-    value so far. Raises `ValueError` for no starts and `ModuleNotFoundError` without CasADi.
+    It is never above that of a plan. `longest` (s) bounds the duration. `report` is told the number
+    of starts done and the best value so far. Raises `ValueError` for no starts and
+    `ModuleNotFoundError` without CasADi.
     """
     if starts < 1:
         raise ValueError(f"Argument `starts` must be at least 1, but got {starts}.")
     transcription = Transcription(manoeuvre, objective, longest, intervals)
     solver = transcription.solver()
     found: list[tuple[Solution, Verification]] = []
-    for number in range(starts):
-        solution = transcription.solve(solver, seed * 1_000_003 + number)
-        if solution is not None:
-            verification = propagate(manoeuvre, solution)
-            if verification.arrives(rates_only=manoeuvre.rates_only):
-                found.append((solution, verification))
+
+    def add(solution: Solution | None) -> None:
+        if solution is None or solution.duration > longest * (1 + ROUNDING):
+            return
+        verification = propagate(manoeuvre, solution)
+        if verification.arrives(manoeuvre):
+            effort = objective is BoundObjective.EFFORT
+            value = verification.effort if effort else solution.duration
+            found.append((solution._replace(value=value), verification))
+
+    for number in range(len(plans) + starts):
+        if number < len(plans):
+            add(plans[number])
+            add(transcription.solve_near(solver, plans[number]))
+        else:
+            add(transcription.solve(solver, seed * 1_000_003 + number - len(plans)))
         if report is not None:
             report(number + 1, min((one.value for one, _ in found), default=float("inf")))
     if not found:
         return None
     found.sort(key=lambda pair: pair[0].value)
     best, verification = found[0]
-    return Bound(objective, best, verification, starts, [one.value for one, _ in found])
+    count = len(plans) + starts
+    return Bound(objective, best, verification, count, [one.value for one, _ in found])

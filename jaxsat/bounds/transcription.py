@@ -52,7 +52,7 @@ class Transcription:
     manoeuvre: Manoeuvre
     objective: BoundObjective
     longest: float
-    intervals: int = 100
+    intervals: int = 96
     substeps: int = 2
     iterations: int = 1000
 
@@ -88,7 +88,7 @@ class Transcription:
         goal = duration if by_time else length * casadi.sum2(casadi.sum1(sizes))
         constraints = [
             casadi.vec(states[:, 1:] - after),
-            self._arrival(casadi, states[:, -1]),
+            casadi.vertcat(*self._arrival(casadi, states[:, -1])),
             casadi.vec(sizes - torque),
             casadi.vec(sizes + torque),
         ]
@@ -108,15 +108,22 @@ class Transcription:
 
     def solve(self, solver: Any, seed: int) -> Solution | None:
         """The local optimum from a random guess; None where IPOPT finds none."""
+        return self._solved(solver, self._guess(np.random.default_rng(seed)))
+
+    def solve_near(self, solver: Any, known: Solution) -> Solution | None:
+        """The local optimum from what is known to arrive; None where IPOPT finds none."""
+        return self._solved(solver, self._near(known))
+
+    def _solved(self, solver: Any, guess: Float[np.ndarray, " n"]) -> Solution | None:
         lower, upper = self._bounds()
-        equal = STATES * self.intervals + self._arrivals
-        free = 2 * 3 * self.intervals
+        ties, arrivals, sizes = STATES * self.intervals, self._arrivals, 2 * 3 * self.intervals
+        below = 0.0 if self.manoeuvre.ends_at_rest else -np.inf
         found = solver(
-            x0=self._guess(np.random.default_rng(seed)),
+            x0=guess,
             lbx=lower,
             ubx=upper,
-            lbg=0.0,
-            ubg=np.concatenate([np.zeros(equal), np.full(free, np.inf)]),
+            lbg=np.concatenate([np.zeros(ties), np.full(arrivals, below), np.zeros(sizes)]),
+            ubg=np.concatenate([np.zeros(ties + arrivals), np.full(sizes, np.inf)]),
         )
         if not solver.stats()["success"]:
             return None
@@ -162,12 +169,23 @@ class Transcription:
         axis = casadi.DM([0, 1, 0]) if self.manoeuvre.small_angle else _second_column(casadi, q0, q)
         return -self.manoeuvre.orbit_rate * axis
 
-    def _arrival(self, casadi, end) -> Any:
-        """Zero in the orbit frame and at rest there; q and -q are the same attitude. Or ω = 0."""
+    def _arrival(self, casadi, end) -> list[Any]:
+        """Zero in the orbit frame and at rest there; q and -q are the same attitude. Or ω = 0.
+
+        Or no more than zero within what is allowed of tilt, turn and rate.
+        """
+        q0, q, rate = end[0], end[1:4], end[4 : 4 + self._rates]
+        if not self.manoeuvre.rates_only:
+            rate = (end[4:7] - self._frame_rate(casadi, q0, q))[: self._rates]
+        if self.manoeuvre.ends_at_rest:
+            return [rate] if self.manoeuvre.rates_only else [q, rate]
+        tilt, turn, most = self.manoeuvre.end
+        of_rate = casadi.sumsqr(rate) / most**2 - 1
         if self.manoeuvre.rates_only:
-            return end[4 : 4 + self._rates]
-        relative = end[4:7] - self._frame_rate(casadi, end[0], end[1:4])
-        return casadi.vertcat(end[1:4], relative[: self._rates])
+            return [of_rate]
+        of_tilt = casadi.sumsqr(q[:2]) / np.sin(tilt / 2) ** 2 - 1
+        of_turn = q[2] ** 2 / np.sin(turn / 2) ** 2 - (q0**2 + q[2] ** 2)
+        return [of_tilt, of_turn, of_rate]
 
     @property
     def _rates(self) -> int:
@@ -177,6 +195,8 @@ class Transcription:
     @property
     def _arrivals(self) -> int:
         """How many numbers have to arrive."""
+        if not self.manoeuvre.ends_at_rest:
+            return 1 if self.manoeuvre.rates_only else 3
         return self._rates + (0 if self.manoeuvre.rates_only else 3)
 
     def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -212,6 +232,18 @@ class Transcription:
         )
         sizes = np.abs(thrust @ man.torque_axes.T)
         return np.concatenate([states.ravel(), thrust.ravel(), sizes.ravel(), [duration]])
+
+    def _near(self, known: Solution) -> Float[np.ndarray, " n"]:
+        """What is known, on this program's intervals."""
+        ends, middles = np.arange(self.intervals + 1), np.arange(self.intervals) + 0.5
+        count = len(known.thrust)
+        held = (middles / self.intervals * count).astype(int)
+        thrust = known.thrust[held]
+        places = ends / self.intervals * count
+        states = [np.interp(places, np.arange(count + 1), column) for column in known.states.T]
+        sizes = np.abs(thrust @ self.manoeuvre.torque_axes.T)
+        columns = np.stack(states, axis=1)
+        return np.concatenate([columns.ravel(), thrust.ravel(), sizes.ravel(), [known.duration]])
 
     def _solution(self, unknowns: np.ndarray, value: float) -> Solution:
         n, m = self.intervals, self.manoeuvre.torque_axes.shape[1]

@@ -11,24 +11,36 @@ from jaxsat.bounds.transcription import Solution
 TOLERANCE = 1e-11
 
 MAX_ANGLE, MAX_RATE = 1e-4, 1e-5
-"""A flight arrives if it ends so near the target (rad, rad/s)."""
+"""A flight arrives at rest if it ends so near it (rad, rad/s)."""
+
+MAX_EXCESS = 0.01
+"""And within what is allowed of tilt, turn and rate if it exceeds it by no more of itself."""
 
 
 class Verification(NamedTuple):
     """How far from the target a flight ends, in angle (rad) and relative rate (rad/s).
 
     The rate is that in inertial axes where rates alone are to be stopped.
-    `effort` is ∫ Σ|T_i| dt (N m s) and `largest_thrust` the largest of any thruster (N m).
+    `effort` is ∫ Σ|T_i| dt (N m s) and `largest_thrust` the largest of any thruster (N m). `tilt`
+    and `turn` (rad) are the parts of the angle across and about the third axis.
     """
 
     angle: float
     rate: float
     effort: float
     largest_thrust: float
+    tilt: float
+    turn: float
 
-    def arrives(self, *, rates_only: bool = False) -> bool:
-        """Whether it ends at the target, or with `rates_only` at rest in any attitude."""
-        return (rates_only or self.angle < MAX_ANGLE) and self.rate < MAX_RATE
+    def arrives(self, manoeuvre: Manoeuvre) -> bool:
+        """Whether it ends where the manoeuvre does."""
+        if manoeuvre.ends_at_rest:
+            angles, ends = (self.angle,), (MAX_ANGLE, MAX_RATE)
+        else:
+            angles = (self.tilt, abs(self.turn))
+            ends = tuple((1 + MAX_EXCESS) * one for one in manoeuvre.end)
+        near = manoeuvre.rates_only or all(a < b for a, b in zip(angles, ends, strict=False))
+        return near and self.rate < ends[-1]
 
 
 def propagate(manoeuvre: Manoeuvre, solution: Solution) -> Verification:
@@ -64,12 +76,16 @@ def propagate(manoeuvre: Manoeuvre, solution: Solution) -> Verification:
     sine = np.array([cosines[1, 2] - cosines[2, 1], cosines[2, 0] - cosines[0, 2]])
     sine = np.append(sine, cosines[0, 1] - cosines[1, 0]) / 2
     angle = np.arctan2(np.linalg.norm(sine), (np.trace(cosines) - 1) / 2)
+    tilt = np.arctan2(np.hypot(cosines[0, 2], cosines[1, 2]), cosines[2, 2])
+    turn = np.arctan2(cosines[0, 1] - cosines[1, 0], cosines[0, 0] + cosines[1, 1])
     torques = solution.thrust @ manoeuvre.torque_axes.T
     return Verification(
         float(angle),
         float(np.linalg.norm(omega if manoeuvre.rates_only else relative_rate(cosines, omega))),
         float(np.abs(torques).sum() * length),
         float(np.abs(solution.thrust).max()),
+        float(tilt),
+        float(turn),
     )
 
 

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPath, Overrides, Seed, Starts, number
+from jaxsat.cli.options import End, Flag, OptionalPath, Overrides, Seed, Starts, number
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import (
     FAILED_RUN,
@@ -23,8 +23,11 @@ from jaxsat.cli.terminal import (
 from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
-    from jaxsat.bounds import Bound
+    from collections.abc import Sequence
+
+    from jaxsat.bounds import Bound, Solution
     from jaxsat.bounds.manoeuvre import Manoeuvre
+    from jaxsat.metrics import Tolerances
     from jaxsat.scenario import Scenario
 
 Longest = Annotated[float | None, Parameter(converter=number(0.01, 1e9))]
@@ -37,6 +40,7 @@ def bound(
     *,
     objective: Literal["time", "effort"] = "time",
     target: Literal["attitude", "rates"] = "attitude",
+    end: End = "settled",
     starts: Starts = 12,
     longest: Longest = None,
     seed: Seed = 0,
@@ -45,11 +49,12 @@ def bound(
     overwrite: Flag = False,
     quiet: Flag = False,
 ) -> int:
-    """Find how fast, or with how little effort, the scenario's start can be brought to rest.
+    """Find how fast, or with how little effort, the scenario's start can be brought to its target.
 
-    An open-loop optimum as a reference for feedback laws: open-loop thrusts bring the spacecraft
-    exactly to rest in the orbit frame. It is the best of several starts of a local search, without
-    a proof of optimality, and verified by an independent integrator.
+    An open-loop optimum as a reference for feedback laws: open-loop thrusts bring the spacecraft to
+    where it counts as settled, or exactly to rest in the orbit frame. It is the best of several
+    starts of a local search, the plans of `jaxsat.planning` among them, without a proof of
+    optimality, and verified by an independent integrator.
 
     Parameters
     ----------
@@ -60,6 +65,8 @@ def bound(
         time, or effort: the integral of the sum of the torques' magnitudes.
     target
         attitude: rest in the orbit frame; rates: no rotation, in any attitude.
+    end
+        settled: within the tolerances of the scenario's [settled]; rest: exactly at rest.
     starts
         Random guesses from which the search begins.
     longest
@@ -79,43 +86,72 @@ def bound(
         _refuse_existing(out, overwrite)
     chosen = load_or_explain(scenario, overrides, "motion")
     use_double_precision()
-    manoeuvre = required_manoeuvre(chosen, rates_only=target == "rates")
+    rates_only, tolerances = target == "rates", tolerances_at(chosen, end)
+    manoeuvre = required_manoeuvre(chosen, tolerances, rates_only=rates_only)
+    from jaxsat.assembly.run import build_uncontrolled
     from jaxsat.bounds import BoundObjective
+
+    loop, beginning = build_uncontrolled(chosen)
 
     limit = chosen.simulation.duration_s if longest is None else longest
     _require_time(limit, "simulation.duration_s")
     unit = UNITS[objective]
-    found = searched(
-        manoeuvre, BoundObjective(objective), starts, limit, seed, f"least {objective}"
-    )
+    what, aim = f"least {objective}", BoundObjective(objective)
+    plans = [] if rates_only else planned(loop, beginning, aim, limit, tolerances, what)
+    found = searched(manoeuvre, aim, starts, limit, seed, what, plans)
     if found is None:
         print_stderr(f"none of {starts} starts found a solution in {limit:g} s; give more starts")
         return FAILED_RUN
     if out is not None:
-        _write(out, found, target, overwrite)
+        _write(out, found, target, end_data(end, tolerances), overwrite)
     if not quiet:
-        end, values = found.verification, found.values
+        flight, values = found.verification, found.values
         print_stdout(f"least {objective:<10} {found.solution.value:.4g} {unit}")
         print_stdout(f"duration         {found.solution.duration:.4g} s")
-        print_stdout(f"effort           {end.effort:.4g} N m s")
-        where = f"{end.angle:.1e} rad and {end.rate:.1e} rad/s from rest in the orbit frame"
-        where = f"with {end.rate:.1e} rad/s" if manoeuvre.rates_only else where
+        print_stdout(f"effort           {flight.effort:.4g} N m s")
+        print_stdout(f"end              {end_text(tolerances, not rates_only)}")
+        where = f"{flight.angle:.1e} rad and {flight.rate:.1e} rad/s from rest in the orbit frame"
+        if tolerances is not None:
+            where = f"at {flight.tilt:.3g} rad of tilt, {flight.turn:.3g} rad of turn and "
+            where += f"{flight.rate:.3g} rad/s"
+        where = f"with {flight.rate:.1e} rad/s" if rates_only else where
         print_stdout(f"flown again      ends {where}")
         listed = ", ".join(f"{value:.4g}" for value in values)
         print_stdout(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
     return SUCCESS
 
 
-def required_manoeuvre(scenario: "Scenario", *, rates_only: bool = False) -> "Manoeuvre":
+def required_manoeuvre(
+    scenario: "Scenario", tolerances: "Tolerances | None" = None, *, rates_only: bool = False
+) -> "Manoeuvre":
     """The manoeuvre of a scenario; raises `UserMistake` for one that a bound does not support."""
     require_ideal_thrusters(scenario, "a bound")
     from jaxsat.assembly.run import build_uncontrolled
     from jaxsat.bounds.manoeuvre import manoeuvre_of
 
     try:
-        return manoeuvre_of(*build_uncontrolled(scenario), rates_only=rates_only)
+        return manoeuvre_of(*build_uncontrolled(scenario), rates_only, tolerances)
     except ValueError as error:
         raise UserMistake(str(error)) from None
+
+
+def tolerances_at(scenario: "Scenario", end: End) -> "Tolerances | None":
+    """Those of the scenario, or None for an end exactly at rest."""
+    from jaxsat.assembly.run import build_tolerances
+
+    return build_tolerances(scenario) if end == "settled" else None
+
+
+def end_text(tolerances: "Tolerances | None", attitude: bool = True) -> str:
+    """What a manoeuvre ends at, in a line."""
+    if tolerances is None:
+        return "exactly at rest"
+    return f"settled, {tolerances.limits_text(attitude)}"
+
+
+def end_data(end: End, tolerances: "Tolerances | None") -> dict[str, Any]:
+    """The same as plain data."""
+    return {"end": end, "end_meaning": end_text(tolerances)}
 
 
 def require_ideal_thrusters(scenario: "Scenario", what: str) -> None:
@@ -146,24 +182,38 @@ def require_ideal_thrusters(scenario: "Scenario", what: str) -> None:
         )
 
 
+def planned(
+    loop: Any, start: Any, objective: Any, longest: float, tolerances: Any, what: str
+) -> "list[Solution]":
+    """Plans from which a search begins, told of while they are made."""
+    from jaxsat.bounds import plans_of
+
+    show_progress(f"{what}: planning")
+    return interruptibly(lambda: plans_of(loop, start, objective, longest, tolerances))
+
+
 def searched(
-    manoeuvre: Any, objective: Any, starts: int, longest: float, seed: int, what: str
+    manoeuvre: Any,
+    objective: Any,
+    starts: int,
+    longest: float,
+    seed: int,
+    what: str,
+    plans: "Sequence[Solution]" = (),
 ) -> "Bound | None":
-    """The best of several starts, told of while it runs."""
+    """The best of several starts and plans, told of while it runs."""
     from jaxsat.bounds import best_of_starts
 
-    show_progress(f"{what}: start 1 of {starts}")
+    count = len(plans) + starts
+    show_progress(f"{what}: start 1 of {count}")
 
     def told(done: int, best: float) -> None:
         known = f", {best:.4g} so far" if math.isfinite(best) else ""
-        show_progress(f"{what}: {done} of {starts} starts{known}")
+        show_progress(f"{what}: {done} of {count} starts{known}")
 
+    keys: dict[str, Any] = {"longest": longest, "seed": seed, "plans": plans, "report": told}
     try:
-        return interruptibly(
-            lambda: best_of_starts(
-                manoeuvre, objective, starts, longest=longest, seed=seed, report=told
-            )
-        )
+        return interruptibly(lambda: best_of_starts(manoeuvre, objective, starts, **keys))
     except (ValueError, ModuleNotFoundError) as error:
         raise UserMistake(str(error)) from None
     except RuntimeError as error:  # CasADi's own
@@ -187,7 +237,7 @@ def _refuse_existing(target: Path, overwrite: bool) -> None:
         raise output_problem(error) from None
 
 
-def _write(path: Path, found: "Bound", target: str, overwrite: bool) -> None:
+def _write(path: Path, found: "Bound", target: str, end: dict[str, Any], overwrite: bool) -> None:
     from jaxsat.results import OutputError, provenance, save_file
 
     solution = found.solution
@@ -195,6 +245,7 @@ def _write(path: Path, found: "Bound", target: str, overwrite: bool) -> None:
         "command": command_line(),
         "objective": found.objective.value,
         "target": target,
+        **end,
         "value": solution.value,
         "duration_s": solution.duration,
         "starts": found.starts,

@@ -12,6 +12,7 @@ from jaxsat.cli.comparison_text import comparison_lines, least_text, least_time_
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.options import (
     Cases,
+    End,
     Flag,
     OptionalPath,
     OutputPath,
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
         ComparisonRun,
         ComparisonSetting,
         ComparisonVerdict,
+        LeastTime,
     )
     from jaxsat.montecarlo import Work
     from jaxsat.results import ResumableFolder
@@ -72,6 +74,7 @@ def compare(
     engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
     workers: Workers = None,
     bounds: StartsOrNone = 0,
+    end: End = "settled",
     csv: OptionalPath = None,
     report: Report = False,
     overwrite: Flag = False,
@@ -115,6 +118,9 @@ def compare(
     bounds
         Starts of the search for the minimum time and effort, as in `jaxsat bound`, from the paper's
         start under each limit; 0 skips it.
+    end
+        Where the least times end that stand below the table. settled: within the tolerances, as
+        laws do; rest: exactly at rest, which laws do not reach, so that nothing is divided by them.
     csv
         CSV file of all cases, one row each: law, outcome, times, effort, final state and drawn
         values. Column names contain the units.
@@ -131,10 +137,10 @@ def compare(
     quiet
         Print only warnings and errors.
     """
-    given = (level, torque_limit, bounds, csv) != (("hard",), ("5",), 0, None)
+    given = (level, torque_limit, bounds, end, csv) != (("hard",), ("5",), 0, "settled", None)
     if scenario is not None:
         if given:
-            only = "--level, --torque-limit, --bounds and --csv"
+            only = "--level, --torque-limit, --bounds, --end and --csv"
             raise UserMistake(f"{only}: must be given without a scenario")
         if overwrite and report is False:
             raise UserMistake("--overwrite: must be given with --report; a comparison is resumed")
@@ -171,8 +177,9 @@ def compare(
         with study_problems():
             with ResumableFolder(out, "comparison", {}) as folder:
                 rows, verdicts = _run(run, settings)
-                least = [least_bounds(limit, bounds, seed, folder) for limit in limits if bounds]
-                _write(folder, rows, verdicts, least, seed)
+                found = [least_bounds(one, bounds, seed, end, folder) for one in limits if bounds]
+                least = least_times(rows, seed, end)
+                _write(folder, rows, verdicts, found, least, seed)
             if csv is not None:
                 content = interruptibly(lambda: run.table(settings).to_csv(index=False))
                 save_file(csv, content, overwrite=overwrite, option="--csv")
@@ -180,8 +187,8 @@ def compare(
         kept = f"the results so far are in {out}; the same command resumes"
         raise type(stop)(kept) from None
     if not quiet:
-        of_starts = map(least_time_text, least_times(rows, seed))
-        for line in (*comparison_lines(rows, verdicts), *of_starts, *map(least_text, least)):
+        of_starts = map(least_time_text, least)
+        for line in (*comparison_lines(rows, verdicts), *of_starts, *map(least_text, found)):
             print_stdout(line)
         print_stdout(f"written to {out}{f' and {csv}' if csv else ''}")
     finish_report(planned, quiet=quiet)
@@ -238,10 +245,10 @@ def _write(
     folder: "ResumableFolder",
     rows: Sequence["ComparisonRow"],
     verdicts: Sequence["ComparisonVerdict"],
-    least: Sequence[dict[str, Any]],
+    bounds: Sequence[dict[str, Any]],
+    least: Sequence["LeastTime"],
     seed: int,
 ) -> None:
-    from jaxsat.comparison import least_times
     from jaxsat.report.saving import save_figures
     from jaxsat.results import provenance
 
@@ -250,10 +257,10 @@ def _write(
         "seed": seed,
         "rows": [row.as_data() for row in rows],
         "verdicts": [one._asdict() for one in verdicts],
-        "bounds_from_papers_start": list(least),
+        "bounds_from_papers_start": list(bounds),
         "median_least_times": [
-            {"torque_limit": one.torque_limit, "seconds": one.median}
-            for one in least_times(rows, seed)
+            {"torque_limit": one.torque_limit, "end": one.end, "seconds": one.median}
+            for one in least
         ],
         **provenance(),
     }

@@ -4,7 +4,8 @@ import json
 import math
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.cli.bound import searched
+from jaxsat.cli.bound import end_data, planned, searched, tolerances_at
+from jaxsat.cli.options import End
 
 if TYPE_CHECKING:
     from jaxsat.results import ResumableFolder
@@ -13,7 +14,9 @@ BOUNDS = "bounds"
 """Folder of what was found."""
 
 
-def least_bounds(limit: float, starts: int, seed: int, folder: "ResumableFolder") -> dict[str, Any]:
+def least_bounds(
+    limit: float, starts: int, seed: int, end: End, folder: "ResumableFolder"
+) -> dict[str, Any]:
     """Least time and effort from the paper's start; kept in the output folder once found."""
     import numpy as np
 
@@ -21,18 +24,22 @@ def least_bounds(limit: float, starts: int, seed: int, folder: "ResumableFolder"
     from jaxsat.bounds import BoundObjective, manoeuvre_of
     from jaxsat.comparison import ComparisonSetting, comparison_scenario, horizon
 
-    name = f"{BOUNDS}/{limit:g}.json"
-    run = build(comparison_scenario(ComparisonSetting("nominal", limit, "rate")))
-    manoeuvre = manoeuvre_of(run.loop, run.start)
+    name = f"{BOUNDS}/{limit:g}-{end}.json"
+    scenario = comparison_scenario(ComparisonSetting("nominal", limit, "rate"))
+    run, tolerances = build(scenario), tolerances_at(scenario, end)
+    manoeuvre = manoeuvre_of(run.loop, run.start, tolerances=tolerances)
     numbers = {name: np.asarray(value).tolist() for name, value in vars(manoeuvre).items()}
     wanted = {"torque_limit": limit, "starts": starts, "seed": seed, "manoeuvre": numbers}
+    wanted |= end_data(end, tolerances)
     kept = _kept_bounds(folder.read(name), wanted)
     if kept is not None:
         return kept
     found: dict[str, Any] = dict(wanted)
     for objective in BoundObjective:
         what = f"least {objective.value}, {limit:g} N m"
-        best = searched(manoeuvre, objective, starts, horizon(limit) / 5, seed, what)
+        longest = horizon(limit) / 5
+        plans = planned(run.loop, run.start, objective, longest, tolerances, what)
+        best = searched(manoeuvre, objective, starts, longest, seed, what, plans)
         found[objective.value] = None if best is None else best.solution.value
     folder.write(name, json.dumps(found))
     return found

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
         ScenarioComparison,
     )
 
+ENDS = {"settled": "until settled", "rest": "to exact rest, which no law reaches"}
+"""Where a manoeuvre ends, in words."""
+
 HEADINGS = (
     "N m",
     "level",
@@ -54,8 +57,9 @@ def least_time_text(found: "LeastTime") -> str:
     ]
     over = f"; t50 over it: {', '.join(ratios)}" if ratios else ""
     return (
-        f"{found.torque_limit:g} N m, open loop from the same starts without dispersions: median "
-        f"least time {found.median:.1f} s (best found, not certified){over}"
+        f"{found.torque_limit:g} N m, open loop from the same starts without dispersions, "
+        f"{ENDS[found.end]}: median least time {found.median:.1f} s (best found, not certified)"
+        f"{over}"
     )
 
 
@@ -147,6 +151,7 @@ def least_text(least: dict[str, Any]) -> str:
         for value, unit in ((least["time"], "s"), (least["effort"], "N m s"))
     ]
     return (
-        f"{least['torque_limit']:g} N m, open loop from the paper's start: least time {found[0]}, "
-        f"least effort {found[1]} (best of {least['starts']} starts, not certified)"
+        f"{least['torque_limit']:g} N m, open loop from the paper's start, {ENDS[least['end']]}: "
+        f"least time {found[0]}, least effort {found[1]} (best of {least['starts']} starts and the "
+        "planner's, not certified)"
     )

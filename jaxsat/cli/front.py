@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from jaxsat.cli.bound import require_ideal_thrusters
+from jaxsat.cli.bound import end_data, require_ideal_thrusters, tolerances_at
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OutputPath, Overrides, Starts, TorqueLimits, torque_limits
+from jaxsat.cli.options import End, Flag, OutputPath, Overrides, Starts, TorqueLimits, torque_limits
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, output_problem, print_stdout
 from jaxsat.cli.words import command_line
@@ -31,6 +31,7 @@ def front(
     law: Annotated[tuple[str, ...], Parameter(negative="")] = (),
     torque_limit: TorqueLimits = (),
     guesses: Starts = 24,
+    end: End = "settled",
     overrides: Overrides = (),
     out: OutputPath = Path("jaxsat-front"),
     overwrite: Flag = False,
@@ -38,9 +39,10 @@ def front(
 ) -> int:
     """Find the least effort within each time for a scenario's manoeuvre, and what laws take.
 
-    Plans with two or more torques from the scenario's start to rest in the orbit frame: the least
-    time, and the least effort within 1.005 to 8 times that. The plans are local optima and are
-    flown again by an independent integrator. Prints them beside the laws, and writes a figure.
+    Plans with two or more torques from the scenario's start to where laws count as settled, or to
+    rest in the orbit frame: the least time, and the least effort within 1.005 to 8 times that. The
+    plans are local optima and are flown again by an independent integrator. Prints them beside the
+    laws, and writes a figure.
 
     Parameters
     ----------
@@ -55,6 +57,9 @@ def front(
         times.
     guesses
         Ways to the target from which each plan is sought.
+    end
+        Where plans end. settled: within the tolerances of the scenario's [settled], as laws do;
+        rest: exactly at rest, which laws do not reach.
     overrides
         KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     out
@@ -76,11 +81,13 @@ def front(
 
     try:
         with OutputFolder(out, kind="front", overwrite=overwrite) as folder:
-            found = interruptibly(lambda: [_found(one, laws, guesses) for one in chosen])
-            interruptibly(lambda: _write(folder, chosen[0].title, found))
+            found = interruptibly(lambda: [_found(one, laws, guesses, end) for one in chosen])
+            meaning = end_data(end, tolerances_at(chosen[0], end))
+            interruptibly(lambda: _write(folder, chosen[0].title, found, meaning))
     except OutputError as error:
         raise output_problem(error) from None
     if not quiet:
+        print_stdout(f"plans end {meaning['end_meaning']}; laws where they settle")
         for line in _lines(found):
             print_stdout(line)
         print_stdout(f"written to {out}")
@@ -100,25 +107,29 @@ def _require_laws(scenario: "Scenario", laws: Sequence[str]) -> None:
             raise UserMistake(f"--law: {error}") from None
 
 
-def _found(scenario: "Scenario", laws: Sequence[str], guesses: int) -> "Front":
+def _found(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) -> "Front":
     from jaxsat.comparison import front as computed
     from jaxsat.scenario import ScenarioError
 
     limit = f"{scenario.spacecraft.torque_limit_N_m:g} N m"
+
+    def told(what: str) -> None:
+        show_progress(f"{limit}: {what}")
+
     try:
-        return computed(scenario, laws, guesses, lambda what: show_progress(f"{limit}: {what}"))
+        return computed(scenario, laws, guesses, told, end)
     except ScenarioError as error:
         raise UserMistake(str(error), located=True) from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
 
 
-def _write(folder: Any, title: str, found: Sequence["Front"]) -> None:
+def _write(folder: Any, title: str, found: Sequence["Front"], end: dict[str, Any]) -> None:
     from jaxsat.report.saving import save_figures
     from jaxsat.results import provenance
 
     data = [one.as_data() for one in found]
-    record = {"command": command_line(), "fronts": data, **provenance()}
+    record = {"command": command_line(), **end, "fronts": data, **provenance()}
     folder.write(RESULT, json.dumps(record, indent=1, allow_nan=False) + "\n")
 
     def figure() -> "Figure":

@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -109,6 +109,9 @@ OptionalBatchSize = Annotated[int | None, Parameter(converter=whole(1, MAX_BATCH
 Instants = Annotated[int | None, Parameter(converter=whole(2, MAX_INSTANTS))]
 Workers = Annotated[int | None, Parameter(converter=whole(1, MAX_WORKERS))]
 TorqueLimits = Annotated[tuple[str, ...], Parameter(negative="")]
+End = Literal["settled", "rest"]
+"""Where a manoeuvre ends."""
+
 Starts = Annotated[int, Parameter(converter=whole(1, MAX_STARTS))]
 StartsOrNone = Annotated[int, Parameter(converter=whole(0, MAX_STARTS))]
 OutputPath = Annotated[Path, Parameter(converter=_converter(place))]

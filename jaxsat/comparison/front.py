@@ -1,5 +1,6 @@
 """Time against effort: the least effort within each time, and what laws take of both."""
 
+import dataclasses
 import functools
 import math
 from collections.abc import Callable, Iterable
@@ -10,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.assembly.run import Run, build, build_uncontrolled
-from jaxsat.bounds import Manoeuvre, Solution, manoeuvre_of, propagate
+from jaxsat.assembly.run import Run, build, build_tolerances, build_uncontrolled
+from jaxsat.bounds import End, Manoeuvre, manoeuvre_of, propagate, solution_of
 from jaxsat.comparison.in_scenario import scenario_under
 from jaxsat.dynamics import PlantState
 from jaxsat.planning import Plan, Planner, PlanStatus
@@ -45,13 +46,15 @@ class Front(NamedTuple):
     """The front under a torque limit (N m), and the laws beside it.
 
     `points` begin with the least time; each takes longer than the one before it and less effort.
-    `failed` are the durations (s) for which no plan arrives.
+    `failed` are the durations (s) for which no plan arrives. `end` tells where plans end, laws
+    where they settle.
     """
 
     torque_limit: float
     points: list[FrontPoint]
     failed: list[float]
     flown: list[FlownPoint]
+    end: End = "settled"
 
     def as_data(self) -> dict[str, Any]:
         """As plain data; None for what is not finite."""
@@ -65,6 +68,7 @@ class Front(NamedTuple):
         ]
         return {
             "torque_limit_N_m": self.torque_limit,
+            "end": self.end,
             "front": [
                 {"duration_s": one.duration, "effort_N_m_s": one.effort} for one in self.points
             ],
@@ -78,37 +82,54 @@ def front(
     laws: Iterable[str] = (),
     guesses: int = 24,
     report: Callable[[str], None] = lambda what: None,
+    end: End = "settled",
 ) -> Front:
     """The least effort of the scenario's manoeuvre within each time, and laws beside it.
 
     The scenario has ideal thrusters with a torque limit; its own law does not matter. Plans know
-    the disturbance and use the whole torque. Each duration of `STRETCHES` is planned from `guesses`
+    the disturbance and use the whole torque; they end where laws do, within the scenario's
+    tolerances, or exactly at rest. Each duration of `STRETCHES` is planned from `guesses`
     ways to the target, near the plan of the next shorter duration and near that of the next longer
     one. DOP853 flies every plan again; those that miss the target do not count. `report` is told
     what is under way. Every law of `laws` (as `scenario_under` takes them) flies from the same
-    start. Raises as `manoeuvre_of` and `scenario_under` do.
+    start; one that settles before every plan ends is itself the first point. Raises as
+    `manoeuvre_of` and `scenario_under` do.
     """
     runs = {law: build(_finely_saved(scenario_under(scenario, law))) for law in laws}
     loop, start = build_uncontrolled(scenario)
-    manoeuvre, thrusters = manoeuvre_of(loop, start), loop.actuators
+    tolerances = build_tolerances(scenario) if end == "settled" else None
+    manoeuvre, thrusters = manoeuvre_of(loop, start, tolerances=tolerances), loop.actuators
     assert isinstance(thrusters, Actuators)
-    planner = Planner(loop.plant, thrusters.torque_axes, thrusters.limit, guesses=guesses)
+    keys: dict[str, Any] = {"guesses": guesses, "tolerances": tolerances}
+    planner = Planner(loop.plant, thrusters.torque_axes, thrusters.limit, **keys)
     report("least time")
-    quickest = _quickest(planner, start)
+    ways = [planner, dataclasses.replace(planner, tolerances=None)] if tolerances else [planner]
+    found = [_quickest(one, start) for one in ways]  # what comes to rest settles, too
     arriving = functools.partial(arrives, manoeuvre)
-    if not arriving(quickest):
-        return Front(float(thrusters.limit), [], [float(quickest.duration)], [])
+    if not any(map(arriving, found)):
+        return Front(float(thrusters.limit), [], [float(found[0].duration)], [], end)
+    quickest = min(filter(arriving, found), key=lambda plan: float(plan.duration))
     plans = _cheapest(planner, start, quickest, arriving, report)
     failed = [float(duration) for duration, plan in plans if plan is None]
     points = [FrontPoint(float(quickest.duration), float(quickest.effort))]
-    for _, plan in plans:
-        if plan is not None and float(plan.effort) < points[-1].effort:
-            points.append(FrontPoint(float(plan.duration), float(plan.effort)))
+    points += [FrontPoint(*map(float, (one.duration, one.effort))) for _, one in plans if one]
     flown = []
     for law, run in runs.items():
         report(f"flying {law}")
         flown.append(_flown(law, run))
-    return Front(float(thrusters.limit), points, failed, flown)
+    if end == "settled":
+        settled = [FrontPoint(one.settled_from, one.effort) for one in flown]
+        points += [one for one in settled if math.isfinite(one.duration)]
+    return Front(float(thrusters.limit), _falling(points), failed, flown, end)
+
+
+def _falling(points: Iterable[FrontPoint]) -> list[FrontPoint]:
+    """Those that no other one beats, the quickest first."""
+    found: list[FrontPoint] = []
+    for point in sorted(points):
+        if not found or point.effort < found[-1].effort:
+            found.append(point)
+    return found
 
 
 @eqx.filter_jit
@@ -158,13 +179,10 @@ def _effort(plan: Plan) -> float:
 
 
 def arrives(manoeuvre: Manoeuvre, plan: Plan) -> bool:
-    """Whether a plan ends at the target when DOP853 flies it."""
+    """Whether a plan ends where the manoeuvre does when DOP853 flies it."""
     if int(plan.status) == PlanStatus.FAILED:
         return False
-    states = np.concatenate([plan.quaternion, plan.omega], axis=1)
-    duration = float(plan.duration)
-    solution = Solution(duration, duration, np.asarray(plan.torque), states)
-    return propagate(manoeuvre, solution).arrives()
+    return propagate(manoeuvre, solution_of(plan)).arrives(manoeuvre)
 
 
 def _flown(law: str, run: Run) -> FlownPoint:

@@ -19,10 +19,10 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.control.inertia_fit import InertiaFit, InertiaMemory
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.control.scaling import Scaling
 from jaxsat.control.torque_axis import TorqueAxisFrame
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.one_torque import ONE_TORQUE
+from jaxsat.declaration.scaling import Scaling
 from jaxsat.dynamics import PlantState
 from jaxsat.inertia import LEAST_TORQUE_TILT, torque_axis_frame
 

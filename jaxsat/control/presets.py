@@ -1,10 +1,10 @@
 """Settling controllers for any inertia, torque limit and control period.
 
-Their gains have no dimension (`jaxsat.control.tuned_gains`). The unit of time is τ of
-`jaxsat.control.scaling`, J0 being the geometric mean of S1 and S2, so a larger body under torques
-larger in proportion flies alike. The gains are functions of the control period over τ, tuned at
-three values of it; between these they are interpolated, below and above they are those of the
-nearest. What is known of the periodic d3 goes into the ripple estimator.
+Their gains have no dimension (`jaxsat.declaration.tuned_gains`). The unit of time is τ of
+`jaxsat.declaration.scaling`, J0 being the geometric mean of S1 and S2, so a larger body under
+torques larger in proportion flies alike. The gains are functions of the control period over τ,
+tuned at three values of it; between these they are interpolated, below and above they are those of
+the nearest. What is known of the periodic d3 goes into the ripple estimator.
 """
 
 import bisect
@@ -27,16 +27,17 @@ from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import BODY_XY, NormalForm
 from jaxsat.control.oscillatory import AbstractDemand, MorinSamson, Oscillator, TwoChannel
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, Steady
-from jaxsat.control.scaling import Scaling, in_seconds
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.control.tuned_gains import (
+from jaxsat.declaration.scaling import Scaling, in_seconds
+from jaxsat.declaration.settling import TUNED_PERIOD
+from jaxsat.declaration.settling import holding_amplitude as own_amplitude
+from jaxsat.declaration.tuned_gains import (
     APPROACH,
     MORIN_SAMSON,
     TWO_CHANNEL,
     FineGains,
 )
-from jaxsat.declaration.settling import TUNED_PERIOD
 from jaxsat.dynamics import RigidBody
 
 LEAST_COUPLING = 1e-6
@@ -47,10 +48,6 @@ TUNED_COUPLING = 0.59168
 
 DEAD_ZONE = 1e-6
 """Slow rate that the oscillation leaves to the end game, rad per `fine_time`."""
-
-QUIET_AMPLITUDE, QUIET_RATE, HOLDING_SHARE = 4.5e-5, 4.2e-3, 0.45
-"""Largest amplitude of the end game: rad per `fine_time` but no more than so much over τ, or this
-share of the orbit rate if that is more, as a drift at rest is a number times its square."""
 
 RIPPLE, RIPPLE_FREQUENCY = 3e-6, 0.01
 """Least ripple of ω3 that the filter expects, and its frequency where none is known; rad per
@@ -232,7 +229,7 @@ def _fine_stage(
     demand: AbstractDemand,
     gains: FineGains,
     scaling: Scaling,
-    holding_amplitude: float | None,
+    amplitude: float | None,
     *,
     fade_lean: bool,
 ) -> FineStage:
@@ -247,15 +244,9 @@ def _fine_stage(
         ratio=gains.ratio,
         dead_zone=DEAD_ZONE / unit,
     )
-    if holding_amplitude is None:
-        holding_amplitude = _holding_amplitude(form, scaling)
-    return FineStage(oscillator, holding_amplitude, Handover(gains.enter_rate), fade_lean)
-
-
-def _holding_amplitude(form: NormalForm, scaling: Scaling) -> float:
-    """The largest amplitude of the end game, rad/s."""
-    amplitude = min(QUIET_AMPLITUDE / scaling.fine_time, QUIET_RATE / scaling.time)
-    return max(amplitude, HOLDING_SHARE * abs(float(form.model.orbit.rate)))
+    if amplitude is None:
+        amplitude = own_amplitude(scaling, float(form.model.orbit.rate))
+    return FineStage(oscillator, amplitude, Handover(gains.enter_rate), fade_lean)
 
 
 def _estimator(

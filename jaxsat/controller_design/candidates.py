@@ -47,8 +47,8 @@ GAINS: Mapping[str, Mapping[str, Gains]] = {
 """Variants of every law: gains times τ (k4 over J0/τ, the weight over T) and those without
 dimension.
 
-The settling laws have their own (`jaxsat.control.tuned_gains`); those of the three-axis law are the
-ones of `two-wheel-telescope`.
+The settling laws have their own (`jaxsat.declaration.tuned_gains`); those of the three-axis law are
+the ones of `two-wheel-telescope`.
 """
 
 LAWS_LEFT: Mapping[str, tuple[str, ...]] = {

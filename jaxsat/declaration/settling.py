@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from jaxsat.declaration import verified
 from jaxsat.declaration.keys import LARGEST, number, switch
 from jaxsat.declaration.law import LawDeclaration
+from jaxsat.declaration.scaling import Scaling
 from jaxsat.ranges import SECONDS
 
 TUNED_MOMENTS = (449.5, 264.6, 312.5)
@@ -24,6 +25,17 @@ HOLDING_AMPLITUDE = "holding_amplitude_rad_s"
 PLANNING_MARGIN, REPLAN_TIME = 0.1, 0.2
 """Share of the torque limit that plans leave for feedback, and time from one plan to the next over
 √(J0/T), where none are given."""
+
+
+QUIET_AMPLITUDE, QUIET_RATE, HOLDING_SHARE = 4.5e-5, 4.2e-3, 0.45
+"""Largest amplitude of the end game: rad per `fine_time` but no more than so much over τ, or this
+share of the orbit rate if that is more, as a drift at rest is a number times its square."""
+
+
+def holding_amplitude(scaling: Scaling, orbit_rate: float) -> float:
+    """The largest amplitude of the end game where none is given, rad/s."""
+    amplitude = min(QUIET_AMPLITUDE / scaling.fine_time, QUIET_RATE / scaling.time)
+    return max(amplitude, HOLDING_SHARE * abs(orbit_rate))
 
 
 def equivalent_limit(moments: Sequence[float], torque_limit: float) -> float:

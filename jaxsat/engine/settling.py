@@ -21,18 +21,19 @@ def excess_at(
     ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]
 ) -> Float[Array, "conditions"]:
     """How far outside the tolerances a flat state is at time `t` (s); nothing is differentiated."""
-    ode, t, flat = stop_gradient((ode, t, flat))
-    plant = ode.loop.plant_state(t, ode.state(t, flat))
-    return Observation.of(ode.loop.plant, plant).excess(ode.program.tolerances)
+    return _observation_at(ode, t, flat).excess(ode.program.tolerances)
 
 
 def rest_excess_at(
     ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]
 ) -> Float[Array, "1"]:
     """The same of the inertial rate alone."""
+    return _observation_at(ode, t, flat).rest_excess(ode.program.tolerances)
+
+
+def _observation_at(ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]) -> Observation:
     ode, t, flat = stop_gradient((ode, t, flat))
-    plant = ode.loop.plant_state(t, ode.state(t, flat))
-    return Observation.of(ode.loop.plant, plant).rest_excess(ode.program.tolerances)
+    return Observation.of(ode.loop.plant, ode.loop.plant_state(t, ode.state(t, flat)))
 
 
 def settled_along_step(

@@ -118,7 +118,10 @@ def comparison_section(folder: Path) -> Section:
         verdicts = [_law_words(one) for one in record["verdicts"]]
         table = _laws(record["rows"])
         recovered = _recovered(record["rows"])
-        bounds = _bounds(record.get("bounds_from_papers_start", ()))
+        bounds = [
+            *_least_times(record.get("median_least_times", ())),
+            *_bounds(record.get("bounds_from_papers_start", ())),
+        ]
     blocks = [
         table,
         *recovered,
@@ -199,9 +202,16 @@ def _recovered(rows: list[Mapping[str, Any]]) -> list[Table]:
 
 
 def _bounds(found: Any) -> list[Table]:
-    rows = [[one["torque_limit"], one["time"], one["effort"]] for one in found]
-    columns = ["limit (N m)", "least time (s)", "least effort (N m s)"]
+    rows = [[one["torque_limit"], one["end_meaning"], one["time"], one["effort"]] for one in found]
+    columns = ["limit (N m)", "end", "least time (s)", "least effort (N m s)"]
     return [Table("Least from the paper's start, open loop", columns, rows)] if rows else []
+
+
+def _least_times(found: Any) -> list[Table]:
+    rows = [[one["torque_limit"], one["end"], one["seconds"]] for one in found]
+    columns = ["limit (N m)", "end", "median least time (s)"]
+    title = "Least times of the same starts without dispersions, open loop"
+    return [Table(title, columns, rows)] if rows else []
 
 
 def reproduction_section(folder: Path) -> Section:

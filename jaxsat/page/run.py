@@ -156,8 +156,7 @@ def settled_meaning(scenario: Mapping[str, Any], of_study: bool = False) -> str:
     found, attitude = Tolerances.of_keys(**given), settles_in_attitude(scenario)
     if attitude or not of_study:
         return found.text(attitude)
-    orbit = OrbitTable.model_validate(scenario.get("orbit", {})).rate()
-    return Tolerances(np.inf, np.inf, found.relative_rate + orbit, found.dwell).text()
+    return found.of_rate(OrbitTable.model_validate(scenario.get("orbit", {})).rate()).text()
 
 
 def scenario_facts(scenario: Mapping[str, Any]) -> dict[str, str]:

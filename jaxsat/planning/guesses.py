@@ -71,7 +71,7 @@ def guess(
 
     shares = jnp.linspace(0.0, 1.0, program.intervals, endpoint=False, dtype=x.dtype)
     torque = jnp.zeros((program.intervals, program.torque_axes.shape[1]))
-    return Unknowns(lax.map(state, shares), target, torque, duration)
+    return Unknowns(lax.map(state, shares), target, torque, duration, program.place(target))
 
 
 def resampled(
@@ -96,4 +96,4 @@ def resampled(
 
     shares = jnp.linspace(0.0, 1.0, program.intervals, endpoint=False, dtype=x.dtype)
     states, torque = lax.map(interval, shares)
-    return Unknowns(states.at[0].set(x), known.last, torque, rest)
+    return Unknowns(states.at[0].set(x), known.last, torque, rest, program.place(known.last))

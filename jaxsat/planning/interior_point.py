@@ -13,6 +13,13 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.planning.barrier import TO_BOUNDARY, TorqueCost, stepped
+from jaxsat.planning.end_set import (
+    EndTerms,
+    barrier,
+    longest_place_step,
+    moved_multipliers,
+    slacks,
+)
 from jaxsat.planning.riccati import NewtonStep, QuadraticTerms, newton_step
 from jaxsat.planning.transcription import ARRIVALS, PlanObjective, Transcription, Unknowns
 
@@ -69,7 +76,7 @@ class Settings(NamedTuple):
 
 
 class Iterate(NamedTuple):
-    """Where the method is: unknowns, torques' cost, multipliers of the arrival.
+    """Where the method is: unknowns, torques' cost, multipliers of the arrival and of its balls.
 
     `defects` is the sum of all; `done` where the last step found the plan to be optimal.
     """
@@ -82,6 +89,7 @@ class Iterate(NamedTuple):
     iterations: Int[Array, ""]
     defects: RealScalar
     done: Bool[Array, ""]
+    end_multipliers: Float[Array, "3"] | None = None
 
 
 def solve(
@@ -112,6 +120,7 @@ def begun(
         jnp.array(0),
         program.defects(begin, unknowns),
         jnp.array(False),
+        None if unknowns.place is None else mu / slacks(unknowns.place),
     )
 
 
@@ -135,7 +144,10 @@ def _terms(program: Transcription, at: Iterate, settings: Settings) -> Quadratic
         of_duration = (mu / spare**2, 1 - mu / spare)
     else:
         of_duration = (jnp.full_like(mu, jnp.inf), jnp.zeros_like(mu))
-    return QuadraticTerms(curvature, gradient, *of_duration, at.proximity)
+    end, place, radii = None, at.unknowns.place, program.radii
+    if place is not None and radii is not None and at.end_multipliers is not None:
+        end = EndTerms.of(place, at.end_multipliers, radii, mu)
+    return QuadraticTerms(curvature, gradient, *of_duration, at.proximity, end)
 
 
 def iterated(program: Transcription, begin: RealScalar, at: Iterate, settings: Settings) -> Iterate:
@@ -167,12 +179,23 @@ def iterated(program: Transcription, begin: RealScalar, at: Iterate, settings: S
         at.iterations + 1,
         defects,
         last & accepted & steady & (defects < DEFECT_TOLERANCE),
+        _end_multipliers(at, step.change, taken, dual),
     )
+
+
+def _end_multipliers(
+    at: Iterate, change: Unknowns, taken: RealScalar, dual: RealScalar
+) -> Float[Array, "3"] | None:
+    place, moved = at.unknowns.place, change.place
+    if place is None or moved is None or at.end_multipliers is None:
+        return None
+    return moved_multipliers(place, at.end_multipliers, moved, taken, dual, at.barrier)
 
 
 def _scale(program: Transcription, at: Iterate) -> RealScalar:
     """The objective, and what it may be above the optimum for the barriers: μ for each limit."""
     limits = len(at.cost.limits) * at.unknowns.torque.size
+    limits += 0 if at.end_multipliers is None else len(at.end_multipliers)
     return program.value(at.unknowns) + limits * at.barrier
 
 
@@ -183,7 +206,10 @@ def _moved(at: Unknowns, change: Unknowns, step: RealScalar) -> Unknowns:
         (at.states, change.states, at.torque, change.torque),
     )
     duration = stepped(at.duration, change.duration, step)
-    return Unknowns(states, stepped(at.last, change.last, step), torque, duration)
+    place = at.place
+    if place is not None and change.place is not None:
+        place = stepped(place, change.place, step)
+    return Unknowns(states, stepped(at.last, change.last, step), torque, duration, place)
 
 
 def _cost_change(
@@ -205,6 +231,8 @@ def _cost_change(
     most = jnp.where(change.duration < 0, jnp.minimum(most, spare), most)
     first = (most / jnp.maximum(jnp.abs(change.duration), most), jnp.ones_like(mu))
     (primal, dual), found = lax.scan(one, first, (at.cost, change.torque, change.states))
+    if at.unknowns.place is not None and change.place is not None:
+        primal = jnp.minimum(primal, longest_place_step(at.unknowns.place, change.place))
     return found, primal, dual
 
 
@@ -240,6 +268,8 @@ def _line_search(
         if program.objective is PlanObjective.TIME:
             duration = at.unknowns.duration + share * step.change.duration
             first = duration - mu * jnp.log(duration - settings.least_duration)
+        if at.unknowns.place is not None and step.change.place is not None:
+            first = first + barrier(at.unknowns.place + share * step.change.place, mu)
         return lax.scan(one, first, (at.cost, cost_change))[0]
 
     nowhere = jnp.zeros_like(longest)

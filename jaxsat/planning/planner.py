@@ -1,5 +1,6 @@
 """The planner: from any state to rest at the target, in least time or with least effort."""
 
+import dataclasses
 import enum
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from jaxsat.checks import (
 )
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.errors import ArgumentError
+from jaxsat.metrics import Tolerances
 from jaxsat.planning.guesses import guess, random_numbers, resampled
 from jaxsat.planning.interior_point import Iterate, solve
 from jaxsat.planning.search import ARRIVING, CLOSE, ROUGH, in_hemisphere_of, worth_of
@@ -81,7 +83,8 @@ class Planner(eqx.Module):
     thrusters' torques; one that is longer than 1 makes as much more than the limit. Two are enough
     wherever the normal form has c ≠ 0. The search is local: it begins from `guesses` ways to the
     target, with half of the `intervals`, and goes on from the best. What the model believes of the
-    disturbance is known to the plan in advance.
+    disturbance is known to the plan in advance. Plans end at rest or, with `tolerances`, where a
+    spacecraft begins to be within them.
 
     Raises `ArgumentError` for numbers out of range, and for a model with wheels.
     """
@@ -92,6 +95,7 @@ class Planner(eqx.Module):
     margin: RealScalar = eqx.field(converter=as_float, default=0.0)
     guesses: int = eqx.field(static=True, default=24)
     intervals: int = eqx.field(static=True, default=48)
+    tolerances: Tolerances | None = None
 
     def __check_init__(self):
         require_directions("torque_axes", self.torque_axes)
@@ -137,7 +141,10 @@ class Planner(eqx.Module):
 
     def _program(self, objective: PlanObjective, intervals: int, substeps: int) -> Transcription:
         limit = self.limit * (1 - self.margin)
-        return Transcription(self.model, self.torque_axes, limit, objective, intervals, substeps)
+        sizes = (objective, intervals, substeps)
+        return Transcription(
+            self.model, self.torque_axes, limit, *sizes, tolerances=self.tolerances
+        )
 
     def _stretched(
         self, t: RealScalar, state: PlantState, near: Plan, duration: RealScalar
@@ -149,7 +156,8 @@ class Planner(eqx.Module):
         slower = jnp.concatenate([jnp.ones(4), jnp.full(3, pace)])
         x = in_hemisphere_of(known.states[0], program.scaled(state))
         states = (known.states * slower[None]).at[0].set(x)
-        first = Unknowns(states, known.last, known.torque * pace**2, duration / unit)
+        torque, last = known.torque * pace**2, known.last
+        first = Unknowns(states, last, torque, duration / unit, program.place(last))
         return self._plan(program, t, solve(program, t / unit, first, STRETCHED))
 
     def _searched(
@@ -161,6 +169,7 @@ class Planner(eqx.Module):
     ) -> Plan:
         """The best of all guesses on half of the intervals, then improved on all of them."""
         coarse = self._program(objective, self.intervals // 2, 1)
+        coarse = dataclasses.replace(coarse, tolerances=None)
         unit = coarse.time_unit
         x, begin = coarse.scaled(state), t / unit
         scaled = None if duration is None else duration / unit
@@ -178,7 +187,8 @@ class Planner(eqx.Module):
         first = (jnp.full_like(begin, jnp.inf), nothing, jnp.array(0))
         (_, best, iterations), _ = lax.scan(better, first, numbers)
         fine = self._program(objective, self.intervals, FINE_SUBSTEPS)
-        found = solve(fine, begin, resampled(fine, x, best, jnp.zeros_like(begin)), FINE)
+        first = resampled(fine, x, best, jnp.zeros_like(begin))
+        found = solve(fine, begin, first, FINE if self.tolerances is None else STRETCHED)
         plan = self._plan(fine, t, found)
         return plan._replace(iterations=plan.iterations + iterations)
 

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from jaxsat.planning.end_set import EndTerms
 from jaxsat.planning.transcription import STATES, Transcription, Unknowns
 
 RealScalar = Float[Array, ""]
@@ -28,7 +29,8 @@ DURATION_PROXIMITY = 0.01
 class QuadraticTerms(NamedTuple):
     """Of the step's cost: of the torques and of T; `proximity` holds it near where it begins.
 
-    `duration_curvature` is infinite where the duration is given.
+    `duration_curvature` is infinite where the duration is given. `end` is of the place in the
+    tolerances where the plan ends.
     """
 
     curvature: Float[Array, "n m"]
@@ -36,6 +38,7 @@ class QuadraticTerms(NamedTuple):
     duration_curvature: RealScalar
     duration_gradient: RealScalar
     proximity: RealScalar
+    end: EndTerms | None = None
 
 
 class NewtonStep(NamedTuple):
@@ -89,11 +92,12 @@ def newton_step(
     terms: QuadraticTerms,
 ) -> NewtonStep:
     """The step from some unknowns, for a plan that begins at the time `begin`."""
-    missed = program.arrival(at.last)
+    missed = program.missed(at)
     by_state = jax.jacfwd(program.arrival)(at.last)
     extended = jnp.concatenate([by_state, jnp.zeros((len(missed), 1))], axis=1)
-    hessian = ARRIVAL_WEIGHT * extended.T @ extended
-    gradient = extended.T @ (arrival_multipliers + ARRIVAL_WEIGHT * missed)
+    weight, multipliers = _arrival_terms(arrival_multipliers, terms.end)
+    hessian = extended.T @ weight @ extended
+    gradient = extended.T @ (multipliers + weight @ missed)
     (hessian, gradient), stages = _backward(program, begin, at, terms, (hessian, gradient))
     curvature = hessian[STATES, STATES] + terms.duration_curvature
     curvature = curvature + DURATION_PROXIMITY * terms.proximity
@@ -106,7 +110,9 @@ def newton_step(
         return after, (before, torque)
 
     last, (states, torque) = lax.scan(forward, jnp.zeros(STATES), stages)
-    multipliers = arrival_multipliers + ARRIVAL_WEIGHT * (missed + by_state @ last)
+    still_missed = missed + by_state @ last
+    multipliers = multipliers + weight @ still_missed
+    place = _place_change(arrival_multipliers, still_missed, terms.end)
 
     def tied(carry, matrix):
         multiplier, largest = carry
@@ -115,7 +121,34 @@ def newton_step(
 
     end = (by_state.T @ multipliers, jnp.max(jnp.abs(multipliers)))
     (_, largest), _ = lax.scan(tied, end, stages.by_state, reverse=True)
-    return NewtonStep(Unknowns(states, last, torque, duration), multipliers, largest)
+    return NewtonStep(Unknowns(states, last, torque, duration, place), multipliers, largest)
+
+
+def _arrival_terms(multipliers: Float[Array, "6"], end: EndTerms | None):
+    """Weight and multipliers of what a plan misses, the change of the place eliminated.
+
+    The place moves by (W R² + H)⁻¹ (R (λ + W m) - g) where the arrival misses it by m.
+    """
+    if end is None:
+        return ARRIVAL_WEIGHT * jnp.eye(len(multipliers)), multipliers
+    radii, scaled = end.radii, end.hessian / end.radii[None]
+    right = jnp.concatenate([scaled, end.gradient[:, None]], axis=1)
+    found = radii[:, None] * solved(_place_curvature(end), right)
+    share, pull = found[:, :-1], found[:, -1]
+    return ARRIVAL_WEIGHT * share, share @ multipliers + ARRIVAL_WEIGHT * pull
+
+
+def _place_change(
+    multipliers: Float[Array, "6"], missed: Float[Array, "6"], end: EndTerms | None
+) -> Float[Array, "6"] | None:
+    if end is None:
+        return None
+    pull = end.radii * (multipliers + ARRIVAL_WEIGHT * missed) - end.gradient
+    return solved(_place_curvature(end), pull[:, None])[:, 0]
+
+
+def _place_curvature(end: EndTerms) -> Float[Array, "6 6"]:
+    return ARRIVAL_WEIGHT * jnp.diag(end.radii**2) + end.hessian
 
 
 def _backward(program: Transcription, begin: RealScalar, at: Unknowns, terms: QuadraticTerms, end):

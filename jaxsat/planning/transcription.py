@@ -17,6 +17,8 @@ from jaxtyping import Array, Float, Int
 
 from jaxsat.attitude import Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.metrics import Tolerances
+from jaxsat.planning.end_set import BALLS, inside, radii_of
 
 RealScalar = Float[Array, ""]
 
@@ -24,7 +26,8 @@ STATES = 7
 """Quaternion and ω τ."""
 
 ARRIVALS = 6
-"""Twice the quaternion's vector and the relative rate times τ, all zero at rest at the target."""
+"""Sines of half of tilt and turn, twice, and the relative rate times τ; zero at rest at the target.
+"""
 
 
 class PlanObjective(enum.Enum):
@@ -35,12 +38,16 @@ class PlanObjective(enum.Enum):
 
 
 class Unknowns(NamedTuple):
-    """Of the program: states at the beginnings of the intervals and the last, torques, duration."""
+    """Of the program: states at the beginnings of the intervals and the last, torques, duration.
+
+    `place` is where in its tolerances the plan ends, see `jaxsat.planning.end_set`; None at rest.
+    """
 
     states: Float[Array, "n 7"]
     last: Float[Array, "7"]
     torque: Float[Array, "n m"]
     duration: RealScalar
+    place: Float[Array, "6"] | None = None
 
 
 class AbstractCorrection(eqx.Module):
@@ -62,7 +69,7 @@ class Transcription(eqx.Module):
     Times are in units of τ = √(J0 / limit) with J0 the mean moment of inertia, torques in units of
     the limit. `torque_axes` (3, m) are the directions of the thrusters' torques, which have either
     sign. Each of the `intervals` is integrated in `substeps` steps. A `correction` is of the
-    model's angular acceleration.
+    model's angular acceleration. The plan ends within `tolerances` of rest, or without them there.
     """
 
     model: RigidBody
@@ -72,6 +79,7 @@ class Transcription(eqx.Module):
     intervals: int = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
     correction: AbstractCorrection | None = None
+    tolerances: Tolerances | None = None
 
     @property
     def time_unit(self) -> RealScalar:
@@ -96,7 +104,26 @@ class Transcription(eqx.Module):
     def arrival(self, x: Float[Array, "7"]) -> Float[Array, "6"]:
         """Zero at rest in the orbit frame, with either sign of the quaternion."""
         relative = self.model.relative_rate(self.plant_state(x))
-        return jnp.concatenate([2 * x[1:4], relative * self.time_unit])
+        turn = 1.0 if self.tolerances is None else jnp.sqrt(x[0] ** 2 + x[3] ** 2)
+        of_attitude = 2 * jnp.stack([x[1], x[2], x[3] / turn])
+        return jnp.concatenate([of_attitude, relative * self.time_unit])
+
+    @property
+    def radii(self) -> Float[Array, "3"] | None:
+        """Within which the arrival is to be, in tilt, turn and rate; None for rest."""
+        return None if self.tolerances is None else radii_of(self.tolerances, self.time_unit)
+
+    def place(self, x: Float[Array, "7"]) -> Float[Array, "6"] | None:
+        """Where in the tolerances a last state lies, or is nearest to."""
+        radii = self.radii
+        return None if radii is None else inside(self.arrival(x) / (BALLS @ radii))
+
+    def missed(self, at: "Unknowns") -> Float[Array, "6"]:
+        """By how much the last state misses its place in the tolerances, or rest."""
+        arrival, radii = self.arrival(at.last), self.radii
+        if radii is None or at.place is None:
+            return arrival
+        return arrival - BALLS @ radii * at.place
 
     def _rate(
         self, t: RealScalar, x: Float[Array, "7"], u: Float[Array, " m"]
@@ -178,7 +205,7 @@ class Transcription(eqx.Module):
             total = total + jnp.sum(jnp.abs(x - reached))
             return (total, self.interval(begin, number, x, at.duration, u)), None
 
-        first = (jnp.sum(jnp.abs(self.arrival(at.last))), at.states[0])
+        first = (jnp.sum(jnp.abs(self.missed(at))), at.states[0])
         rows = (self.numbers(at), at.states, at.torque)
         (total, reached), _ = lax.scan(one, first, rows)
         return total + jnp.sum(jnp.abs(at.last - reached))

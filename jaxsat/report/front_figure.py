@@ -21,6 +21,9 @@ WIDTH, HEIGHT, MOST_COLUMNS = 3.4, 3.0, 3
 TIME_TICKS = (1, 1.5, 2, 3, 5, 8)
 """Per decade; a front seldom covers a whole one."""
 
+ENDS = {"settled": "until settled", "rest": "to rest"}
+"""Where plans end, in words."""
+
 
 def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> Figure:
     """A panel for each of the fronts, which are the data of `jaxsat.comparison.Front.as_data`.
@@ -52,7 +55,7 @@ def _draw(axis: Axes, front: dict[str, Any], names: Sequence[str]) -> None:
     times = [one["duration_s"] for one in front["front"]]
     efforts = [one["effort_N_m_s"] for one in front["front"]]
     style = {**LINES[0], "marker": "o", "markersize": 2.5}
-    axis.plot(times, efforts, label="least effort within the time", **style)
+    axis.plot(times, efforts, label=f"least effort within the time, {ENDS[front['end']]}", **style)
     colors = [line["color"] for line in (*LINES[1:], *FURTHER_LINES)]
     settled = [one for one in front["laws"] if one["settled_from_s"] is not None]
     for one in settled:
@@ -64,7 +67,8 @@ def _draw(axis: Axes, front: dict[str, Any], names: Sequence[str]) -> None:
     all_times = [*times, *(one["settled_from_s"] for one in settled)]
     all_efforts = [*efforts, *(one["effort_N_m_s"] for one in settled)]
     axis.set_title(f"{front['torque_limit_N_m']:g} N m", fontsize=8, loc="left")
-    axis.set_xlabel("time until rest or settled (s)")
+    settles = front["end"] == "settled"
+    axis.set_xlabel("time until settled (s)" if settles else "time until rest, laws settled (s)")
     axis.set_xscale("log")
     if all_times:
         first, last = 0.85 * min(all_times), 1.15 * max(all_times)

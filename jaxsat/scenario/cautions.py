@@ -4,7 +4,12 @@ import math
 
 import numpy as np
 
+from jaxsat.allocation import usable_share
+from jaxsat.declaration.scaling import Scaling
+from jaxsat.declaration.settling import HOLDING_AMPLITUDE, TUNED_PERIOD, holding_amplitude
+from jaxsat.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, tuned_frequency
 from jaxsat.inertia import torque_axis_frame
+from jaxsat.ranges import SETTLED_W
 from jaxsat.scenario.actuator_cautions import actuator_cautions
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.domain import believed_normal_form, domain_cautions
@@ -12,10 +17,13 @@ from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.failure_cautions import failure_cautions
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.laws import find_law
-from jaxsat.scenario.layout import believed_axes
+from jaxsat.scenario.layout import believed_axes, torque_limit
 from jaxsat.scenario.resolution import resolution_cautions
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
+
+GAINS = {"oscillatory": MORIN_SAMSON, "three-slew": TWO_CHANNEL, "planned": TWO_CHANNEL}
+"""Of the laws that hold by an oscillation."""
 
 LEAST_TILT = 0.1
 """Tangent of the angle between the one torque and its acceleration down to which the law of one
@@ -42,6 +50,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *_law_cautions(scenario),
         *domain_cautions(scenario),
         *_holding_cautions(scenario),
+        *_end_game_cautions(scenario),
         *_one_torque_cautions(scenario),
         *failure_cautions(scenario),
         *actuator_cautions(scenario),
@@ -137,6 +146,39 @@ def _holding_cautions(scenario: Scenario) -> list[Issue]:
         )
         found.append(Issue(location, message))
     return found
+
+
+def _end_game_cautions(scenario: Scenario) -> list[Issue]:
+    """An oscillation that holds the attitude and is larger than the tolerances of settling.
+
+    Two rates of the amplitude ρ in phase are √2 ρ, and of the frequency ν a tilt of √2 ρ/ν.
+    """
+    control, settled = scenario.control, scenario.settled
+    known, gains = torque_limit(scenario), GAINS.get(control.law)
+    if gains is None or known is None:
+        return []
+    _, frame, (first, second, _) = believed_normal_form(scenario)
+    limit = known * usable_share(believed_axes(scenario), frame[:2])
+    scaling = Scaling.of(
+        math.sqrt(first * second), limit, getattr(control, "period_s", TUNED_PERIOD)
+    )
+    amplitude = getattr(control, HOLDING_AMPLITUDE)
+    amplitude = amplitude or holding_amplitude(scaling, scenario.orbit.rate())
+    frequency = getattr(control, "frequency_rad_s", None) or tuned_frequency(gains, scaling)
+    rate = math.sqrt(2) * amplitude
+    tilt = 2 * math.atan(SETTLED_W) if settled.tilt_rad is None else settled.tilt_rad
+    needs = [("rate_rad_s", rate, settled.rate_rad_s), ("tilt_rad", rate / frequency, tilt)]
+    return [
+        Issue(
+            ("settled", key),
+            f'should be above {needed:.3g}, as the law "{control.law}" holds the attitude by an '
+            f"oscillation of {frequency:.3g} rad/s with two rates of {amplitude:.3g} rad/s "
+            f"(control.{HOLDING_AMPLITUDE}), got {tolerance:.3g}",
+            (("control", HOLDING_AMPLITUDE), ("control", "law")),
+        )
+        for key, needed, tolerance in needs
+        if needed >= tolerance
+    ]
 
 
 def _one_torque_cautions(scenario: Scenario) -> list[Issue]:

@@ -7,8 +7,8 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
-from jaxsat.control.scaling import STEPS
-from jaxsat.control.tuned_gains import APPROACH
+from jaxsat.declaration.scaling import STEPS
+from jaxsat.declaration.tuned_gains import APPROACH
 from jaxsat.scenario import ScenarioWarning
 
 VEHICLES = {

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import signal
 
 import jax.numpy as jnp
@@ -13,16 +14,21 @@ from jaxsat.assembly.run import build, build_uncontrolled
 from jaxsat.bounds import (
     BoundObjective,
     Manoeuvre,
+    Solution,
     Transcription,
     best_of_starts,
     manoeuvre_of,
+    plans_of,
     propagate,
 )
 from jaxsat.cli import main
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.environment import AbstractDisturbance
+from jaxsat.metrics import Tolerances
 from jaxsat.scenario import library
 from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.vehicle import Actuators
+from planning.spacecraft import planner, random_body
 
 pytest.importorskip("casadi")
 
@@ -75,6 +81,63 @@ def test_rest_to_rest_is_bang_bang():
     np.testing.assert_allclose(found.solution.thrust[:15, 0], -5.0, atol=1e-3)
     np.testing.assert_allclose(found.solution.thrust[15:, 0], 5.0, atol=1e-3)
     assert found.values == sorted(found.values)
+
+
+def least_time_until_settled(angle, limit, tolerances):
+    """Full thrust and full brake about x alone, down to the largest tilt and rate allowed."""
+    acceleration, rate = limit / INERTIA[0], float(tolerances.relative_rate)
+    way = angle - 2 * math.atan(float(tolerances.w))
+    speeding = math.sqrt((way + rate**2 / (2 * acceleration)) / acceleration)
+    return 2 * speeding - rate / acceleration
+
+
+@pytest.mark.parametrize(("tilt", "rate"), [(0.05, 0.004), (1e-3, 0.01)])
+def test_a_settled_case_may_still_be_off_and_turn(tilt, rate):
+    tolerances = Tolerances(math.tan(tilt / 2), 0.02, rate)
+    manoeuvre = dataclasses.replace(planar(0.3, 0.0), end=(tilt, 0.02, rate))
+    found = best_of_starts(manoeuvre, BoundObjective.TIME, 2, longest=100.0, intervals=60)
+    exact = least_time_until_settled(0.3, 5.0, tolerances)
+    assert found.solution.value == pytest.approx(exact, rel=1e-3)
+    assert found.verification.tilt == pytest.approx(tilt, rel=1e-3)
+    assert found.verification.rate == pytest.approx(rate, rel=1e-3)
+
+
+def test_what_is_known_to_arrive_is_among_the_starts():
+    """A slow turn is improved; where the search fails it is still there."""
+    manoeuvre, angle, duration = planar(0.1, 0.0), 0.1, 12.0
+    torque = 4 * INERTIA[0] * angle / duration**2
+    thrust = np.repeat([[-torque, 0.0], [torque, 0.0]], 4, axis=0)
+    t = np.linspace(0, duration, 9)
+    turned = np.where(t < 6, angle * (1 - 2 * (t / 12) ** 2), 2 * angle * (1 - t / 12) ** 2)
+    rate = -torque / INERTIA[0] * np.minimum(t, duration - t)
+    zero = np.zeros(9)
+    columns = [np.cos(turned / 2), np.sin(turned / 2), zero, zero, rate, zero, zero]
+    known = Solution(duration, duration, thrust, np.stack(columns, axis=1))
+    keys = {"longest": 100.0, "intervals": 16, "plans": [known]}
+    found = best_of_starts(manoeuvre, BoundObjective.TIME, 1, **keys)
+    exact = 2 * np.sqrt(INERTIA[0] * angle / 5.0)
+    assert found.solution.value == pytest.approx(exact, rel=1e-4)
+    assert found.starts == 2
+    assert duration == found.values[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerances", [None, Tolerances()])
+def test_no_plan_is_quicker_than_the_bound(tolerances):
+    """Of a random body under two random torques, from a random start."""
+    body, axes, limit, start = random_body(np.random.default_rng(5))
+    made = planner(body, axes, limit)
+    thrusters = Actuators(jnp.asarray(axes), jnp.eye(2), limit)
+    loop = SampledLoop(made.model, _Replayed(jnp.zeros((1, 2)), jnp.ones(())), thrusters, 1)
+    manoeuvre = manoeuvre_of(loop, start, tolerances=tolerances)
+    longest = 100 * math.sqrt(np.trace(body) / limit)
+    plans = plans_of(loop, start, BoundObjective.TIME, longest, tolerances)
+    assert len(plans) == (1 if tolerances is None else 2)
+    keys = {"longest": longest, "plans": plans}
+    found = best_of_starts(manoeuvre, BoundObjective.TIME, 1, **keys)
+    quickest = min(plan.value for plan in plans)
+    assert 0.8 * quickest < found.solution.value <= quickest
+    assert found.verification.arrives(manoeuvre)
 
 
 def test_least_effort_is_the_angular_momentum():
@@ -184,16 +247,18 @@ def test_command_line(tmp_path, capsys):
     handler = signal.getsignal(signal.SIGTERM)
     quick = ["initial.w=[0.05, 0.0]", "initial.z_rad=0", "initial.omega_rad_s=[0, -0.0011, 0]"]
     sets = [token for change in quick for token in ("--set", change)]
-    target = tmp_path / "bound.json"
+    target, rest = tmp_path / "bound.json", ["--end", "rest"]
     with pytest.raises(SystemExit) as caught:
-        main(["bound", "two-torque-free", "--starts", "1", *sets, "--out", str(target)])
+        main(["bound", "two-torque-free", "--starts", "1", *sets, *rest, "--out", str(target)])
     signal.signal(signal.SIGTERM, handler)
     out = capsys.readouterr().out
     assert caught.value.code == 0
     assert "not certified" in out
     record = json.loads(target.read_text())
-    assert len(record["thrust_N_m"]) == 100
+    assert len(record["thrust_N_m"]) == 96
     assert record["value"] == pytest.approx(2 * np.sqrt(INERTIA[0] * 0.1 / 5.0), rel=0.02)
+    assert record["end"] == "rest"
+    assert "exactly at rest" in out
 
 
 SKEW = [

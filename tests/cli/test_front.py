@@ -9,7 +9,7 @@ import pytest
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.comparison import FlownPoint, Front, FrontPoint, front, scenario_under
-from jaxsat.comparison.front import STRETCHES
+from jaxsat.comparison.front import STRETCHES, _falling
 from jaxsat.report.front_figure import front_figure
 
 QUICK = ["acceptance-nominal", "--torque-limit", "20", "--guesses", "6"]
@@ -39,7 +39,7 @@ def least_effort(duration):
 def test_a_turn_about_a_driven_axis_and_a_law_beside_it():
     scenario = load("acceptance-nominal", TURN)
     told = []
-    found = front(scenario, ["three-slew", "oscillatory"], 6, told.append)
+    found = front(scenario, ["three-slew", "oscillatory"], 6, told.append, end="rest")
     shortest = 2 * math.sqrt(MOMENT * ANGLE / LIMIT)
     assert found.torque_limit == LIMIT
     assert found.failed == []
@@ -73,9 +73,14 @@ def test_figure_of_fronts():
     np.testing.assert_array_equal(first.lines[0].get_ydata(), [300, 90])
     assert [line.get_xdata()[0] for line in second.lines if len(line.get_xdata())] == [80.0]
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["least effort within the time", "law \\$b"]
+    assert labels == ["least effort within the time, until settled", "law \\$b"]
     assert "s)" in first.get_xlabel()
     figure.canvas.draw()
+
+
+def test_a_point_that_another_one_beats_is_left_out():
+    points = [FrontPoint(*one) for one in [(3, 8), (2, 9), (4, 8), (2, 7), (5, 1)]]
+    assert _falling(points) == [FrontPoint(2, 7), FrontPoint(5, 1)]
 
 
 def test_what_is_not_finite_is_none_in_the_data():
@@ -101,8 +106,12 @@ def test_table_numbers_and_figure(command_line, tmp_path):
     efforts = [one["effort_N_m_s"] for one in found["front"]]
     assert efforts == sorted(efforts, reverse=True)
     assert len(efforts) > 5
+    settled = [one["settled_from_s"] for one in found["laws"]]
+    assert found["end"] == "settled"
+    assert found["front"][0]["duration_s"] < min(one for one in settled if one is not None)
     lines = out.splitlines()
-    assert lines[0].split() == ["N", "m", "time", "(s)", "effort", "(N", "m", "s)"]
+    assert lines[0].startswith("plans end settled, |w| < 0.05, |z| < 0.05 rad")
+    assert lines[1].split() == ["N", "m", "time", "(s)", "effort", "(N", "m", "s)"]
     assert lines[-3].split()[-1] == "three-slew"
     assert lines[-2].endswith("oscillatory does not settle")
     status, _, err = command_line("front", *QUICK, *laws, "--out", "f")

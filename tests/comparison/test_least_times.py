@@ -16,6 +16,7 @@ from jaxsat.comparison import (
     least_times,
     median_least_time,
 )
+from jaxsat.ranges import SETTLED_RATE
 
 MOMENTS, ORBIT_RATE = np.array([449.5, 264.6, 312.5]), 0.0011
 DISTURBANCE = np.sum([0.01, 0.02, 0.001])
@@ -25,8 +26,10 @@ TABLES = json.loads((resources.files("jaxsat.comparison") / "least_times.json").
 
 
 def test_a_median_is_that_of_the_first_starts():
-    table = next(one for one in TABLES if one["torque_limit_N_m"] == 5.0 and one["seed"] == 0)
+    wanted = {"torque_limit_N_m": 5.0, "seed": 0, "end": "settled"}
+    table = next(one for one in TABLES if wanted.items() <= one.items())
     assert median_least_time(0, 5.0, 3) == np.median(table["least_times_s"][:3])
+    assert median_least_time(0, 5.0, 3) < median_least_time(0, 5.0, 3, "rest")
     assert median_least_time(0, 5.0, len(table["least_times_s"]) + 1) is None
     assert median_least_time(0, 4.0, 3) is None
     assert median_least_time(999, 5.0, 3) is None
@@ -49,11 +52,15 @@ def test_laws_are_judged_by_the_least_times_of_their_starts():
     assert text.endswith("t50 over it: a 2.00 (hard)")
     assert f"{median:.1f} s" in text
     assert least_times(rows, 999) == []
+    (found,) = least_times(rows, 0, "rest")
+    assert found.ratios == {}  # no law comes to rest
+    assert "to exact rest" in least_time_text(found)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", sorted({table["seed"] for table in TABLES}))
-def test_no_time_is_less_than_the_momentum_takes(seed):
+@pytest.mark.parametrize("end", ["settled", "rest"])
+def test_no_time_is_less_than_the_momentum_takes(seed, end):
     """Two thrusters at right angles take at most √2 limit from |H| in a second, and a disturbance
     some; and four times the torque takes half the time, but for the disturbance and the orbit."""
     study = comparison_study(
@@ -62,9 +69,10 @@ def test_no_time_is_less_than_the_momentum_takes(seed):
     cases = study.cases(np.arange(200))
     omega = np.asarray(jax.vmap(lambda case: study.case_factory(case).start.omega)(cases))
     momentum = np.linalg.norm(MOMENTS * omega, axis=1) - MOMENTS.max() * ORBIT_RATE
+    momentum -= MOMENTS.max() * SETTLED_RATE if end == "settled" else 0.0
     times = {}
     for table in TABLES:
-        if table["seed"] == seed:
+        if table["seed"] == seed and table["end"] == end:
             limit = table["torque_limit_N_m"]
             found = np.array(table["least_times_s"], float)
             assert np.isfinite(found).sum() >= 199
@@ -75,3 +83,16 @@ def test_no_time_is_less_than_the_momentum_takes(seed):
     both = np.isfinite(times[1.0]) & np.isfinite(times[20.0])
     assert np.all(times[1.0][both] > times[5.0][both])
     assert np.all(times[5.0][both] > times[20.0][both])
+
+
+@pytest.mark.parametrize("place", range(len(TABLES) // 2, len(TABLES)))
+def test_rest_takes_longer_than_to_settle(place):
+    """What comes to rest settles on the way; both are local optima."""
+    settled = TABLES[place]
+    same = {key: settled[key] for key in ("seed", "torque_limit_N_m")} | {"end": "rest"}
+    rest = next(one for one in TABLES if same.items() <= one.items())
+    pairs = np.array([settled["least_times_s"], rest["least_times_s"]], float)
+    ratios = pairs[0] / pairs[1]
+    assert settled["end"] == "settled"
+    assert np.nanmedian(ratios) < 0.99
+    assert np.nanmax(ratios) <= 1

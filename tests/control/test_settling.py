@@ -14,10 +14,10 @@ from jaxsat.assembly.run import build_loop
 from jaxsat.attitude import WZ
 from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.control.fine import FineMode
-from jaxsat.control.scaling import STEPS, Scaling
 from jaxsat.control.supervisor import Phase
-from jaxsat.control.tuned_gains import APPROACH, MORIN_SAMSON, TWO_CHANNEL
+from jaxsat.declaration.scaling import STEPS, Scaling
 from jaxsat.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS, TUNED_PERIOD
+from jaxsat.declaration.tuned_gains import APPROACH, MORIN_SAMSON, TWO_CHANNEL
 from jaxsat.dynamics import PlantState
 from jaxsat.environment import PeriodicTorque
 from jaxsat.simulation import SampledLoop, simulate

@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from jaxsat.assembly.load import load
+from jaxsat.assembly.run import build
 from jaxsat.declaration.verified import THREE_SLEW
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.holding import _iterated, missing_torque, nearest_held
@@ -98,3 +99,21 @@ def test_a_turn_is_found_where_iteration_from_the_orbit_frame_finds_none(seed):
     tried = [minimize(lambda v: v @ v, one, constraints=equal) for one in starts]
     least = min(np.linalg.norm(one.x) for one in tried if one.success)
     assert np.linalg.norm(found) <= least + 1e-4
+
+
+def told_of_end_game(changes):
+    found = []
+    scenario = load("acceptance-nominal", changes, caution=found.append)
+    return [one for one in found if "oscillation" in one], scenario
+
+
+@pytest.mark.parametrize("law", ["oscillatory", "three-slew"])
+def test_an_end_game_beyond_the_tolerances_is_told(law):
+    """The oscillation of the law as it is built, and tolerances just above and below it."""
+    changes = [f"control.law={law}", "control.period_s=0.25", "spacecraft.torque_limit_N_m=3"]
+    game = build(told_of_end_game(changes)[1]).loop.controller.fine.end_game
+    rate = np.sqrt(2) * float(game.largest_amplitude)
+    for key, reached in (("rate_rad_s", rate), ("tilt_rad", rate / float(game.frequency))):
+        assert told_of_end_game([*changes, f"settled.{key}={1.001 * reached}"])[0] == []
+        (text,) = told_of_end_game([*changes, f"settled.{key}={0.999 * reached}"])[0]
+        assert f"settled.{key}: should be above" in text

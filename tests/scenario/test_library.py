@@ -143,7 +143,7 @@ def test_two_torques_settle_three_axes(name, law):
 
 def test_settling_laws_need_a_limit_and_tell_where_it_is_not_verified(tmp_path):
     with pytest.warns(ScenarioWarning, match="the orbit rate times τ from 0 to"):
-        load("two-torque-free", ["orbit.rate_rad_s=0.005"])
+        load("two-torque-free", ["orbit.rate_rad_s=0.005", "settled.rate_rad_s=0.01"])
     text = library()["two-torque-free"].read_text(encoding="utf-8")
     path = tmp_path / "unlimited.toml"
     path.write_text(text.replace("torque_limit_N_m = 5\n", ""), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Gains of the laws that settle, without dimension: rates times τ, see `jaxsat.control.scaling`.
+"""Gains of the laws that settle, without dimension: rates times τ of `jaxsat.declaration.scaling`.
 
 They were tuned for the paper's spacecraft, section 5, at thrusters of 1, 5 and 20 N m: τ = 18.57,
 8.305 and 4.153 s. With its orbit, disturbance and sensors the period over τ tells these apart.
@@ -35,6 +35,10 @@ import tomllib
 from collections.abc import Callable, Mapping
 from importlib import resources
 from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from jaxsat.declaration.scaling import STEPS, Scaling
 
 
 class MorinSamsonGains(NamedTuple):
@@ -109,7 +113,9 @@ def _rows(table: str, kind: Callable[..., Row], **parts: Callable[..., Any]) -> 
     return {row.pop("step"): kind(**row) for row in rows}
 
 
-_TABLES = tomllib.loads((resources.files("jaxsat.control") / "tuned_gains.toml").read_text("utf-8"))
+_TABLES = tomllib.loads(
+    (resources.files("jaxsat.declaration") / "tuned_gains.toml").read_text("utf-8")
+)
 
 MORIN_SAMSON = _rows("morin_samson", FineGains, demand=MorinSamsonGains)
 """Of the oscillatory law, by the period over τ."""
@@ -119,3 +125,10 @@ TWO_CHANNEL = _rows("two_channel", FineGains, demand=TwoChannelGains)
 
 APPROACH = _rows("approach", ApproachGains, rate_law=RateLawGains, slews=SlewGains)
 """Of the three slews, by the period over τ."""
+
+
+def tuned_frequency(table: Mapping[float, FineGains], scaling: Scaling) -> float:
+    """ν (rad/s) of a table; between two of its steps on a straight line in logarithms."""
+    known = [table[step].frequency for step in STEPS]
+    number = np.exp(np.interp(np.log(scaling.step), np.log(STEPS), np.log(known)))
+    return float(number) / scaling.time
