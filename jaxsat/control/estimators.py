@@ -120,9 +120,16 @@ class ThirdAxisEstimator(eqx.Module):
         return memory._replace(ripple=self.observer.forget(memory.ripple, when))
 
     def update(
-        self, omega: Float[Array, "3"], memory: EstimatorMemory, period: RealScalar
+        self,
+        omega: Float[Array, "3"],
+        memory: EstimatorMemory,
+        period: RealScalar,
+        thrust: Float[Array, " k"] | None = None,
     ) -> tuple[ThirdAxis, EstimatorMemory]:
-        """One sample: what to believe now of (p1, p2, s), and the next memory; `period` in s."""
+        """One sample: what to believe now of (p1, p2, s), and the next memory; `period` in s.
+
+        `thrust` is what the fit has regressors of beside its eight.
+        """
         c, lean, started = self.form.coupling, self.form.lean, memory.started
         factors = self.form.other_products.at[0].add(c)
         last = jnp.where(started, memory.omega, omega)
@@ -130,8 +137,8 @@ class ThirdAxisEstimator(eqx.Module):
         errors = jnp.zeros(8, omega.dtype) if memory.fit is None else memory.fit.estimate
         ripple, fit = memory.ripple, memory.fit
         if self.observer is not None:
-            known = jnp.concatenate([(omega - last)[:2], products])
-            change = jnp.sum(factors * products) + jnp.sum(known * errors)
+            known = [(omega - last)[:2], products, *([] if thrust is None else [thrust])]
+            change = jnp.sum(factors * products) + jnp.sum(jnp.concatenate(known) * errors)
             # By the period, not the span: sine and cosine are then the same for all cases.
             advanced = self.observer.advance(ripple, omega, change, period)
             first = self.observer.init(omega[2])
@@ -139,9 +146,10 @@ class ThirdAxisEstimator(eqx.Module):
             ripple = self.observer.correct(ripple, omega, period)
         if self.least_squares is not None and fit is not None:
             fit = fit._replace(first_omega=jnp.where(started, fit.first_omega, omega))
-            fit = self.least_squares.update(fit, omega, products, factors)
+            regressors = products if thrust is None else jnp.concatenate([products, thrust])
+            fit = self.least_squares.update(fit, omega, regressors, factors)
             errors, old = fit.estimate, memory.belief
-            of_errors = factors + errors[2:]
+            of_errors = factors + errors[2:8]
             belief = jax.lax.cond(
                 fit.samples == 0, lambda: self._belief(of_errors, c, lean), lambda: old
             )
@@ -171,7 +179,7 @@ class ThirdAxisEstimator(eqx.Module):
         self,
         omega: Float[Array, "3"],
         ripple: PyTree,
-        errors: Float[Array, "8"],
+        errors: Float[Array, " n"],
         factors: Float[Array, "6"],
         lean: Float[Array, "2"],
         belief: Belief,
@@ -189,7 +197,7 @@ class ThirdAxisEstimator(eqx.Module):
             belief.axes,
             known.rate_ripple,
             known.turn_ripple,
-            factors + errors[2:],
+            factors + errors[2:8],
             belief.turn,
             orbit_rate,
             rest,

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.coasting import ENOUGH, NEAR_AIM, Coast, Hold
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.leaks import USED
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.oscillatory import MorinSamson, Oscillation, Oscillator, Slow
 from jaxsat.control.rate_tracking import clipped
@@ -190,7 +191,12 @@ class FineStage(eqx.Module):
         return FineMemory(self.oscillator.init(omega), jnp.array(False), hold)
 
     def step(
-        self, clock: RealScalar, state: NormalState, third: ThirdAxis, memory: FineMemory
+        self,
+        clock: RealScalar,
+        state: NormalState,
+        third: ThirdAxis,
+        memory: FineMemory,
+        push: Float[Array, "2"] | None = None,
     ) -> tuple[Float[Array, "2"], Float[Array, "2"], FineMemory]:
         """The torque about x and y, not yet limited (N m), the rates asked for (rad/s), and the
         next memory."""
@@ -198,12 +204,17 @@ class FineStage(eqx.Module):
         if self.fade_lean:
             third = third._replace(lean=third.lean * jnp.maximum(0.0, 1 - tilt.size**2))
         slow = self.oscillator.slow(clock, tilt, third, memory.oscillation)
+        if push is not None:
+            drift = third.drift - jnp.clip(third.drift, -push[1], push[0])
+            third = third._replace(drift=drift)
         most = third.coupling * self.holding_amplitude**2 / 2
         sure = SURE_SHARE * most
         along = jnp.abs(third.drift)
         if memory.hold is not None:
             along = jnp.sign(slow.rate) * third.drift
         deceleration = jnp.maximum(sure - along, LEAST_SHARE * most)
+        if push is not None:
+            deceleration = jnp.maximum(deceleration, USED * jnp.min(push))
         excess = state.omega - third.rest
         coast, hold = None, memory.hold
         if hold is not None:
@@ -221,6 +232,9 @@ class FineStage(eqx.Module):
             third_late = third._replace(drift=jnp.where(coast.drifts, 0.0, third.drift))
 
         # Choosing what is small lets the two share the rest, roots and quotients above all.
+        if push is not None:
+            alone = jnp.min(push) > 0
+            slow_late = Slow(*(jnp.where(alone, 0.0, x) for x in slow_late))
         quiet_request = quiet.request(slow_late, third_late)
         asked = choose(late, quiet_request, early.request(slow, third, aim))
         wanted = asked.granted(third.axes)
