@@ -167,7 +167,7 @@ class FaultTolerant(AbstractSampledController):
             fit = settling.estimator.fit
             leaking = jax.lax.cond(
                 (left == Left.PLANE) & (fit.samples == 0),
-                lambda: leaks.found(fit.estimate[8:], limit, leaking),
+                lambda: leaks.found(fit, limit, leaking),
                 lambda: leaking,
             )
             torque = jnp.where(left == Left.PLANE, directions @ command, torque)
@@ -182,7 +182,7 @@ class FaultTolerant(AbstractSampledController):
         duty = jnp.where(three, whole, duty)
         if self.settling is not None:
             pushed, leaking = leaks.push(
-                fit.estimate[8:], settling.push, duty, limit, period, leaking
+                fit, settling.push, duty, limit, period, leaking
             )
             duty = jnp.where(left == Left.PLANE, pushed, duty)
         damping = jnp.where(condition.failed, 0.0, self._damping(state))

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 from jaxsat.checks import as_array, as_float
 from jaxsat.control.bounded_duties import BoundedDuties
 from jaxsat.control.normal_form import NormalForm
-from jaxsat.control.least_squares import RecursiveLeastSquares
+from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.oscillatory import Slow
 
 if TYPE_CHECKING:
@@ -29,6 +29,9 @@ PRIOR_LEAK = 0.03
 
 ACROSS = 0.05
 """Of a thruster's torque: one that makes more across the plane is not of the plane."""
+
+SURE_LEAK, SURE_SIGMAS = 1e-3, 4.0
+"""A sum of leaks counts that exceeds this part of the torques, and so many standard deviations."""
 
 LEAST_PUSH = 20.0
 """The least acceleration about n that counts, over what the oscillation of a hold makes."""
@@ -126,14 +129,21 @@ class Leaks(eqx.Module):
         """After a period in which the thrusters had these on-times (s)."""
         return Aid(self.basis @ on_time, memory.drift, memory.push)
 
+    def believed(self, fit: Fit) -> Float[Array, " k"]:
+        """Leaks of the combinations that stand out of the noise, parts of their torque."""
+        leaks, variance = fit.estimate[8:], jnp.diagonal(fit.covariance.matrix)[8:]
+        sure = (leaks**2 > SURE_SIGMAS**2 * variance) & (jnp.abs(leaks) > SURE_LEAK)
+        return jnp.where(sure, leaks, 0.0)
+
     def found(
-        self, leaks: Float[Array, " k"], limit: Float[Array, " m"], memory: LeakMemory
+        self, fit: Fit, limit: Float[Array, " m"], memory: LeakMemory
     ) -> LeakMemory:
         """With the duties that fitted `leaks` allow, of thrusters up to a `limit`.
 
         Thrusters out of the plane, whose pulses are large, are used for a sign that those of the
         plane do not make.
         """
+        leaks, covariance = self.believed(fit), fit.covariance.matrix[8:, 8:]
         about = self.inertia * (leaks @ self.basis)
         columns = jnp.concatenate([self.plane, about[None]])
         size = jnp.sqrt(jnp.sum(columns**2, axis=0))
@@ -146,6 +156,11 @@ class Leaks(eqx.Module):
                 jnp.where(self.flat | (way >= 2), limit, 0.0), jnp.stack([0 * most, 0 * most, wanted])
             )
             push = jnp.abs(jnp.sum(about * duty)) / self.inertia
+            made = self.basis @ duty
+            variance = jnp.sum(made * (covariance @ made))
+            floor = SURE_LEAK * jnp.sum(size * duty) / self.inertia
+            sure = (push**2 > SURE_SIGMAS**2 * variance) & (push > floor)
+            push = jnp.where(sure, push, 0.0)
             better = (way < 2) | (found[1][way % 2] < self.least)
             return (
                 found[0].at[way % 2].set(jnp.where(better, duty, found[0][way % 2])),
@@ -153,11 +168,13 @@ class Leaks(eqx.Module):
             )
 
         duty, push = jax.lax.fori_loop(0, 4, one, (memory.duty, memory.push))
-        return memory._replace(duty=duty, push=jnp.where(push > self.least, push, 0.0))
+        push = jnp.where(push > self.least, push, 0.0)
+        alone = (jnp.min(push) <= 0) & jnp.any((duty > 0) & ~self.flat, axis=1)
+        return memory._replace(duty=duty, push=jnp.where(alone, 0.0, push))
 
     def push(
         self,
-        leaks: Float[Array, " k"],
+        fit: Fit,
         wanted: RealScalar,
         duty: Float[Array, " m"],
         limit: Float[Array, " m"],
@@ -166,7 +183,7 @@ class Leaks(eqx.Module):
     ) -> tuple[Float[Array, " m"], LeakMemory]:
         """Duties with those that make the `wanted` acceleration (rad/s²) about n, in whole pulses
         of all thrusters of a combination at once."""
-        leaking = jnp.sum(leaks * (self.basis @ (limit * duty)))
+        leaking = jnp.sum(self.believed(fit) * (self.basis @ (limit * duty)))
         share = period / (self.averaged + period)
         owed = memory.owed + wanted * period
         way = jnp.where(owed < 0, 0, 1)
