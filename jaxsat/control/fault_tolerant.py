@@ -161,7 +161,7 @@ class FaultTolerant(AbstractSampledController):
             begun = law.init(state)
             settling = choose(begins, begun, settling)
             leaking = choose(begins, LeakMemory.none(thrusters.count), leaking)
-            aid = leaks.aid(leaking, condition.part * memory.on_time)
+            aid = leaks.aid(leaking, condition.part * memory.on_time, settling.fine.late)
             given = jnp.zeros_like(settling.phase)
             command, settling = law.in_phase(state, settling, given, aid)
             fit = settling.estimator.fit

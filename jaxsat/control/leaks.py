@@ -125,9 +125,15 @@ class Leaks(eqx.Module):
         least = LEAST_PUSH * most
         return Leaks(basis, plane, as_array(flat), inertia, least, averaged, pulse), law
 
-    def aid(self, memory: LeakMemory, on_time: Float[Array, " m"]) -> Aid:
-        """After a period in which the thrusters had these on-times (s)."""
-        return Aid(self.basis @ on_time, memory.drift, memory.push)
+    def aid(self, memory: LeakMemory, on_time: Float[Array, " m"], holds: Bool[Array, ""]) -> Aid:
+        """After a period in which the thrusters had these on-times (s).
+
+        Where the law `holds` and cannot push, the mean of all that acts about n is what it needs
+        to know, and a constant torque must not be taken for leaks: nothing is told of the thrust.
+        """
+        untold = holds & (jnp.max(memory.push) <= 0)
+        thrust = jnp.where(untold, 0.0, self.basis @ on_time)
+        return Aid(thrust, jnp.where(untold, 0.0, memory.drift), memory.push)
 
     def believed(self, fit: Fit) -> Float[Array, " k"]:
         """Leaks of the combinations that stand out of the noise, parts of their torque."""

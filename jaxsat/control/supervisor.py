@@ -131,8 +131,6 @@ class ThreeSlewSettling(AbstractSampledController):
         third, estimator = self.estimator.update(
             seen.omega, memory.estimator, self.period, None if aid is None else aid.thrust
         )
-        if aid is not None:
-            third = third._replace(drift=third.drift + aid.drift)
         seen = seen.relative_to(third.turn)
         slewing = self.planner.advance(t, seen, memory.slewing, self.period)
         chosen = self._phase(t, memory, seen, third, slewing)
@@ -148,13 +146,13 @@ class ThreeSlewSettling(AbstractSampledController):
 
         signs = self.rate_law.signs(third, seen.omega, signs)
         tracking = self.rate_law.tracking(third, seen.omega, signs)
-        push = None if aid is None else aid.push
-        fine_torque, fine_reference, fine = self.fine.step(t - since, seen, third, fine, push)
-        if push is not None:
+        fine_torque, fine_reference, fine = self.fine.step(t - since, seen, third, fine, aid)
+        push = None
+        if aid is not None:
             slow = self.fine.oscillator.slow(t - since, tilt_of(seen.attitude), third, fine.oscillation)
             fine_works = phase == Phase.OSCILLATING
             slow = choose(fine_works, slow, Slow(third.rate, jnp.zeros_like(third.rate)))
-            push = wanted_push(slow, third.drift, push)
+            push = wanted_push(slow, third.drift + aid.drift, aid.push)
         torque = _by_phase(
             phase,
             self.rate_law.torque(seen.omega, tracking),
