@@ -181,9 +181,7 @@ class FaultTolerant(AbstractSampledController):
         owed = period * (thrusters.torque @ (limit * (duty - whole)))
         duty = jnp.where(three, whole, duty)
         if self.settling is not None:
-            pushed, leaking = leaks.push(
-                fit, settling.push, duty, limit, period, leaking
-            )
+            pushed, leaking = leaks.push(fit, settling.push, duty, limit, period, leaking)
             duty = jnp.where(left == Left.PLANE, pushed, duty)
         damping = jnp.where(condition.failed, 0.0, self._damping(state))
         duty = jnp.where(left == Left.LESS, damping, duty)

@@ -121,8 +121,13 @@ def _plane_axes(
 
 
 def _law(
-    values: Mapping[str, Any], context: LawContext, axes: np.ndarray, limit: float, steps: Steps,
-    torque: Float[np.ndarray, "3 m"], failed: tuple[int, ...],
+    values: Mapping[str, Any],
+    context: LawContext,
+    axes: np.ndarray,
+    limit: float,
+    steps: Steps,
+    torque: Float[np.ndarray, "3 m"],
+    failed: tuple[int, ...],
 ) -> tuple[ThreeSlewSettling, np.ndarray, Leaks] | None:
     """The law of three slews about two axes, and those about which it commands."""
     table = {

@@ -15,7 +15,6 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_array, as_float
 from jaxsat.control.bounded_duties import BoundedDuties
-from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.oscillatory import Slow
 
@@ -141,9 +140,7 @@ class Leaks(eqx.Module):
         sure = (leaks**2 > SURE_SIGMAS**2 * variance) & (jnp.abs(leaks) > SURE_LEAK)
         return jnp.where(sure, leaks, 0.0)
 
-    def found(
-        self, fit: Fit, limit: Float[Array, " m"], memory: LeakMemory
-    ) -> LeakMemory:
+    def found(self, fit: Fit, limit: Float[Array, " m"], memory: LeakMemory) -> LeakMemory:
         """With the duties that fitted `leaks` allow, of thrusters up to a `limit`.
 
         Thrusters out of the plane, whose pulses are large, are used for a sign that those of the
@@ -159,7 +156,8 @@ class Leaks(eqx.Module):
         def one(way, found):
             wanted = most * jnp.where(way % 2 == 0, -1.0, 1.0)
             duty = duties(
-                jnp.where(self.flat | (way >= 2), limit, 0.0), jnp.stack([0 * most, 0 * most, wanted])
+                jnp.where(self.flat | (way >= 2), limit, 0.0),
+                jnp.stack([0 * most, 0 * most, wanted]),
             )
             push = jnp.abs(jnp.sum(about * duty)) / self.inertia
             made = self.basis @ duty
@@ -196,7 +194,9 @@ class Leaks(eqx.Module):
         most, extra = memory.push[way] * period, memory.duty[way]
         owed = jnp.clip(owed, -memory.push[0] * period, memory.push[1] * period)
         part = jnp.abs(owed) / jnp.where(most > 0, most, 1.0)
-        fires = (part * period * jnp.max(extra) >= jnp.max(jnp.where(extra > 0, self.pulse, 0.0))) & (most > 0)
+        fires = (
+            part * period * jnp.max(extra) >= jnp.max(jnp.where(extra > 0, self.pulse, 0.0))
+        ) & (most > 0)
         part = jnp.where(fires, part, 0.0)
         return jnp.minimum(duty + part * extra, 1.0), memory._replace(
             owed=jnp.where(fires, 0.0, owed),
@@ -204,9 +204,7 @@ class Leaks(eqx.Module):
         )
 
 
-def wanted_push(
-    slow: Slow, drift: RealScalar, push: Float[Array, "2"]
-) -> RealScalar:
+def wanted_push(slow: Slow, drift: RealScalar, push: Float[Array, "2"]) -> RealScalar:
     """The acceleration (rad/s²) about n that the control of the turn asks for.
 
     Critically damped; `drift` (rad/s²) is made up for. With one sign alone it is no more than that.

@@ -23,7 +23,7 @@ class Fit(NamedTuple):
     estimate: Float[Array, " n"]
     covariance: Symmetric
     first_omega: Float[Array, "3"]
-    products: Float[Array, " n-2"]
+    products: Float[Array, " p"]
     samples: Int[Array, ""]
 
 
@@ -65,7 +65,7 @@ class RecursiveLeastSquares(eqx.Module):
         self,
         fit: Fit,
         omega: Float[Array, "3"],
-        products: Float[Array, " n-2"],
+        products: Float[Array, " p"],
         factors: Float[Array, "6"],
     ) -> Fit:
         """One sample more; `products` are the six integrals since the last sample.
@@ -84,7 +84,9 @@ class RecursiveLeastSquares(eqx.Module):
         covariance = fit.covariance.matrix
         projected = jnp.sum(covariance * regressor[None, :], axis=1)
         inverse = reciprocal(self.noise**2 + jnp.sum(regressor * projected))
-        residual = change[2] - jnp.sum(factors * fit.products[:6]) - jnp.sum(regressor * fit.estimate)
+        residual = (
+            change[2] - jnp.sum(factors * fit.products[:6]) - jnp.sum(regressor * fit.estimate)
+        )
         return Fit(
             fit.estimate + projected * (inverse * residual),
             Symmetric(covariance - inverse * (projected[:, None] * projected[None, :])),

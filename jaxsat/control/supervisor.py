@@ -149,7 +149,9 @@ class ThreeSlewSettling(AbstractSampledController):
         fine_torque, fine_reference, fine = self.fine.step(t - since, seen, third, fine, aid)
         push = None
         if aid is not None:
-            slow = self.fine.oscillator.slow(t - since, tilt_of(seen.attitude), third, fine.oscillation)
+            slow = self.fine.oscillator.slow(
+                t - since, tilt_of(seen.attitude), third, fine.oscillation
+            )
             fine_works = phase == Phase.OSCILLATING
             slow = choose(fine_works, slow, Slow(third.rate, jnp.zeros_like(third.rate)))
             push = wanted_push(slow, third.drift + aid.drift, aid.push)
