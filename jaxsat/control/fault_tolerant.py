@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.leaks import LeakMemory, Leaks
+from jaxsat.control.least_squares import Fit
 from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
 from jaxsat.control.reconfiguration import Ability, Left, Reconfiguration
@@ -157,6 +158,7 @@ class FaultTolerant(AbstractSampledController):
         if self.settling is not None:
             changed = (number != memory.ability.number) | (left != memory.ability.left)
             begins = (left == Left.PLANE) & changed
+            settling = cast(SettlingMemory, settling)
             law, directions, leaks = self.settling.at(number)
             begun = law.init(state)
             settling = choose(begins, begun, settling)
@@ -164,7 +166,7 @@ class FaultTolerant(AbstractSampledController):
             aid = leaks.aid(leaking, condition.part * memory.on_time, settling.fine.late)
             given = jnp.zeros_like(settling.phase)
             command, settling = law.in_phase(state, settling, given, aid)
-            fit = settling.estimator.fit
+            fit = cast(Fit, settling.estimator.fit)
             leaking = jax.lax.cond(
                 (left == Left.PLANE) & (fit.samples == 0),
                 lambda: leaks.found(fit, limit, leaking),
@@ -180,8 +182,10 @@ class FaultTolerant(AbstractSampledController):
         whole = self.rounding(limit, duty, period)
         owed = period * (thrusters.torque @ (limit * (duty - whole)))
         duty = jnp.where(three, whole, duty)
-        if self.settling is not None:
-            pushed, leaking = leaks.push(fit, settling.push, duty, limit, period, leaking)
+        if self.settling is not None and settling is not None:
+            leaks, fit = self.settling.at(number)[2], cast(Fit, settling.estimator.fit)
+            wanted = cast(RealScalar, settling.push)
+            pushed, leaking = leaks.push(fit, wanted, duty, limit, period, leaking)
             duty = jnp.where(left == Left.PLANE, pushed, duty)
         damping = jnp.where(condition.failed, 0.0, self._damping(state))
         duty = jnp.where(left == Left.LESS, damping, duty)

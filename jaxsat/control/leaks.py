@@ -149,7 +149,9 @@ class Leaks(eqx.Module):
         leaks, covariance = self.believed(fit), fit.covariance.matrix[8:, 8:]
         about = self.inertia * (leaks @ self.basis)
         columns = jnp.concatenate([self.plane, about[None]])
-        size = jnp.sqrt(jnp.sum(columns**2, axis=0))
+        square = jnp.sum(columns**2, axis=0)
+        limit = jnp.where(square > 0, limit, 0.0)
+        size = jnp.sqrt(jnp.where(square > 0, square, 1.0))
         duties = BoundedDuties(columns / size[None], size, jnp.ones_like(size))
         most = jnp.sum(jnp.abs(about) * limit)
 
@@ -173,7 +175,7 @@ class Leaks(eqx.Module):
 
         duty, push = jax.lax.fori_loop(0, 4, one, (memory.duty, memory.push))
         push = jnp.where(push > self.least, push, 0.0)
-        alone = (jnp.min(push) <= 0) & jnp.any((duty > 0) & ~self.flat, axis=1)
+        alone = (jnp.min(push) <= 0) & jnp.any((duty > 0) & ~self.flat[None], axis=1)
         return memory._replace(duty=duty, push=jnp.where(alone, 0.0, push))
 
     def push(
