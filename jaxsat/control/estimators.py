@@ -131,10 +131,12 @@ class ThirdAxisEstimator(eqx.Module):
         memory: EstimatorMemory,
         period: RealScalar,
         attitude: Quaternion | None = None,
+        thrust: Float[Array, " k"] | None = None,
     ) -> tuple[ThirdAxis, EstimatorMemory]:
         """One sample: what to believe now of (p1, p2, s), and the next memory; `period` in s.
 
-        `attitude` is that of `NormalState`; gravity gradient is left out without it.
+        `attitude` is that of `NormalState`; gravity gradient is left out without it. `thrust` is
+        what the fit has regressors of beside its eight.
         """
         c, lean, started = self.form.coupling, self.form.lean, memory.started
         factors = self.form.other_products.at[0].add(c)
@@ -147,8 +149,8 @@ class ThirdAxisEstimator(eqx.Module):
         errors = jnp.zeros(8, omega.dtype) if memory.fit is None else memory.fit.estimate
         ripple, fit = memory.ripple, memory.fit
         if self.observer is not None:
-            known = jnp.concatenate([(omega - last)[:2], products])
-            change = jnp.sum(factors * products) + jnp.sum(known * errors)
+            known = [(omega - last)[:2], products, *([] if thrust is None else [thrust])]
+            change = jnp.sum(factors * products) + jnp.sum(jnp.concatenate(known) * errors)
             # By the period, not the span: sine and cosine are then the same for all cases.
             advanced = self.observer.advance(ripple, omega, change, period)
             first = self.observer.init(omega[2])
@@ -156,9 +158,10 @@ class ThirdAxisEstimator(eqx.Module):
             ripple = self.observer.correct(ripple, omega, period)
         if self.least_squares is not None and fit is not None:
             fit = fit._replace(first_omega=jnp.where(started, fit.first_omega, omega))
-            fit = self.least_squares.update(fit, omega, products, factors)
+            regressors = products if thrust is None else jnp.concatenate([products, thrust])
+            fit = self.least_squares.update(fit, omega, regressors, factors)
             errors, old = fit.estimate, memory.belief
-            of_errors = factors + errors[2:]
+            of_errors = factors + errors[2:8]
             belief = jax.lax.cond(
                 fit.samples == 0, lambda: self._belief(of_errors, c, lean), lambda: old
             )
@@ -190,7 +193,7 @@ class ThirdAxisEstimator(eqx.Module):
         self,
         omega: Float[Array, "3"],
         ripple: PyTree,
-        errors: Float[Array, "8"],
+        errors: Float[Array, " n"],
         factors: Float[Array, "6"],
         lean: Float[Array, "2"],
         belief: Belief,
@@ -208,7 +211,7 @@ class ThirdAxisEstimator(eqx.Module):
             belief.axes,
             known.rate_ripple,
             known.turn_ripple,
-            factors + errors[2:],
+            factors + errors[2:8],
             belief.turn,
             orbit_rate,
             rest,

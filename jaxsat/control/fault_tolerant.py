@@ -9,6 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.checks import as_float, require_positive
+from jaxsat.control.leaks import LeakMemory, Leaks
+from jaxsat.control.least_squares import Fit
 from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
 from jaxsat.control.reconfiguration import Ability, Left, Reconfiguration
@@ -60,6 +62,7 @@ class TolerantMemory(NamedTuple):
     diagnosis: DiagnosisMemory
     healthy: QuaternionFeedbackMemory
     settling: SettlingMemory | None
+    leaking: LeakMemory
     modulation: PyTree
     on_time: Float[Array, " m"]
     spill: Float[Array, " m"]
@@ -79,11 +82,13 @@ class SettlingLaws(eqx.Module):
     laws: ThreeSlewSettling
     of_set: Int[Array, " sets"]
     directions: Float[Array, "laws 3 2"] = eqx.field(converter=as_float)
+    leaks: Leaks
 
-    def at(self, number: Int[Array, ""]) -> tuple[ThreeSlewSettling, Float[Array, "3 2"]]:
+    def at(self, number: Int[Array, ""]) -> tuple[ThreeSlewSettling, Float[Array, "3 2"], Leaks]:
         """The law of a failed set, and its directions."""
         place = self.of_set[number]
-        return jax.tree.map(lambda x: x[place], self.laws), self.directions[place]
+        law, leaks = jax.tree.map(lambda x: x[place], (self.laws, self.leaks))
+        return law, self.directions[place], leaks
 
 
 class FaultTolerant(AbstractSampledController):
@@ -124,6 +129,7 @@ class FaultTolerant(AbstractSampledController):
             self.diagnosis.init(state.omega),
             self.healthy.init(state),
             None if self.settling is None else self.settling.at(jnp.array(0))[0].init(state),
+            LeakMemory.none(thrusters.count),
             thrusters.modulation.init(thrusters.count),
             zero,
             zero,
@@ -148,14 +154,24 @@ class FaultTolerant(AbstractSampledController):
         besides = cast(ResidualFilter, self.diagnosis.filter).believed(condition, period)
         steady = -(thrusters.torque @ condition.flow + besides)
         torque, healthy = self.healthy.step(t, state, memory.healthy)
-        settling = memory.settling
+        settling, leaking = memory.settling, memory.leaking
         if self.settling is not None:
             changed = (number != memory.ability.number) | (left != memory.ability.left)
             begins = (left == Left.PLANE) & changed
-            law, directions = self.settling.at(number)
+            settling = cast(SettlingMemory, settling)
+            law, directions, leaks = self.settling.at(number)
             begun = law.init(state)
             settling = choose(begins, begun, settling)
-            command, settling = law.step(t, state, settling)
+            leaking = choose(begins, LeakMemory.none(thrusters.count), leaking)
+            aid = leaks.aid(leaking, condition.part * memory.on_time, settling.fine.late)
+            given = jnp.zeros_like(settling.phase)
+            command, settling = law.in_phase(state, settling, given, aid)
+            fit = cast(Fit, settling.estimator.fit)
+            leaking = jax.lax.cond(
+                (left == Left.PLANE) & (fit.samples == 0),
+                lambda: leaks.found(fit, limit, leaking),
+                lambda: leaking,
+            )
             torque = jnp.where(left == Left.PLANE, directions @ command, torque)
             to_oppose = self.reconfiguration.beside_plane(limit, steady, directions)
             steady = jnp.where(left == Left.PLANE, to_oppose, steady)
@@ -166,6 +182,11 @@ class FaultTolerant(AbstractSampledController):
         whole = self.rounding(limit, duty, period)
         owed = period * (thrusters.torque @ (limit * (duty - whole)))
         duty = jnp.where(three, whole, duty)
+        if self.settling is not None and settling is not None:
+            leaks, fit = self.settling.at(number)[2], cast(Fit, settling.estimator.fit)
+            wanted = cast(RealScalar, settling.push)
+            pushed, leaking = leaks.push(fit, wanted, duty, limit, period, leaking)
+            duty = jnp.where(left == Left.PLANE, pushed, duty)
         damping = jnp.where(condition.failed, 0.0, self._damping(state))
         duty = jnp.where(left == Left.LESS, damping, duty)
         probe = memory.probe + period
@@ -180,6 +201,7 @@ class FaultTolerant(AbstractSampledController):
             diagnosis,
             healthy,
             settling,
+            leaking,
             modulation,
             memory.spill + on_time,
             spill,

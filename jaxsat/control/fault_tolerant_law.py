@@ -12,6 +12,7 @@ from jaxsat.allocation import torque_directions
 from jaxsat.checks import as_array
 from jaxsat.control.context import LawContext, ThrusterContext, UnsuitableModel
 from jaxsat.control.fault_tolerant import FaultTolerant, SettlingLaws
+from jaxsat.control.leaks import Leaks
 from jaxsat.control.presets import coasting
 from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
@@ -86,16 +87,16 @@ def _settling(
 ) -> tuple[tuple[FailedSet, ...], SettlingLaws | None]:
     """The sets, and the laws of those that leave a plane; None where no set does."""
     places: dict[tuple, int | None] = {}
-    laws: list[tuple[ThreeSlewSettling, np.ndarray]] = []
+    laws: list[tuple[ThreeSlewSettling, np.ndarray, Leaks]] = []
     of_set, known = [], []
     for one in sets:
         place = None
         if one.directions is not None:
             axes = _plane_axes(context, one.directions)
             limit = limit_about(np.delete(torque, one.failed, axis=1), axes)
-            key = (*np.round(axes, DIGITS).ravel().tolist(), round(limit, DIGITS))
+            key = (one.failed, *np.round(axes, DIGITS).ravel().tolist(), round(limit, DIGITS))
             if key not in places:
-                law = _law(values, context, axes, limit, steps)
+                law = _law(values, context, axes, limit, steps, torque, one.failed)
                 places[key] = None if law is None else len(laws)
                 laws += [] if law is None else [law]
             place = places[key]
@@ -105,9 +106,10 @@ def _settling(
         of_set.append(place or 0)
     if not laws:
         return tuple(known), None
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(law for law, _ in laws))
-    directions = np.stack([directions for _, directions in laws])
-    return tuple(known), SettlingLaws(stacked, as_array(np.array(of_set)), directions)
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(law for law, _, _ in laws))
+    directions = np.stack([directions for _, directions, _ in laws])
+    leaks = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(leaks for _, _, leaks in laws))
+    return tuple(known), SettlingLaws(stacked, as_array(np.array(of_set)), directions, leaks)
 
 
 def _plane_axes(
@@ -119,8 +121,14 @@ def _plane_axes(
 
 
 def _law(
-    values: Mapping[str, Any], context: LawContext, axes: np.ndarray, limit: float, steps: Steps
-) -> tuple[ThreeSlewSettling, np.ndarray] | None:
+    values: Mapping[str, Any],
+    context: LawContext,
+    axes: np.ndarray,
+    limit: float,
+    steps: Steps,
+    torque: Float[np.ndarray, "3 m"],
+    failed: tuple[int, ...],
+) -> tuple[ThreeSlewSettling, np.ndarray, Leaks] | None:
     """The law of three slews about two axes, and those about which it commands."""
     table = {
         "period_s": values["period_s"],
@@ -134,4 +142,7 @@ def _law(
         law = build_three_slew(table, own)
     except UnsuitableModel:
         return None
-    return coasting(law, steps.pulse, steps.noise), torque_directions(axes)
+    law = coasting(law, steps.pulse, steps.noise)
+    least = np.asarray(cast(ThrusterContext, context.thrusters).pulse)
+    leaks, law = Leaks.of(law, torque, failed, least)
+    return law, torque_directions(axes), leaks

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.checks import as_float, require_positive
 from jaxsat.control.coasting import ENOUGH, NEAR_AIM, Coast, Hold
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.leaks import USED, Aid
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.oscillatory import MorinSamson, Oscillation, Oscillator, Slow
 from jaxsat.control.rate_tracking import clipped
@@ -190,7 +191,12 @@ class FineStage(eqx.Module):
         return FineMemory(self.oscillator.init(omega), jnp.array(False), hold)
 
     def step(
-        self, clock: RealScalar, state: NormalState, third: ThirdAxis, memory: FineMemory
+        self,
+        clock: RealScalar,
+        state: NormalState,
+        third: ThirdAxis,
+        memory: FineMemory,
+        aid: Aid | None = None,
     ) -> tuple[Float[Array, "2"], Float[Array, "2"], FineMemory]:
         """The torque about x and y, not yet limited (N m), the rates asked for (rad/s), and the
         next memory."""
@@ -198,16 +204,24 @@ class FineStage(eqx.Module):
         if self.fade_lean:
             third = third._replace(lean=third.lean * jnp.maximum(0.0, 1 - tilt.size**2))
         slow = self.oscillator.slow(clock, tilt, third, memory.oscillation)
+        lasting = third.drift
+        if aid is not None:
+            lasting, drift = (
+                x - jnp.clip(x, -aid.push[1], aid.push[0]) for x in (lasting, lasting + aid.drift)
+            )
+            third = third._replace(drift=drift)
         most = third.coupling * self.holding_amplitude**2 / 2
         sure = SURE_SHARE * most
         along = jnp.abs(third.drift)
         if memory.hold is not None:
             along = jnp.sign(slow.rate) * third.drift
         deceleration = jnp.maximum(sure - along, LEAST_SHARE * most)
+        if aid is not None:
+            deceleration = jnp.maximum(deceleration, USED * jnp.min(aid.push))
         excess = state.omega - third.rest
         coast, hold = None, memory.hold
         if hold is not None:
-            coast = Coast.of(hold, clock, self.oscillator.frequency, third.drift, sure)
+            coast = Coast.of(hold, clock, self.oscillator.frequency, lasting, sure)
         late = self.handover(
             memory.late, tilt, slow, excess, deceleration, third.turn[2], coast, clock
         )
@@ -221,6 +235,9 @@ class FineStage(eqx.Module):
             third_late = third._replace(drift=jnp.where(coast.drifts, 0.0, third.drift))
 
         # Choosing what is small lets the two share the rest, roots and quotients above all.
+        if aid is not None:
+            alone = jnp.min(aid.push) > 0
+            slow_late = Slow(*(jnp.where(alone, 0.0, x) for x in slow_late))
         quiet_request = quiet.request(slow_late, third_late)
         asked = choose(late, quiet_request, early.request(slow, third, aim))
         wanted = asked.granted(third.axes)

@@ -20,10 +20,10 @@ PRIOR = (0.03, 0.03, 0.08, 0.03, 0.03, 0.03, 0.003, 0.003)
 class Fit(NamedTuple):
     """Estimate (ε1, ε2, and six of Q), its covariance, and the sums of the present interval."""
 
-    estimate: Float[Array, "8"]
+    estimate: Float[Array, " n"]
     covariance: Symmetric
     first_omega: Float[Array, "3"]
-    products: Float[Array, "6"]
+    products: Float[Array, " p"]
     samples: Int[Array, ""]
 
 
@@ -41,8 +41,9 @@ class RecursiveLeastSquares(eqx.Module):
     """
 
     noise: RealScalar = eqx.field(converter=as_float)
-    prior: Float[Array, "8"] = eqx.field(converter=as_float, default=PRIOR)
+    prior: Float[Array, " n"] = eqx.field(converter=as_float, default=PRIOR)
     samples: int = eqx.field(static=True, default=10)
+    mean: Float[Array, " n"] | None = None
 
     def __check_init__(self):
         require_positive("prior", self.prior)
@@ -53,10 +54,10 @@ class RecursiveLeastSquares(eqx.Module):
     def init(self, omega: Float[Array, "3"]) -> Fit:
         """No error known yet."""
         return Fit(
-            jnp.zeros(8, omega.dtype),
+            jnp.zeros_like(self.prior) if self.mean is None else self.mean,
             Symmetric(jnp.diag(self.prior**2).astype(omega.dtype)),
             omega,
-            jnp.zeros(6, omega.dtype),
+            jnp.zeros_like(self.prior[2:]),
             jnp.array(-1),  # the first sample only begins the first interval
         )
 
@@ -64,7 +65,7 @@ class RecursiveLeastSquares(eqx.Module):
         self,
         fit: Fit,
         omega: Float[Array, "3"],
-        products: Float[Array, "6"],
+        products: Float[Array, " p"],
         factors: Float[Array, "6"],
     ) -> Fit:
         """One sample more; `products` are the six integrals since the last sample.
@@ -83,7 +84,9 @@ class RecursiveLeastSquares(eqx.Module):
         covariance = fit.covariance.matrix
         projected = jnp.sum(covariance * regressor[None, :], axis=1)
         inverse = reciprocal(self.noise**2 + jnp.sum(regressor * projected))
-        residual = change[2] - jnp.sum(factors * fit.products) - jnp.sum(regressor * fit.estimate)
+        residual = (
+            change[2] - jnp.sum(factors * fit.products[:6]) - jnp.sum(regressor * fit.estimate)
+        )
         return Fit(
             fit.estimate + projected * (inverse * residual),
             Symmetric(covariance - inverse * (projected[:, None] * projected[None, :])),

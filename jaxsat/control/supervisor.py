@@ -11,7 +11,9 @@ from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.fine import FineMemory, FineMode, FineStage
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
+from jaxsat.control.leaks import Aid, wanted_push
 from jaxsat.control.normal_form import NormalForm, NormalState
+from jaxsat.control.oscillatory import Slow
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import Leg, Slewing, SlewPlanner
@@ -48,6 +50,7 @@ class SettlingMemory(NamedTuple):
     estimator: EstimatorMemory
     reference: Float[Array, "2"]
     samples: Int[Array, ""]
+    push: RealScalar | None
 
 
 class ThreeSlewSettling(AbstractSampledController):
@@ -76,6 +79,7 @@ class ThreeSlewSettling(AbstractSampledController):
     patience: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
     slow_rate: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
     late_turn: RealScalar = eqx.field(converter=as_float, default=0.1)
+    aided: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         for name in ("torque_limit", "stopped_rate", "lost_turn", "lost_rate", "period"):
@@ -100,6 +104,7 @@ class ThreeSlewSettling(AbstractSampledController):
             self.estimator.init(omega),
             jnp.zeros(2, omega.dtype),
             jnp.array(0),
+            jnp.zeros_like(omega[0]) if self.aided else None,
         )
 
     def clock(self, memory: SettlingMemory) -> RealScalar:
@@ -114,13 +119,21 @@ class ThreeSlewSettling(AbstractSampledController):
         return self.in_phase(state, memory, jnp.zeros_like(memory.phase))
 
     def in_phase(
-        self, state: PlantState, memory: SettlingMemory, given: Int[Array, ""]
+        self,
+        state: PlantState,
+        memory: SettlingMemory,
+        given: Int[Array, ""],
+        aid: Aid | None = None,
     ) -> tuple[Float[Array, "2"], SettlingMemory]:
         """As `step`, in a phase that is given; 0 where it is chosen."""
         t = self.clock(memory)
         seen = self.form.seen(state)
         third, estimator = self.estimator.update(
-            seen.omega, memory.estimator, self.period, seen.attitude
+            seen.omega,
+            memory.estimator,
+            self.period,
+            seen.attitude,
+            None if aid is None else aid.thrust,
         )
         seen = seen.relative_to(third.turn)
         slewing = self.planner.advance(t, seen, memory.slewing, self.period)
@@ -137,7 +150,15 @@ class ThreeSlewSettling(AbstractSampledController):
 
         signs = self.rate_law.signs(third, seen.omega, signs)
         tracking = self.rate_law.tracking(third, seen.omega, signs)
-        fine_torque, fine_reference, fine = self.fine.step(t - since, seen, third, fine)
+        fine_torque, fine_reference, fine = self.fine.step(t - since, seen, third, fine, aid)
+        push = None
+        if aid is not None:
+            slow = self.fine.oscillator.slow(
+                t - since, tilt_of(seen.attitude), third, fine.oscillation
+            )
+            fine_works = phase == Phase.OSCILLATING
+            slow = choose(fine_works, slow, Slow(third.rate, jnp.zeros_like(third.rate)))
+            push = wanted_push(slow, third.drift + aid.drift, aid.push)
         torque = _by_phase(
             phase,
             self.rate_law.torque(seen.omega, tracking),
@@ -147,7 +168,7 @@ class ThreeSlewSettling(AbstractSampledController):
         slew_reference = self.planner.references(slewing)
         reference = _by_phase(phase, tracking.rate, slew_reference, fine_reference)
         following = SettlingMemory(
-            phase, signs, slewing, fine, since, estimator, reference, memory.samples + 1
+            phase, signs, slewing, fine, since, estimator, reference, memory.samples + 1, push
         )
         return self.form.command(clipped(torque, self.torque_limit)), following
 

@@ -1,0 +1,218 @@
+"""Torque about the normal of a plane of torques, by what the mounting of the thrusters leaks.
+
+Thrusters that together make no torque in the plane make the sum of what each leaks across it. That
+sum is small, but a plane whose sums have either sign is three axes.
+"""
+
+import dataclasses
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.checks import as_array, as_float
+from jaxsat.control.bounded_duties import BoundedDuties
+from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
+from jaxsat.control.oscillatory import Slow
+
+if TYPE_CHECKING:
+    from jaxsat.control.supervisor import ThreeSlewSettling
+
+RealScalar = Float[Array, ""]
+
+PRIOR_LEAK = 0.03
+"""Standard deviation of a leak, over the torque of a thruster."""
+
+ACROSS = 0.05
+"""Of a thruster's torque: one that makes more across the plane is not of the plane."""
+
+SURE_LEAK, SURE_SIGMAS = 1e-3, 4.0
+"""A sum of leaks counts that exceeds this part of the torques, and so many standard deviations."""
+
+LEAST_PUSH = 20.0
+"""The least acceleration about n that counts, over what the oscillation of a hold makes."""
+
+USED = 0.5
+"""Of the acceleration that can be made: what the control of the turn asks for."""
+
+CONTROLLED_TURN = 0.04
+"""rad: where it asks for that."""
+
+
+class Aid(NamedTuple):
+    """What thrusters do about n beside the two torques.
+
+    `thrust` (rad/s) is what they did in the last period, as the leaks are fitted. `drift` (rad/s²)
+    is the mean acceleration by the leaks of what makes the torques in the plane, and `push`
+    (rad/s²) that of which thrusters are capable towards -n and n.
+    """
+
+    thrust: Float[Array, " k"]
+    drift: RealScalar
+    push: Float[Array, "2"]
+
+
+class LeakMemory(NamedTuple):
+    """`duty` (2, m) is that of the most torque towards -n and n, which is `push` (rad/s²) over
+    n·Jn. `owed` (rad/s) is what was asked for and is less than a pulse, `drift` that of `Aid`."""
+
+    duty: Float[Array, "2 m"]
+    push: Float[Array, "2"]
+    owed: RealScalar
+    drift: RealScalar
+
+    @staticmethod
+    def none(count: int) -> "LeakMemory":
+        """Nothing known."""
+        zero = jnp.zeros(count)
+        return LeakMemory(jnp.zeros((2, count)), zero[:2], zero[0], zero[0])
+
+
+class Leaks(eqx.Module):
+    """What the leaks are learnt of, and how they are used.
+
+    The rows of `basis` (k, m) are combinations of thrusters which make no torque in the plane, as
+    acceleration (rad/s²) that all of their torque would make about n. `plane` (2, m) are the
+    torques about x and y (N m), and `flat` (m,) tells which thrusters are of the plane. `inertia`
+    is n·Jn, `least` (rad/s²) the least acceleration that counts, `averaged` (s) the time constant
+    of the mean of `Aid.drift`, `pulse` (s) that of each thruster.
+    """
+
+    basis: Float[Array, "k m"] = eqx.field(converter=as_float)
+    plane: Float[Array, "2 m"] = eqx.field(converter=as_float)
+    flat: Bool[Array, " m"]
+    inertia: RealScalar = eqx.field(converter=as_float)
+    least: RealScalar = eqx.field(converter=as_float)
+    averaged: RealScalar = eqx.field(converter=as_float)
+    pulse: Float[Array, " m"] = eqx.field(converter=as_float)
+
+    @staticmethod
+    def of(
+        law: "ThreeSlewSettling",
+        torque: Float[np.ndarray, "3 m"],
+        failed: tuple[int, ...],
+        pulse: Float[np.ndarray, " m"],
+    ) -> "tuple[Leaks, ThreeSlewSettling]":
+        """Of thrusters with these torques (N m), and the law with a fit of them."""
+        form = law.form
+        axes = np.asarray(form.axes)
+        plane, about = axes[:2] @ torque, axes[2] @ torque
+        inertia = float(np.asarray(form.moments)[2])
+        flat = np.abs(about) < ACROSS * np.sqrt(np.sum(torque**2, axis=0))
+        flat[list(failed)] = False
+        place = np.flatnonzero(flat)
+        _, _, rows = np.linalg.svd(plane[:, place])
+        basis = np.zeros((torque.shape[1] - 2, torque.shape[1]))
+        basis[: len(place) - 2, place] = rows[2:]
+        others = np.flatnonzero(~flat)
+        basis[len(place) - 2 + np.arange(len(others)), others] = 1
+        size = np.sqrt(np.mean(np.sum(torque**2, axis=0))) / inertia
+        basis = basis * size
+        mean = np.zeros(8 + len(basis))
+        mean[8 + len(place) - 2 :] = about[others] / inertia / size
+        fit = cast(RecursiveLeastSquares, law.estimator.least_squares)
+        prior = np.concatenate([np.asarray(fit.prior), np.full(len(basis), PRIOR_LEAK)])
+        fit = dataclasses.replace(fit, prior=prior, mean=as_float(mean))
+        law = dataclasses.replace(
+            law, estimator=dataclasses.replace(law.estimator, least_squares=fit), aided=True
+        )
+        most = float(form.coupling) * float(law.fine.holding_amplitude) ** 2 / 2
+        averaged = 2 * np.pi / float(law.fine.oscillator.frequency)
+        least = LEAST_PUSH * most
+        return Leaks(basis, plane, as_array(flat), inertia, least, averaged, pulse), law
+
+    def aid(self, memory: LeakMemory, on_time: Float[Array, " m"], holds: Bool[Array, ""]) -> Aid:
+        """After a period in which the thrusters had these on-times (s).
+
+        Where the law `holds` and cannot push, the mean of all that acts about n is what it needs
+        to know, and a constant torque must not be taken for leaks: nothing is told of the thrust.
+        """
+        untold = holds & (jnp.max(memory.push) <= 0)
+        thrust = jnp.where(untold, 0.0, self.basis @ on_time)
+        return Aid(thrust, jnp.where(untold, 0.0, memory.drift), memory.push)
+
+    def believed(self, fit: Fit) -> Float[Array, " k"]:
+        """Leaks of the combinations that stand out of the noise, parts of their torque."""
+        leaks, variance = fit.estimate[8:], jnp.diagonal(fit.covariance.matrix)[8:]
+        sure = (leaks**2 > SURE_SIGMAS**2 * variance) & (jnp.abs(leaks) > SURE_LEAK)
+        return jnp.where(sure, leaks, 0.0)
+
+    def found(self, fit: Fit, limit: Float[Array, " m"], memory: LeakMemory) -> LeakMemory:
+        """With the duties that fitted `leaks` allow, of thrusters up to a `limit`.
+
+        Thrusters out of the plane, whose pulses are large, are used for a sign that those of the
+        plane do not make.
+        """
+        leaks, covariance = self.believed(fit), fit.covariance.matrix[8:, 8:]
+        about = self.inertia * (leaks @ self.basis)
+        columns = jnp.concatenate([self.plane, about[None]])
+        square = jnp.sum(columns**2, axis=0)
+        limit = jnp.where(square > 0, limit, 0.0)
+        size = jnp.sqrt(jnp.where(square > 0, square, 1.0))
+        duties = BoundedDuties(columns / size[None], size, jnp.ones_like(size))
+        most = jnp.sum(jnp.abs(about) * limit)
+
+        def one(way, found):
+            wanted = most * jnp.where(way % 2 == 0, -1.0, 1.0)
+            duty = duties(
+                jnp.where(self.flat | (way >= 2), limit, 0.0),
+                jnp.stack([0 * most, 0 * most, wanted]),
+            )
+            push = jnp.abs(jnp.sum(about * duty)) / self.inertia
+            made = self.basis @ duty
+            variance = jnp.sum(made * (covariance @ made))
+            floor = SURE_LEAK * jnp.sum(size * duty) / self.inertia
+            sure = (push**2 > SURE_SIGMAS**2 * variance) & (push > floor)
+            push = jnp.where(sure, push, 0.0)
+            better = (way < 2) | (found[1][way % 2] < self.least)
+            return (
+                found[0].at[way % 2].set(jnp.where(better, duty, found[0][way % 2])),
+                found[1].at[way % 2].set(jnp.where(better, push, found[1][way % 2])),
+            )
+
+        duty, push = jax.lax.fori_loop(0, 4, one, (memory.duty, memory.push))
+        push = jnp.where(push > self.least, push, 0.0)
+        alone = (jnp.min(push) <= 0) & jnp.any((duty > 0) & ~self.flat[None], axis=1)
+        return memory._replace(duty=duty, push=jnp.where(alone, 0.0, push))
+
+    def push(
+        self,
+        fit: Fit,
+        wanted: RealScalar,
+        duty: Float[Array, " m"],
+        limit: Float[Array, " m"],
+        period: RealScalar,
+        memory: LeakMemory,
+    ) -> tuple[Float[Array, " m"], LeakMemory]:
+        """Duties with those that make the `wanted` acceleration (rad/s²) about n, in whole pulses
+        of all thrusters of a combination at once."""
+        leaking = jnp.sum(self.believed(fit) * (self.basis @ (limit * duty)))
+        share = period / (self.averaged + period)
+        owed = memory.owed + wanted * period
+        way = jnp.where(owed < 0, 0, 1)
+        most, extra = memory.push[way] * period, memory.duty[way]
+        owed = jnp.clip(owed, -memory.push[0] * period, memory.push[1] * period)
+        part = jnp.abs(owed) / jnp.where(most > 0, most, 1.0)
+        fires = (
+            part * period * jnp.max(extra) >= jnp.max(jnp.where(extra > 0, self.pulse, 0.0))
+        ) & (most > 0)
+        part = jnp.where(fires, part, 0.0)
+        return jnp.minimum(duty + part * extra, 1.0), memory._replace(
+            owed=jnp.where(fires, 0.0, owed),
+            drift=memory.drift + share * (leaking - memory.drift),
+        )
+
+
+def wanted_push(slow: Slow, drift: RealScalar, push: Float[Array, "2"]) -> RealScalar:
+    """The acceleration (rad/s²) about n that the control of the turn asks for.
+
+    Critically damped; `drift` (rad/s²) is made up for. With one sign alone it is no more than that.
+    """
+    least = jnp.min(push)
+    square = USED * least / CONTROLLED_TURN
+    wanted = -square * slow.turn - 2 * jnp.sqrt(square) * slow.rate
+    wanted = jnp.where(least > 0, wanted, 0.0)
+    return jnp.clip(wanted - drift, -push[0], push[1])
