@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.checks import as_array, as_float
-from jaxsat.control.bounded_duties import BoundedDuties
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.oscillatory import Slow
+from jaxsat.vehicle.allocation import LeastPropellant
 
 if TYPE_CHECKING:
     from jaxsat.control.supervisor import ThreeSlewSettling
@@ -152,15 +152,13 @@ class Leaks(eqx.Module):
         square = jnp.sum(columns**2, axis=0)
         limit = jnp.where(square > 0, limit, 0.0)
         size = jnp.sqrt(jnp.where(square > 0, square, 1.0))
-        duties = BoundedDuties(columns / size[None], size, jnp.ones_like(size))
+        duties = LeastPropellant(columns / size[None], size, jnp.ones_like(size), jnp.eye(3))
         most = jnp.sum(jnp.abs(about) * limit)
 
         def one(way, found):
             wanted = most * jnp.where(way % 2 == 0, -1.0, 1.0)
-            duty = duties(
-                jnp.where(self.flat | (way >= 2), limit, 0.0),
-                jnp.stack([0 * most, 0 * most, wanted]),
-            )
+            wanted = jnp.stack([0 * most, 0 * most, wanted])
+            duty, _ = duties(wanted, jnp.where(self.flat | (way >= 2), limit, 0.0))
             push = jnp.abs(jnp.sum(about * duty)) / self.inertia
             made = self.basis @ duty
             variance = jnp.sum(made * (covariance @ made))
