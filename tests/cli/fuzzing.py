@@ -143,7 +143,8 @@ OPTIONS = {
     },
     "bound": {
         "--starts": ("0", "1", "-1", "1.5", "", "1e9"), "--longest": NUMBERS, "--seed": NUMBERS,
-        "--objective": ("time", "effort", "", "x"), "--out": PLACES, "--quiet": None,
+        "--objective": ("time", "effort", "", "x"), "--end": ("settled", "rest", "", "x"),
+        "--out": PLACES, "--quiet": None,
     },
     "front": {
         "--guesses": ("0", "-1", "1.5", "", "1e9"), "--torque-limit": NUMBERS,
@@ -154,7 +155,8 @@ OPTIONS = {
         "--overwrite": None, "--quiet": None,
     },
     "controllability": {
-        "--tolerance": NUMBERS, "--out": PLACES, "--overwrite": None, "--quiet": None,
+        "--tolerance": NUMBERS, "--failures": NUMBERS, "--out": PLACES, "--overwrite": None,
+        "--quiet": None,
     },
     "compare": {
         "--seed": NUMBERS, "-n": NUMBERS, "--law": ("rate", "x", ""), "--torque-limit": NUMBERS,

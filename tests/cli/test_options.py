@@ -73,6 +73,7 @@ CASES = {
         "--longest": ["1e-9", "0", "-1", "nan", "inf", "1e300", "", "long"],
         "--seed": ["-1", "0.5", ""],
         "--objective": ["", "fuel"],
+        "--end": ["", "near"],
         "--out": ["", "x" * 300],
     },
     ("front", "acceptance-nominal"): {
@@ -94,6 +95,7 @@ CASES = {
     ("compare",): {"--seed": ["", "-1", "1.5", str(2**64)]},
     ("controllability", "paper-rate"): {
         "--tolerance": ["0", "1", "-1", "nan", "inf", "", "small"],
+        "--failures": [one for one in WHOLE if one != "0"],
         "--out": ["", "x" * 300],
     },
     ("simulate", "paper-rate"): {"--out": ["", "x" * 300]},
