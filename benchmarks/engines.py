@@ -37,8 +37,8 @@ from contenders.scipy_dop853 import truth
 from contenders.work import errors, final_state, starts
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
+from jaxsat.core.processors import processors
 from jaxsat.montecarlo import Study
-from jaxsat.processors import processors
 from jaxsat.results import machine
 
 PERCENT = 95.0

@@ -16,7 +16,7 @@ import numpy as np
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import Run, build
-from jaxsat.inertia import torque_axis_frame
+from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.simulation import simulate
 from jaxsat.vehicle import Spacecraft
 

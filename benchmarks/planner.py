@@ -20,17 +20,17 @@ import numpy as np
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.attitude import Quaternion
 from jaxsat.bounds import (
     BoundObjective,
     best_of_starts,
     manoeuvre_of,
 )
 from jaxsat.comparison.front import arrives
+from jaxsat.compiler import Mapped
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.processors import processors
 from jaxsat.dynamics import PlantState
-from jaxsat.engine.native import Mapped
 from jaxsat.planning import Plan, Planner, PlanStatus
-from jaxsat.processors import processors
 
 
 def starts(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

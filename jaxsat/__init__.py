@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from jaxsat.once import imported
+from jaxsat.core.once import imported
 
 IMPORTED_NS = time.time_ns()
 """When this was imported, before all other modules of the package but `once`."""

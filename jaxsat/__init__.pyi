@@ -15,7 +15,7 @@ from jaxsat.assembly.run import (
 from jaxsat.assembly.study import (
     build_study as build_study,
 )
-from jaxsat.attitude import (
+from jaxsat.core.attitude import (
     DCM as DCM,
     WZ as WZ,
     Quaternion as Quaternion,
@@ -70,7 +70,7 @@ from jaxsat.environment import (
     DisturbanceContext as DisturbanceContext,
     ExactOrbit as ExactOrbit,
 )
-from jaxsat.errors import (
+from jaxsat.core.errors import (
     ArgumentError as ArgumentError,
     JaxsatError as JaxsatError,
     PrecisionError as PrecisionError,

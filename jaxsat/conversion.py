@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 
 import jaxsat
 from jaxsat.assembly.plant import place_of
-from jaxsat.errors import JaxsatError
-from jaxsat.export.naming import ascii_text
+from jaxsat.compiler.c.naming import ascii_text
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.text import clean
 from jaxsat.results.tables import columns_of
 from jaxsat.scenario.tables import OrbitTable
-from jaxsat.text import clean
 
 FRAMES = {"inertial": "EME2000", "orbit": "LVLH"}
 """What the reference frames are called in an attitude ephemeris."""

@@ -17,8 +17,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.attitude import AbstractAttitude
-from jaxsat.checks import as_float, as_optional_float, require_inertia
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.checks import as_float, as_optional_float, require_inertia
 from jaxsat.environment import AbstractDisturbance, AbstractOrbit, DipoleField, NoDisturbance
 from jaxsat.vehicle import (
     Magnetorquers,

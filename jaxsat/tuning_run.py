@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from jaxsat.assembly.study import EngineName
 from jaxsat.assembly.tuning import build_plan, tuned_scenario
-from jaxsat.processors import processors
+from jaxsat.core.processors import processors
 from jaxsat.scenario import Scenario, dump
 from jaxsat.tuning import (
     DescentProgress,

@@ -42,7 +42,7 @@ from hypothesis import settings  # noqa: E402
 
 from helpers import tools, typechecking  # noqa: E402
 
-pytest.register_assert_rewrite("scenario.mistakes", "engine.native.rule_checks")
+pytest.register_assert_rewrite("scenario.mistakes", "compiler.rule_checks")
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")

@@ -13,11 +13,11 @@ def selection():
 @pytest.mark.parametrize(
     ("changed", "chosen", "left"),
     [
-        ("jaxsat/quotients.py", "tests/control/test_estimators.py", "tests/test_affected.py"),
+        ("jaxsat/core/quotients.py", "tests/control/test_estimators.py", "tests/test_affected.py"),
         ("jaxsat/page/document.py", "tests/cli/test_report.py", "tests/control/test_rate.py"),
         ("tests/helpers/pages.py", "tests/page/test_run_page.py", "tests/test_dynamics.py"),
-        ("tests/oracle/rate_law.py", "tests/control/test_rate.py", "tests/test_noise.py"),
-        ("docs/sensors.md", "tests/cli/test_your_own_estimator.py", "tests/test_noise.py"),
+        ("tests/oracle/rate_law.py", "tests/control/test_rate.py", "tests/core/test_noise.py"),
+        ("docs/sensors.md", "tests/cli/test_your_own_estimator.py", "tests/core/test_noise.py"),
         (
             "jaxsat/scenario/library/failures-telescope.toml",
             "tests/scenario/test_library.py",
@@ -33,11 +33,11 @@ def test_what_depends_on_a_change_is_chosen_and_the_rest_is_not(selection, chang
 
 
 def test_the_mirror_of_a_module_comes_first(selection):
-    assert selection.tests(["jaxsat/quotients.py"])[0] == "tests/test_quotients.py"
+    assert selection.tests(["jaxsat/core/quotients.py"])[0] == "tests/core/test_quotients.py"
 
 
 def test_fewer_imports_choose_fewer_tests(selection):
-    near, far = (set(selection.tests(["jaxsat/allocation.py"], within)) for within in (1, 99))
+    near, far = (set(selection.tests(["jaxsat/core/allocation.py"], within)) for within in (1, 99))
     assert near < far
 
 
@@ -51,4 +51,4 @@ def test_notebooks_and_pages_that_use_a_module_are_told(selection):
         ["jaxsat/controllability/cone.py"]
     )
     assert "notebooks/tuning.ipynb" in selection.notebooks(["notebooks/tuning.ipynb"])
-    assert "docs/architecture.md" in selection.pages(["jaxsat/quotients.py"])
+    assert "docs/architecture.md" in selection.pages(["jaxsat/dynamics.py"])

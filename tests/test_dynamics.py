@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from helpers.strategies import inertias, rotations, vectors
-from jaxsat.attitude import DCM, WZ, Quaternion
 from jaxsat.control import Coast
+from jaxsat.core.attitude import DCM, WZ, Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import (
     ConstantTorque,

@@ -12,9 +12,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from helpers.paper import PAPER_THREE_AXIS, actuators, bodies, three_axis_law, three_axis_start
-from jaxsat.attitude import Quaternion
 from jaxsat.control import Coast
 from jaxsat.control.controller import AbstractFeedbackLaw
+from jaxsat.core.attitude import Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit, NoDisturbance
 from jaxsat.simulation import ContinuousLoop, adaptive, fixed, simulate

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import jaxsat
-from jaxsat.errors import JaxsatError
+from jaxsat.core.errors import JaxsatError
 
 
 def test_rooms_are_there_on_demand():
@@ -70,7 +70,7 @@ def test_the_reference_has_every_public_name_and_no_other():
 
 
 def test_the_examples_of_the_errors_are_right():
-    assert doctest.testmod(jaxsat.errors) == (0, 4)
+    assert doctest.testmod(jaxsat.core.errors) == (0, 4)
 
 
 def test_nothing_but_public_names_is_shown():

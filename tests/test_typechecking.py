@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 import pytest
 
-from jaxsat.attitude import skew
-from jaxsat.text import clean
+from jaxsat.core.attitude import skew
+from jaxsat.core.text import clean
 
 
 def test_shapes_are_checked():

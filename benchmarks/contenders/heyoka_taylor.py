@@ -28,8 +28,8 @@ from contenders.work import (
     reference,
     starts,
 )
+from jaxsat.core.processors import processors
 from jaxsat.montecarlo import Study
-from jaxsat.processors import processors
 
 INSIDE, OFFSET = (6, 7), (8, 9)
 """Parameters of the law in pieces: sat is `inside` times its argument plus `offset`."""

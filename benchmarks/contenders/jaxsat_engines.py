@@ -7,6 +7,7 @@ import diffrax
 import numpy as np
 
 from contenders.contender import TOLERANCES, Contender, Run
+from jaxsat.core.processors import processors
 from jaxsat.engine import (
     AbstractEngine,
     AdaptiveStepper,
@@ -17,7 +18,6 @@ from jaxsat.engine import (
     Tolerance,
 )
 from jaxsat.montecarlo import Study, Threads
-from jaxsat.processors import processors
 from jaxsat.simulation import adaptive
 
 LANES = 256

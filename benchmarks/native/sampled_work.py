@@ -10,9 +10,9 @@ from hand_written import POINTER, WHOLE, address, library
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
+from jaxsat.compiler.functions import error_function
 from jaxsat.control.oscillatory import MorinSamson, Oscillator
 from jaxsat.engine import NativeEngine, SampledStepper
-from jaxsat.engine.native.functions import error_function
 from jaxsat.montecarlo import Study
 from jaxsat.vehicle import Actuators, FailureKind, PulsedThrusters, PulseWidth
 from pulses import study_of

@@ -6,12 +6,17 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.allocation import direction_matrix, least_squares_map, torque_directions, unit_columns
 from jaxsat.assembly.failures import failing
 from jaxsat.assembly.plugin_trial import made_part, require_events, require_torque
 from jaxsat.assembly.pulsed_thrusters import pulsed_thrusters
 from jaxsat.assembly.wheels import limits_of
-from jaxsat.checks import as_array, as_float
+from jaxsat.core.allocation import (
+    direction_matrix,
+    least_squares_map,
+    torque_directions,
+    unit_columns,
+)
+from jaxsat.core.checks import as_array, as_float
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario

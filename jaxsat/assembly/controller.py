@@ -9,19 +9,19 @@ from jaxsat.assembly.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.assembly.plugin_trial import broken
 from jaxsat.assembly.pulsed_thrusters import thruster_context
 from jaxsat.assembly.wheels import wheel_context
-from jaxsat.checks import as_float
 from jaxsat.control import (
     AbstractController,
     AbstractSampledController,
 )
 from jaxsat.control.context import LawContext, UnsuitableModel
+from jaxsat.core.checks import as_float
+from jaxsat.core.errors import FOREIGN
 from jaxsat.declaration.laws import Law
 from jaxsat.dynamics import RigidBody
 from jaxsat.environment import (
     AbstractDisturbance,
     NoDisturbance,
 )
-from jaxsat.errors import FOREIGN
 from jaxsat.scenario.control_tables import ModelTable
 from jaxsat.scenario.coordinates import free_inertia
 from jaxsat.scenario.declared import values_of

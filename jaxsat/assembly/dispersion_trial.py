@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from jaxsat.assembly.errors import at_key
 from jaxsat.assembly.run import Run
 from jaxsat.assembly.study import distribution_of, study_program
+from jaxsat.core.errors import ArgumentError
 from jaxsat.declaration.quantities import DISPERSIBLE, EXCLUSIVE
-from jaxsat.errors import ArgumentError
 from jaxsat.montecarlo import AbstractDistribution
 from jaxsat.montecarlo.dispersion_problems import dispersion_problems
 from jaxsat.scenario.coordinates import is_upside_down

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxsat.errors import JaxsatError
+from jaxsat.core.errors import JaxsatError
 from jaxsat.scenario.errors import Issue, key_of
 
 Made = TypeVar("Made", bound=PyTree)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from jaxsat.allocation import unit_columns
 from jaxsat.assembly.failures import magnetorquer_failures
 from jaxsat.control.magnetic import MagneticSteering
+from jaxsat.core.allocation import unit_columns
 from jaxsat.environment import DipoleField
 from jaxsat.scenario.magnetorquer_tables import UnloadingTable
 from jaxsat.scenario.schema import Scenario

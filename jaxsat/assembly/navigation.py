@@ -4,7 +4,8 @@ from typing import Any, cast
 
 from jaxsat.assembly.plant import orbit_of, orbit_rate
 from jaxsat.assembly.plugin_trial import made_part, require_estimates
-from jaxsat.checks import as_float
+from jaxsat.core.checks import as_float
+from jaxsat.core.noise import key_of_seed
 from jaxsat.declaration.sensors import GYRO_KEYS, TRACKER_KEYS
 from jaxsat.navigation import (
     AbstractEstimator,
@@ -13,7 +14,6 @@ from jaxsat.navigation import (
     Navigation,
     RawMeasurements,
 )
-from jaxsat.noise import key_of_seed
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario

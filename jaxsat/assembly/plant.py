@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 from jaxsat.assembly.magnetorquers import build_magnetorquers
 from jaxsat.assembly.plugin_trial import made_part, require_torque
 from jaxsat.assembly.wheels import build_wheels
-from jaxsat.attitude import Quaternion
-from jaxsat.checks import as_float
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float
 from jaxsat.declaration.disturbances import AERODYNAMIC, DISTURBANCES, SOLAR
 from jaxsat.dynamics import RigidBody
 from jaxsat.environment import (

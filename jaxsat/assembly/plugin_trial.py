@@ -11,11 +11,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.assembly.errors import BuildError
-from jaxsat.attitude import Quaternion
 from jaxsat.control import AbstractController, AbstractFeedbackLaw, AbstractSampledController
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.errors import FOREIGN
 from jaxsat.declaration.laws import Law
 from jaxsat.dynamics import PlantState
-from jaxsat.errors import FOREIGN
 from jaxsat.navigation import AbstractEstimator, Estimate, Measurement
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue, Location

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from jaxsat.assembly.failures import thruster_failures
-from jaxsat.checks import as_float
 from jaxsat.control.context import ThrusterContext
+from jaxsat.core.checks import as_float
 from jaxsat.declaration.sensors import DELAY, GYRO_KEYS, SENSOR_KEYS
 from jaxsat.diagnosis import ThrusterModel
 from jaxsat.scenario.declared import values_of

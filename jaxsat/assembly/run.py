@@ -18,22 +18,23 @@ from jaxsat.assembly.navigation import build_navigation
 from jaxsat.assembly.plant import build_plant
 from jaxsat.assembly.plugin_trial import require_runs
 from jaxsat.assembly.wheels import build_tachometers, wheel_momentum
-from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
-from jaxsat.checks import as_array, as_float
 from jaxsat.control import (
     AbstractBacksteppingLaw,
     AbstractController,
     AbstractSampledController,
     Coast,
 )
+from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
+from jaxsat.core.checks import as_array, as_float
+from jaxsat.core.errors import PrecisionError
+from jaxsat.core.noise import key_of_seed
+from jaxsat.core.ranges import MAX_FIXED_STEPS
+from jaxsat.core.solvers import NamedSolver
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.declaration import Key
 from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import fly
-from jaxsat.errors import PrecisionError
-from jaxsat.metrics import Tolerances
-from jaxsat.noise import key_of_seed
-from jaxsat.ranges import MAX_FIXED_STEPS
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
@@ -53,7 +54,6 @@ from jaxsat.simulation import (
     fixed,
 )
 from jaxsat.simulation.methods import MIN_STEP
-from jaxsat.solvers import NamedSolver
 from jaxsat.vehicle import AbstractActuators, Sensors
 
 

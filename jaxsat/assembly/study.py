@@ -9,7 +9,9 @@ import numpy as np
 
 from jaxsat.assembly.plant import orbit_rate
 from jaxsat.assembly.run import Run, build, build_tolerances
-from jaxsat.checks import as_float, require_counts
+from jaxsat.core.checks import as_float, require_counts
+from jaxsat.core.solvers import NamedSolver
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.engine import (
     AbstractEngine,
     AdaptiveStepper,
@@ -23,7 +25,6 @@ from jaxsat.engine import (
     native_obstacle,
     program_of,
 )
-from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import (
     AbstractDesign,
     AbstractDistribution,
@@ -47,7 +48,6 @@ from jaxsat.scenario.tables import SolverTable
 from jaxsat.scenario.thruster_tables import names_of, signs
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 from jaxsat.simulation.methods import SMOOTH_STEP
-from jaxsat.solvers import NamedSolver
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
 """Those with a dense output of their own, on which switches are located; and what the tolerance,

@@ -13,12 +13,13 @@ from jaxsat.assembly.errors import BuildError, at_key
 from jaxsat.assembly.run import build, build_loop
 from jaxsat.assembly.study import EngineName, build_study, tolerances_of
 from jaxsat.assembly.tuning_forms import in_one_form, refined, throttled, with_control
-from jaxsat.checks import as_float
+from jaxsat.compiler import CannotLower
 from jaxsat.control.fault_tolerant import FaultTolerant
 from jaxsat.control.fault_tolerant_wheels import FaultTolerantWheels
+from jaxsat.core.checks import as_float
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
-from jaxsat.engine.native import CannotLower, NativeEngine, process_obstacle
-from jaxsat.metrics import Tolerances
+from jaxsat.engine.native import NativeEngine, process_obstacle
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.scenario.laws import find_law

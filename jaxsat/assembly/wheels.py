@@ -5,10 +5,10 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxsat.assembly.pulsed_thrusters import rate_noise
-from jaxsat.checks import as_array
 from jaxsat.control.context import WheelContext
+from jaxsat.core.checks import as_array
+from jaxsat.core.noise import key_of_seed
 from jaxsat.declaration.sensors import DELAY
-from jaxsat.noise import key_of_seed
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.thruster_tables import FailureTable, number_of

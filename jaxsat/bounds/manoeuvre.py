@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.dynamics import PlantState
 from jaxsat.environment import (
     AbstractDisturbance,
@@ -17,7 +18,6 @@ from jaxsat.environment import (
     SmallAngleOrbit,
     SumOfDisturbances,
 )
-from jaxsat.metrics import Tolerances
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
 from jaxsat.vehicle import Actuators
 

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.bounds.transcription import BoundObjective, Solution
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.dynamics import PlantState
-from jaxsat.metrics import Tolerances
 from jaxsat.planning import Plan, Planner, PlanStatus
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
 from jaxsat.vehicle import Actuators

@@ -35,7 +35,7 @@ from jaxsat.cli.terminal import (
     print_warning,
 )
 from jaxsat.cli.tune import tune
-from jaxsat.collection import no_collection
+from jaxsat.core.garbage_collection import no_collection
 
 app = App(
     name="jaxsat",

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from jaxsat.bounds import Bound, Solution
     from jaxsat.bounds.manoeuvre import Manoeuvre
-    from jaxsat.metrics import Tolerances
+    from jaxsat.core.tolerances import Tolerances
     from jaxsat.scenario import Scenario
 
 Longest = Annotated[float | None, Parameter(converter=number(0.01, 1e9))]

@@ -14,7 +14,7 @@ from pathlib import Path
 import jaxsat
 from jaxsat.cli.terminal import FailedRun, print_stderr
 from jaxsat.cli.words import command_line
-from jaxsat.text import clean
+from jaxsat.core.text import clean
 
 MAX_MESSAGE_LENGTH = 300
 """Characters of an exception's message that are told; the file has all of it."""

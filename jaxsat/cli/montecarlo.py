@@ -44,7 +44,7 @@ from jaxsat.cli.terminal import (
     print_stdout,
 )
 from jaxsat.cli.work import require_approval
-from jaxsat.errors import LibraryError
+from jaxsat.core.errors import LibraryError
 
 if TYPE_CHECKING:
     from jaxsat.montecarlo import AbstractExecutor, StopRule, Study, Summary

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from jaxsat.cli.terminal import UserMistake
-from jaxsat.text import clean
+from jaxsat.core.text import clean
 
 MAX_CASES = 2**32
 """Case numbers are 32-bit words of the noise's key."""

@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from jaxsat.text import clean
+from jaxsat.core.text import clean
 
 FIRST_DELAYS_S = 0.3, 0.8
 """Seconds before anything is shown, on a terminal and elsewhere: quick commands say nothing."""

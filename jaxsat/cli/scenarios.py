@@ -15,7 +15,7 @@ from jaxsat.cli.terminal import (
     print_stdout,
     print_text,
 )
-from jaxsat.text import clean
+from jaxsat.core.text import clean
 
 scenarios = App(name="scenarios", help="List, show and check scenarios.", help_format="plaintext")
 

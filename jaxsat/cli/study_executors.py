@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.terminal import FailedRun, UserMistake, output_problem, print_stderr
-from jaxsat.processors import processors
+from jaxsat.core.processors import processors
 
 if TYPE_CHECKING:
     from jaxsat.montecarlo import AbstractExecutor

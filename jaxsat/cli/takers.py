@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from jaxsat.cli.bound import required_manoeuvre
 from jaxsat.cli.terminal import UserMistake
-from jaxsat.errors import JaxsatError
+from jaxsat.core.errors import JaxsatError
 
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario

@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING, Any, TextIO
 
 from jaxsat.cli.progress import between_drawings
-from jaxsat.text import clean
+from jaxsat.core.text import clean
 
 if TYPE_CHECKING:
     from jaxsat.results import OutputError

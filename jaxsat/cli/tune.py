@@ -19,7 +19,7 @@ from jaxsat.cli.terminal import (
     print_text,
 )
 from jaxsat.cli.work import require_approval
-from jaxsat.processors import processors
+from jaxsat.core.processors import processors
 
 if TYPE_CHECKING:
     from jaxsat.montecarlo import Work

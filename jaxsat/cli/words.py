@@ -3,7 +3,7 @@
 import shlex
 import sys
 
-from jaxsat.text import clean
+from jaxsat.core.text import clean
 
 
 def command_line() -> str:

@@ -13,11 +13,11 @@ import numpy as np
 from pydantic import ValidationError
 
 from jaxsat.assembly.load import load
+from jaxsat.core.search_path import add_folders
 from jaxsat.scenario import Problem, Scenario, ScenarioError
 from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.laws import is_plugin, known_law
 from jaxsat.scenario.overrides import override
-from jaxsat.search_path import add_folders
 
 LEVELS = ("nominal", "mc", "hard")
 """Of dispersions, each a scenario `acceptance-LEVEL`."""

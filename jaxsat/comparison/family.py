@@ -13,11 +13,11 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-import jaxsat.noise as noise
-from jaxsat.allocation import torque_directions, usable_share
+import jaxsat.core.noise as noise
 from jaxsat.assembly.load import load
+from jaxsat.core.allocation import torque_directions, usable_share
+from jaxsat.core.inertia import normal_axes
 from jaxsat.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS
-from jaxsat.inertia import normal_axes
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.holding import nearest_held, rotation
 

@@ -16,7 +16,7 @@ from jaxsat.assembly.study import EngineName
 from jaxsat.comparison.acceptance import LAWS, ComparisonSetting, comparison_scenario
 from jaxsat.comparison.studies import Start, comparison_study
 from jaxsat.comparison.verdict import ComparisonRow, ComparisonVerdict, choose_laws, comparison_row
-from jaxsat.errors import JaxsatError
+from jaxsat.core.errors import JaxsatError
 from jaxsat.montecarlo import AbstractExecutor, Study, StudyProgress, run_study
 from jaxsat.results import ResumableFolder, case_table, open_study, study_columns
 

@@ -5,9 +5,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jaxsat.core.errors import JaxsatError
 from jaxsat.diagnosis import ThrusterModel
 from jaxsat.dynamics import RigidBody
-from jaxsat.errors import JaxsatError
 from jaxsat.vehicle import Wheels
 
 

@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxsat.checks import as_float, require_counts, require_positive
 from jaxsat.control.estimators import integrated_products, products_of
 from jaxsat.control.normal_form import NormalForm
+from jaxsat.core.checks import as_float, require_counts, require_positive
 from jaxsat.dynamics import PlantState
 from jaxsat.planning.transcription import AbstractCorrection
 

@@ -11,12 +11,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.attitude import Quaternion
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm, leaned
 from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
-from jaxsat.quotients import reciprocal
-from jaxsat.trees import choose
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.quotients import reciprocal
+from jaxsat.core.trees import choose
 
 RealScalar = Float[Array, ""]
 

@@ -8,8 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.allocation import torque_directions
-from jaxsat.checks import as_array
 from jaxsat.control.context import LawContext, ThrusterContext, UnsuitableModel
 from jaxsat.control.fault_tolerant import FaultTolerant, SettlingLaws
 from jaxsat.control.leaks import Leaks
@@ -25,8 +23,10 @@ from jaxsat.control.reconfiguration import (
 )
 from jaxsat.control.settling_laws import build_three_slew
 from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.core.allocation import torque_directions
+from jaxsat.core.checks import as_array
+from jaxsat.core.inertia import normal_axes
 from jaxsat.diagnosis import Diagnosis, ResidualFilter
-from jaxsat.inertia import normal_axes
 
 LEAST_NOISE = 1e-3
 """Of the rate that the strongest thruster changes in a period: of rates told without noise."""

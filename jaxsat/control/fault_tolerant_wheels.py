@@ -10,13 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.checks import as_array, as_float, require_positive
 from jaxsat.control.context import LawContext, WheelContext
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.two_wheels import TwoWheels
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
+from jaxsat.core.checks import as_array, as_float, require_positive
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.fault_tolerant import FAULT_TOLERANT_WHEELS
 from jaxsat.diagnosis import MOST_RETURNS, Diagnosis, DiagnosisMemory, Stage, WheelFilter

@@ -8,7 +8,6 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.checks import as_float, require_positive
 from jaxsat.control.coasting import ENOUGH, NEAR_AIM, Coast, Hold
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.leaks import USED, Aid
@@ -17,8 +16,9 @@ from jaxsat.control.oscillatory import MorinSamson, Oscillation, Oscillator, Slo
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tilt import Tilt, tilt_of
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.trees import choose
 from jaxsat.dynamics import PlantState
-from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 

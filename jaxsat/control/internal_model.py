@@ -6,9 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.checks import as_float, require_positive
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
-from jaxsat.trigonometry import cos, sin
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.trigonometry import cos, sin
 
 
 class OscillatorState(NamedTuple):

@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.checks import as_array, as_float
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.oscillatory import Slow
+from jaxsat.core.checks import as_array, as_float
 from jaxsat.vehicle.allocation import LeastPropellant
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxsat.checks import as_float, require_positive
-from jaxsat.quotients import reciprocal
-from jaxsat.symmetric import Symmetric
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.quotients import reciprocal
+from jaxsat.core.symmetric import Symmetric
 
 RealScalar = Float[Array, ""]
 

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.checks import as_float, as_optional_float, require_positive
+from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.dynamics import PlantState
 from jaxsat.environment import DipoleField
 from jaxsat.vehicle import nearest_within

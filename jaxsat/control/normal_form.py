@@ -14,11 +14,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.attitude import Quaternion
-from jaxsat.checks import as_float
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float
+from jaxsat.core.inertia import normal_axes
+from jaxsat.core.quotients import reciprocal
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.inertia import normal_axes
-from jaxsat.quotients import reciprocal
 
 RealScalar = Float[Array, ""]
 

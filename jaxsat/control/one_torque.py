@@ -14,17 +14,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.allocation import torque_axis
-from jaxsat.checks import as_float, require_positive
 from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.control.inertia_fit import InertiaFit, InertiaMemory
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.torque_axis import TorqueAxisFrame
+from jaxsat.core.allocation import torque_axis
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.inertia import LEAST_TORQUE_TILT, torque_axis_frame
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.one_torque import ONE_TORQUE
 from jaxsat.declaration.scaling import Scaling
 from jaxsat.dynamics import PlantState
-from jaxsat.inertia import LEAST_TORQUE_TILT, torque_axis_frame
 
 RealScalar = Float[Array, ""]
 

@@ -17,15 +17,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.rate_tracking import clipped, tracking_torque
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tilt import Tilt, tilt_of
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.quotients import reciprocal
+from jaxsat.core.smooth import without_slope
 from jaxsat.dynamics import PlantState
-from jaxsat.quotients import reciprocal
-from jaxsat.smooth import without_slope
 
 RealScalar = Float[Array, ""]
 

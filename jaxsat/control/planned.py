@@ -8,7 +8,6 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.checks import as_float, require_counts, require_positive
 from jaxsat.control.driven_axes import DrivenFit, DrivenMemory, FittedDynamics
 from jaxsat.control.fine import RippleSlack
 from jaxsat.control.normal_form import NormalForm
@@ -16,12 +15,13 @@ from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
+from jaxsat.core.checks import as_float, require_counts, require_positive
+from jaxsat.core.trees import choose
 from jaxsat.declaration.settling import PLANNING_MARGIN, REPLAN_TIME
 from jaxsat.dynamics import PlantState
 from jaxsat.planning.search import PlanSearch, Search, in_hemisphere_of
 from jaxsat.planning.tracking import Followed, followed_if, following_torque
 from jaxsat.planning.transcription import STATES, PlanObjective, Transcription
-from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 

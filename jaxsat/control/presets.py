@@ -19,7 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.checks import as_float
 from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate
@@ -29,6 +28,7 @@ from jaxsat.control.oscillatory import AbstractDemand, MorinSamson, Oscillator, 
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, Steady
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.core.checks import as_float
 from jaxsat.declaration.scaling import Scaling, in_seconds
 from jaxsat.declaration.settling import TUNED_PERIOD
 from jaxsat.declaration.settling import holding_amplitude as own_amplitude

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, require_positive
 
 RealScalar = Float[Array, ""]
 

@@ -11,13 +11,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.checks import as_float, require_positive
 from jaxsat.control.context import LawContext
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.quotients import share_within
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.quaternion_feedback import QUATERNION_FEEDBACK
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.quotients import share_within
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""

@@ -8,13 +8,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.checks import as_float, require_positive
 from jaxsat.control.context import LawContext
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.smooth import Width, as_width, root_abs, signed_root
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.rate import RATE
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.smooth import Width, as_width, root_abs, signed_root
 
 
 class RateLaw(AbstractBacksteppingLaw):

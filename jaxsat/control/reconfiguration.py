@@ -10,14 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.allocation import (
+from jaxsat.core.allocation import (
     largest_torque,
     least_propellant,
     torque_directions,
     two_sided_torques,
     unit_columns,
 )
-from jaxsat.checks import as_array, as_float
+from jaxsat.core.checks import as_array, as_float
 from jaxsat.diagnosis import WEAK, Condition
 from jaxsat.vehicle import LeastPropellant
 

@@ -11,8 +11,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.checks import as_float, require_positive
-from jaxsat.quotients import reciprocal
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.quotients import reciprocal
 
 RealScalar = Float[Array, ""]
 

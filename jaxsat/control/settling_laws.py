@@ -8,14 +8,14 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.allocation import torque_directions, usable_share
-from jaxsat.checks import as_float
 from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.planned import PlannedSettling, planned_settling
 from jaxsat.control.presets import oscillatory_settling, ripple_filter, three_slew_settling
 from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.core.allocation import torque_directions, usable_share
+from jaxsat.core.checks import as_float
 from jaxsat.declaration.law import LawDeclaration
 from jaxsat.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, PLANNED, THREE_SLEW
 

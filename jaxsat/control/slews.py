@@ -12,14 +12,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.checks import as_float, require_positive
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.roots import angle_of, root
+from jaxsat.core.tolerances import wrap_angle
+from jaxsat.core.trees import choose
 from jaxsat.dynamics import PlantState
-from jaxsat.metrics import wrap_angle
-from jaxsat.roots import angle_of, root
-from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 

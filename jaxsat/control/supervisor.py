@@ -7,7 +7,6 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxsat.checks import as_float, require_positive
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.fine import FineMemory, FineMode, FineStage
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
@@ -18,8 +17,9 @@ from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import Leg, Slewing, SlewPlanner
 from jaxsat.control.tilt import tilt_of
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.trees import choose
 from jaxsat.dynamics import PlantState
-from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 

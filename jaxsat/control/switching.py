@@ -15,12 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.checks import as_float, concrete, require_positive
 from jaxsat.control.context import LawContext
 from jaxsat.control.controller import Memory
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.three_axis import ThreeAxisLaw
+from jaxsat.core.checks import as_float, concrete, require_positive
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.switching import SLOPE_LIMITS, SWITCHING
 from jaxsat.dynamics import PlantState

@@ -8,16 +8,16 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.checks import all_positive, as_float, require_positive
 from jaxsat.control.context import LawContext
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.control.internal_model import InternalModel
+from jaxsat.core.checks import all_positive, as_float, require_positive
+from jaxsat.core.quotients import quotient, reciprocal
+from jaxsat.core.smooth import Width, as_width, sat
 from jaxsat.declaration import LawDeclaration
 from jaxsat.declaration.three_axis import THREE_AXIS
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.quotients import quotient, reciprocal
-from jaxsat.smooth import Width, as_width, sat
 
 
 class ThreeAxisLaw(AbstractBacksteppingLaw):

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.attitude import AbstractAttitude
-from jaxsat.quotients import reciprocal
-from jaxsat.roots import angle_of, root
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.quotients import reciprocal
+from jaxsat.core.roots import angle_of, root
 
 
 class Tilt(NamedTuple):

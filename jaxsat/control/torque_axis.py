@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.inertia import LEAST_TORQUE_TILT
+from jaxsat.core.inertia import LEAST_TORQUE_TILT
 
 RealScalar = Float[Array, ""]
 

@@ -15,9 +15,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.attitude import Quaternion
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.quotients import share_within
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.quotients import share_within
 
 TILT_GAIN, TURN_GAIN, RATE_GAIN = 1.0, 0.4, 3.0
 """On the tilt, on the turn and on rate errors, over the natural frequency."""

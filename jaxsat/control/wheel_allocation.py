@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.reconfiguration import Left
+from jaxsat.core.roots import length, root
 from jaxsat.diagnosis import WEAK, Condition, WheelFilter
-from jaxsat.roots import length, root
 from jaxsat.vehicle import Wheels, nearest_within
 
 RealScalar = Float[Array, ""]

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.nonnegative import nonnegative_least_squares
-from jaxsat.once import once_property
+from jaxsat.core.once import once_property
 
 ROUNDING = 1e-9
 """Sines below this are rounding of the data, and so are columns shorter than this times the

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.attitude import skew
+from jaxsat.core.attitude import skew
 
 State = Float[Array, " n"]
 VectorField = Callable[[State], State]

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
-from jaxsat.errors import JaxsatError
+from jaxsat.core.errors import JaxsatError
 
 
 class NoEquilibriumError(JaxsatError, ValueError):

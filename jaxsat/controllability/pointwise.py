@@ -10,7 +10,7 @@ import itertools
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.once import latest
+from jaxsat.core.once import latest
 
 DEPTH = 7
 _LEVEL = 1e-8  # singular values below this, of normalised columns, count as zero

@@ -26,7 +26,7 @@ from jaxsat.controllability.linear import (
 from jaxsat.controllability.local import LocalControllability, small_time_local_controllability
 from jaxsat.controllability.pointwise import rank_at_state
 from jaxsat.controllability.wording import rank_verdict
-from jaxsat.once import once_property
+from jaxsat.core.once import once_property
 
 # Directions in no special position, for "moving" and "disturbed" states.
 _MOVING = np.array([0.6180, -0.5291, 0.8437])

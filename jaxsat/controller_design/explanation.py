@@ -5,11 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxsat.allocation import torque_directions
 from jaxsat.controller_design.candidates import Candidate, with_scaled_gains
 from jaxsat.controller_design.studies import Columns
 from jaxsat.controller_design.turned import turned
 from jaxsat.controller_design.vehicle import VehicleVerdict, coupling
+from jaxsat.core.allocation import torque_directions
 from jaxsat.montecarlo import Sensitivity, numbers_of
 from jaxsat.montecarlo.ensemble import DRAWN
 from jaxsat.montecarlo.sensitivities import Sensitivities

@@ -7,6 +7,7 @@ import numpy as np
 from jaxsat.comparison import ComparisonRow
 from jaxsat.controller_design.explanation import Remedy
 from jaxsat.controller_design.result import ControllerDesign, Step, Verification
+from jaxsat.core.text import clean, markdown
 from jaxsat.montecarlo import Interval, ends_text, fraction_text
 from jaxsat.results.design_text import (
     ASSUMPTIONS,
@@ -18,7 +19,6 @@ from jaxsat.results.design_text import (
     UNSETTLED_CASES,
     tuning_text,
 )
-from jaxsat.text import clean, markdown
 
 SHOWN_CASES = 20
 """Failing cases that are listed; design.json has all."""

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from jaxsat.assembly.load import load
+from jaxsat.core.text import clean
 from jaxsat.scenario import Scenario, library
 from jaxsat.scenario.limits import MAX_FILE_SIZE
 from jaxsat.scenario.overrides import override
 from jaxsat.scenario.read import warn
-from jaxsat.text import clean
 
 ALL = "all"
 """In place of a law: every law of jaxsat that fits."""

@@ -14,8 +14,8 @@ from jaxsat.controller_design.result import ControllerDesign
 from jaxsat.controller_design.settings import Attitude, DesignSettings, Goal
 from jaxsat.controller_design.steps import DesignRun
 from jaxsat.controller_design.studies import Report, Studies
+from jaxsat.core.processors import processors
 from jaxsat.montecarlo import AbstractExecutor, Serial, Threads
-from jaxsat.processors import processors
 from jaxsat.results import OutputError, ResumableFolder
 from jaxsat.results.differences import differences
 from jaxsat.scenario import Scenario

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from jaxsat.assembly.study import EngineName
-from jaxsat.checks import require_counts
+from jaxsat.core.checks import require_counts
 
 SCREENING_CASES, VALIDATION_CASES, SURE_CASES = 200, 1000, 2000
 

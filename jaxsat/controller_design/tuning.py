@@ -10,8 +10,8 @@ from jaxsat.assembly.tuning import build_plan, tuned_scenario
 from jaxsat.comparison import ComparisonRow
 from jaxsat.controller_design.candidates import Candidate, written_out
 from jaxsat.controller_design.vehicle import Scale
+from jaxsat.core.processors import processors
 from jaxsat.declaration.keys import Numeric
-from jaxsat.processors import processors
 from jaxsat.results import ResumableFolder
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.laws import find_law

@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxsat.allocation import torque_directions
 from jaxsat.assembly.actuator_set import all_actuators
 from jaxsat.assembly.plant import orbit_rate
 from jaxsat.controllability import Judgement, judge, verdict_sentence
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.wording import LAW_WORDS, lost_words
-from jaxsat.errors import JaxsatError
-from jaxsat.inertia import normal_axes
+from jaxsat.core.allocation import torque_directions
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.coordinates import free_inertia, inertia_matrix

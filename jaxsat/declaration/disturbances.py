@@ -1,8 +1,8 @@
 """The disturbances that come with jaxsat, whose keys stand in `[disturbance]` itself."""
 
+from jaxsat.core.ranges import ANGLE, DIPOLE, FREQUENCY, LENGTH, TORQUE, Range
 from jaxsat.declaration.keys import number, switch
 from jaxsat.declaration.part import PartDeclaration
-from jaxsat.ranges import ANGLE, DIPOLE, FREQUENCY, LENGTH, TORQUE, Range
 
 _ZERO = (0.0, 0.0, 0.0)
 

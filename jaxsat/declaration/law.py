@@ -18,9 +18,9 @@ class LawDeclaration:
     - `keys`: the law's own keys of `[control]`. A law that is sampled has `period_s` among them.
     - `torques`: 2 for a law that commands (u1, u2) about body x and y, 3 for one that commands a
       torque about each body axis, which takes three independent thrusters, 1 for one that commands
-      a torque about the one axis that is left, `jaxsat.allocation.torque_axis`, 0 for none.
-    - `any_plane`: the two torques are about `jaxsat.allocation.torque_directions` of the thrusters
-      left, in whatever plane these are, instead of body x and y.
+      a torque about the one axis that is left, `jaxsat.core.allocation.torque_axis`, 0 for none.
+    - `any_plane`: the two torques are about `jaxsat.core.allocation.torque_directions` of the
+      thrusters left, in whatever plane these are, instead of body x and y.
     - `commands_duties`: the law allocates its torques itself and commands the duty of each
       `[[thruster]]`.
     - `commands_wheels`: the same of the torque of each `[[wheel]]`.

@@ -1,8 +1,8 @@
 """What the law of one torque declares."""
 
+from jaxsat.core.ranges import SECONDS
 from jaxsat.declaration.keys import number, switch
 from jaxsat.declaration.law import LawDeclaration
-from jaxsat.ranges import SECONDS
 
 ONE_TORQUE = LawDeclaration(
     summary="stop the rotation with one torque: turn the momentum to where it can be braked, "

@@ -1,8 +1,8 @@
 """What the healthy spacecraft's law declares."""
 
+from jaxsat.core.ranges import SECONDS
 from jaxsat.declaration.keys import number
 from jaxsat.declaration.law import LawDeclaration
-from jaxsat.ranges import SECONDS
 
 QUATERNION_FEEDBACK = LawDeclaration(
     summary="quaternion feedback with torques about all three axes",

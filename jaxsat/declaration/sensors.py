@@ -3,8 +3,7 @@
 `[sampling]`, or `[gyro]` and `[star_tracker]` with `[estimator]` behind them.
 """
 
-from jaxsat.declaration.keys import choice, number
-from jaxsat.ranges import (
+from jaxsat.core.ranges import (
     ATTITUDE_NOISE,
     GYRO_BIAS,
     MISALIGNMENT,
@@ -14,6 +13,7 @@ from jaxsat.ranges import (
     SECONDS,
     TRACKER_NOISE,
 )
+from jaxsat.declaration.keys import choice, number
 
 SENSOR_KEYS = (
     number(

@@ -4,11 +4,11 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
+from jaxsat.core.ranges import SECONDS
 from jaxsat.declaration import verified
 from jaxsat.declaration.keys import LARGEST, number, switch
 from jaxsat.declaration.law import LawDeclaration
 from jaxsat.declaration.scaling import Scaling
-from jaxsat.ranges import SECONDS
 
 TUNED_MOMENTS = (449.5, 264.6, 312.5)
 """Principal moments (kg m²) for which the gains are tuned."""

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from jaxsat.core.ranges import SECONDS
 from jaxsat.declaration.keys import Finding, Key, Rule, number
 from jaxsat.declaration.law import LawDeclaration
 from jaxsat.declaration.rate import OMEGA3_WIDTH, RATE_GAINS
@@ -12,7 +13,6 @@ from jaxsat.declaration.three_axis import (
     THREE_AXIS_GAINS,
     THREE_AXIS_OPTIONS,
 )
-from jaxsat.ranges import SECONDS
 
 _THRESHOLDS = ("lower_threshold_rad_s", "upper_threshold_rad_s")
 SLOPE_LIMITS = ("rate_slope_limit_rad_s2", "three_axis_slope_limit_rad_s2")

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import Any
 
+from jaxsat.core.ranges import KNOWN_FREQUENCY
 from jaxsat.declaration.keys import Finding, Rule, number, switch
 from jaxsat.declaration.law import LawDeclaration
-from jaxsat.ranges import KNOWN_FREQUENCY
 
 THREE_AXIS_GAINS = (
     number("k3", "Gain of the reference (40) on the tilt", "1/s", above=0, tunable=True),

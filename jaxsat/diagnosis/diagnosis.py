@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, require_positive
 from jaxsat.diagnosis.cusum import average_run_length
 from jaxsat.diagnosis.hypotheses import DiagnosedKind
 from jaxsat.diagnosis.isolation import PENALTY, AnyResidual, Evidence, explanation

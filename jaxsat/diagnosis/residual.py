@@ -13,7 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, require_positive
 from jaxsat.diagnosis.hypotheses import OF_THRUSTERS, Hypotheses
 from jaxsat.diagnosis.isolation import AnyResidual
 from jaxsat.diagnosis.thruster_model import ThrusterModel

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.checks import as_float, require_finite, require_positive
+from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.vehicle import AbstractModulation
 
 

@@ -20,7 +20,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.solvers import NamedSolver, Solver, class_name, solver_of
 from jaxsat.engine.dense_output import require_dense_output
 from jaxsat.engine.details import details_of, with_details
 from jaxsat.engine.events import StepEnd, until_event
@@ -41,7 +42,6 @@ from jaxsat.engine.stepper import AbstractStepper
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.solve import within_limit
-from jaxsat.solvers import NamedSolver, Solver, class_name, solver_of
 
 SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
 

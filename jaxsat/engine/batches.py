@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from jaxsat.collection import no_collection
-from jaxsat.engine.fingerprint import fingerprint
+from jaxsat.core.fingerprint import fingerprint
+from jaxsat.core.garbage_collection import no_collection
+from jaxsat.core.jaxprs import Jaxpr, jaxpr_of
+from jaxsat.core.trees import strong
 from jaxsat.engine.interface import AbstractEngine, CostGradient, Mode, count_of
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
-from jaxsat.jaxprs import Jaxpr, jaxpr_of
 from jaxsat.simulation import Signals
-from jaxsat.trees import strong
 
 SPARE = 8
 """Lanes behind the last case that only hold padding.

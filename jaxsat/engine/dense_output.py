@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.core.solvers import Solver, class_name, known_class, solver_of
 from jaxsat.engine.root_finding import polynomial
 from jaxsat.engine.runge_kutta import weighted
-from jaxsat.solvers import Solver, class_name, known_class, solver_of
 
 
 class AbstractDenseOutput(eqx.Module):

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
+from jaxsat.core.tolerances import SettlingTracker, Tolerances
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.metrics import SettlingTracker, Tolerances
 from jaxsat.simulation import AbstractLoop, Outcome
 from jaxsat.simulation.assessment import Observation, stop_gradient
 

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.metrics import Tolerances, excess
+from jaxsat.core.tolerances import Tolerances, excess
 from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
 from jaxsat.simulation.parts import failures_of
 

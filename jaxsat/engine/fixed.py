@@ -7,7 +7,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxsat.checks import require_counts
+from jaxsat.core.checks import require_counts
+from jaxsat.core.solvers import NamedSolver, Solver, class_name
+from jaxsat.core.symmetric import halved, restored
+from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.engine.details import details_of, rest_at, with_details
 from jaxsat.engine.error_estimate import HalvedSteps, Span
 from jaxsat.engine.failure_record import initial_record
@@ -23,14 +26,11 @@ from jaxsat.engine.progress import (
 from jaxsat.engine.rates import augmented_rate, consumption, continuous_loop, held_rate, plant_state
 from jaxsat.engine.runge_kutta import explicit_step, require_explicit, tableau_of
 from jaxsat.engine.stepper import AbstractStepper
-from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
 from jaxsat.simulation.assessment import Observation, stop_gradient
 from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.simulation.solve import within_limit
-from jaxsat.solvers import NamedSolver, Solver, class_name
-from jaxsat.symmetric import halved, restored
 from jaxsat.vehicle import Sensors
 
 Since = tuple[SettlingTracker, SettlingTracker | None]

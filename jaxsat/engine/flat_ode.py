@@ -10,7 +10,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.compiler import apart
+from jaxsat.core.barriers import apart
+from jaxsat.core.solvers import Solver
 from jaxsat.engine.dense_output import AbstractDenseOutput, dense_output
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.rates import continuous_loop, running_cost
@@ -18,7 +19,6 @@ from jaxsat.engine.root_finding import ends_of_parts, polynomial
 from jaxsat.simulation import AbstractContinuousLoop
 from jaxsat.simulation.rotating_frame import into_frame, motion_in_frame, out_of_frame
 from jaxsat.simulation.units import in_units
-from jaxsat.solvers import Solver
 
 
 class DenseStep(NamedTuple):

@@ -8,9 +8,9 @@ import jax
 import numpy as np
 from jaxtyping import Float, PyTree
 
+from jaxsat.core.jaxprs import Jaxpr
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
-from jaxsat.jaxprs import Jaxpr
 from jaxsat.simulation import Signals
 
 
@@ -140,3 +140,23 @@ def count_of(cases: PyTree) -> int:
                 f"but got {shape[0]}."
             )
     return leaves[0][1][0]
+
+
+def program_identity(
+    engine: AbstractEngine,
+    program: Program,
+    cases: PyTree,
+    gains: PyTree = None,
+    mode: Mode | None = None,
+) -> dict[str, Any]:
+    """What tells programs apart, as plain data: numbers, length, and a hash of the operations.
+
+    `cases` are examples; with a `mode` the operations are those of the costs' derivatives by
+    `gains`.
+    """
+    numbers = [leaf for leaf in jax.tree.leaves(program) if eqx.is_array_like(leaf)]
+    return {
+        "numbers": [np.asarray(number).tolist() for number in numbers],
+        "intervals": program.intervals,
+        "operations": engine.operations(program, cases, gains, mode),
+    }

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxsat.jax_internals import (
+from jaxsat.core.jax_internals import (
     CALL,
     ClosedJaxpr,
     Expanded,

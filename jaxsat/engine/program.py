@@ -8,11 +8,11 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.ranges import STATE_LIMIT
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.progress import RunningCost
-from jaxsat.metrics import Tolerances
-from jaxsat.ranges import STATE_LIMIT
 from jaxsat.simulation import AbstractLoop, SampledLoop
 
 

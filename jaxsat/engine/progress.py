@@ -6,17 +6,17 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.checks import as_float, as_optional_float, concrete, require_positive
+from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
+from jaxsat.core.quotients import reciprocal
+from jaxsat.core.tolerances import SettlingTracker, Tolerances
+from jaxsat.core.trigonometry import cos
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.details import Details
 from jaxsat.engine.failure_record import FailureRecord
-from jaxsat.metrics import SettlingTracker, Tolerances
-from jaxsat.quotients import reciprocal
 from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import Observation, stop_gradient
 from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.integration_error import IntegrationError
-from jaxsat.trigonometry import cos
 from jaxsat.vehicle import Consumption
 
 

@@ -12,7 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxsat.checks import require_counts
+from jaxsat.core.checks import require_counts
+from jaxsat.core.solvers import class_name, solver_of
+from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.batches import AbstractBatchEngine
 from jaxsat.engine.failure_record import FailureRecord, initial_record, record_of_history
@@ -20,7 +22,6 @@ from jaxsat.engine.interface import CostGradient, Mode
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import Integrals, Outputs, initial_progress, outputs_of, settled_at
 from jaxsat.engine.rates import augmented_rate, consumption, continuous_loop, held_rate, plant_state
-from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation import (
     Method,
     SampledLoop,
@@ -37,7 +38,6 @@ from jaxsat.simulation.assessment import (
 from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, checkpoints
 from jaxsat.simulation.solve import outcome_code, run_samples, within_limit
-from jaxsat.solvers import class_name, solver_of
 
 
 class ReferenceEngine(AbstractBatchEngine):

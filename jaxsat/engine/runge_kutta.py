@@ -10,7 +10,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.solvers import NamedSolver, Solver, class_name, known_class, solver_of
+from jaxsat.core.solvers import NamedSolver, Solver, class_name, known_class, solver_of
 
 
 class Tableau(NamedTuple):

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxsat.checks import require_counts
+from jaxsat.core.checks import require_counts
 from jaxsat.engine.adaptive import AdaptiveStepper
 from jaxsat.engine.batches import AbstractBatchEngine
 from jaxsat.engine.fixed import FixedStepper, stepper_for

@@ -7,9 +7,9 @@ from itertools import pairwise
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.engine.flat_ode import DenseStep, FlatODE
 from jaxsat.engine.root_finding import Bracket, find_root
-from jaxsat.metrics import SettlingTracker
 from jaxsat.simulation.assessment import Observation, stop_gradient
 
 BETWEEN = math.sqrt(2)

@@ -10,6 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.jax_internals import Tracer
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.core.trees import strong
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.adaptive import AdaptiveStepper, Tolerance
 from jaxsat.engine.dense_output import require_dense_output
@@ -19,8 +22,6 @@ from jaxsat.engine.program import AbstractCaseFactory, Case, Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.engine.runge_kutta import require_explicit
 from jaxsat.engine.stepper import AbstractStepper
-from jaxsat.jax_internals import Tracer
-from jaxsat.metrics import Tolerances
 from jaxsat.simulation import (
     AbstractLoop,
     Assessment,
@@ -32,7 +33,6 @@ from jaxsat.simulation import (
 )
 from jaxsat.simulation.methods import AdaptiveSteps
 from jaxsat.simulation.solve import sample_numbers
-from jaxsat.trees import strong
 from jaxsat.vehicle import AbstractPulsedActuators
 
 

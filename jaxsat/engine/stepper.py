@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
+from jaxsat.core.solvers import Solver
 from jaxsat.engine.program import Case, Program
 from jaxsat.engine.progress import Outputs, Progress
 from jaxsat.simulation import Outcome, Signals
-from jaxsat.solvers import Solver
 
 Number = int | Int[Array, ""]
 """Known when tracing, or not."""

@@ -1,6 +1,6 @@
 """What surrounds the spacecraft: its orbit and the torques that disturb it."""
 
-from jaxsat.earth import circular_orbit_rate
+from jaxsat.core.earth import circular_orbit_rate
 from jaxsat.environment.disturbances import (
     AbstractDisturbance,
     ConstantTorque,

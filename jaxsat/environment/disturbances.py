@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.attitude import AbstractAttitude
-from jaxsat.checks import as_float, require_finite
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.checks import as_float, require_finite
+from jaxsat.core.trigonometry import sin
 from jaxsat.declaration import PartDeclaration
 from jaxsat.declaration.disturbances import CONSTANT, GRAVITY_GRADIENT, PERIODIC
 from jaxsat.environment.orbit import CircularOrbit
-from jaxsat.trigonometry import sin
 
 RealScalar = Float[Array, ""]
 

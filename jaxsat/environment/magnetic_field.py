@@ -7,9 +7,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.attitude import AbstractAttitude
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.trigonometry import cos, sin
 from jaxsat.environment.orbit import EARTH_ROTATION, CircularOrbit
-from jaxsat.trigonometry import cos, sin
 
 DIPOLE = (-1450.9e-9, 4652.5e-9, -29404.8e-9)
 """g11, h11 and g10 of IGRF-13 for 2020, T: the dipole in axes that turn with the Earth."""

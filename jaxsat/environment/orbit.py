@@ -10,10 +10,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.attitude import AbstractAttitude
-from jaxsat.checks import as_float, require_finite
-from jaxsat.earth import EARTH_GRAVITY
-from jaxsat.trigonometry import cos, sin
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.checks import as_float, require_finite
+from jaxsat.core.earth import EARTH_GRAVITY
+from jaxsat.core.trigonometry import cos, sin
 
 EARTH_ROTATION = 7.292115e-5  # rad/s, WGS 84
 

@@ -10,11 +10,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.attitude import AbstractAttitude
-from jaxsat.checks import as_float, require_finite, require_positive
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.checks import as_float, require_finite, require_positive
+from jaxsat.core.earth import EARTH_RADIUS
 from jaxsat.declaration import PartDeclaration
 from jaxsat.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
-from jaxsat.earth import EARTH_RADIUS
 from jaxsat.environment.disturbances import AbstractDisturbance, DisturbanceContext, RealScalar
 from jaxsat.environment.magnetic_field import DipoleField
 from jaxsat.environment.orbit import CircularOrbit

@@ -7,8 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.attitude import AbstractAttitude
-from jaxsat.checks import as_float, require_finite, require_positive
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.environment.disturbances import AbstractDisturbance, RealScalar
 from jaxsat.environment.orbit import CircularOrbit
 from jaxsat.environment.orbital_torques import SOLAR_PRESSURE, Sunlight

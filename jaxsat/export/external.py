@@ -15,12 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-from jaxsat.attitude import Quaternion
+from jaxsat.compiler.c.layout import Struct
 from jaxsat.control import AbstractSampledController
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.errors import LibraryError
 from jaxsat.dynamics import PlantState
-from jaxsat.errors import LibraryError
 from jaxsat.export.flight import FlightController, Measured, Seen
-from jaxsat.export.layout import Struct
 from jaxsat.export.program import FlightProgram, flight_program
 from jaxsat.navigation import AbstractEstimator, Estimate, Measurement
 from jaxsat.simulation import AbstractLoop, SampledLoop

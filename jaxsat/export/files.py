@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from jaxsat.compiler.c.naming import comment
 from jaxsat.dynamics import PlantState
 from jaxsat.export import templates
 from jaxsat.export.flight import CannotExport
 from jaxsat.export.harness import records_header, test_program, vectors_file
 from jaxsat.export.library import library_source
 from jaxsat.export.measure import Measured, measured
-from jaxsat.export.naming import comment
 from jaxsat.export.program import FlightProgram, flight_program
 from jaxsat.export.readme import readme
 from jaxsat.export.source import header, source

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-from jaxsat.attitude import AbstractAttitude, Quaternion
 from jaxsat.control import AbstractSampledController
+from jaxsat.core.attitude import AbstractAttitude, Quaternion
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.smooth import sat
 from jaxsat.dynamics import PlantState
-from jaxsat.errors import JaxsatError
 from jaxsat.navigation import AbstractEstimator, Measurement
 from jaxsat.simulation import SampledLoop
-from jaxsat.smooth import sat
 from jaxsat.vehicle import (
     AbstractActuators,
     AbstractPulsedActuators,

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxsat.export.helpers import TYPES
-from jaxsat.export.layout import Field, Struct
+from jaxsat.compiler.c.helpers import TYPES
+from jaxsat.compiler.c.layout import Field, Struct
 from jaxsat.export.program import FlightProgram
 from jaxsat.export.vectors import Vectors
 

@@ -3,8 +3,8 @@
 import re
 from collections.abc import Sequence
 
+from jaxsat.compiler.c.layout import Struct
 from jaxsat.export.harness import reader, writer
-from jaxsat.export.layout import Struct
 from jaxsat.export.program import FlightProgram
 from jaxsat.export.source import reads_clock
 

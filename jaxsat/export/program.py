@@ -10,10 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxsat.compiler.c.layout import Field, Struct, about, fields_of, parameter_fields
+from jaxsat.compiler.c.naming import Names
+from jaxsat.compiler.ir import Block, Value, uses
+from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
+from jaxsat.core.fingerprint import fingerprint
 from jaxsat.dynamics import PlantState
-from jaxsat.engine.fingerprint import fingerprint
-from jaxsat.engine.native.ir import Block, Value, uses
-from jaxsat.engine.native.scalar_program import ScalarProgram, scalar_program
 from jaxsat.export.flight import (
     Begin,
     FlightController,
@@ -24,8 +26,6 @@ from jaxsat.export.flight import (
     State,
     as_type,
 )
-from jaxsat.export.layout import Field, Struct, about, fields_of, parameter_fields
-from jaxsat.export.naming import Names
 
 
 @dataclass(frozen=True)

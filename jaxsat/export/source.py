@@ -5,13 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxsat.engine.native.ir import Value
-from jaxsat.export.contexts import Context
-from jaxsat.export.expressions import literal
-from jaxsat.export.functions import Unit, python_function
-from jaxsat.export.naming import Names, comment, identifier
+from jaxsat.compiler.c.contexts import Context
+from jaxsat.compiler.c.expressions import literal
+from jaxsat.compiler.c.functions import Unit, python_function
+from jaxsat.compiler.c.naming import Names, comment, identifier
+from jaxsat.compiler.c.text import in_lines, wrapped
+from jaxsat.compiler.ir import Value
 from jaxsat.export.program import FlightProgram, Stage
-from jaxsat.export.text import in_lines, wrapped
 
 GUARD = "CONTROLLER_H"
 

@@ -8,16 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.attitude import Quaternion
+from jaxsat.compiler.llvm.mapped import Mapped
 from jaxsat.control import AbstractSampledController
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.solvers import NamedSolver
 from jaxsat.dynamics import PlantState
-from jaxsat.engine.native.mapped import Mapped
 from jaxsat.engine.runge_kutta import explicit_step, tableau_of
 from jaxsat.export.flight import Begin, Input, Measured, Seen, State
 from jaxsat.export.program import FlightProgram
 from jaxsat.navigation import AbstractEstimator, Estimate, Measurement
 from jaxsat.simulation import SampledLoop
-from jaxsat.solvers import NamedSolver
 from jaxsat.vehicle import PulsedActuatorsWithWheels, PulsedThrusters
 
 CASES, SAMPLES, EDGES = 8, 1280, 512

@@ -8,7 +8,6 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.attitude import DCM, WZ, AbstractAttitude, Quaternion
 from jaxsat.control import (
     AbstractBacksteppingLaw,
     InternalModel,
@@ -16,6 +15,7 @@ from jaxsat.control import (
     RippleFilter,
     RippleObserver,
 )
+from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
 from jaxsat.environment import (
     AbstractOrbit,
     ConstantTorque,

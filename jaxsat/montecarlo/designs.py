@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-import jaxsat.noise as noise
-from jaxsat.once import latest
+import jaxsat.core.noise as noise
+from jaxsat.core.once import latest
 
 MAX_CASE_SIZE = 2**32 - 1
 _BITS = 52

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-import jaxsat.ranges as ranges
-from jaxsat.checks import concrete
+import jaxsat.core.ranges as ranges
 from jaxsat.control import InternalModel
+from jaxsat.core.checks import concrete
 from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.dynamics import PlantState
 from jaxsat.montecarlo.distributions import AbstractDistribution, Discrete, RandomAttitude

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree, UInt32
 
-import jaxsat.noise as noise
-from jaxsat.checks import as_array
+import jaxsat.core.noise as noise
+from jaxsat.core.checks import as_array
 from jaxsat.declaration.quantities import EXCLUSIVE
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import AbstractCaseFactory, Case

@@ -8,8 +8,8 @@ import numpy as np
 from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float
 
-from jaxsat.checks import as_float, concrete, require_finite, require_positive
-from jaxsat.errors import ArgumentError
+from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
+from jaxsat.core.errors import ArgumentError
 
 MAX_STANDARD_DEVIATIONS = 1e9
 """Standard deviations from the mean to a bound; farther out the bound has no digits left."""

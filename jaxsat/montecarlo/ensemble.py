@@ -11,7 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.checks import require_counts
+from jaxsat.core.checks import require_counts
+from jaxsat.core.once import once_property
+from jaxsat.core.pointing import pointing_error
 from jaxsat.declaration.quantities import DISPERSIBLE
 from jaxsat.engine import AbstractEngine, Outputs, Program, Replay, program_identity
 from jaxsat.montecarlo.columns import (
@@ -29,8 +31,6 @@ from jaxsat.montecarlo.executors import AbstractExecutor, Serial
 from jaxsat.montecarlo.quantities import QUANTITIES
 from jaxsat.montecarlo.recovery import FailureRecovery
 from jaxsat.montecarlo.statistics import AbstractStopRule
-from jaxsat.once import once_property
-from jaxsat.pointing import pointing_error
 from jaxsat.results import Column, OutputError, StudyStore, machine
 from jaxsat.results.chunks import Coordinate, chunk_numbers
 from jaxsat.results.differences import differences

@@ -11,7 +11,7 @@ from typing import Any
 
 import jax
 
-from jaxsat.errors import JaxsatError
+from jaxsat.core.errors import JaxsatError
 
 Work = Callable[[int], Any]
 """Computes one chunk, given its number; can be pickled."""

@@ -1,6 +1,6 @@
 """Which numbers may be drawn for a quantity: those that leave the model in its ranges.
 
-Ranges are those of `jaxsat.ranges`, which the keys of a scenario have as well; a quantity that
+Ranges are those of `jaxsat.core.ranges`, which the keys of a scenario have as well; a quantity that
 changes a nominal number turns them into limits of the change.
 """
 
@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-import jaxsat.ranges as ranges
-from jaxsat.checks import as_float, concrete
+import jaxsat.core.ranges as ranges
+from jaxsat.core.checks import as_float, concrete
+from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
 from jaxsat.montecarlo.actuator_changes import thruster_count, thrusters_of, torquers_of
 from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.montecarlo.sensor_changes import navigation_of
-from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.vehicle import (

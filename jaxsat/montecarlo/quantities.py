@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jaxsat.ranges as ranges
-from jaxsat.attitude import WZ
+import jaxsat.core.ranges as ranges
+from jaxsat.core.attitude import WZ
+from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.environment import AbstractOrbit
 from jaxsat.montecarlo import actuator_changes, changes, limits, sensor_changes
 from jaxsat.montecarlo.actuator_changes import thruster_count, thrusters_of, torquers_of
@@ -27,7 +28,6 @@ from jaxsat.montecarlo.obstacles import (
     needs_wheels,
 )
 from jaxsat.montecarlo.perturbed import PerturbedLoop, Values
-from jaxsat.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import failures_of
 from jaxsat.vehicle import (
@@ -43,7 +43,7 @@ class Quantity(NamedTuple):
 
     `apply` puts the numbers into the model. `obstacle` tells, as a clause, why a loop has no such
     quantity, or None. `limits` are the least and the largest number that may be drawn for it, given
-    the nominal loop, so that what comes of it stays in its range (`jaxsat.ranges`).
+    the nominal loop, so that what comes of it stays in its range (`jaxsat.core.ranges`).
     """
 
     size: Callable[[AbstractLoop], int]

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from jaxsat.core.tolerances import SETTLED_BEFORE
 from jaxsat.dynamics import PlantState
 from jaxsat.engine.failure_record import initial_record
-from jaxsat.metrics import SETTLED_BEFORE
 from jaxsat.montecarlo.failure_codes import (
     AMOUNTLESS,
     DIAGNOSED,

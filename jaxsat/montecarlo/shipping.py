@@ -9,9 +9,9 @@ import cloudpickle
 import equinox as eqx
 import jax
 
+from jaxsat.core.processors import share_of
+from jaxsat.core.search_path import add_folders, added_folders
 from jaxsat.montecarlo.executors import ClusterError, Work
-from jaxsat.processors import share_of
-from jaxsat.search_path import add_folders, added_folders
 
 
 class PickledWork(NamedTuple):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxsat.once import latest
+from jaxsat.core.once import latest
 
 LEVEL = 0.95
 

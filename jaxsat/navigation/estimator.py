@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.attitude import Quaternion
+from jaxsat.core.attitude import Quaternion
 from jaxsat.environment import AbstractOrbit
 from jaxsat.vehicle import Gyro, StarTracker
 

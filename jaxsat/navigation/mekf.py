@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.attitude import Quaternion
-from jaxsat.compiler import apart
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.barriers import apart
 from jaxsat.environment import AbstractOrbit
 from jaxsat.navigation.estimator import AbstractEstimator, Estimate, Measurement
 from jaxsat.navigation.rotations import difference, product, rotation

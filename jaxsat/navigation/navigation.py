@@ -9,12 +9,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
-from jaxsat.attitude import Quaternion
-from jaxsat.checks import as_float, require_positive
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.dynamics import PlantState
 from jaxsat.navigation.estimator import AbstractEstimator, Estimate, Measurement
 from jaxsat.navigation.rotations import rotation_vector
-from jaxsat.noise import fold_in, name_number, sample_noise
 from jaxsat.vehicle import Gyro, StarTracker
 from jaxsat.vehicle.sensors import as_key, in_parameters_of
 

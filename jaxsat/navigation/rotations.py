@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.attitude import Quaternion
-from jaxsat.trigonometry import cos, sin
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.trigonometry import cos, sin
 
 
 def rotation(angle: Float[Array, "3"]) -> Quaternion:

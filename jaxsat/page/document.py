@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import jaxsat
-from jaxsat.errors import JaxsatError
+from jaxsat.core.errors import JaxsatError
 from jaxsat.page.content import Chart, Charts, Section
 
 PACKAGES = ("bokeh", "jinja2")

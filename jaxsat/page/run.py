@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jaxsat.metrics import Tolerances
+from jaxsat.core.text import capitalised
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.page.charts import MOST_LINES, TimePlots, shown_unit
 from jaxsat.page.content import (
     Chart,
@@ -30,7 +31,6 @@ from jaxsat.results import time_at_rest, time_to_settle
 from jaxsat.results.coarseness import coarseness
 from jaxsat.scenario.laws import known_law
 from jaxsat.scenario.tables import OrbitTable
-from jaxsat.text import capitalised
 
 GROUPS = {
     "Attitude": ("pointing_error_total", "pointing_error", "euler_angle", "w", "z"),

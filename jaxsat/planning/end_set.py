@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.metrics import Tolerances
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.planning.barrier import LEAVING, TO_BOUNDARY, stepped
 
 RealScalar = Float[Array, ""]

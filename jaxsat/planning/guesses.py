@@ -5,7 +5,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsat.once import once
+from jaxsat.core.once import once
 from jaxsat.planning.transcription import STATES, PlanObjective, Transcription, Unknowns
 
 RealScalar = Float[Array, ""]

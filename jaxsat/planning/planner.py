@@ -9,21 +9,21 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from jaxsat.checks import (
+from jaxsat.core.checks import (
     as_float,
     require_counts,
     require_directions,
     require_finite,
     require_positive,
 )
+from jaxsat.core.errors import ArgumentError
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.core.trees import choose
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.errors import ArgumentError
-from jaxsat.metrics import Tolerances
 from jaxsat.planning.guesses import guess, random_numbers, resampled
 from jaxsat.planning.interior_point import Iterate, solve
 from jaxsat.planning.search import ARRIVING, CLOSE, ROUGH, in_hemisphere_of, worth_of
 from jaxsat.planning.transcription import PlanObjective, Transcription, Unknowns
-from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.checks import require_counts, require_finite, require_positive
+from jaxsat.core.checks import require_counts, require_finite, require_positive
+from jaxsat.core.trees import choose
 from jaxsat.planning.guesses import guess, random_numbers, resampled
 from jaxsat.planning.interior_point import Iterate, Settings, begun, iterated
 from jaxsat.planning.transcription import Transcription, Unknowns
-from jaxsat.trees import choose
 
 RealScalar = Float[Array, ""]
 

@@ -15,9 +15,9 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from jaxsat.attitude import Quaternion
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.metrics import Tolerances
 from jaxsat.planning.end_set import BALLS, inside, radii_of
 
 RealScalar = Float[Array, ""]

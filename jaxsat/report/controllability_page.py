@@ -22,7 +22,7 @@ from jaxsat.controllability.wording import (
     net_force_words,
     once_stopped_words,
 )
-from jaxsat.text import markdown
+from jaxsat.core.text import markdown
 
 COUNT_WORDS = ("single", "double", "triple")
 ERRORS = ("roll 1°", "pitch 1°", "yaw 1°", "ω1 1 mrad/s", "ω2 1 mrad/s", "ω3 1 mrad/s")

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxsat.pointing import pointing_error
+from jaxsat.core.pointing import pointing_error
 from jaxsat.report.style import FURTHER_LINES, LINES, escape_mathematics, panels
 from jaxsat.report.time_axes import (
     DIAGNOSED,

@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxsat.pointing import pointing_error
+from jaxsat.core.pointing import pointing_error
 from jaxsat.report.failure_figure import failure_figure
 from jaxsat.report.signal_figures import further_signals, pointing_figure, signals_figure
 from jaxsat.report.style import LINES, escape_mathematics, panels

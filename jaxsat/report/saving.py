@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.text import clean
+from jaxsat.core.text import clean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatter
 
-from jaxsat.pointing import euler_angles, pointing_error
+from jaxsat.core.pointing import euler_angles, pointing_error
 from jaxsat.report.style import FURTHER_LINES, LINES, escape_mathematics, panels
 from jaxsat.report.time_axes import (
     draw_lines,

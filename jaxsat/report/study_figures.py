@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
-from jaxsat.pointing import pointing_error
+from jaxsat.core.pointing import pointing_error
 from jaxsat.report.style import LINES, panels
 from jaxsat.simulation import Signals
 

@@ -12,7 +12,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxsat.text import clean
+from jaxsat.core.text import clean
 
 MAX_TITLE_LENGTH, MAX_LABEL_LENGTH = 200, 60
 """Characters; no more fit on a figure."""

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from jaxsat.metrics import wrap_angle
+from jaxsat.core.tolerances import wrap_angle
 from jaxsat.reproduction.claim import Claim, Datasets, decide, duration, last, scenario_of, when
 from jaxsat.results import is_within, time_to_settle
 

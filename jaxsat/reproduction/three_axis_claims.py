@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from jaxsat.metrics import SETTLED_BEFORE
+from jaxsat.core.tolerances import SETTLED_BEFORE
 from jaxsat.reproduction.claim import (
     SMALL_RATE,
     Claim,

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import xarray as xr
 
 from jaxsat.controllability import FailureCase, Judgement, failure_arrays, verdict_sentence
+from jaxsat.core.text import clean
 from jaxsat.results.provenance import provenance_attributes
-from jaxsat.text import clean
 
 
 def failure_dataset(

@@ -11,14 +11,14 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.control.sampled import mode_label
-from jaxsat.pointing import pointing
+from jaxsat.core.pointing import SEQUENCE, euler_angles, pointing_error
+from jaxsat.core.text import clean
 from jaxsat.results.errors import OutputError, one_line
 from jaxsat.results.files import save_file
 from jaxsat.results.labels import AXES
 from jaxsat.results.marker import read_unchanged
 from jaxsat.results.provenance import provenance_attributes
 from jaxsat.simulation import Assessment, Signals, Trajectory
-from jaxsat.text import clean
 
 
 class _Variable(NamedTuple):
@@ -281,3 +281,21 @@ def _attributes(
     if seed is not None:
         attributes["seed"] = seed
     return attributes | provenance_attributes()
+
+
+def pointing(quaternion: np.ndarray) -> dict[str, xr.Variable]:
+    """What a trajectory tells of its quaternions (times, 4) in degrees."""
+    error = pointing_error(quaternion)
+    entries = {
+        "pointing_error": (error, "body_axis", "pointing error about body axes (rotation vector)"),
+        "pointing_error_total": (np.linalg.norm(error, axis=-1), None, "total pointing error"),
+        "euler_angle": (euler_angles(quaternion), "euler_axis", f"Euler angles, {SEQUENCE}"),
+    }
+    return {
+        name: xr.Variable(
+            ("time",) if axis is None else ("time", axis),
+            values,
+            {"units": "degree", "long_name": meaning},
+        )
+        for name, (values, axis, meaning) in entries.items()
+    }

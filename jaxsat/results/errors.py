@@ -2,7 +2,7 @@
 
 import errno
 
-from jaxsat.errors import JaxsatError
+from jaxsat.core.errors import JaxsatError
 
 FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 """System errors of a disk that is full or broken, which no other command would have avoided."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import jaxsat
-from jaxsat.once import once
+from jaxsat.core.once import once
 
 PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
 

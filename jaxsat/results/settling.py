@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import xarray as xr
 
-from jaxsat.metrics import Tolerances, within
+from jaxsat.core.tolerances import Tolerances, within
 
 _within = jax.jit(within)
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from jaxsat.allocation import least_propellant, plane_map
+from jaxsat.core.allocation import least_propellant, plane_map
 from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation

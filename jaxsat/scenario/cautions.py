@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
-from jaxsat.allocation import usable_share
+from jaxsat.core.allocation import usable_share
+from jaxsat.core.inertia import torque_axis_frame
+from jaxsat.core.ranges import SETTLED_W
 from jaxsat.declaration.scaling import Scaling
 from jaxsat.declaration.settling import HOLDING_AMPLITUDE, TUNED_PERIOD, holding_amplitude
 from jaxsat.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, tuned_frequency
-from jaxsat.inertia import torque_axis_frame
-from jaxsat.ranges import SETTLED_W
 from jaxsat.scenario.actuator_cautions import actuator_cautions
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.domain import believed_normal_form, domain_cautions

@@ -4,10 +4,10 @@ Every rule names the keys that it reads and is applied wherever all of these are
 themselves, so that one mistake hides no other.
 """
 
-from jaxsat.allocation import allocation_matrix, torque_directions
+from jaxsat.core.allocation import allocation_matrix, torque_directions
+from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.declaration.laws import LAWS
 from jaxsat.declaration.sensors import DELAY, GYRO_KEYS, TRACKER_KEYS
-from jaxsat.ranges import STATE_LIMIT
 from jaxsat.scenario.coordinates import (
     ERROR_COORDINATE_KEYS,
     error_coordinate_obstacle,

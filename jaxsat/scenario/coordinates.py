@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.ranges import STATE_LIMIT
+from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import command_map
 from jaxsat.scenario.wheel_tables import WheelTable, rotors

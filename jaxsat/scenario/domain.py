@@ -6,10 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.allocation import torque_directions, usable_share
+from jaxsat.core.allocation import torque_directions, usable_share
+from jaxsat.core.inertia import normal_axes
+from jaxsat.core.ranges import SETTLED_RATE
 from jaxsat.declaration.domain import NUMBERS
-from jaxsat.inertia import normal_axes
-from jaxsat.ranges import SETTLED_RATE
 from jaxsat.scenario.coordinates import free_inertia
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law

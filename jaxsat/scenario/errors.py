@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from jaxsat.errors import JaxsatError
-from jaxsat.text import clean
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.text import clean
 
 Location = tuple[str | int, ...]
 """Where a value is: table and key names, then positions from 0 inside an array."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.allocation import (
+from jaxsat.core.allocation import (
     allocation_matrix,
     largest_torque,
     least_propellant,

@@ -6,7 +6,7 @@ depth, and a parser takes time and memory for them that grows faster than the fi
 
 import re
 
-from jaxsat.errors import JaxsatError
+from jaxsat.core.errors import JaxsatError
 
 MAX_FILE_SIZE = 1_000_000
 """Bytes. No scenario comes near; a file larger than this is something else."""

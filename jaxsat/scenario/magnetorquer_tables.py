@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from jaxsat.ranges import DIPOLE_LIMIT, SECONDS
+from jaxsat.core.ranges import DIPOLE_LIMIT, SECONDS
 from jaxsat.scenario.quantities import Line, Number, Switch, Table, choice, quantity, within
 from jaxsat.scenario.thruster_tables import Direction
 

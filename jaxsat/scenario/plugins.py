@@ -21,10 +21,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from jaxsat.core.errors import FOREIGN, JaxsatError
+from jaxsat.core.once import once
 from jaxsat.declaration import LawDeclaration, PartDeclaration
 from jaxsat.declaration.sensors import ESTIMATORS
-from jaxsat.errors import FOREIGN, JaxsatError
-from jaxsat.once import once
 
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 

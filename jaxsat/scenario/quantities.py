@@ -8,9 +8,9 @@ from annotated_types import Ge, Gt, Interval, Le, Len
 from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Discriminator, Field, Tag
 from pydantic.types import Strict
 
-from jaxsat.errors import ArgumentError
-from jaxsat.inertia import require_known_inertia
-from jaxsat.ranges import MOMENT, PRODUCT, Range
+from jaxsat.core.errors import ArgumentError
+from jaxsat.core.inertia import require_known_inertia
+from jaxsat.core.ranges import MOMENT, PRODUCT, Range
 
 _UNPRINTABLE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]"

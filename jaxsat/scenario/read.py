@@ -14,6 +14,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from jaxsat.core.search_path import add_folders
 from jaxsat.scenario.cautions import cautions
 from jaxsat.scenario.degrees import InRadians, in_radians
 from jaxsat.scenario.errors import (
@@ -38,7 +39,6 @@ from jaxsat.scenario.plugins import (
 )
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import suggestion
-from jaxsat.search_path import add_folders
 
 
 def library() -> dict[str, Traversable]:

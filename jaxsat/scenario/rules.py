@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import jaxsat.declaration as declaration
+from jaxsat.core.errors import FOREIGN
 from jaxsat.declaration.laws import Law
-from jaxsat.errors import FOREIGN
 from jaxsat.scenario.coordinates import Values
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import is_plugin, known_law

@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len, Lt
 
-from jaxsat.earth import circular_orbit_rate
-from jaxsat.ranges import (
+from jaxsat.core.earth import circular_orbit_rate
+from jaxsat.core.ranges import (
     ANGLE,
     FREQUENCY,
     MAX_FIXED_STEPS,

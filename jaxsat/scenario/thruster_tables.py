@@ -7,8 +7,8 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 from pydantic import AfterValidator
 
-from jaxsat.errors import ArgumentError
-from jaxsat.ranges import FRICTION, ROTATION, SECONDS, TORQUE_LIMIT, Range
+from jaxsat.core.errors import ArgumentError
+from jaxsat.core.ranges import FRICTION, ROTATION, SECONDS, TORQUE_LIMIT, Range
 from jaxsat.scenario.quantities import (
     Line,
     Number,

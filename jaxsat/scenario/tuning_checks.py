@@ -1,6 +1,6 @@
 """Rules of the `[tuning]` table."""
 
-from jaxsat.errors import ArgumentError
+from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario.checks import is_multiple
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue

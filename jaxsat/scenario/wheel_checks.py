@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxsat.allocation import least_squares_map, what_is_left
+from jaxsat.core.allocation import least_squares_map, what_is_left
 from jaxsat.scenario.coordinates import free_inertia
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law

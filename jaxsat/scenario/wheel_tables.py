@@ -4,8 +4,8 @@ from typing import Annotated
 
 import numpy as np
 
-from jaxsat.allocation import least_squares_map, unit_columns, what_is_left
-from jaxsat.ranges import FRICTION, MOMENT, TORQUE, TORQUE_LIMIT, WHEEL_MOMENTUM, WHEEL_NOISE
+from jaxsat.core.allocation import least_squares_map, unit_columns, what_is_left
+from jaxsat.core.ranges import FRICTION, MOMENT, TORQUE, TORQUE_LIMIT, WHEEL_MOMENTUM, WHEEL_NOISE
 from jaxsat.scenario.quantities import Line, Number, Switch, Table, choice, quantity, within
 from jaxsat.scenario.thruster_tables import Direction
 

@@ -7,16 +7,16 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from jaxsat.core.errors import ArgumentError
+from jaxsat.core.once import once
+from jaxsat.core.text import clean
 from jaxsat.declaration.laws import LAWS
-from jaxsat.errors import ArgumentError
-from jaxsat.once import once
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue, Location, entry_of
 from jaxsat.scenario.laws import known_law, law_names
 from jaxsat.scenario.part_tables import PartTable, table_of_part
 from jaxsat.scenario.plugins import PluginError, known_part
 from jaxsat.scenario.toml_text import toml_value
-from jaxsat.text import clean
 
 MAX_SHOWN_LENGTH = 60
 MAX_VECTOR_LENGTH = 4

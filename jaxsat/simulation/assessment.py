@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.core.tolerances import SettlingTracker, Tolerances, excess
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.metrics import SettlingTracker, Tolerances, excess
 
 
 class Assessment(eqx.Module):
@@ -44,7 +44,7 @@ class Observation(NamedTuple):
         return Observation(wz.w, wz.z, plant.relative_rate(state), state.omega)
 
     def excess(self, tolerances: Tolerances) -> Float[Array, "3"]:
-        """How far outside the tolerances, see `jaxsat.metrics.excess`."""
+        """How far outside the tolerances, see `jaxsat.core.tolerances.excess`."""
         return excess(self.w, self.z, self.relative_rate, tolerances)
 
     def rest_excess(self, tolerances: Tolerances) -> Float[Array, "1"]:

@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.attitude import AbstractAttitude
-from jaxsat.checks import concrete
 from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.checks import concrete
+from jaxsat.core.quotients import reciprocal
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.quotients import reciprocal
 from jaxsat.simulation.loops import (
     AbstractContinuousLoop,
     Motion,

@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from jaxsat.core.trees import choose
 from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.trees import choose
 from jaxsat.vehicle import Hold, Wheels, WheelStates
 
 RealScalar = Float[Array, ""]

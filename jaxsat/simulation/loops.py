@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.checks import concrete
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController
 from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
+from jaxsat.core.checks import concrete
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.vehicle import (

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from jaxsat.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.ranges import MAX_FIXED_STEPS
+from jaxsat.core.solvers import HIGH_ORDER, NamedSolver, Solver
 from jaxsat.dynamics import RigidBody
-from jaxsat.ranges import MAX_FIXED_STEPS
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, ContinuousLoop
-from jaxsat.solvers import HIGH_ORDER, NamedSolver, Solver
 
 if TYPE_CHECKING:
     from diffrax import AbstractAdjoint as Adjoint

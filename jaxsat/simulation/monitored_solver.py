@@ -5,7 +5,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from jaxsat.metrics import SettlingTracker
+from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation.assessment import (
     EntryBracket,
     Monitor,

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.metrics import SettlingTracker, Tolerances
+from jaxsat.core.tolerances import SettlingTracker, Tolerances
 from jaxsat.simulation.assessment import Observation, effort_rate, stop_gradient
 from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.integration_error import IntegrationError

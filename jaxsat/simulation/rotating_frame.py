@@ -6,7 +6,7 @@ States must have a `memory`. Without an integrating factor the frame is the usua
 import equinox as eqx
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.compiler import apart
+from jaxsat.core.barriers import apart
 from jaxsat.simulation.loops import AbstractContinuousLoop, Motion
 
 

@@ -9,10 +9,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from jaxsat.checks import as_optional_float, concrete, require_counts, require_positive
 from jaxsat.control import AbstractSampledController
 from jaxsat.control.controller import Memory
 from jaxsat.control.magnetic import MagneticSteering
+from jaxsat.core.checks import as_optional_float, concrete, require_counts, require_positive
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.navigation import Navigation, NavigationState, Told
 from jaxsat.simulation.divided_holds import Asked, external_torque, through_hold

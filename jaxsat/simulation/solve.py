@@ -10,10 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
-from jaxsat.checks import as_float, concrete
+from jaxsat.core.checks import as_float, concrete
+from jaxsat.core.ranges import STATE_LIMIT
+from jaxsat.core.solvers import AbstractSolver, solver_of
+from jaxsat.core.tolerances import SettlingTracker, Tolerances
+from jaxsat.core.trees import strong
 from jaxsat.dynamics import PlantState
-from jaxsat.metrics import SettlingTracker, Tolerances
-from jaxsat.ranges import STATE_LIMIT
 from jaxsat.simulation.assessment import (
     Monitor,
     MonitoredState,
@@ -36,8 +38,6 @@ from jaxsat.simulation.methods import (
 from jaxsat.simulation.recorded_hold import SampledRecord, over_hold
 from jaxsat.simulation.sampled_loop import Integrator, SampledLoop, SampledState
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
-from jaxsat.solvers import AbstractSolver, solver_of
-from jaxsat.trees import strong
 
 
 def simulate(

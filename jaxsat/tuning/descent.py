@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jaxsat.core.once import latest
 from jaxsat.engine import Outputs
-from jaxsat.once import latest
 from jaxsat.simulation import Outcome
 from jaxsat.tuning.cost_evaluator import CaseGradients
 from jaxsat.tuning.evolution import next_population

@@ -3,8 +3,8 @@
 import numpy as np
 import xarray as xr
 
+from jaxsat.core.text import clean
 from jaxsat.results.provenance import provenance_attributes
-from jaxsat.text import clean
 from jaxsat.tuning.descent import DescentState
 from jaxsat.tuning.plan import TuningPlan
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import optax
 
-from jaxsat.errors import ArgumentError
+from jaxsat.core.errors import ArgumentError
 
 SCHEDULES = ("constant", "cosine", "exponential")
 DERIVATIVE_FREE = "cma-es"

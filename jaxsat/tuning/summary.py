@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from jaxsat.core.text import markdown
 from jaxsat.montecarlo import Interval, ends_text, fraction_text
-from jaxsat.text import markdown
 from jaxsat.tuning.baselines import BaselineResult, missing_packages
 from jaxsat.tuning.receipt import GradientCheck, Receipt
 from jaxsat.tuning.verdict import GainEvaluation, TuningVerdict

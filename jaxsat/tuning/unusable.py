@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 import jaxsat
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.jax_internals import Place
 from jaxsat.engine import nan_in_run
-from jaxsat.errors import JaxsatError
-from jaxsat.jax_internals import Place
 from jaxsat.simulation import Outcome
 from jaxsat.tuning.aggregates import usable_cases
 from jaxsat.tuning.cost_evaluator import CaseGradients, CostEvaluator

@@ -8,8 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.checks import as_float, require_positive
-from jaxsat.smooth import sat
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.smooth import sat
 from jaxsat.vehicle.axes import turned_axes
 from jaxsat.vehicle.failures import FailureEvents
 from jaxsat.vehicle.thrusters import Thrusters, allocation

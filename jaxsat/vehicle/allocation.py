@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.allocation import least_propellant, unit_columns
-from jaxsat.checks import as_float, as_optional_float
-from jaxsat.smooth import positive_part, within
+from jaxsat.core.allocation import least_propellant, unit_columns
+from jaxsat.core.checks import as_float, as_optional_float
+from jaxsat.core.smooth import positive_part, within
 
 RealScalar = Float[Array, ""]
 
@@ -76,8 +76,9 @@ class LeastPropellant(eqx.Module):
     torque by each, and `command_map` (3, torques) makes the torque on the body of a command. Any
     layout will do, also one whose torques are in a plane. Of a torque that cannot be made in full
     the greatest part is, in the same direction. At most `between` duties are neither zero nor at
-    their limit. `table` (bases, m, torques) has the duties of `jaxsat.allocation.least_propellant`:
-    while none is beyond 1, the one without a negative duty is the solution, and no loop is run.
+    their limit. `table` (bases, m, torques) has the duties of
+    `jaxsat.core.allocation.least_propellant`: while none is beyond 1, the one without a negative
+    duty is the solution, and no loop is run.
     """
 
     units: Float[Array, "3 m"] = eqx.field(converter=as_float)

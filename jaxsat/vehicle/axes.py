@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.allocation import unit_columns
-from jaxsat.checks import as_array, concrete, require_finite
-from jaxsat.errors import ArgumentError
+from jaxsat.core.allocation import unit_columns
+from jaxsat.core.checks import as_array, concrete, require_finite
+from jaxsat.core.errors import ArgumentError
 
 
 def unit_axes(axes: Array) -> Float[Array, "3 n"]:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.smooth import within
+from jaxsat.core.smooth import within
 
 RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]

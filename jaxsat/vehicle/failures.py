@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.checks import as_float, as_optional_float
+from jaxsat.core.checks import as_float, as_optional_float
 
 
 class FailureKind(enum.IntEnum):

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.checks import as_float, require_finite, require_positive
+from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.declaration.sensors import GYRO_KEYS
 
 

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jaxsat.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, require_positive
 from jaxsat.vehicle.axes import turned_axes, unit_axes
 from jaxsat.vehicle.failures import MagnetorquerFailures
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.checks import as_float, concrete, require_positive
+from jaxsat.core.checks import as_float, concrete, require_positive
 
 
 class Pulses(NamedTuple):

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.smooth import at_least, within
+from jaxsat.core.smooth import at_least, within
 from jaxsat.vehicle.allocation import LeastPropellant
 from jaxsat.vehicle.failures import Condition, FailureEvents
 from jaxsat.vehicle.holds import AbstractPulsedActuators, Consumption, Hold, Usage

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 from numpy.typing import DTypeLike
 
-from jaxsat.attitude import WZ, AbstractAttitude, Quaternion
-from jaxsat.checks import as_float, require_positive
+from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.noise import sample_noise
 from jaxsat.declaration.sensors import SENSOR_KEYS
-from jaxsat.noise import sample_noise
 
 
 def as_key(value) -> UInt32[Array, "2"]:

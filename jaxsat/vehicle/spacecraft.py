@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.checks import as_array, as_float, concrete, require_inertia
+from jaxsat.core.checks import as_array, as_float, concrete, require_inertia
 
 
 def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:

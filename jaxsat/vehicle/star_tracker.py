@@ -9,10 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from jaxsat.attitude import Quaternion
-from jaxsat.checks import as_array, as_float, as_optional_float, require_counts, require_positive
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import (
+    as_array,
+    as_float,
+    as_optional_float,
+    require_counts,
+    require_positive,
+)
+from jaxsat.core.errors import ArgumentError
 from jaxsat.declaration.sensors import TRACKER_KEYS
-from jaxsat.errors import ArgumentError
 
 Queue = TypeVar("Queue")
 

@@ -4,8 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt32
 
-from jaxsat.checks import as_float, require_positive
-from jaxsat.noise import fold_in, name_number, sample_noise
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.vehicle.sensors import as_key
 
 

@@ -5,7 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.checks import as_float, as_optional_float, concrete, require_finite, require_positive
+from jaxsat.core.checks import (
+    as_float,
+    as_optional_float,
+    concrete,
+    require_finite,
+    require_positive,
+)
 from jaxsat.vehicle.axes import turned_axes
 
 

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.allocation import NORMALISER_FLOOR, allocation_matrix, unit_columns
-from jaxsat.checks import as_array, as_float, concrete, require_finite
+from jaxsat.core.allocation import NORMALISER_FLOOR, allocation_matrix, unit_columns
+from jaxsat.core.checks import as_array, as_float, concrete, require_finite
 
 
 class Thrusters(eqx.Module):
@@ -87,7 +87,7 @@ def one_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
 
 
 def allocation(thrusters: Thrusters, torques: int = 2) -> Float[Array, "m torques"]:
-    """`jaxsat.allocation.allocation_matrix` of these thrusters."""
+    """`jaxsat.core.allocation.allocation_matrix` of these thrusters."""
     return as_array(allocation_matrix(np.asarray(thrusters.torque_axes), torques))
 
 

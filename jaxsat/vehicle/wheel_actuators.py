@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
-from jaxsat.allocation import (
+from jaxsat.core.allocation import (
     NORMALISER_FLOOR,
     least_squares_map,
     unit_columns,
     what_is_left,
 )
-from jaxsat.checks import as_array, as_float, as_optional_float, require_positive
+from jaxsat.core.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.vehicle.actuators import AbstractActuators, AbstractSmoothActuators
 from jaxsat.vehicle.bounded_least_squares import nearest_within
 from jaxsat.vehicle.holds import AbstractPulsedActuators

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.checks import as_float, concrete
+from jaxsat.core.checks import as_float, concrete
 from jaxsat.vehicle.failures import AbstractFailures
 
 

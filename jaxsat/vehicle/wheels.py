@@ -20,8 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jaxsat.checks import as_float, concrete, require_finite, require_positive
-from jaxsat.errors import ArgumentError
+from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
+from jaxsat.core.errors import ArgumentError
 from jaxsat.vehicle.axes import unit_axes
 from jaxsat.vehicle.wheel_failures import WheelCondition, WheelFailures
 from jaxsat.vehicle.wheel_piece import WheelPiece, time_to

@@ -8,9 +8,9 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.errors import PrecisionError
+from jaxsat.core.errors import PrecisionError
+from jaxsat.core.solvers import class_name
 from jaxsat.simulation import adaptive, simulate
-from jaxsat.solvers import class_name
 from jaxsat.vehicle import Actuators
 
 

@@ -13,7 +13,7 @@ from assembly.test_thrusters_as_parts import pushing, written
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.assembly.study import study_program
-from jaxsat.checks import as_float
+from jaxsat.core.checks import as_float
 from jaxsat.montecarlo import StudyCase
 from jaxsat.montecarlo.failure_codes import FAILURES
 from jaxsat.montecarlo.recovery import failed_thrusters

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jaxsat.allocation import least_propellant, plane_map, pushed_directions
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.cli.scenarios import check
+from jaxsat.core.allocation import least_propellant, plane_map, pushed_directions
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.layout import torque_limit
 

@@ -6,7 +6,7 @@ import pytest
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.assembly.study import build_study
-from jaxsat.metrics import Tolerances
+from jaxsat.core.tolerances import Tolerances
 
 LIMITS = {"tilt_rad": 0.3, "turn_rad": 0.2, "rate_rad_s": 0.02}
 CHANGES = [

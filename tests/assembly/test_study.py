@@ -10,6 +10,7 @@ from jaxsat.assembly.study import (
     build_dispersions,
     build_study,
 )
+from jaxsat.core.solvers import class_name
 from jaxsat.declaration.quantities import DISPERSIBLE, EXCLUSIVE
 from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.engine import ReferenceEngine
@@ -17,7 +18,6 @@ from jaxsat.montecarlo import QUANTITIES, LatinHypercube, Sobol
 from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.dispersion_tables import PARAMETERS
 from jaxsat.scenario.toml_text import toml_value
-from jaxsat.solvers import class_name
 
 OMEGA = "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=[0.1, 0.2, 0.3]}"
 

@@ -23,8 +23,8 @@ from jaxsat.bounds import (
 )
 from jaxsat.cli import main
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.environment import AbstractDisturbance
-from jaxsat.metrics import Tolerances
 from jaxsat.scenario import library
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.vehicle import Actuators

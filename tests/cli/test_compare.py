@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from jaxsat import search_path
 from jaxsat.comparison import ComparisonSetting, compare
+from jaxsat.core import search_path
 
 QUICK = [
     *("--law", "switching", "--law", "rate", "--level", "nominal", "--torque-limit", "20"),

@@ -74,7 +74,7 @@ def test_a_bug_is_one_line_and_a_private_file(failing, tmp_path, action, message
 def test_a_bug_of_the_native_engine_is_told_and_no_reason_to_fall_back(
     command_line, monkeypatch, tmp_path
 ):
-    from jaxsat.engine.native.lowering import RULES
+    from jaxsat.compiler.lowering import RULES
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     monkeypatch.setitem(RULES, "mul", raising(IndexError("beyond the end")))
@@ -237,8 +237,8 @@ def test_a_title_of_every_evil_comes_out_harmless(command_line, tmp_path):
     """On the terminal, in netCDF attributes, figures and records of a whole run."""
     import xml.etree.ElementTree as xml
 
+    from jaxsat.core.text import clean
     from jaxsat.results import open_trajectory
-    from jaxsat.text import clean
 
     _, text, _ = command_line("scenarios", "show", "switching")
     lines = [f"title = {toml(TITLE)}" if "title" in one else one for one in text.splitlines()]

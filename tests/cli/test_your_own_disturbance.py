@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from jaxsat import search_path
+from jaxsat.core import search_path
 
 PAGE = Path(__file__).parents[2] / "docs" / "your-own-disturbance.md"
 TEXT = PAGE.read_text(encoding="utf-8")

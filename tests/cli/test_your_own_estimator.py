@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxsat import search_path
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.assembly.study import build_study
+from jaxsat.core import search_path
 from jaxsat.scenario import ScenarioError, dump, plugins
 from jaxsat.scenario.read import library
 

@@ -16,7 +16,7 @@ from jaxsat.comparison import (
     least_times,
     median_least_time,
 )
-from jaxsat.ranges import SETTLED_RATE
+from jaxsat.core.ranges import SETTLED_RATE
 
 MOMENTS, ORBIT_RATE = np.array([449.5, 264.6, 312.5]), 0.0011
 DISTURBANCE = np.sum([0.01, 0.02, 0.001])

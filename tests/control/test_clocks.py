@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from control.cases import ORBIT_RATE, body
-from jaxsat.attitude import WZ
 from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.control.supervisor import Phase
+from jaxsat.core.attitude import WZ
 from jaxsat.dynamics import PlantState
 
 SPINNING = PlantState(WZ([-1.0, 1.0], 1.27).as_quaternion(), [0.1, -0.11, 0.05])

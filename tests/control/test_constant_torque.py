@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from control.cases import INERTIA, ORBIT_RATE, C, body
-from jaxsat.attitude import WZ
+from jaxsat.core.attitude import WZ
 from jaxsat.dynamics import PlantState
 
 

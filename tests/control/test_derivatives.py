@@ -13,8 +13,8 @@ import pytest
 from helpers.derivatives import Derivatives
 from helpers.every_law import PLACES, PLANNED, UPSIDE_DOWN, scenario_of
 from jaxsat.assembly.run import build_loop
-from jaxsat.attitude import Quaternion
 from jaxsat.control import AbstractSampledController
+from jaxsat.core.attitude import Quaternion
 from jaxsat.declaration.laws import LAWS
 from jaxsat.dynamics import PlantState
 from jaxsat.montecarlo import number_at

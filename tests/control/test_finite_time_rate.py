@@ -6,8 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from control.cases import INERTIA, C, actuators, body, form, paper_disturbance
-from jaxsat.attitude import Quaternion
 from jaxsat.control import FiniteTimeRate, FiniteTimeRateLaw, ThirdAxis, ThirdAxisEstimator
+from jaxsat.core.attitude import Quaternion
 from jaxsat.dynamics import PlantState
 from jaxsat.simulation import SampledLoop, simulate
 

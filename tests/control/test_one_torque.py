@@ -8,11 +8,11 @@ import sympy
 from scipy.integrate import solve_ivp
 
 from control.test_normal_form import any_inertia
-from jaxsat.allocation import allocation_matrix, plane_map, torque_axis
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.control import InertiaFit, OneTorqueMode, TorqueAxisFrame
-from jaxsat.inertia import torque_axis_frame
+from jaxsat.core.allocation import allocation_matrix, plane_map, torque_axis
+from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.scenario import ScenarioError, ScenarioWarning
 
 w, x, y = sympy.symbols("w x y", real=True)

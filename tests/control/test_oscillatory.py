@@ -8,7 +8,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from control.cases import ORBIT_RATE, C, actuators, form, paper_fit, ripple_observer
-from jaxsat.attitude import WZ, Quaternion
 from jaxsat.control import (
     MorinSamson,
     Oscillator,
@@ -19,6 +18,7 @@ from jaxsat.control import (
 )
 from jaxsat.control.oscillatory import Oscillation, Slow
 from jaxsat.control.tilt import tilt_of
+from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.dynamics import PlantState
 from jaxsat.simulation import SampledLoop, simulate
 

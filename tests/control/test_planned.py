@@ -10,13 +10,13 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.attitude import Quaternion
 from jaxsat.control.driven_axes import DrivenFit, FittedDynamics
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.planned import MOST_MANOEUVRES, SETTLING, PlannedMode, PlannedSettling
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.errors import ArgumentError
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit
-from jaxsat.errors import ArgumentError
 from jaxsat.planning import search
 from jaxsat.planning.search import PlanSearch
 from jaxsat.simulation import simulate

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxsat.attitude import Quaternion
 from jaxsat.control import QuaternionFeedback
+from jaxsat.core.attitude import Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit
 from jaxsat.simulation import SampledLoop, simulate

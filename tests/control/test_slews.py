@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from control.cases import INERTIA, ORBIT_RATE, actuators, body, form
 from helpers.strategies import rotations
-from jaxsat.attitude import Quaternion
 from jaxsat.control import SlewPlanner, ThreeSlewLaw, slews
+from jaxsat.core.attitude import Quaternion
 from jaxsat.dynamics import PlantState
 from jaxsat.simulation import SampledLoop, simulate
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from helpers.switching import CASE, GAINS, START, J, start, switching_loop
-from jaxsat.attitude import WZ
 from jaxsat.control import InternalModel
+from jaxsat.core.attitude import WZ
 from jaxsat.dynamics import PlantState
 from jaxsat.simulation import Outcome, simulate
 from oracle import simulate_switched_sampled

@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from control.cases import ORBIT_RATE, body
-from jaxsat.attitude import WZ, Quaternion
 from jaxsat.control import FiniteTimeRate, NormalForm, ThirdAxisEstimator, three_slew_settling
 from jaxsat.control.estimators import MOST_TURN, TILT_PRICE, in_body, products_of
 from jaxsat.control.fine import Handover
@@ -15,8 +14,9 @@ from jaxsat.control.normal_form import NormalState
 from jaxsat.control.oscillatory import Slow, turned
 from jaxsat.control.supervisor import Phase
 from jaxsat.control.tilt import tilt_of
+from jaxsat.core.attitude import WZ, Quaternion
+from jaxsat.core.inertia import normal_axes
 from jaxsat.dynamics import PlantState
-from jaxsat.inertia import normal_axes
 
 LEANING = np.array([[300.0, 30.0, -20.0], [30.0, 220.0, 15.0], [-20.0, 15.0, 260.0]])
 AXES = np.array([[1.0, 0.0], [0.1, 0.9], [-0.2, 0.43]])

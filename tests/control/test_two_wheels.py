@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.attitude import WZ, Quaternion
 from jaxsat.control.two_wheels import NO_TURN, TwoWheels, reference
+from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit
 from jaxsat.vehicle import Spacecraft

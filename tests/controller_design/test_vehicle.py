@@ -6,7 +6,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import jaxsat
-from jaxsat.allocation import torque_directions
 from jaxsat.assembly.run import build_loop
 from jaxsat.control.oscillatory import Slow
 from jaxsat.controller_design.candidates import (
@@ -23,7 +22,8 @@ from jaxsat.controller_design.reading import ALL, read_vehicle
 from jaxsat.controller_design.tuning import tuning_table
 from jaxsat.controller_design.turned import turned
 from jaxsat.controller_design.vehicle import scale_of, vehicle_verdict
-from jaxsat.inertia import normal_axes
+from jaxsat.core.allocation import torque_directions
+from jaxsat.core.inertia import normal_axes
 from jaxsat.montecarlo import number_at
 from jaxsat.montecarlo.perturbed import controller_of
 from jaxsat.scenario.coordinates import inertia_matrix

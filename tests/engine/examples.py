@@ -18,6 +18,8 @@ from helpers.paper import (
     three_axis_start,
 )
 from helpers.switching import CASE, start, switching_loop
+from jaxsat.core.noise import key_of_seed
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import (
     AbstractCaseFactory,
@@ -31,9 +33,7 @@ from jaxsat.engine import (
     Tolerance,
     program_of,
 )
-from jaxsat.metrics import Tolerances
 from jaxsat.navigation import MultiplicativeFilter, Navigation
-from jaxsat.noise import key_of_seed
 from jaxsat.simulation import (
     AbstractLoop,
     ContinuousLoop,

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from helpers.paper import PAPER_THREE_AXIS, bodies
-from jaxsat.attitude import WZ
+from jaxsat.core.attitude import WZ
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import AbstractCaseFactory, Case
 from jaxsat.simulation import AbstractContinuousLoop, Signals

@@ -9,7 +9,8 @@ import pytest
 from engine.examples import KICKS, Kicked, smooth_law
 from helpers.paper import PAPER_THREE_AXIS, actuators, three_axis_start
 from helpers.switching import CASE, start, switching_loop
-from jaxsat.attitude import WZ
+from jaxsat.core.attitude import WZ
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.engine import (
     AdaptiveStepper,
     FixedStepper,
@@ -20,7 +21,6 @@ from jaxsat.engine import (
     Unsettled,
     program_of,
 )
-from jaxsat.metrics import Tolerances
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, Method, adaptive
 
 DURATION = 6.0

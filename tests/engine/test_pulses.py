@@ -7,9 +7,9 @@ import pytest
 from jaxtyping import Array, Float
 
 from helpers.thruster_layouts import allocated, canted, thruster_set
-from jaxsat.attitude import Quaternion
-from jaxsat.checks import as_float
 from jaxsat.control import QuaternionFeedback
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import (
     AbstractCaseFactory,

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.engine import settling
 from jaxsat.engine.flat_ode import DenseStep, FlatODE
-from jaxsat.metrics import SettlingTracker
 
 LENGTH, STEPS = 3.0, 12
 PARTS = 4

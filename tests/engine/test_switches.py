@@ -18,7 +18,7 @@ from helpers.paper import (
 )
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
-from jaxsat.attitude import WZ
+from jaxsat.core.attitude import WZ
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import (
     AbstractCaseFactory,

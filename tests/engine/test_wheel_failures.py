@@ -8,7 +8,7 @@ import pytest
 from engine.examples import agreed
 from engine.test_wheels import INERTIA, Sampled
 from helpers.thruster_layouts import allocated, pairs, thruster_set
-from jaxsat.attitude import Quaternion
+from jaxsat.core.attitude import Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import (
     AbstractCaseFactory,

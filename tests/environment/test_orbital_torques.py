@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from helpers.strategies import rotations, vectors
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build_uncontrolled
-from jaxsat.attitude import DCM, Quaternion
+from jaxsat.core.attitude import DCM, Quaternion
 from jaxsat.environment import (
     AerodynamicTorque,
     CircularOrbit,

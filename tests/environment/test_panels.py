@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build_uncontrolled
-from jaxsat.attitude import DCM, Quaternion
+from jaxsat.core.attitude import DCM, Quaternion
 from jaxsat.environment import (
     AerodynamicTorque,
     CircularOrbit,

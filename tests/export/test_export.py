@@ -14,10 +14,14 @@ import pytest
 from helpers.tools import needs
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
+from jaxsat.compiler.builder import Builder
+from jaxsat.compiler.c.contexts import has_rows
+from jaxsat.compiler.c.naming import Names, comment, identifier
+from jaxsat.compiler.c.rolling import rolled
+from jaxsat.compiler.lowering import as_elements, lower
+from jaxsat.compiler.passes.outlining import outlined
+from jaxsat.core.jaxprs import jaxpr_of
 from jaxsat.dynamics import PlantState
-from jaxsat.engine.native.builder import Builder
-from jaxsat.engine.native.lowering import as_elements, lower
-from jaxsat.engine.native.outlining import outlined
 from jaxsat.export import (
     CannotExport,
     CannotLower,
@@ -29,12 +33,8 @@ from jaxsat.export import (
     vectors,
     with_library,
 )
-from jaxsat.export.contexts import has_rows
-from jaxsat.export.naming import Names, comment, identifier
 from jaxsat.export.program import flight_program
-from jaxsat.export.rolling import rolled
 from jaxsat.export.source import source
-from jaxsat.jaxprs import jaxpr_of
 from jaxsat.results import OutputError, OutputFolder
 from jaxsat.simulation import SampledLoop
 from tests.export.laws import Filtered, Searching, Sliced, loop_of, start

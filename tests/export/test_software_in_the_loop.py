@@ -16,8 +16,8 @@ from jaxtyping import PyTree
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
+from jaxsat.compiler.llvm.mapped import Mapped
 from jaxsat.control import AbstractSampledController
-from jaxsat.engine.native.mapped import Mapped
 from jaxsat.export import Library, Request, export, vectors
 from jaxsat.export.external import _Call
 from jaxsat.export.flight import Seen

@@ -4,8 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from helpers.references import DISTURBANCE, RATE, THREE_AXIS
-from jaxsat.attitude import WZ
 from jaxsat.control import InternalModel, RateLaw, ThreeAxisLaw
+from jaxsat.core.attitude import WZ
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit, PeriodicTorque, SmallAngleOrbit
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop

@@ -3,8 +3,8 @@
 import numpy as np
 
 from helpers.paper import PAPER_DISTURBANCE, actuators, bodies
-from jaxsat.attitude import WZ
 from jaxsat.control import RateLaw, SwitchingLaw, ThreeAxisLaw
+from jaxsat.core.attitude import WZ
 from jaxsat.dynamics import PlantState
 from jaxsat.simulation import SampledLoop
 

@@ -4,12 +4,12 @@ import sys
 
 import jax.numpy as jnp
 
-from jaxsat.attitude import Quaternion
 from jaxsat.control import Coast
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import FixedStepper, ScanEngine, program_of
 from jaxsat.environment import ExactOrbit, PeriodicTorque
-from jaxsat.metrics import Tolerances
 from jaxsat.montecarlo import (
     Dispersed,
     Dispersions,

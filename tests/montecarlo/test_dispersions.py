@@ -13,8 +13,8 @@ from helpers.paper import (
     three_axis_start,
 )
 from helpers.switching import start
-from jaxsat import noise
-from jaxsat.attitude import Quaternion
+from jaxsat.core import noise
+from jaxsat.core.attitude import Quaternion
 from jaxsat.montecarlo import (
     QUANTITIES,
     Dispersed,

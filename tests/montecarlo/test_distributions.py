@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from jaxsat import noise
+from jaxsat.core import noise
 from jaxsat.montecarlo import (
     Discrete,
     Independent,

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.core.tolerances import Tolerances, within
 from jaxsat.engine import FixedStepper, NativeEngine, ReferenceEngine, ScanEngine
-from jaxsat.metrics import Tolerances, within
 from jaxsat.montecarlo import run_study
 from jaxsat.results import OutputError, open_study
 from montecarlo.studies import tumbling

@@ -8,8 +8,9 @@ import time
 import numpy as np
 import pytest
 
+from jaxsat.compiler.llvm import threads
 from jaxsat.engine import FixedStepper, NativeEngine
-from jaxsat.engine.native import kernel, threads
+from jaxsat.engine.native import kernel
 from jaxsat.montecarlo import Threads, run_study
 from jaxsat.montecarlo.ensemble import _by_column
 from montecarlo.stores import contents, same, without_status

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from jaxsat.engine.native import cache
-from jaxsat.processors import processors
+from jaxsat.compiler.llvm import cache
+from jaxsat.core.processors import processors
 
 
 def told(chunk):

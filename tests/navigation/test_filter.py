@@ -9,7 +9,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from jaxsat.attitude import Quaternion
+from jaxsat.core.attitude import Quaternion
 from jaxsat.dynamics import PlantState
 from jaxsat.environment import ExactOrbit, SmallAngleOrbit
 from jaxsat.navigation import (

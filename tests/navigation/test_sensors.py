@@ -6,10 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.attitude import WZ, Quaternion
+from jaxsat.core.attitude import WZ, Quaternion
+from jaxsat.core.noise import sample_noise
 from jaxsat.dynamics import PlantState
 from jaxsat.navigation import Navigation, RawMeasurements
-from jaxsat.noise import sample_noise
 from jaxsat.vehicle import Gyro, StarTracker
 from navigation.motion import attitude_errors, motion
 

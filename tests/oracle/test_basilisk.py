@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from helpers.thruster_layouts import allocated, canted, thruster_set
 from helpers.tools import needs
-from jaxsat.attitude import Quaternion
 from jaxsat.control import AbstractSampledController, Coast
+from jaxsat.core.attitude import Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit, GravityGradient
 from jaxsat.simulation import ContinuousLoop, SampledLoop, adaptive, simulate

@@ -8,7 +8,7 @@ import pytest
 
 from helpers.pages import body_about, run_dataset
 from helpers.tools import executable, needs
-from jaxsat.attitude import Quaternion
+from jaxsat.core.attitude import Quaternion
 from jaxsat.page import report_page
 
 BROWSER = executable("chromium")

@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.attitude import Quaternion
 from jaxsat.bounds import Manoeuvre, Solution, propagate
+from jaxsat.core.attitude import Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit
 from jaxsat.planning import Planner

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.metrics import Tolerances
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.planning import PlanStatus
 from jaxsat.planning.barrier import TO_BOUNDARY
 from jaxsat.planning.end_set import BALLS, EndTerms, barrier, inside, longest_place_step, slacks

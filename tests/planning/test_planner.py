@@ -10,9 +10,9 @@ import pytest
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.checks import as_float
-from jaxsat.engine.native import Mapped
-from jaxsat.errors import ArgumentError
+from jaxsat.compiler import Mapped
+from jaxsat.core.checks import as_float
+from jaxsat.core.errors import ArgumentError
 from jaxsat.planning import Plan, Planner, PlanStatus
 from planning.spacecraft import PAPER, flown, planner, random_body, state, turned_about_x
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jaxsat.pointing import euler_angles, pointing_error
+from jaxsat.core.pointing import euler_angles, pointing_error
 from jaxsat.report.figures import rates_figure, torque_figure, trajectory_figures
 from jaxsat.report.signal_figures import further_signals, pointing_figure, signals_figure
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.attitude import Quaternion
+from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.actuator_cautions import _body_axes, _momenta_to_hold, _share_held
 from jaxsat.scenario.tables import InitialTable

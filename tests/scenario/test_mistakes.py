@@ -6,7 +6,7 @@ import warnings
 import pytest
 
 from jaxsat.assembly.load import load
-from jaxsat.errors import ArgumentError
+from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import ScenarioError, ScenarioWarning
 from scenario.mistakes import SWITCHING, THREE_AXIS, check, problems_of
 

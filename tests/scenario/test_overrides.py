@@ -3,8 +3,8 @@
 import pytest
 
 from jaxsat.assembly.load import load
+from jaxsat.core.text import clean
 from jaxsat.scenario import ScenarioError
-from jaxsat.text import clean
 
 
 def problems(name, *overrides):

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jaxsat import search_path
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.assembly.study import build_study
-from jaxsat.attitude import Quaternion
+from jaxsat.core import search_path
+from jaxsat.core.attitude import Quaternion
 from jaxsat.montecarlo import Processes, Serial, run_study
 from jaxsat.results import OutputError, study_columns
 from jaxsat.scenario import ScenarioError, dump, plugins

@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from jaxsat import search_path
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.assembly.study import build_study
+from jaxsat.core import search_path
 from jaxsat.montecarlo import Processes, Serial, run_study
 from jaxsat.results import study_columns
 from jaxsat.scenario import ScenarioError, dump, plugins

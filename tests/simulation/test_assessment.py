@@ -7,6 +7,7 @@ import pytest
 
 from helpers.paper import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
 from helpers.switching import CASE, start, switching_loop
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import (
     AbstractCaseFactory,
@@ -18,7 +19,6 @@ from jaxsat.engine import (
     program_of,
 )
 from jaxsat.environment import ExactOrbit, PeriodicTorque
-from jaxsat.metrics import Tolerances
 from jaxsat.simulation import simulate
 from jaxsat.vehicle import Spacecraft
 from oracle import simulate_three_axis

@@ -21,10 +21,10 @@ import pytest
 from helpers.derivatives import Derivatives
 from helpers.every_law import KEYS, PLACES, UPSIDE_DOWN, library, scenario_of
 from helpers.magnetic import document
-from jaxsat import search_path
 from jaxsat.assembly.run import build_loop
 from jaxsat.assembly.tuning_forms import throttled
-from jaxsat.attitude import Quaternion
+from jaxsat.core import search_path
+from jaxsat.core.attitude import Quaternion
 from jaxsat.declaration.disturbances import DISTURBANCES
 from jaxsat.declaration.sensors import ESTIMATORS, GYRO_KEYS, TRACKER_KEYS
 from jaxsat.dynamics import PlantState

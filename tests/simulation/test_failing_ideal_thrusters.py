@@ -10,10 +10,10 @@ import pytest
 from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
-from jaxsat.attitude import Quaternion
-from jaxsat.checks import as_float
 from jaxsat.control import AbstractSampledController
 from jaxsat.control.controller import AbstractFeedbackLaw
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import (
     AbstractCaseFactory,

@@ -12,9 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
-from jaxsat.attitude import Quaternion
-from jaxsat.checks import as_float
 from jaxsat.control import AbstractSampledController
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float
+from jaxsat.core.solvers import NamedSolver
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.engine import ScanEngine
 from jaxsat.engine.fixed import SampledStepper
@@ -22,7 +23,6 @@ from jaxsat.engine.program import AbstractCaseFactory, Case, Program
 from jaxsat.environment import ExactOrbit, PeriodicTorque
 from jaxsat.simulation import SampledLoop, fixed, simulate
 from jaxsat.simulation.integration_error import IntegrationError
-from jaxsat.solvers import NamedSolver
 from jaxsat.vehicle import Actuators, Spacecraft, Thrusters
 
 INERTIA = np.array([4.0, 5.0, 6.0])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from helpers.thruster_layouts import allocated, pairs, thruster_set
-from jaxsat.attitude import Quaternion
 from jaxsat.control import QuaternionFeedback
+from jaxsat.core.attitude import Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit
 from jaxsat.simulation import SampledLoop, simulate

@@ -11,12 +11,12 @@ from jaxtyping import Array, Float
 from scipy.spatial.transform import Rotation
 
 from helpers.switching import CASE, start, switching_loop
-from jaxsat.attitude import WZ, Quaternion
-from jaxsat.checks import as_float
 from jaxsat.control import AbstractSampledController
+from jaxsat.core.attitude import WZ, Quaternion
+from jaxsat.core.checks import as_float
+from jaxsat.core.noise import key_of_seed, sample_noise
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit
-from jaxsat.noise import key_of_seed, sample_noise
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.vehicle import Actuators, Sensors, Spacecraft, Thrusters
 from jaxsat.vehicle.sensors import turned_slightly

@@ -19,8 +19,9 @@ from helpers.paper import (
     three_axis_loop,
     three_axis_start,
 )
-from jaxsat.attitude import WZ, Quaternion
 from jaxsat.control import Coast
+from jaxsat.core.attitude import WZ, Quaternion
+from jaxsat.core.solvers import NamedSolver, class_name
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import AbstractDisturbance, ConstantTorque, ExactOrbit
 from jaxsat.simulation import (
@@ -33,7 +34,6 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import AdaptiveSteps
-from jaxsat.solvers import NamedSolver, class_name
 from jaxsat.vehicle import Spacecraft
 
 TIMES = jnp.linspace(0.0, 10.0, 11)

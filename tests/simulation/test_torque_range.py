@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
-from jaxsat.attitude import Quaternion
-from jaxsat.checks import as_float
 from jaxsat.control import AbstractSampledController
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit
 from jaxsat.results import trajectory_dataset

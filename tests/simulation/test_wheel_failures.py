@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jaxsat.attitude import Quaternion
+from jaxsat.core.attitude import Quaternion
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit
 from jaxsat.simulation import SampledLoop, fixed, simulate

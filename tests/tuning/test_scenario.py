@@ -6,8 +6,8 @@ import pytest
 from jaxsat.assembly.load import load
 from jaxsat.assembly.run import build
 from jaxsat.assembly.tuning import build_plan, tuned_scenario
+from jaxsat.compiler.ir import NativeBug
 from jaxsat.engine import CannotLower
-from jaxsat.engine.native.ir import NativeBug
 from jaxsat.scenario import dump
 from jaxsat.tuning_run import tune
 from tuning.plans import same_bits

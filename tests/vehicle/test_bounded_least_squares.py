@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog, lsq_linear
 
-from jaxsat.engine.native import Mapped
+from jaxsat.compiler import Mapped
 from jaxsat.vehicle import ActuatorsWithWheels, nearest_within
 
 

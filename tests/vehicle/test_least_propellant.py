@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import linprog
 
 from helpers.thruster_layouts import canted, pairs
-from jaxsat.allocation import largest_torque, least_propellant, plane_map
-from jaxsat.engine.native import Mapped
+from jaxsat.compiler import Mapped
+from jaxsat.core.allocation import largest_torque, least_propellant, plane_map
 from jaxsat.vehicle import LeastPropellant
 
 AMOUNTS = (0.1, 0.5, 0.8, 1.0, 1.5, 10.0)

@@ -9,9 +9,9 @@ from jaxtyping import Array, Float
 from scipy.spatial.transform import Rotation
 
 from helpers.thruster_layouts import allocated, canted, pairs, thruster_set
-from jaxsat.attitude import Quaternion
-from jaxsat.checks import as_float
 from jaxsat.control import AbstractSampledController
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float
 from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.environment import ExactOrbit
 from jaxsat.simulation import SampledLoop, simulate

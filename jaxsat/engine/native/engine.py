@@ -7,7 +7,14 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxsat.checks import require_counts
+from jaxsat.compiler.llvm import target
+from jaxsat.compiler.llvm.arguments import as_numbers
+from jaxsat.compiler.llvm.emitter import require_lanes
+from jaxsat.compiler.lowering import CannotLower
+from jaxsat.core.checks import require_counts
+from jaxsat.core.jaxprs import Jaxpr
+from jaxsat.core.once import Locks
+from jaxsat.core.processors import processors
 from jaxsat.engine.fixed import FixedStepper
 from jaxsat.engine.interface import (
     AbstractEngine,
@@ -16,20 +23,13 @@ from jaxsat.engine.interface import (
     count_of,
     with_ranges_ahead,
 )
-from jaxsat.engine.native import target
-from jaxsat.engine.native.arguments import as_numbers
-from jaxsat.engine.native.emitter import require_lanes
 from jaxsat.engine.native.kept import entry_name
 from jaxsat.engine.native.kernel import Kernel
-from jaxsat.engine.native.lowering import CannotLower
 from jaxsat.engine.native.phases import ForwardModePhases, PrimalPhases
 from jaxsat.engine.native.trajectory import LoweredTrajectory, lower_trajectory, numbers_of
 from jaxsat.engine.program import Program
 from jaxsat.engine.progress import Outputs
 from jaxsat.engine.stepper import AbstractStepper
-from jaxsat.jaxprs import Jaxpr
-from jaxsat.once import Locks
-from jaxsat.processors import processors
 from jaxsat.simulation import Signals
 
 _kernels: dict[Any, Kernel] = {}

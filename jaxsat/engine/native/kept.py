@@ -34,9 +34,9 @@ import jax
 from jaxtyping import PyTree
 
 import jaxsat
-from jaxsat.engine.native import cache, target
-from jaxsat.engine.native.arguments import Arguments
-from jaxsat.once import once
+from jaxsat.compiler.llvm import cache, target
+from jaxsat.compiler.llvm.arguments import Arguments
+from jaxsat.core.once import once
 
 PACKAGES = (
     *("jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix"),

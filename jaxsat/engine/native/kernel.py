@@ -10,10 +10,9 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxsat.engine.fingerprint import fingerprint
-from jaxsat.engine.native import cache, target
-from jaxsat.engine.native.arguments import Memory, addresses
-from jaxsat.engine.native.drivers import (
+from jaxsat.compiler.llvm import cache, target
+from jaxsat.compiler.llvm.arguments import Memory, addresses
+from jaxsat.compiler.llvm.drivers import (
     HISTORY,
     RUN,
     advance_lanes,
@@ -21,12 +20,13 @@ from jaxsat.engine.native.drivers import (
     run_blocks,
     run_lanes,
 )
-from jaxsat.engine.native.emitter import Module
-from jaxsat.engine.native.entry_points import emit_entry_point
+from jaxsat.compiler.llvm.emitter import Module
+from jaxsat.compiler.llvm.entry_points import emit_entry_point
+from jaxsat.compiler.llvm.threads import in_own_thread, in_threads
+from jaxsat.core.fingerprint import fingerprint
+from jaxsat.core.once import once_property
 from jaxsat.engine.native.kept import MadeKernel, MadeObserver, kept_or_made
-from jaxsat.engine.native.threads import in_own_thread, in_threads
 from jaxsat.engine.native.trajectory import LoweredTrajectory
-from jaxsat.once import once_property
 
 PIECE = 4
 """Vectors of cases that a thread takes at a time."""

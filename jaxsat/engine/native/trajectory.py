@@ -13,17 +13,17 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxsat.collection import no_collection
-from jaxsat.engine.native import rules
-from jaxsat.engine.native.arguments import Arguments
-from jaxsat.engine.native.builder import Builder
-from jaxsat.engine.native.emitter import ALIGNMENT
-from jaxsat.engine.native.entry_points import EntryPoint
-from jaxsat.engine.native.ir import Function, Scalar, Value
-from jaxsat.engine.native.locations import Location, PerCase, ScalarArgument, Shared, Slot
-from jaxsat.engine.native.lowering import Elements, arrays_of, lower, number_type, scalars_of
+from jaxsat.compiler import rules
+from jaxsat.compiler.builder import Builder
+from jaxsat.compiler.ir import Function, Scalar, Value
+from jaxsat.compiler.llvm.arguments import Arguments
+from jaxsat.compiler.llvm.emitter import ALIGNMENT
+from jaxsat.compiler.llvm.entry_points import EntryPoint
+from jaxsat.compiler.llvm.locations import Location, PerCase, ScalarArgument, Shared, Slot
+from jaxsat.compiler.lowering import Elements, arrays_of, lower, number_type, scalars_of
+from jaxsat.core.garbage_collection import no_collection
+from jaxsat.core.jaxprs import Jaxpr, jaxpr_and_shapes
 from jaxsat.engine.native.phases import AbstractPhases, zero_leaves
-from jaxsat.jaxprs import Jaxpr, jaxpr_and_shapes
 
 del rules  # imported for the table it fills
 

@@ -15,11 +15,12 @@ import jaxsat
 from engine.examples import EXAMPLES, KICKS, program, same_bits
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
+from jaxsat.compiler.llvm import cache
+from jaxsat.compiler.llvm.arguments import Arguments
+from jaxsat.core.fingerprint import fingerprint
 from jaxsat.dynamics import PlantState
 from jaxsat.engine import NativeEngine
-from jaxsat.engine.fingerprint import fingerprint
-from jaxsat.engine.native import cache, engine, kept
-from jaxsat.engine.native.arguments import Arguments
+from jaxsat.engine.native import engine, kept
 
 SECOND = 10**9
 SURROUNDINGS = kept._surroundings.__wrapped__  # before the fixture replaces it, and not remembered

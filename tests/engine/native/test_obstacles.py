@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from engine.examples import EXAMPLES, KICKS, program
+from jaxsat.compiler import CannotLower, Mapped
+from jaxsat.compiler.ir import NativeBug
+from jaxsat.compiler.lowering import RULES
 from jaxsat.engine import FixedStepper
-from jaxsat.engine.native import CannotLower, Mapped, native_obstacle
-from jaxsat.engine.native.ir import NativeBug
-from jaxsat.engine.native.lowering import RULES
+from jaxsat.engine.native import native_obstacle
 
 
 def test_what_cannot_be_lowered_is_named_with_its_place():
@@ -53,7 +54,7 @@ def test_what_goes_wrong_after_the_rules_is_told_as_a_bug(monkeypatch, part):
     def broken(*_):
         raise ValueError("no such block")
 
-    monkeypatch.setattr(f"jaxsat.engine.native.entry_points.{part}", broken)
+    monkeypatch.setattr(f"jaxsat.compiler.llvm.entry_points.{part}", broken)
     with pytest.raises(NativeBug, match=r"no such block.*bug in jaxsat"):
         _ = Mapped(lambda x, _: 2 * x, 0.5).text
 

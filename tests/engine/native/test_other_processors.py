@@ -15,9 +15,10 @@ import pytest
 from helpers.tools import needs
 from jaxsat.assembly.load import load
 from jaxsat.assembly.study import build_study
+from jaxsat.compiler.llvm import target
+from jaxsat.compiler.llvm.threads import in_own_thread
 from jaxsat.engine import AdaptiveStepper, NativeEngine, Outputs
-from jaxsat.engine.native import kernel, target
-from jaxsat.engine.native.threads import in_own_thread
+from jaxsat.engine.native import kernel
 from jaxsat.montecarlo import Study
 
 pytestmark = pytest.mark.slow

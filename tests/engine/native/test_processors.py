@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from jax import lax
 
-from engine.native.user_programs import SUBJECTS, arguments
-from jaxsat.engine.native import Mapped
-from jaxsat.engine.native.target import host, named
+from compiler.user_programs import SUBJECTS, arguments
+from jaxsat.compiler import Mapped
+from jaxsat.compiler.llvm.target import host, named
 
 CASES = 37
 NAMES = ("x86-64", "x86-64-v3")

@@ -1,0 +1,329 @@
+"""Makes programs, one operation after the other: folds constants, shares equal operations.
+
+The rules that lower primitives are written against this class alone.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager, nullcontext
+from typing import Any
+
+import numpy as np
+
+from jaxsat.compiler.ir import (
+    Block,
+    Call,
+    Function,
+    Load,
+    Loop,
+    Memory,
+    Operation,
+    Scalar,
+    Source,
+    Store,
+    Switch,
+    Value,
+)
+from jaxsat.compiler.operations import BOOL, OPERATIONS, evaluate
+from jaxsat.compiler.passes.ranges import Ranges
+from jaxsat.compiler.passes.simplify import identity, simplified
+from jaxsat.compiler.trace import Frame, Trace
+
+CHEAP = 24
+"""Branches of at most so many operations in all are computed in every lane, not jumped over."""
+
+INT = np.dtype(np.int32)
+
+
+class Builder:
+    """Appends to one block; `mask` (a varying bool or None) tells which lanes really need it."""
+
+    def __init__(self, like: "Builder | None" = None):
+        """One of its own, or one for a function that a program like another one's calls."""
+        self.block = Block()
+        self.compact = like is not None and like.compact  # functions are called, never written out
+        self.trace: Trace | None = None if like is None else like.trace
+        self.mask: Scalar | None = None
+        self.functions: dict[tuple, Function] = {}
+        self.repeated: dict[int, Any] = {}
+        self.outlined: dict[int, Any] = {}  # jaxprs of Python functions, by identity
+        self.made: dict[tuple, Any] = {}  # of those
+        self.cutter: Callable | None = None
+        self.kept: list[Any] = []  # that identities belong to
+        if like is not None:
+            self.outlined, self.made, self.kept = like.outlined, like.made, like.kept
+            self.cutter = like.cutter
+        self.sine_and_cosine: set[Any] = set()  # variables of jaxprs
+        self._negated: dict[int, Scalar] = {}  # what a value is the negative of
+        self.factors: dict[int, tuple[Scalar, Scalar]] = {}  # of products in a compact program
+        self.ranges = Ranges()
+        self.truths: set[int] = set()  # numbers made of bools: 0 or 1
+        self.written = 0  # operations so far
+
+    def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
+        """One arithmetic operation; `dtype` is the result's where the operands do not tell it."""
+        if dtype is None:
+            compares = name == "any" or (name in OPERATIONS and OPERATIONS[name].compares)
+            dtype = BOOL if compares else args[-1].dtype
+        known = uniform = True
+        for arg in args:
+            if isinstance(arg, Value):
+                known, uniform = False, uniform and arg.uniform
+        if known:
+            return dtype.type(np.asarray(evaluate(name, args, dtype)).astype(dtype)[()])
+        simple = simplified(name, args, dtype)
+        if simple is None:
+            simple = self.ranges.simplified(name, args)
+        if simple is None and dtype.kind == "f":
+            simple = self._with_sign_outside(name, args)
+        if simple is not None:
+            return simple
+        key = (name, dtype.char, *map(identity, args))
+        found = self._known(key)
+        if found is None:
+            found = Value(dtype, uniform or name == "any")
+            self.block.steps.append(Operation(name, args, found))
+            self._note(found)
+            self.written += 1
+            self.block.known[key] = found
+            if name == "neg":
+                self._negated[found.number] = args[0]
+            if name == "mul" and self.compact:
+                self.factors[found.number] = (args[0], args[1])
+            if name == "convert":
+                self.ranges.note_converted(args[0], found)
+            if name == "convert" and (args[0].dtype == BOOL or identity(args[0]) in self.truths):
+                self.truths.add(found.number)
+        return found
+
+    def _with_sign_outside(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
+        """The same value with a negation taken in or handed on, or None; equal in all bits."""
+        inner = [self._negated.get(x.number) if isinstance(x, Value) else None for x in args]
+        match name, args, inner:
+            case "neg", _, [x] if x is not None:
+                return x
+            case "add", [x, _], [_, y] if y is not None:
+                return self.operation("sub", x, y)
+            case "add", [_, y], [x, _] if x is not None:
+                return self.operation("sub", y, x)
+            case "sub", [x, _], [_, y] if y is not None:
+                return self.operation("add", x, y)
+            case "mul" | "div", [x, y], [a, b] if a is not None or b is not None:
+                whole = self.operation(name, x if a is None else a, y if b is None else b)
+                return whole if a is not None and b is not None else self.operation("neg", whole)
+        return None
+
+    def select(self, predicate: Scalar, yes: Scalar, no: Scalar) -> Scalar:
+        """`yes` where the predicate holds, else `no`."""
+        return self.operation("select", predicate, yes, no)
+
+    def convert(self, x: Scalar, dtype: np.dtype) -> Scalar:
+        """`x` as another type."""
+        return x if x.dtype == dtype else self.operation("convert", x, dtype=dtype)
+
+    def any(self, predicate: Scalar) -> Scalar:
+        """Whether a predicate holds in any lane."""
+        return predicate if is_uniform(predicate) else self.operation("any", predicate)
+
+    def negation(self, predicate: Scalar) -> Scalar:
+        """Not."""
+        return self.operation("xor", predicate, np.True_)
+
+    def load(self, memory: Memory, index: Scalar) -> Scalar:
+        """An element of a memory that is not written any more."""
+        key = ("load", memory.number, identity(index))
+        found = self._known(key)
+        if found is None:
+            found = Value(memory.dtype, memory.uniform and is_uniform(index))
+            self.block.steps.append(Load(memory, index, found))
+            self._note(found)
+            self.block.known[key] = found
+        return found
+
+    def store(self, memory: Memory, index: Scalar, value: Scalar) -> None:
+        """Put a value at an element of a memory."""
+        self.block.steps.append(Store(memory, index, value))
+        self.written += 1
+
+    def at(self, frames: tuple[Frame, ...]):
+        """While inside, values come from there in the source, if that is kept."""
+        return nullcontext() if self.trace is None else self.trace.at(frames)
+
+    @contextmanager
+    def inside(self, block: Block, mask: Scalar | None):
+        """Append to another block while lanes outside `mask` do not matter."""
+        before = self.block, self.mask
+        self.block, self.mask = block, mask
+        try:
+            yield
+        finally:
+            self.block, self.mask = before
+
+    def while_loop(
+        self,
+        before: Sequence[Scalar],
+        uniform: Sequence[bool],
+        condition: Callable[[list[Scalar]], Scalar],
+        body: Callable[[list[Scalar]], list[Scalar]],
+        varying: bool,
+    ) -> list[Scalar]:
+        """A loop over scalars of which `uniform` tells what they stay, with a `varying` condition.
+
+        Raises `AssertionError` where the body makes a uniform one varying.
+        """
+        params = [Value(x.dtype, u) for x, u in zip(before, uniform, strict=True)]
+        test, work = Block(self.block), Block(self.block)
+        with self.inside(test, self.mask):
+            active = condition(list(params))
+            if varying and self.mask is not None:
+                active = self.operation("and", active, self.mask)
+        work.outer = test
+        lanes = None if is_uniform(active) else active
+        with self.inside(work, lanes if lanes is not None else self.mask):
+            after = body(list(params))
+            if lanes is not None:
+                after = [self.select(lanes, a, p) for a, p in zip(after, params, strict=True)]
+        self._note(*params)
+        for value, param in zip(after, params, strict=True):
+            assert is_uniform(value) or not param.uniform, "a uniform carry became varying"
+            assert value.dtype == param.dtype, f"{param} became {value.dtype}"
+        self.block.steps.append(Loop(params, list(before), test, active, work, after))
+        return list(params)
+
+    def switch(self, index: Scalar, branches: Sequence[Callable[[], list[Scalar]]]) -> list[Scalar]:
+        """The results of the branch whose number is `index`, which is in range."""
+        if not isinstance(index, Value):
+            return branches[int(index)]()
+        masks = None
+        if not index.uniform:
+            masks = [self.operation("eq", index, index.dtype.type(i)) for i in range(len(branches))]
+            if self.mask is not None:
+                masks = [self.operation("and", mask, self.mask) for mask in masks]
+        blocks, yields = [], []
+        for number, branch in enumerate(branches):
+            block = Block(self.block)
+            with self.inside(block, masks[number] if masks else self.mask):
+                yields.append(branch())
+            blocks.append(block)
+        if masks is None and not _cheap(blocks):
+            return self._switch(index, blocks, yields)
+        return self._everywhere(index, masks, blocks, yields)
+
+    def cold_branch(self, predicate: Scalar, cold: Callable[[], Scalar], hot: Scalar) -> Scalar:
+        """`cold` where the predicate holds, which is jumped over unless it does in some lane."""
+        if self.mask is not None:
+            predicate = self.operation("and", predicate, self.mask)
+        if not isinstance(predicate, Value):
+            return cold() if predicate else hot
+        block = Block(self.block)
+        with self.inside(block, predicate):
+            found = self.select(predicate, cold(), hot)
+        needed = self.convert(self.any(predicate), INT)
+        blocks = [Block(self.block), block]
+        return self._switch(needed, blocks, [[hot], [found]], cold=True)[0]
+
+    def loop(
+        self,
+        kind: str,
+        args: Sequence[Scalar],
+        shapes: Sequence[tuple[int, ...]],
+        out: tuple[tuple[int, ...], np.dtype],
+        axes: tuple[int, int] = (0, 0),
+    ) -> list[Scalar]:
+        """A call of an operation on arrays that is written as a loop (see `Source`)."""
+        shape, dtype = out
+        key = (kind, *shapes, shape, args[0].dtype.char, dtype.char, axes)
+        if key not in self.made:
+            params = [Value(arg.dtype, True) for arg in args]
+            results: list[Scalar] = [Value(dtype, True) for _ in range(int(np.prod(shape)))]
+            source = Source(kind, "", shapes, [shape], kind, axes)
+            label = f"{kind}.{len(self.made)}"
+            self.made[key] = Function(label, params, Block(), results, source=source)
+        found = self.call(self.made[key], args)
+        if kind in ("argmin", "argmax"):
+            self.ranges.note(found[0], 0, len(args) - 1)  # pyright: ignore
+        return found
+
+    def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
+        """The results of a function."""
+        key = ("call", function.name, *map(identity, args))
+        known = self._known(key)
+        if known is not None:
+            return list(known)  # pyright: ignore[reportArgumentType]
+        outs = [Value(result.dtype, is_uniform(result)) for result in function.results]
+        self.block.steps.append(Call(function, list(args), outs))
+        self._note(*outs)
+        self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
+        return list(outs)
+
+    def cut(self, closed: Any) -> Any:
+        """A program as it is to be lowered: cut into functions where these are called."""
+        if self.cutter is None:
+            return closed
+        cut, outline = self.cutter(closed)
+        self.outlined |= outline.functions
+        assert self.trace is not None
+        self.trace.calls |= outline.frames
+        self.kept += [cut, outline]
+        return cut
+
+    def _note(self, *made: Value) -> None:
+        if self.trace is not None:
+            self.trace.places.update((value.number, self.trace.now) for value in made)
+
+    def _known(self, key: tuple):
+        block = self.block
+        while block is not None:
+            found = block.known.get(key)
+            if found is not None:
+                return found
+            block = block.outer
+        return None
+
+    def _take_in(self, block: Block) -> None:
+        self.block.steps += block.steps
+        self.block.known |= block.known
+
+    def _switch(self, index, blocks, yields, *, cold: bool = False) -> list[Scalar]:
+        kinds = zip(*yields, strict=True)
+        outs = [Value(several[0].dtype, all(map(is_uniform, several))) for several in kinds]
+        self.block.steps.append(Switch(index, blocks, yields, outs, cold))
+        self._note(*outs)
+        return list(outs)
+
+    def _everywhere(self, index, masks, blocks, yields) -> list[Scalar]:
+        """Cheap branches in all lanes, others where any lane needs them; each lane gets its own."""
+        whole = _cheap(blocks)
+        chosen: list[Scalar] | None = None
+        dear = []
+        for number in reversed(range(len(blocks))):
+            block, results = blocks[number], yields[number]
+            if not (whole or _cheap([block])):
+                dear.append(number)
+                continue
+            self._take_in(block)
+            if chosen is None:
+                chosen = list(results)
+            else:
+                here = self.operation("eq", index, index.dtype.type(number))
+                chosen = [self.select(here, a, b) for a, b in zip(results, chosen, strict=True)]
+        for number in reversed(dear):
+            block, results, mask = blocks[number], yields[number], masks[number]
+            if chosen is None:
+                chosen = [result.dtype.type(0) for result in results]
+            with self.inside(block, mask):
+                found = [self.select(mask, a, b) for a, b in zip(results, chosen, strict=True)]
+            needed = self.convert(self.any(mask), INT)
+            chosen = self._switch(needed, [Block(self.block), block], [chosen, found])
+        assert chosen is not None
+        return chosen
+
+
+def _cheap(blocks: Sequence[Block]) -> bool:
+    """Whether branches are sooner computed than jumped over."""
+    plain = all(isinstance(step, Operation) for block in blocks for step in block.steps)
+    return plain and sum(len(block.steps) for block in blocks) <= CHEAP
+
+
+def is_uniform(x: Scalar) -> bool:
+    """Whether `x` is the same in all lanes."""
+    return x.uniform if isinstance(x, Value) else True

@@ -1,0 +1,1 @@
+"""A scalar program as C."""

@@ -1,0 +1,127 @@
+"""Arrays of C in place of many scalars: what functions are given and give back, and memory."""
+
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from jaxsat.compiler.c.body import Body
+from jaxsat.compiler.c.contexts import base_of, has_rows
+from jaxsat.compiler.c.expressions import UNARY, Expression
+from jaxsat.compiler.c.helpers import TYPES
+from jaxsat.compiler.c.text import braced, dimensions
+from jaxsat.compiler.c.unit import AbstractUnit
+from jaxsat.compiler.c.wishes import element_of, name_of
+from jaxsat.compiler.ir import Block, Load, Loop, Memory, Scalar, Store, Switch, Value
+
+CONSTANT = ("p", "in", "now")
+"""Structures that are only read."""
+
+
+class Arrays:
+    """The arrays of one C function."""
+
+    def __init__(self, unit: AbstractUnit, body: Body):
+        self._unit, self._body = unit, body
+        self._memories: dict[int, str] = {}
+        self._gathered: dict[tuple[int, str], str] = {}
+        self._constant = {one.text.split("[")[0] for one in body.known.values()}
+
+    def memory(self, memory: Memory) -> str:
+        """The name of an array that is indexed."""
+        if memory.elements:
+            return self.argument(memory.elements, (memory.size,)).text
+        if memory.initial is not None:
+            return self._unit.memory(memory)
+        if memory.number not in self._memories:
+            name = self._body.names.new("array")
+            self._memories[memory.number] = name
+            self._body.line(f"{TYPES[memory.dtype]} {name}[{memory.size}];")
+        return self._memories[memory.number]
+
+    def declare(self, blocks: Iterable[Block]) -> None:
+        """Arrays that blocks inside use are there before them."""
+        for block in blocks:
+            for step in block.steps:
+                match step:
+                    case Load(memory=memory) | Store(memory=memory) if not memory.elements:
+                        self.memory(memory)
+                    case Switch(blocks=inside):
+                        self.declare(inside)
+                    case Loop(condition=condition, body=body):
+                        self.declare((condition, body))
+                    case _:
+                        pass
+
+    def argument(self, array: Sequence[Scalar], shape: tuple[int, ...]) -> Expression:
+        """A number, or an array of C with these elements."""
+        if not shape:
+            return self._body.operands(array)[0]
+        if not any(isinstance(x, Value) for x in array):
+            return Expression(self._unit.table(array, shape, "constant"))  # pyright: ignore
+        self._complete(array, shape)
+        known = self._body.known
+        texts = [
+            known[x.number].text if isinstance(x, Value) and x.number in known else None
+            for x in array
+        ]
+        base = base_of(texts, shape)
+        if base is None or not has_rows(base, shape, self._body.shapes):
+            return Expression(self._gather(array, shape))
+        begin = re.split(r"\W", base)[0]
+        if len(shape) > 1 and begin not in CONSTANT and begin not in self._constant:
+            kind = TYPES[array[0].dtype]
+            return Expression(f"(const {kind} (*){dimensions(shape[1:])}){base}", UNARY)
+        return Expression(base)
+
+    def receiver(
+        self, array: Sequence[Value], shape: tuple[int, ...], after: list[tuple[str, str]]
+    ) -> Expression:
+        """Where a function writes an array of results; `after` it some are copied elsewhere."""
+        body = self._body
+        if not shape:
+            return Expression(f"&{body.place(array[0])}".replace("&*", ""))
+        texts = [body.kept.get(out.number) for out in array]
+        base = base_of(texts, shape)
+        if base is None or not has_rows(base, shape, body.shapes):
+            base = body.names.new(name_of(body.trace, array[0], "result"))
+            body.line(f"{TYPES[array[0].dtype]} {base}{dimensions(shape)};")
+            body.shapes[base] = shape
+        for index, out, text in zip(np.ndindex(shape), array, texts, strict=True):
+            place = base + "".join(f"[{i}]" for i in index)
+            body.known[out.number] = Expression(place)
+            if text is not None and text != place:
+                after.append((text, place))
+                body.known[out.number] = Expression(text)
+        return Expression(base)
+
+    def _gather(self, array: Sequence[Scalar], shape: tuple[int, ...]) -> str:
+        """The name of a new array of these elements; equal ones of a block are one."""
+        numbers = braced([self._body.operand(x).text for x in array], shape)
+        key = (self._body.scope, numbers)
+        if key not in self._gathered:
+            name = self._body.names.new(name_of(self._body.trace, array[0], "given"))
+            self._gathered[key] = name
+            kind = TYPES[array[0].dtype]
+            self._body.wrapped(f"const {kind} {name}{dimensions(shape)} = {numbers};")
+        return self._gathered[key]
+
+    def _complete(self, array: Sequence[Scalar], shape: tuple[int, ...]) -> None:
+        """Put what is no element of an array of C yet, but should be, into one."""
+        trace = self._body.trace
+        elements = [element_of(trace, x) if isinstance(x, Value) else None for x in array]
+        first = elements[0]
+        if first is None:
+            return
+        row = first.index[: len(first.index) - len(shape)]
+        wanted = [(first.array, (*row, *index)) for index in np.ndindex(shape)]
+        if wanted != [e and (e.array, e.index) for e in elements]:
+            return
+        if first.shape[len(row) :] != shape:
+            return
+
+        def belongs(value: Value) -> bool:
+            element = element_of(trace, value)
+            return element is not None and element.array == first.array
+
+        self._body.name_pending(belongs)

@@ -1,0 +1,191 @@
+"""The body of a C function: its lines, and the expressions that its values have there.
+
+A value that is needed once goes into the expression that needs it, as long as that fits a line; any
+other gets a name, that of the Python variable that it is computed for.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+from jaxsat.compiler.c.expressions import Expression, literal
+from jaxsat.compiler.c.helpers import TYPES
+from jaxsat.compiler.c.naming import Names, comment
+from jaxsat.compiler.c.text import WIDTH, in_lines
+from jaxsat.compiler.c.tidying import tidied
+from jaxsat.compiler.c.uses import Uses
+from jaxsat.compiler.c.wishes import element_of, wish_of
+from jaxsat.compiler.ir import Scalar, Value
+from jaxsat.compiler.trace import Trace
+
+LINE = 100
+"""Characters of a line at most."""
+
+
+class Body:
+    """The lines of one C function while they are written.
+
+    `known` are expressions for values, at first of those from outside, and `kept` the places
+    (lvalues) of those that others read later. `scope` is the number of the block that is written,
+    `shapes` are those of all arrays by name, at first of those from outside.
+    """
+
+    def __init__(
+        self,
+        trace: Trace,
+        uses: Uses,
+        names: Names,
+        known: Mapping[int, Expression],
+        kept: Mapping[int, str] | None = None,
+        told: str | None = None,
+        shapes: Mapping[str, tuple[int, ...]] | None = None,
+    ):
+        self.trace, self.uses, self.names = trace, uses, names
+        self.known = dict(known)
+        self.kept = kept or {}
+        self.lines: list[str] = []
+        self.scope = 0
+        self.shapes = dict(shapes or {})
+        self._scopes = 0
+        self._depth = 1
+        self._pending: dict[int, tuple[Expression, Value, int]] = {}
+        self._told = self._own_name = told
+        self._arrays: dict[tuple[int, int], str] = {}
+        self._parts: dict[str, list[str]] = {}
+        self._kinds: dict[str, str] = {}
+
+    def line(self, text: str) -> None:
+        """One more line."""
+        self.lines.append("  " * self._depth + text)
+
+    def wrapped(self, text: str) -> None:
+        """A statement, in as many lines as it needs."""
+        self.lines += in_lines(text, "  " * self._depth)
+
+    def assign(self, place: str, expression: Expression) -> None:
+        """A place is set to an expression."""
+        text = f"{place} = {expression.text};"
+        if len(text) + 2 * self._depth <= LINE:
+            self.line(text)
+            return
+        self.line(f"{place} =")
+        self.lines += in_lines(f"{expression.text};", "  " * (self._depth + 2))
+
+    @contextmanager
+    def inside(self) -> Iterator[None]:
+        """The lines of a block inside."""
+        outer = self.scope, self._told
+        self._depth += 1
+        self._scopes += 1
+        self.scope, self._told = self._scopes, None
+        yield
+        self.scope, self._told = outer
+        self._depth -= 1
+
+    def tell(self, out: Value) -> None:
+        """A comment where another function of the source begins."""
+        frames = self.trace.places.get(out.number, ())
+        if frames and frames[-1].function != self._told:
+            self._told = frames[-1].function
+            for line in comment(self._told):
+                self.line(line)
+
+    def text(self) -> list[str]:
+        """The lines, as short as they can be."""
+        single = {
+            parts[0]: self._kinds[name]
+            for name, parts in self._parts.items()
+            if len(parts) == 1 and not self._kinds[name].endswith(" ")
+        }
+        return tidied(self.lines, self._own_name, single)
+
+    def operand(self, x: Scalar) -> Expression:
+        """A value or constant as an expression."""
+        if not isinstance(x, Value):
+            return literal(x)
+        if x.number in self._pending:
+            return self._pending.pop(x.number)[0]
+        return self.known[x.number]
+
+    def operands(self, scalars: Sequence[Scalar]) -> list[Expression]:
+        """Several; the longest are given names where they would not fit a line together."""
+        waiting = {x.number: x for x in scalars if isinstance(x, Value)}
+        while True:
+            there = [n for n in waiting if n in self._pending]
+            size = sum(len(self._pending[n][0].text) for n in there)
+            if size + 14 * (len(scalars) - len(there)) <= WIDTH or not there:
+                break
+            longest = max(there, key=lambda n: len(self._pending[n][0].text))
+            if len(self._pending[longest][0].text) < 16:
+                break
+            self.name(waiting[longest], self._pending.pop(longest)[0])
+        return [self.operand(x) for x in scalars]
+
+    def is_pending(self, value: Value) -> bool:
+        """Whether the expression of a value waits for the one that needs it."""
+        return value.number in self._pending
+
+    def drop(self, x: Scalar) -> None:
+        """Forget a value that waits and that nothing needs."""
+        if isinstance(x, Value):
+            self._pending.pop(x.number, None)
+
+    def name_pending(self, is_wanted: Callable[[Value], bool]) -> None:
+        """Give names to those that wait in this block and are wanted."""
+        waiting = [value for _, value, scope in self._pending.values() if scope == self.scope]
+        for value in waiting:
+            if is_wanted(value):
+                self.name(value, self._pending.pop(value.number)[0])
+
+    def keep(self, out: Value, expression: Expression) -> None:
+        """Keep an expression for the one who needs it, or give it a name."""
+        fits = len(expression.text) <= WIDTH
+        if fits and self.uses.is_once(out) and out.number not in self.kept:
+            self._pending[out.number] = (expression, out, self.scope)
+        else:
+            self.name(out, expression)
+
+    def name(self, out: Value, expression: Expression) -> None:
+        """A name for a value: a local constant, or its place if others read it later."""
+        self.tell(out)
+        place = self.kept.get(out.number)
+        if place is None:
+            place, begin = self._local(out)
+            self.assign(f"const {TYPES[out.dtype]} {place}" if begin else place, expression)
+        else:
+            self.assign(place, expression)
+        self.known[out.number] = Expression(place)
+
+    def place(self, out: Value, first: str | None = None) -> str:
+        """A variable for a value that is assigned further on."""
+        place, undeclared = self.kept.get(out.number), False
+        if place is None:
+            place, undeclared = self._local(out)
+            if not undeclared and first is None:
+                self._kinds[place.split("[")[0]] += " "  # assigned in several places
+        if undeclared:
+            self.line(f"{TYPES[out.dtype]} {place}{'' if first is None else f' = {first}'};")
+        elif first is not None:
+            self.line(f"{place} = {first};")
+        self.known[out.number] = Expression(place)
+        return place
+
+    def _local(self, out: Value) -> tuple[str, bool]:
+        """A variable of this function for a value, and whether it is still to be declared."""
+        frames = self.trace.places.get(out.number, ())
+        element = element_of(self.trace, out)
+        if element is None:
+            wish = self.trace.names.get(out.number) or wish_of(frames)
+            return self.names.new(wish), True
+        key = (element.array, self.scope)
+        if key not in self._arrays:
+            name = self.names.new(wish_of(element.place))
+            dims = "".join(f"[{n}]" for n in element.shape)
+            self._arrays[key] = name
+            self.shapes[name] = element.shape
+            self._parts[name] = []
+            self._kinds[name] = TYPES[out.dtype]
+            self.line(f"{TYPES[out.dtype]} {name}{dims};")
+        name = self._arrays[key]
+        part = name + "".join(f"[{i}]" for i in element.index)
+        self._parts[name].append(part)
+        return part, False

@@ -1,0 +1,183 @@
+"""What functions of a stage see of its structures, without being given it.
+
+A parameter that is the same field of parameters, input or state in all calls is read there, and a
+result that its only caller keeps in the next state or the output is written there.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+
+from jaxsat.compiler.c.wishes import name_of
+from jaxsat.compiler.ir import Call, Function, Scalar, Value
+from jaxsat.compiler.trace import Trace
+
+READ = ("p->", "at->", "in->", "now->", "seen->", "attitude[")
+"""Begin of what is read where it is."""
+
+
+@dataclass
+class Context:
+    """Texts of a function's parameters and of its results by the values' numbers, where they are
+    fields.
+
+    `left` are results that must be written to fields when all is done, `results` tells which arrays
+    of results are fields, and `wishes` are names for the array parameters, one each.
+    """
+
+    function: Function
+    known: dict[int, str] = field(default_factory=dict)
+    kept: dict[int, str] = field(default_factory=dict)
+    left: list[tuple[str, Scalar]] = field(default_factory=list)
+    results: Sequence[bool] = ()
+    wishes: Sequence[str] = ()
+
+
+def contexts(begin: Context, trace: Trace) -> dict[int, Context]:
+    """Those of all functions made of Python functions, callers first, by identity.
+
+    `begin` is the first one's.
+    """
+    root = begin.function
+    found = {id(root): begin}
+    sites: dict[int, list[tuple[Function, Call]]] = {}
+    functions = _callers_first(root, sites)
+    for function in functions[::-1]:
+        for call in function.block.calls():
+            _name_results(call, trace)
+    for function in functions:
+        if function is not root:
+            found[id(function)] = _context(function, sites[id(function)], found, trace)
+    return found
+
+
+def _name_results(call: Call, trace: Trace) -> None:
+    """Call what a function gives as it does itself, if it gives several things."""
+    source = call.function.source
+    if source is None or source.loop or len(source.results) < 2:
+        return
+    made = arrays_in(call.function.results, source.results)
+    for array, outs in zip(made, arrays_in(call.outs, source.results), strict=True):
+        name = name_of(trace, array[0], "result")
+        trace.names.update((out.number, name) for out in outs)  # pyright: ignore
+
+
+_T = TypeVar("_T")
+
+
+def arrays_in(scalars: Sequence[_T], shapes: Sequence[tuple[int, ...]]) -> list[list[_T]]:
+    """Scalars in lists, one an array."""
+    arrays, begin = [], 0
+    for shape in shapes:
+        size = int(np.prod(shape))
+        arrays.append(list(scalars[begin : begin + size]))
+        begin += size
+    return arrays
+
+
+def squeezed(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """The shape of an array in C, where one element is a number."""
+    return tuple(n for n in shape if n > 1)
+
+
+def base_of(texts: Sequence[str | None], shape: tuple[int, ...]) -> str | None:
+    """The array of C whose elements these are, all of them in order, if it is one."""
+    if not texts or texts[0] is None:
+        return None
+    first = "[0]" * len(shape)
+    base = texts[0].removesuffix(first)
+    if base == texts[0] or not re.fullmatch(r"[\w>.\-]+(\[\d+\])*", base):
+        return None
+    wanted = [base + "".join(f"[{i}]" for i in index) for index in np.ndindex(shape)]
+    return base if list(texts) == wanted else None
+
+
+def has_rows(base: str, shape: tuple[int, ...], shapes: Mapping[str, tuple[int, ...]]) -> bool:
+    """Whether the rows of an array, one of `shapes` by name, are known to be no longer than those
+    of this shape, which begin at its start."""
+    name, *indices = base.split("[")
+    known = shapes.get(name)
+    return known is not None and known[len(indices) + 1 :] == shape[1:]
+
+
+def _callers_first(root: Function, sites: dict[int, list[tuple[Function, Call]]]) -> list[Function]:
+    order: list[Function] = []
+    done: set[int] = set()
+
+    def visit(function: Function) -> None:
+        done.add(id(function))
+        for call in function.block.calls():
+            if call.function.source is not None:
+                sites.setdefault(id(call.function), []).append((function, call))
+                if id(call.function) not in done:
+                    visit(call.function)
+        order.append(function)
+
+    visit(root)
+    return order[::-1]
+
+
+def _context(
+    function: Function,
+    sites: list[tuple[Function, Call]],
+    found: Mapping[int, Context],
+    trace: Trace,
+) -> Context:
+    source = function.source
+    assert source is not None
+    context = Context(function, results=[False] * len(source.results))
+    if source.loop:
+        return context
+    params = arrays_in(function.params, source.params)
+    given = [arrays_in(call.args, source.params) for _, call in sites]
+    for number, array in enumerate(params):
+        texts = {
+            tuple(_text(x, found[id(caller)].known) for x in args[number])
+            for (caller, _), args in zip(sites, given, strict=True)
+        }
+        one = texts.pop()
+        if not texts and all(text is not None and text.startswith(READ) for text in one):
+            context.known.update((x.number, text) for x, text in zip(array, one, strict=True))  # pyright: ignore
+    context.wishes = [_wish(args[0], trace, found[id(sites[0][0])]) for args in given[0]]
+    for array, wish in zip(params, context.wishes, strict=True):
+        trace.names.update((x.number, wish) for x in array)  # pyright: ignore
+    results = arrays_in(function.results, source.results)
+    if len(sites) == 1:
+        caller, call = sites[0]
+        outs = arrays_in(call.outs, source.results)
+        every = zip(outs, results, source.results, strict=True)
+        context.results = [
+            _keep(context, found[id(caller)].kept, out, made, squeezed(shape))
+            for out, made, shape in every
+        ]
+    return context
+
+
+def _keep(context: Context, kept: Mapping[int, str], outs, made, shape: tuple[int, ...]) -> bool:
+    """Write an array of results where the caller keeps it, if it does so."""
+    texts = [kept.get(out.number) for out in outs]
+    if any(text is None for text in texts) or (shape and base_of(texts, shape) is None):
+        return False
+    given = {param.number for param in context.function.params}
+    for x, text in zip(made, texts, strict=True):
+        assert text is not None
+        if isinstance(x, Value) and x.number not in context.kept and x.number not in given:
+            context.kept[x.number] = text
+        else:
+            context.left.append((text, x))
+    return True
+
+
+def _wish(x: Scalar, trace: Trace, caller: Context) -> str:
+    """The name of what is handed over: of a field its last word."""
+    text = caller.known.get(x.number) if isinstance(x, Value) else None
+    if text is not None:
+        return text.split("[")[0].split("->")[-1]
+    return name_of(trace, x, "given")
+
+
+def _text(x: Scalar, known: Mapping[int, str]) -> str | None:
+    return known.get(x.number) if isinstance(x, Value) else None

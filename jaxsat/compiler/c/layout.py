@@ -1,0 +1,169 @@
+"""C structures made of trees: a named field for each array, in the words of the Python classes."""
+
+import inspect
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from jaxsat.compiler.c.helpers import TYPES
+from jaxsat.compiler.c.naming import Names, comment, identifier
+from jaxsat.compiler.lowering import number_type
+
+
+@dataclass(frozen=True)
+class Field:
+    """One array of a tree as a field: `about` is what its class, the `owner`, says of itself.
+
+    `number` counts the arrays of the tree.
+    """
+
+    name: str
+    dtype: np.dtype
+    shape: tuple[int, ...]
+    path: str
+    owner: str
+    about: str
+    number: int = 0
+
+    @property
+    def declaration(self) -> str:
+        """The field's type, name and dimensions."""
+        return f"{TYPES[self.dtype]} {self.name}{''.join(f'[{n}]' for n in self.shape)}"
+
+    @property
+    def size(self) -> int:
+        """How many numbers it has."""
+        return int(np.prod(self.shape))
+
+    def elements(self, struct: str) -> list[str]:
+        """Its elements in order, as C expressions."""
+        return [
+            f"{struct}{self.name}" + "".join(f"[{i}]" for i in index)
+            for index in np.ndindex(self.shape)
+        ]
+
+
+@dataclass(frozen=True)
+class Struct:
+    """A structure type and its fields."""
+
+    name: str
+    about: str
+    fields: tuple[Field, ...]
+
+    def declaration(self) -> list[str]:
+        """The type as C text: what each class says stands before its fields."""
+        lines = [*comment(self.about), "typedef struct {"]
+        told = None
+        for field in self.fields:
+            if field.owner != told:
+                told = field.owner
+                if field.about:
+                    lines += comment(f"{field.owner}: {field.about}", "  ")
+            lines.append(f"  {field.declaration}; {comment(field.path)[0]}")
+        if not self.fields:
+            lines.append("  uint8_t unused; /* a structure must have a field */")
+        return [*lines, f"}} {self.name};"]
+
+    def layout(self) -> list[str]:
+        """What the compiler makes of it: its name and fields, without the words about them."""
+        return [self.name, *(field.declaration for field in self.fields)]
+
+    @property
+    def size(self) -> int:
+        """How many numbers it has."""
+        return sum(field.size for field in self.fields)
+
+    def elements(self, struct: str) -> list[str]:
+        """All elements in order, as C expressions."""
+        return [text for field in self.fields for text in field.elements(struct)]
+
+
+def fields_of(tree: PyTree, names: Names, prefix: str = "") -> tuple[Field, ...]:
+    """The fields of a tree in the order of its leaves."""
+    found = []
+    for number, (path, leaf) in enumerate(jax.tree_util.tree_leaves_with_path(tree)):
+        owner, about = _owner(tree, path)
+        words = [_word(key) for key in path]
+        name = names.new(identifier(*([prefix] if prefix else []), *words))
+        aval = jax.typeof(leaf) if isinstance(leaf, jax.Array) else leaf
+        path_text = re.sub(r"\['(\w+)'\]", r".\1", jax.tree_util.keystr(path)).lstrip(".") or name
+        found.append(
+            Field(name, number_type(aval.dtype), tuple(aval.shape), path_text, owner, about, number)
+        )
+    return tuple(found)
+
+
+def parameter_fields(
+    tree: PyTree,
+) -> tuple[list[Any], tuple[Field, ...], list[int]]:
+    """Arrays of a tree, each once however often it stands in it, their fields, and the number of
+    the array that each leaf is.
+
+    An array that several parts share has the name that their paths end with alike.
+    """
+    paths: dict[int, list[tuple]] = {}
+    kept: list[Any] = []
+    place: dict[int, int] = {}
+    order = []
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        if id(leaf) not in place:
+            place[id(leaf)] = len(kept)
+            kept.append(leaf)
+        paths.setdefault(place[id(leaf)], []).append(path)
+        order.append(place[id(leaf)])
+    names, fields = Names(fields=True), []
+    for number, leaf in enumerate(kept):
+        words = [[_word(key) for key in path] for path in paths[number]]
+        common = _common_end(words)
+        owner, about = _owner(tree, paths[number][0])
+        name = names.new(identifier(*common))
+        text = ".".join(common)
+        fields.append(
+            Field(name, number_type(leaf.dtype), tuple(leaf.shape), text, owner, about, number)
+        )
+    return kept, tuple(fields), order
+
+
+def _common_end(words: Sequence[Sequence[str]]) -> Sequence[str]:
+    shortest = min(map(len, words))
+    if len(words) == 1:
+        return words[0]
+    length = 1
+    while length < shortest and len({tuple(w[-length - 1 :]) for w in words}) == 1:
+        length += 1
+    return words[0][-length:]
+
+
+def _word(key: Any) -> str:
+    for attribute in ("name", "key", "idx"):
+        if hasattr(key, attribute):
+            return str(getattr(key, attribute))
+    return str(key)
+
+
+def _owner(tree: PyTree, path: tuple) -> tuple[str, str]:
+    """The class that a leaf is a field of, and what it says of itself."""
+    owner, now = type(tree), cast(Any, tree)
+    for key in path:
+        if hasattr(now, "_fields") or issubclass(type(now), eqx.Module):
+            owner = type(now)
+        name, index = getattr(key, "name", None), getattr(key, "idx", getattr(key, "key", None))
+        now = getattr(now, name) if name is not None else now[index]
+    if owner in (tuple, list, dict):
+        return "", ""
+    return owner.__name__, about(owner)
+
+
+def about(owner: type) -> str:
+    """What a class says of itself, as one paragraph."""
+    if owner.__doc__ is None or owner.__doc__.startswith(f"{owner.__name__}("):
+        return ""
+    text = inspect.cleandoc(owner.__doc__)
+    return re.sub(r"\s+", " ", text)

@@ -1,0 +1,155 @@
+"""Names and comments of C files: identifiers from Python names, prose that ends no comment."""
+
+import ast
+import re
+import unicodedata
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from jaxsat.compiler.c.reserved import WORDS, is_reserved
+from jaxsat.core.once import once
+
+_LETTERS = {
+    "×": "x", "·": "*", "⊗": "(x)", "→": "->", "∫": "integral ", "Σ": "sum ", "√": "sqrt ",
+    "²": "^2", "³": "^3", "⁻": "^-", "¹": "1", "ᵀ": "^T", "≤": "<=", "≥": ">=", "≈": "~",
+    "−": "-", "–": "-", "—": "-", "…": "...", "“": '"', "”": '"', "’": "'", "∞": "infinity",
+    "°": " deg", "±": "+-", "π": "pi", "∈": "in", "∂": "d", "₀": "0", "₁": "1", "₂": "2",
+}  # fmt: skip
+
+
+def ascii_text(text: str) -> str:
+    """The text in ASCII: Greek letters by their names, other signs by what is nearest."""
+    found = []
+    for letter in text:
+        name = unicodedata.name(letter, "")
+        if letter.isascii():
+            found.append(letter)
+        elif letter in _LETTERS:
+            found.append(_LETTERS[letter])
+        elif name.startswith("GREEK") and "LETTER" in name:
+            word = name.split("LETTER ")[1].split()[0].lower()
+            found.append(word.capitalize() if "CAPITAL" in name else word)
+        else:
+            plain = unicodedata.normalize("NFKD", letter).encode("ascii", "ignore").decode()
+            found.append(plain or "?")
+    return "".join(found)
+
+
+def comment(text: str, indent: str = "", width: int = 98) -> list[str]:
+    """Lines of one C comment; nothing in the text ends it or begins another one."""
+    plain = ascii_text(" ".join(text.split())).replace("`", "")
+    for sign, harmless in (("\\", "|"), ("/*", "/ *"), ("*/", "* /"), ("//", "/ /"), ("??", "? ?")):
+        while sign in plain:
+            plain = plain.replace(sign, harmless)
+    plain = "".join(letter for letter in plain if letter.isprintable())
+    lines, line = [], f"{indent}/*"
+    for word in plain.split():
+        if len(line) + len(word) + 4 > width and line.strip() not in ("/*", ""):
+            lines.append(line)
+            line = f"{indent}  "
+        line += f" {word}"
+    return [*lines, f"{line} */"]
+
+
+def identifier(*parts: str) -> str:
+    """A C identifier of words, in lower case with underscores."""
+    text = "_".join(ascii_text(part) for part in parts)
+    text = re.sub(r"(?<=[a-z0-9])(?=[A-Z][a-z])", "_", text)
+    text = re.sub(r"[\W_]+", "_", text).strip("_").lower() or "x"
+    return f"x_{text}" if text[0].isdigit() else text
+
+
+class Names:
+    """Identifiers that are in use in a scope, no two alike; `outer` is the file's scope."""
+
+    def __init__(
+        self, taken: Iterable[str] = (), *, fields: bool = False, outer: "Names | None" = None
+    ):
+        self.taken, self._fields = set(taken), fields
+        self.outer, self.inside = outer, set[str]()
+        self._last: dict[str, int] = {}
+
+    def _is_taken(self, name: str) -> bool:
+        """Whether it stands for something here, or would hide or be hidden by something."""
+        beyond = self.outer is not None and name in self.outer.taken
+        means = name in WORDS if self._fields else is_reserved(name)
+        return means or name in self.taken or name in self.inside or beyond
+
+    def new(self, wish: str) -> str:
+        """An identifier that is this one, or this one with a number."""
+        if not self._fields and is_reserved(f"{wish}_2"):  # of a family whose names all are
+            wish = f"x_{wish}"
+        name = wish
+        while self._is_taken(name):
+            self._last[wish] = self._last.get(wish, 1) + 1
+            name = f"{wish}_{self._last[wish]}"
+        self.taken.add(name)
+        if self.outer is not None:
+            self.outer.inside.add(name)
+        return name
+
+
+def assigned_name(file: str, line: int) -> str | None:
+    """The name that a statement of Python gives its result, if it is one name and can be read."""
+    statement = _statements(file).get(line)
+    targets = statement.targets if isinstance(statement, ast.Assign) else []
+    if len(targets) == 1 and isinstance(targets[0], ast.Name):
+        return targets[0].id
+    return None
+
+
+@once
+def _statements(file: str) -> dict[int, ast.stmt]:
+    """Statements by each of the lines that they take; the innermost one."""
+    tree = _tree(file)
+    if tree is None:
+        return {}
+    found: dict[int, ast.stmt] = {}
+    for node in ast.walk(tree):  # from the outermost
+        if isinstance(node, ast.stmt):
+            for line in range(node.lineno, (node.end_lineno or node.lineno) + 1):
+                found[line] = node
+    return found
+
+
+def docstring(file: str, function: str) -> str:
+    """The first paragraph that a Python function says of itself; `function` is its full name."""
+    body: list[ast.stmt] = _statements_of(file)
+    found = None
+    for word in function.split("."):
+        if word == "<locals>":
+            continue
+        inside = (node for node in _definitions(body) if node.name == word)
+        found = next(inside, None)
+        if found is None:
+            return ""
+        body = found.body
+    text = ast.get_docstring(found) if found is not None else None
+    return " ".join(text.split("\n\n")[0].split()) if text else ""
+
+
+_Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def _definitions(body: Iterable[ast.stmt]) -> Iterator[_Definition]:
+    """Functions and classes of a body, those in branches and loops included."""
+    for node in body:
+        if isinstance(node, _Definition):
+            yield node
+        else:
+            yield from _definitions(
+                x for x in ast.iter_child_nodes(node) if isinstance(x, ast.stmt)
+            )
+
+
+def _statements_of(file: str) -> list[ast.stmt]:
+    tree = _tree(file)
+    return [] if tree is None else tree.body
+
+
+@once
+def _tree(file: str) -> ast.Module | None:
+    try:
+        return ast.parse(Path(file).read_text(encoding="utf-8"))
+    except (OSError, SyntaxError, ValueError):
+        return None

@@ -1,0 +1,251 @@
+"""Programs of scalars as statements of C."""
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from jaxsat.compiler.c.arrays import Arrays
+from jaxsat.compiler.c.body import Body
+from jaxsat.compiler.c.contexts import arrays_in, squeezed
+from jaxsat.compiler.c.expressions import UNARY, Expression, called, operation
+from jaxsat.compiler.c.helpers import TYPES
+from jaxsat.compiler.c.loops import bound_of
+from jaxsat.compiler.c.naming import Names
+from jaxsat.compiler.c.unit import POINTERS, AbstractUnit
+from jaxsat.compiler.c.uses import Uses
+from jaxsat.compiler.ir import (
+    Block,
+    Call,
+    Function,
+    Load,
+    Loop,
+    Operation,
+    Scalar,
+    Source,
+    Step,
+    Store,
+    Switch,
+    Value,
+)
+from jaxsat.compiler.lowering import CannotLower
+from jaxsat.compiler.trace import Trace
+
+
+class Printer:
+    """Statements of one C function, written into `body`.
+
+    `known` are expressions for values from outside, and `kept` the places (lvalues) of those that
+    others read later; `shapes` are those of the arrays of both, by name.
+    """
+
+    def __init__(
+        self,
+        unit: AbstractUnit,
+        trace: Trace,
+        function: Function,
+        names: Names,
+        known: Mapping[int, Expression],
+        kept: Mapping[int, str] | None = None,
+        told: str | None = None,
+        shapes: Mapping[str, tuple[int, ...]] | None = None,
+    ):
+        self._unit, self._trace = unit, trace
+        self._uses = Uses(function.block, function.results)
+        self.body = Body(trace, self._uses, names, known, kept, told, shapes)
+        self._arrays = Arrays(unit, self.body)
+        self._pointers: set[str] = set()
+
+    def pointers(self, lines: Sequence[str]) -> set[str]:
+        """Which structures these lines of the function need."""
+        text = "\n".join(lines)
+        read = {one for one in POINTERS if re.search(rf"(?<![\w>.]){one}(->|\[)", text)}
+        return read | self._pointers
+
+    def block(self, block: Block) -> None:
+        """The statements of a block."""
+        for step in block.steps:
+            self._step(step)
+
+    def _step(self, step: Step) -> None:
+        match step:
+            case Operation():
+                args = self.body.operands(step.args)
+                kinds = [x.dtype for x in step.args]
+                need = self._unit.need
+                self.body.keep(step.out, operation(step.name, args, kinds, step.out.dtype, need))
+            case Load():
+                index = self.body.operand(step.index)
+                memory = self._arrays.memory(step.memory)
+                self.body.name(step.out, Expression(f"{memory}[{index.text}]"))
+            case Store():
+                index, value = self.body.operand(step.index), self.body.operand(step.value)
+                memory = self._arrays.memory(step.memory)
+                self.body.line(f"{memory}[{index.text}] = {value.text};")
+            case Switch():
+                self._switch(step)
+            case Loop():
+                self._loop(step)
+            case Call(function=Function(source=None)):
+                self._elementary_call(step)
+            case Call(function=Function(source=source)):
+                assert source is not None
+                self._python_call(step, source)
+
+    def _elementary_call(self, step: Call) -> None:
+        args = self.body.operands(step.args)
+        name = self._unit.elementary(step.function, self._trace)
+        if len(step.outs) == 1:
+            self.body.keep(step.outs[0], called(name, *args))
+            return
+        pointers = [Expression(f"&{self.body.place(out)}") for out in step.outs]
+        self.body.line(f"{called(name, *args, *pointers).text};")
+
+    def _python_call(self, step: Call, source: Source) -> None:
+        """A call of a function that takes arrays and gives some."""
+        printed = self._unit.python(step.function, self._trace)
+        self._pointers.update(printed.pointers)
+        args = [Expression(text) for text in (*printed.pointers, *printed.counts)]
+        arrays = arrays_in(step.args, source.params)
+        for array, shape, passed in zip(arrays, source.params, printed.passed, strict=True):
+            if passed:
+                args.append(self._arrays.argument(array, squeezed(shape)))
+        returned, after = None, []
+        outs = arrays_in(step.outs, source.results)
+        for array, shape, way in zip(outs, source.results, printed.results, strict=True):
+            if way == "value":
+                returned = array[0]
+            elif way == "pointer":
+                args.append(self._arrays.receiver(array, squeezed(shape), after))
+            else:
+                for out in array:
+                    self.body.known[out.number] = Expression(self.body.kept[out.number])
+        call = called(printed.name, *args)
+        if returned is not None and "field" not in printed.results:
+            self.body.keep(returned, call)
+        elif returned is not None:
+            self.body.name(returned, call)
+        else:
+            self.body.wrapped(f"{call.text};")
+        for place, text in after:
+            self.body.line(f"{place} = {text};")
+
+    def _switch(self, step: Switch) -> None:
+        body = self.body
+        self._arrays.declare(step.blocks)
+        condition = self._condition(step.index) if len(step.blocks) == 2 else None
+        index = body.operand(step.index) if condition is None else None
+        if step.outs:
+            body.tell(step.outs[0])
+        places = [body.place(out) for out in step.outs]
+        if len(step.blocks) == 2:
+            if condition is None:
+                assert index is not None
+                condition = f"{index.inside(UNARY)} != 0"
+            body.line(f"if ({condition}) {{")
+            self._branch(step, 1, places)
+            body.line("} else {")
+            self._branch(step, 0, places)
+            body.line("}")
+            return
+        assert index is not None
+        body.line(f"switch ({index.text}) {{")
+        for number in range(len(step.blocks)):
+            last = number == len(step.blocks) - 1
+            body.line("default: {" if last else f"case {number}: {{")
+            self._branch(step, number, places)
+            body.line("  break;")
+            body.line("}")
+        body.line("}")
+
+    def _branch(self, step: Switch, number: int, places: Sequence[str]) -> None:
+        with self.body.inside():
+            self.block(step.blocks[number])
+            for place, result in zip(places, step.yields[number], strict=True):
+                self.body.assign(place, self.body.operand(result))
+
+    def _condition(self, index: Scalar) -> str | None:
+        """The bool that a branch of two is chosen by, behind the steps that make a number of it."""
+        known = self.body.known
+        while isinstance(index, Value) and index.number in self._uses.makers:
+            maker = self._uses.makers[index.number]
+            values = [x for x in maker.args if isinstance(x, Value)]
+            others = [x for x in maker.args if not isinstance(x, Value)]
+            if maker.name == "convert" and values and values[0].dtype == np.dtype(bool):
+                return self._bool_of(index, values[0])
+            within = {"max": lambda x: x <= 0, "min": lambda x: x >= 1}.get(maker.name)
+            if within is None or len(others) != 1 or not within(int(others[0])):
+                return None
+            if self.body.is_pending(index) and values[0].number not in known:
+                return None
+            index = values[0]
+        return None
+
+    def _bool_of(self, number: Value, flag: Value) -> str | None:
+        """The text of a bool that was made a number, which waits for its use."""
+        if not self.body.is_pending(number):
+            return None
+        text = self.body.operand(number).text
+        if flag.number in self.body.known:
+            return self.body.known[flag.number].text
+        if not text.endswith(" ? 1 : 0"):
+            return None
+        text = text.removesuffix(" ? 1 : 0")
+        return text[1:-1] if _is_enclosed(text) else text
+
+    def _loop(self, step: Loop) -> None:
+        body = self.body
+        bound = bound_of(step, self._uses.makers)
+        if bound is None:
+            frames = self._trace.places.get(step.params[0].number, ()) if step.params else ()
+            where = f"{frames[-1].file}:{frames[-1].line} ({frames[-1].function})" if frames else ""
+            what = "`while`: how often the loop turns is not known when the law is traced"
+            raise CannotLower(f"{what}, so that flight code has no bound for it", where)
+        self._arrays.declare((step.condition, step.body))
+        body.tell(step.params[0])
+        befores = [body.operand(x).text for x in step.before]
+        for i, (param, before) in enumerate(zip(step.params, befores, strict=True)):
+            if i != bound.counter:
+                body.place(param, before)
+        name = body.place(step.params[bound.counter], befores[bound.counter])
+        body.line(f"for (; {name} < {bound.end}; {name}++) {{")
+        with body.inside():
+            self.block(step.condition)
+            if not bound.is_whole:
+                body.line(f"if (!{body.operand(step.active).inside(UNARY)}) {{")
+                body.line("  break;")
+                body.line("}")
+            self.block(step.body)
+            self._carry_over(step, bound.counter)
+        body.line("}")
+
+    def _carry_over(self, step: Loop, counter: int) -> None:
+        """The params of the next turn, all computed before the first is assigned."""
+        body = self.body
+        moves = []
+        params = {param.number for param in step.params}
+        for i, (param, after) in enumerate(zip(step.params, step.after, strict=True)):
+            if i == counter:
+                body.drop(after)
+            elif not isinstance(after, Value):
+                moves.append((param, body.operand(after).text))
+            elif after.number == param.number:
+                continue
+            elif body.is_pending(after) or after.number in params:
+                name = body.names.new("following")
+                body.assign(f"const {TYPES[after.dtype]} {name}", body.operand(after))
+                moves.append((param, name))
+            else:
+                moves.append((param, body.operand(after).text))
+        for param, text in moves:
+            body.line(f"{body.known[param.number].text} = {text};")
+
+
+def _is_enclosed(text: str) -> bool:
+    """Whether the first parenthesis of a text ends with it."""
+    depth = 0
+    for place, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if depth == 0:
+            return letter == ")" and place == len(text) - 1
+    return False

@@ -1,0 +1,101 @@
+"""Elementary functions of the compiled engine, in basic operations alone.
+
+Each is plain `jax.numpy` code on doubles, of one number or elementwise: additions, products,
+quotients, square roots, comparisons, selections and operations on bits; `lax.cond` only around
+rare wide cases. Errors stay below 2 units in the last place (4 for pow and erf_inv) over the whole
+domain, special values are NumPy's. 32-bit floats are computed in 64 bits and rounded once.
+
+`FUNCTIONS` maps the names of JAX's primitives to them; `program` gives the jaxpr of one.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import DTypeLike
+
+from jaxsat.compiler.functions.error_function import erf, erf_inv, erfc, near_erf_inv
+from jaxsat.compiler.functions.exponential import exp, exp2, expm1, logistic
+from jaxsat.compiler.functions.hyperbolic import cosh, sinh, tanh
+from jaxsat.compiler.functions.inverse_hyperbolic import acosh, asinh, atanh
+from jaxsat.compiler.functions.inverse_trigonometric import (
+    acos,
+    asin,
+    atan,
+    atan2,
+    near_atan2,
+)
+from jaxsat.compiler.functions.logarithm import log, log1p
+from jaxsat.compiler.functions.power import cbrt, pow
+from jaxsat.compiler.functions.trigonometric import (
+    cos,
+    near_cos,
+    near_sin,
+    near_sincos,
+    sin,
+    sincos,
+    tan,
+)
+from jaxsat.core.jaxprs import Jaxpr, jaxpr_of
+from jaxsat.core.once import once
+
+
+def _of_any_float(function: Callable) -> Callable:
+    """The function on doubles for any real arguments, its result in the first one's type."""
+
+    @wraps(function)
+    def converted(*arguments: jax.Array) -> jax.Array | tuple[jax.Array, ...]:
+        dtype = jnp.result_type(arguments[0])
+        values = function(*(jnp.asarray(a).astype(jnp.float64) for a in arguments))
+        return jax.tree.map(lambda x: x if x.dtype == bool else x.astype(dtype), values)
+
+    return converted
+
+
+FUNCTIONS: dict[str, Callable] = {
+    name: _of_any_float(function)
+    for name, function in {
+        "acos": acos,
+        "acosh": acosh,
+        "asin": asin,
+        "asinh": asinh,
+        "atan": atan,
+        "atan2": atan2,
+        "atanh": atanh,
+        "cbrt": cbrt,
+        "cos": cos,
+        "cosh": cosh,
+        "erf": erf,
+        "erf_inv": erf_inv,
+        "erfc": erfc,
+        "exp": exp,
+        "exp2": exp2,
+        "expm1": expm1,
+        "log": log,
+        "log1p": log1p,
+        "logistic": logistic,
+        "near_atan2": near_atan2,
+        "near_cos": near_cos,
+        "near_erf_inv": near_erf_inv,
+        "near_sin": near_sin,
+        "near_sincos": near_sincos,
+        "pow": pow,
+        "sin": sin,
+        "sincos": sincos,
+        "sinh": sinh,
+        "tan": tan,
+        "tanh": tanh,
+    }.items()
+}
+
+
+@once
+def program(name: str, *dtypes: DTypeLike) -> Jaxpr:
+    """The jaxpr of `FUNCTIONS[name]` for one number of each type.
+
+    It is traced with 64-bit types whatever the caller's setting, for it computes in them.
+    """
+    with jax.enable_x64(True):
+        return jaxpr_of(FUNCTIONS[name], *(np.zeros((), dtype) for dtype in dtypes))

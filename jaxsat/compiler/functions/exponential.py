@@ -1,0 +1,108 @@
+"""exp and its relatives: exp2, expm1, logistic.
+
+x = n log(2) + r, |r| <= log(2)/2, with log(2) in two pieces, the first of 42 bits, so that its
+product with n is exact; exp(r) is a polynomial (benchmarks/native/minimax.py).
+"""
+
+import math
+
+from jax import lax
+
+from jaxsat.compiler.functions.bits import (
+    Double,
+    Integer,
+    fast_two_sum,
+    polynomial,
+    power_of_two,
+    quotient,
+    rounded,
+    scaled,
+    select,
+)
+
+LOG2_UPPER, LOG2_LOWER = 0.6931471805598903, 5.497923018708371e-14
+LOG2_E = math.log2(math.e)
+_LOG2 = math.log(2.0)
+
+# (exp(r) - 1 - r)/r^2
+_EXPONENTIAL = (
+    0.5,
+    0.1666666666666667,
+    0.04166666666666667,
+    0.008333333333326084,
+    0.0013888888888883711,
+    0.0001984126987500228,
+    2.480158732567746e-05,
+    2.755725517000089e-06,
+    2.755727347871858e-07,
+    2.5105312729622103e-08,
+    2.09147553258932e-09,
+)
+
+
+def exp(x: Double) -> Double:
+    """Exponential."""
+    return scaled(*exp_parts(bounded(x, -746.0, 710.0)))
+
+
+def exp2(x: Double) -> Double:
+    """Two to the power x."""
+    x = bounded(x, -1076.0, 1025.0)
+    whole, n = rounded(x)
+    r = (x - whole) * _LOG2
+    return scaled(1.0 + (r + r * r * polynomial(r, _EXPONENTIAL)), n)
+
+
+def expm1(x: Double) -> Double:
+    """exp(x) - 1, as accurate near zero."""
+    x = bounded(x, -40.0, 710.0)
+    r, low, n = _reduced(x)
+    small = lax.min(n, lax.full_like(n, 60))
+    total, error = fast_two_sum(1.0 - power_of_two(-small), r)
+    # n = 0: the first is zero and the sum exact.
+    rest = low + r * r * polynomial(r, _EXPONENTIAL)
+    return select(x == 0.0, x, scaled(total + (rest + error), n))
+
+
+def logistic(x: Double) -> Double:
+    """1/(1 + exp(-x))."""
+    near_one, low, n = exp_pair(bounded(-lax.abs(x), -746.0, 710.0))
+    e, e_low = scaled(near_one, n), scaled(low, n)
+    den, den_low = fast_two_sum(lax.full_like(x, 1.0), e)
+    below = x < 0.0
+    return quotient(select(below, e, 1.0), select(below, e_low, 0.0), den, den_low + e_low)
+
+
+def exp_parts(x: Double, low: Double | None = None) -> tuple[Double, Integer]:
+    """exp(x + low) as a number near one and a power of two; `low` is x's rounding error."""
+    r, rest, n = _reduced(x, low)
+    return 1.0 + (r + (r * r * polynomial(r, _EXPONENTIAL) + rest)), n
+
+
+def exp_pair(x: Double, low: Double | None = None) -> tuple[Double, Double, Integer]:
+    """exp(x + low) as a number near one, its rounding error and a power of two."""
+    r, rest, n = _reduced(x, low)
+    tail = r + (r * r * polynomial(r, _EXPONENTIAL) + rest)
+    return *fast_two_sum(lax.full_like(x, 1.0), tail), n
+
+
+def expm1_pair(x: Double) -> tuple[Double, Double]:
+    """exp(x) - 1 and its rounding error, for x in [0, 40]."""
+    r, low, n = _reduced(x)
+    power = power_of_two(n)
+    total, error = fast_two_sum(power - 1.0, power * r)
+    return fast_two_sum(total, error + power * (r * r * polynomial(r, _EXPONENTIAL) + low))
+
+
+def bounded(x: Double, least: float, most: float) -> Double:
+    """`x` within bounds; NaN stays."""
+    return select(x < least, least, select(x > most, most, x))
+
+
+def _reduced(x: Double, low: Double | None = None) -> tuple[Double, Double, Integer]:
+    """r, its rounding error and n of x + low = n log(2) + r."""
+    whole, n = rounded(x * LOG2_E)
+    upper = x - whole * LOG2_UPPER
+    lower = whole * -LOG2_LOWER if low is None else low - whole * LOG2_LOWER
+    r = upper + lower
+    return r, (upper - r) + lower, n

@@ -1,0 +1,1 @@
+"""A scalar program as machine code, by LLVM."""

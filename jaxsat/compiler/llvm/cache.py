@@ -1,0 +1,157 @@
+"""Machine code kept on disk, by a hash of all that it was made from.
+
+The folder is the platform's for caches, or that of the environment variable JAXSAT_CACHE_DIR.
+Writers of the same entry do not disturb one another: an entry appears whole or not at all.
+
+Machine code runs as it is, so whoever could write an entry could do whatever this user can. The
+folder is therefore this user's alone (`private`), and an entry begins with a code (HMAC-SHA256) of
+its name and content under a random key, which lies in the same folder and which this user alone can
+read. An entry that is damaged, that was brought from elsewhere (another user's cache, an archive)
+or that stands under another's name is not run, but made anew. This does not protect from who can
+read the key: programs of the same user, and root, who need no cache to do harm. Access lists beyond
+the mode bits are not looked at.
+
+Where the cache cannot be used, a `CacheWarning` tells why, once in a process.
+"""
+
+import contextlib
+import hashlib
+import hmac
+import os
+import secrets
+import sys
+import threading
+import warnings
+from pathlib import Path
+
+from jaxsat.compiler.llvm import target
+from jaxsat.compiler.llvm.private import private_folder, read, remove_abandoned, write
+
+ENTRIES = 256
+"""How many are kept; the ones unused for longest go."""
+
+KINDS = (".o", ".kernel")
+"""How the names of entries end: machine code, and kernels (`kept`)."""
+
+KEY = "key"
+
+_BYTES = 32
+"""Of the key, and of a code."""
+
+_told = threading.Event()
+_threads = threading.Lock()
+
+
+class CacheWarning(UserWarning):
+    """Machine code cannot be kept; everything else works, but begins more slowly."""
+
+
+class _Unusable(OSError):
+    """Why there is no place for a cache."""
+
+
+def folder() -> Path:
+    """Where machine code is kept. Raises `OSError` where no absolute path is known."""
+    chosen = os.environ.get("JAXSAT_CACHE_DIR")
+    if chosen:
+        if not os.path.isabs(chosen):
+            raise _Unusable(f"JAXSAT_CACHE_DIR must be an absolute path, but is {chosen!r}")
+        return Path(chosen) / "native"
+    if sys.platform == "darwin":
+        base = _home() / "Library" / "Caches"
+    elif sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or _home() / "AppData" / "Local")
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+        base = base if base.is_absolute() else _home() / ".cache"  # as the specification says
+    return base / "jaxsat" / "native"
+
+
+def _home() -> Path:
+    try:
+        home = Path.home()
+    except RuntimeError:
+        raise _Unusable("no home folder is known") from None
+    if not home.is_absolute() or os.environ.get("HOME") == "":
+        raise _Unusable("the home folder must be an absolute path, but HOME is none")
+    return home
+
+
+def object_code(text: str) -> bytes:
+    """Machine code of an LLVM text, from the cache or made and put there."""
+    host = target.host()
+    made_from = (target.PASSES, target.version(), host.name, host.features, text)
+    name = f"{hashlib.sha256(repr(made_from).encode()).hexdigest()}.o"
+    found = kept(name)
+    if found is None:
+        found = target.object_code(text)
+        keep(name, found)
+    return found
+
+
+def kept(name: str) -> bytes | None:
+    """What an entry contains; None where there is none, or none that was written here."""
+    try:
+        place = private_folder(folder())
+        key = _key(place)
+    except OSError as error:
+        _tell(error)
+        return None
+    content = read(place / name)
+    if content is None or not hmac.compare_digest(
+        content[:_BYTES], _code(key, name, content[_BYTES:])
+    ):
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(place / name)
+    return content[_BYTES:]
+
+
+def keep(name: str, content: bytes) -> None:
+    """Let an entry contain this, if there is a place for it."""
+    try:
+        place = private_folder(folder())
+        write(place / name, _code(_key(place), name, content) + content)
+        _remove_oldest(place)
+    except OSError as error:
+        _tell(error)
+
+
+def _key(place: Path) -> bytes:
+    """The key of a folder, made for the first entry. Of several processes at once the last wins."""
+    with _threads:
+        key = read(place / KEY)
+        if key is None or len(key) != _BYTES:
+            write(place / KEY, secrets.token_bytes(_BYTES))
+            key = read(place / KEY)
+    if key is None or len(key) != _BYTES:
+        raise _Unusable(f"{place / KEY} does not keep what is written to it")
+    return key
+
+
+def _code(key: bytes, name: str, content: bytes) -> bytes:
+    return hmac.digest(key, name.encode() + content, "sha256")
+
+
+def _remove_oldest(place: Path) -> None:
+    remove_abandoned(place)
+    times = {}
+    for entry in (found for kind in KINDS for found in place.glob(f"*{kind}")):
+        with contextlib.suppress(FileNotFoundError):  # another process has removed it
+            times[entry] = entry.lstat().st_mtime
+    for entry in sorted(times, key=times.__getitem__)[:-ENTRIES]:
+        with contextlib.suppress(OSError):
+            entry.unlink()
+
+
+def _tell(error: OSError) -> None:
+    with _threads:
+        if _told.is_set():
+            return
+        _told.set()
+    reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+    warnings.warn(
+        f"machine code cannot be kept for later runs, which takes them longer: {reason}",
+        CacheWarning,
+        stacklevel=3,
+    )

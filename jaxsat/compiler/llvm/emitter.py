@@ -1,0 +1,230 @@
+"""The text of LLVM code while it is printed: modules, names, operands and memory."""
+
+import abc
+from collections.abc import Callable
+
+import numpy as np
+
+from jaxsat.compiler.ir import Block, Function, Memory, Scalar, Value
+from jaxsat.compiler.llvm.llvm_types import constant, memory_type, scalar_type, vector_type
+from jaxsat.compiler.llvm.threads import STACK
+from jaxsat.compiler.lowering import CannotLower
+
+COLD = "!0"
+"""Weights of a switch whose second branch hardly ever runs: its costs stay out of the first."""
+
+ON_STACK = 64 << 10
+"""Bytes of memories of a module that are on the stack; further ones are in its arena."""
+
+MAX_ARENA = 1 << 30
+"""Bytes of an arena, of which every thread has one."""
+
+ALIGNMENT = 128
+"""Bytes that addresses of memory for vectors are multiples of: the largest vector."""
+
+NUMBER = 8
+"""Bytes of the largest number."""
+
+LARGEST = STACK // 2
+"""Bytes that all values of a module together may take, so that any of them may be on the stack."""
+
+
+LANES = (1, 2, 4, 8, 16)
+"""Numbers of cases in a vector: its cells have no gaps between them, and are aligned."""
+
+
+def require_lanes(lanes: int, name: str = "lanes") -> None:
+    """Raise `ValueError` for a number of lanes that no vector has."""
+    if lanes not in LANES:
+        raise ValueError(f"Argument `{name}` must be 1, 2, 4, 8 or 16, but got {lanes}.")
+
+
+class Module:
+    """The text of a module: functions, constant arrays and declarations of what is used.
+
+    With `masks` the processor stores some lanes of a vector at once. Memories too large for the
+    stack are in the *arena*, `arena` bytes that the caller provides to each of its threads. Every
+    memory has a place of its own in it, as no function is ever called inside itself.
+    """
+
+    def __init__(self, lanes: int, masks: bool = False, contract: bool = True):
+        require_lanes(lanes)
+        self.lanes, self.masks, self.contract = lanes, masks, contract
+        self.functions: dict[str, str] = {}
+        self.printed: dict[int, tuple[str, Function, bool]] = {}  # by identity: `llvm.internal`
+        self._constants: dict[int, str] = {}  # by the number of the memory
+        self.declarations: set[str] = set()
+        self.arena = self._on_stack = 0
+        self._offsets: dict[int, int | None] = {}  # by the number of the memory
+
+    def offset(self, memory: Memory) -> int | None:
+        """Where in the arena a memory is; None if it is on the stack.
+
+        Raises `CannotLower` where the arena becomes too large.
+        """
+        if memory.number not in self._offsets:
+            room = memory.size * memory.dtype.itemsize * (1 if memory.uniform else self.lanes)
+            room = -(-room // ALIGNMENT) * ALIGNMENT
+            self._offsets[memory.number] = None
+            if self._on_stack + room <= ON_STACK:
+                self._on_stack += room
+            elif self.arena + room > MAX_ARENA:
+                raise CannotLower(
+                    f"Its arrays would take more than {MAX_ARENA >> 20} MiB in every thread"
+                )
+            else:
+                self._offsets[memory.number] = self.arena
+                self.arena += room
+        return self._offsets[memory.number]
+
+    def constant(self, memory: Memory) -> str:
+        """The name of a memory that is never written, the same in all functions."""
+        if memory.number not in self._constants:
+            assert memory.initial is not None
+            kind = memory_type(memory.dtype)
+            numbers = ", ".join(
+                f"{kind} {constant(x) if kind != 'i8' else int(x)}" for x in memory.initial
+            )
+            head = f"@c{len(self._constants)} = internal constant [{memory.size} x {kind}]"
+            self._constants[memory.number] = f"{head} [{numbers}], align 128"
+        return self._constants[memory.number].split(" ", 1)[0]
+
+    def text(self, attributes: str) -> str:
+        """All of it, every function with these attributes.
+
+        Raises `CannotLower` for so many lines that their values might not all be on the stack.
+        """
+        lines = sum(text.count("\n") for text in self.functions.values())
+        if lines * self.lanes * NUMBER > LARGEST:
+            raise CannotLower(f"It would become {lines} lines of LLVM code")
+        parts = [*self._constants.values(), *self.functions.values(), *sorted(self.declarations)]
+        attributes = f"attributes #0 = {{ {attributes} }}"
+        weights = f'{COLD} = !{{!"branch_weights", i32 100000, i32 1}}'
+        return "\n".join([*parts, attributes, weights, ""])
+
+
+class AbstractEmitter(abc.ABC):
+    """The lines of one function while it is printed: what is written of values and memory."""
+
+    def __init__(self, module: Module):
+        self.module = module
+        self.written: list[str] = []
+        self._first: list[str] = []
+        self.in_arena = False  # whether it needs %arena, the arena's address
+        self._count = 0
+        self.label = "entry"
+        self.spread: list[dict[int | tuple[str, int], str]] = [{}]
+        self.readers: dict[int, Callable[[str], None]] = {}
+        self._memories: dict[int, str] = {}
+        self._names: dict[int, str] = {}
+
+    def text(self) -> list[str]:
+        """Its lines, room on the stack first."""
+        return ["entry:", *self._first, *self.written]
+
+    def line(self, line: str) -> None:
+        """One more."""
+        self.written.append(line)
+
+    def fresh(self, prefix: str = "t") -> str:
+        """A name that is not in use."""
+        self._count += 1
+        return f"%{prefix}{self._count}"
+
+    def name(self, value: Value) -> str:
+        """The name of a value of the program; one with a reader is read again in every block."""
+        reader = self.readers.get(value.number)
+        if reader is None:
+            return self._names.setdefault(value.number, f"%v{len(self._names)}")
+        return self.once_in_block(("value", value.number), reader)
+
+    def once_in_block(self, key: tuple[str, int], reader: Callable[[str], None]) -> str:
+        """The name of what `reader` gives a name to, here or in a block around this one."""
+        for known in reversed(self.spread):
+            if key in known:
+                return known[key]
+        out = self.fresh("r")
+        reader(out)
+        self.spread[-1][key] = out
+        return out
+
+    def operand(self, x: Scalar, varying: bool = False) -> str:
+        """A value or constant, spread over all lanes if it is to be `varying`."""
+        if not isinstance(x, Value):
+            if not varying:
+                return constant(x)
+            return f"splat ({scalar_type(x.dtype)} {constant(x)})"
+        if not varying or not x.uniform:
+            return self.name(x)
+        for known in reversed(self.spread):
+            if x.number in known:
+                return known[x.number]
+        wide = vector_type(x.dtype, self.module.lanes)
+        one, all_ = self.fresh(), self.fresh()
+        kind = scalar_type(x.dtype)
+        self.line(f"{one} = insertelement {wide} poison, {kind} {self.name(x)}, i64 0")
+        self.line(
+            f"{all_} = shufflevector {wide} {one}, {wide} poison, "
+            f"<{self.module.lanes} x i32> zeroinitializer"
+        )
+        self.spread[-1][x.number] = all_
+        return all_
+
+    @abc.abstractmethod
+    def steps(self, block: Block) -> None:
+        """The steps of a block."""
+
+    def kind(self, dtype: np.dtype, wide: bool) -> str:
+        """The type of a number, in all lanes if `wide`."""
+        return vector_type(dtype, self.module.lanes) if wide else scalar_type(dtype)
+
+    def begin(self, label: str) -> None:
+        """A new block of lines, with its label."""
+        self.line(f"{label}:")
+        self.label = label
+
+    def memory(self, memory: Memory) -> str:
+        """The name of a memory, made where it is first needed."""
+        if memory.number in self._memories:
+            return self._memories[memory.number]
+        kind = memory_type(memory.dtype)
+        if memory.initial is not None:
+            name = self.module.constant(memory)
+        else:
+            name, offset = f"%m{len(self._memories)}", self.module.offset(memory)
+            if offset is None:
+                room = memory.size * (1 if memory.uniform else self.module.lanes)
+                self._first.append(f"{name} = alloca [{room} x {kind}], align {ALIGNMENT}")
+            else:
+                self.in_arena = True
+                self._first.append(f"{name} = getelementptr i8, ptr %arena, i64 {offset}")
+        self._memories[memory.number] = name
+        return name
+
+    def address(self, memory: Memory, index: Scalar) -> str:
+        """The address of an element of a memory, by a uniform index."""
+        place, kind = self.fresh("p"), memory_type(memory.dtype)
+        cell = kind if memory.uniform else f"<{self.module.lanes} x {kind}>"
+        typed = f"{scalar_type(index.dtype)} {self.operand(index)}"
+        self.line(f"{place} = getelementptr {cell}, ptr {self.memory(memory)}, {typed}")
+        return place
+
+    def put(self, place: str, value: str, dtype: np.dtype, wide: bool) -> None:
+        """Write a value to memory."""
+        kind = self.kind(dtype, wide)
+        if dtype.kind == "b":
+            byte, small = self.fresh(), f"<{self.module.lanes} x i8>" if wide else "i8"
+            self.line(f"{byte} = zext {kind} {value} to {small}")
+            kind, value = small, byte
+        self.line(f"store {kind} {value}, ptr {place}")
+
+    def get(self, out: str, place: str, dtype: np.dtype, wide: bool) -> None:
+        """Read a value from memory."""
+        kind = self.kind(dtype, wide)
+        if dtype.kind == "b":
+            byte, small = self.fresh(), f"<{self.module.lanes} x i8>" if wide else "i8"
+            self.line(f"{byte} = load {small}, ptr {place}")
+            self.line(f"{out} = icmp ne {small} {byte}, zeroinitializer" if wide
+                      else f"{out} = icmp ne i8 {byte}, 0")  # fmt: skip
+        else:
+            self.line(f"{out} = load {kind}, ptr {place}")

@@ -1,0 +1,261 @@
+"""An entry point: a program as one exported function, with locations of its inputs and outputs.
+
+An entry point is called for one vector of trajectories as
+
+    void entry_point(pointers, state, cases, wanted, a, b)
+
+`pointers` holds the address of the arena (`emitter.Module`) and of every array from outside;
+`state` is memory of this vector alone; `cases` gives the number of every lane's case and `wanted`
+(bytes) tells the lanes for which something is to be written; `a` and `b` are whole numbers for all
+lanes.
+"""
+
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
+
+import numpy as np
+
+from jaxsat.compiler.builder import is_uniform
+from jaxsat.compiler.ir import Function, Operation, Scalar, Value
+from jaxsat.compiler.llvm.emitter import Module
+from jaxsat.compiler.llvm.llvm import FunctionEmitter
+from jaxsat.compiler.llvm.llvm_types import memory_type, scalar_type, suffix, vector_type
+from jaxsat.compiler.llvm.locations import (
+    CONTEXT,
+    Known,
+    Location,
+    PerCase,
+    ScalarArgument,
+    Shared,
+    Slot,
+    array_pointer,
+    parameter_locations,
+    rematerialise,
+)
+from jaxsat.compiler.lowering import bugs_in
+from jaxsat.compiler.passes.cold_branches import merge_cold_branches
+from jaxsat.compiler.passes.dead_code import DeadCodeElimination
+from jaxsat.compiler.passes.dependencies import dependencies
+from jaxsat.compiler.passes.invariants import move_invariants
+from jaxsat.compiler.passes.scheduling import schedule
+
+
+@dataclass
+class EntryPoint:
+    """A program and the locations of its parameters and results."""
+
+    function: Function
+    inputs: list[Location]
+    outputs: list[Location]
+
+    def needs(self) -> dict[Location, set[Location]]:
+        """By the location of every result, the locations of the inputs that it needs."""
+        found = zip(self.outputs, dependencies(self.function), strict=True)
+        return {location: {self.inputs[i] for i in some} for location, some in found}
+
+    def with_outputs(self, outputs: Container[Location]) -> "EntryPoint":
+        """With no results but those in these locations."""
+        keep = [location in outputs for location in self.outputs]
+        results = list(compress(self.function.results, keep))
+        return EntryPoint(
+            replace(self.function, results=results), self.inputs, list(compress(self.outputs, keep))
+        )
+
+    @bugs_in("optimisation")
+    def optimised(self) -> "EntryPoint":
+        """Without dead code, invariants before loops, cold branches merged, steps scheduled."""
+        elimination = DeadCodeElimination(self.function.block, self.function.results)
+        move_invariants(self.function.block)
+        merge_cold_branches(self.function.block)
+        schedule(self.function.block, self.function.results)
+        keep = [param.number in elimination.live for param in self.function.params]
+        function = replace(self.function, params=list(compress(self.function.params, keep)))
+        return EntryPoint(function, list(compress(self.inputs, keep)), self.outputs)
+
+
+@bugs_in("printing")
+def emit_entry_point(module: Module, entry: EntryPoint) -> None:
+    """Print an entry point into a module."""
+    inputs = list(zip(entry.function.params, entry.inputs, strict=True))
+    locations = {
+        x.number: location for x, location in inputs if isinstance(location, Shared | Slot)
+    }
+    body = _EntryPointEmitter(module, parameter_locations(entry.function.block, locations))
+    for param, location in inputs:
+        body.read(param, location)
+    body.steps(entry.function.block)
+    moved = [
+        (result, location)
+        for result, location in zip(entry.function.results, entry.outputs, strict=True)
+        if not (isinstance(result, Value) and locations.get(result.number) == location)
+    ]
+    chosen = {
+        step.out.number: step
+        for step in entry.function.block.steps
+        if isinstance(step, Operation) and step.name == "select"
+    }
+    masked = [(*_new(result, location, locations, chosen), location) for result, location in moved]
+    for result, conditions, _ in masked:
+        for scalar in (result, *conditions):
+            body.operand(scalar)  # read before anything is written
+    for result, conditions, location in masked:
+        body.write(result, conditions, location)
+    body.line("ret void")
+    lines = body.text()
+    if body.in_arena:
+        lines.insert(1, "%arena = load ptr, ptr %pointers")
+    head = (
+        f"define void @{entry.function.name}({CONTEXT}, "
+        "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) noinline #0 {"
+    )
+    module.functions[entry.function.name] = "\n".join([head, *lines, "}"])
+
+
+def _new(
+    result: Scalar,
+    location: Location,
+    locations: Mapping[int, Location],
+    chosen: Mapping[int, Operation],
+) -> tuple[Scalar, list[Scalar]]:
+    """What is new of a result where several conditions hold; elsewhere its location is kept."""
+    conditions: list[Scalar] = []
+    while isinstance(result, Value) and result.number in chosen:
+        condition, yes, no = chosen[result.number].args
+        if not (isinstance(no, Value) and locations.get(no.number) == location):
+            break
+        if is_uniform(condition):
+            break
+        conditions.append(condition)
+        result = yes
+    return result, conditions
+
+
+class _EntryPointEmitter(FunctionEmitter):
+    """Emits a function that reads and writes locations."""
+
+    def __init__(self, module: Module, known: Mapping[int, Known]):
+        super().__init__(module, known)
+        lanes = module.lanes
+        self.line(f"%number = load <{lanes} x i64>, ptr %cases, align 64")
+        self.line(f"%bytes = load <{lanes} x i8>, ptr %wanted, align 1")
+        self.line(f"%lane = icmp ne <{lanes} x i8> %bytes, zeroinitializer")
+
+    def read(self, param: Value, location: Location) -> None:
+        """Give a parameter its value, now or where it is needed."""
+        match location:
+            case ScalarArgument(name=name):
+                kind = scalar_type(param.dtype)
+                word = "bitcast" if kind == "i64" else "trunc"
+                self.line(f"{self.name(param)} = {word} i64 %{name} to {kind}")
+            case PerCase():
+                self._gather(self.name(param), param.dtype, location)
+            case _:
+                rematerialise(self, param, location)
+
+    def _gather(self, out: str, dtype: np.dtype, location: PerCase) -> None:
+        lanes, kind = self.module.lanes, memory_type(dtype)
+        cells, name = f"<{lanes} x {kind}>", f"@gather.{kind}"
+        index, base = self._indices(location), array_pointer(self, location.array)
+        self.module.functions.setdefault(name, _gather_text(name, kind, lanes))
+        found = out if dtype.kind != "b" else self.fresh()
+        self.line(f"{found} = call {cells} {name}(ptr {base}, <{lanes} x i64> {index})")
+        if dtype.kind == "b":
+            self.line(f"{out} = icmp ne {cells} {found}, zeroinitializer")
+
+    def _indices(self, location: PerCase) -> str:
+        wide = f"<{self.module.lanes} x i64>"
+        scaled, moved = self.fresh(), self.fresh()
+        self.line(f"{scaled} = mul {wide} %number, splat (i64 {location.size})")
+        self.line(f"{moved} = add {wide} {scaled}, splat (i64 {location.element})")
+        return moved
+
+    def _lanes(self, conditions: Sequence[Scalar]) -> str:
+        """The wanted lanes in which conditions hold."""
+        mask, bits = "%lane", f"<{self.module.lanes} x i1>"
+        for condition in conditions:
+
+            def both(out: str, mask: str = mask, condition: Scalar = condition) -> None:
+                self.line(f"{out} = and {bits} {mask}, {self.operand(condition)}")
+
+            assert isinstance(condition, Value)
+            mask = self.once_in_block((mask, condition.number), both)
+        return mask
+
+    def write(self, result: Scalar, conditions: Sequence[Scalar], location: Location) -> None:
+        """Put a result where it belongs, for the wanted lanes in which conditions hold."""
+        dtype, lanes = result.dtype, self.module.lanes
+        wide = vector_type(dtype, lanes)
+        if isinstance(location, Slot):
+            where = self.fresh("p")
+            self.line(f"{where} = getelementptr i8, ptr %state, i64 {location.offset}")
+            if location.uniform:
+                self.put(where, self.operand(result), dtype, False)
+                return
+            self._put_some(where, result, f"<{lanes} x i1> {self._lanes(conditions)}")
+            return
+        assert isinstance(location, PerCase)
+        kind = memory_type(dtype)
+        value, name = self.operand(result, True), f"@scatter.{kind}"
+        if dtype.kind == "b":
+            byte = self.fresh()
+            self.line(f"{byte} = zext {wide} {value} to <{lanes} x i8>")
+            value = byte
+        index, base = self._indices(location), array_pointer(self, location.array)
+        self.module.functions.setdefault(name, _scatter_text(name, kind, lanes))
+        self.line(
+            f"call void {name}(ptr {base}, <{lanes} x i64> {index}, "
+            f"<{lanes} x {kind}> {value}, <{lanes} x i1> %lane)"
+        )
+
+    def _put_some(self, where: str, result: Scalar, lane: str) -> None:
+        """Write the lanes of a vector that `lane` tells."""
+        dtype, lanes = result.dtype, self.module.lanes
+        wide = vector_type(dtype, lanes)
+        value = f"{wide} {self.operand(result, True)}"
+        if self.module.masks and dtype.itemsize == 8:
+            name = f"@llvm.masked.store.{suffix(dtype, lanes)}.p0"
+            kinds = f"{wide}, ptr, i32, <{lanes} x i1>"
+            self.module.declarations.add(f"declare void {name}({kinds})")
+            self.line(f"call void {name}({value}, ptr {where}, i32 64, {lane})")
+            return
+        old, new = self.fresh(), self.fresh()
+        self.get(old, where, dtype, True)
+        self.line(f"{new} = select {lane}, {value}, {wide} {old}")
+        self.put(where, new, dtype, True)
+
+
+def _gather_text(name: str, kind: str, lanes: int) -> str:
+    cells = f"<{lanes} x {kind}>"
+    lines = [f"define internal {cells} {name}(ptr %base, <{lanes} x i64> %index) noinline #0 {{"]
+    whole = "poison"
+    for lane in range(lanes):
+        lines += [
+            f"%i{lane} = extractelement <{lanes} x i64> %index, i64 {lane}",
+            f"%p{lane} = getelementptr {kind}, ptr %base, i64 %i{lane}",
+            f"%x{lane} = load {kind}, ptr %p{lane}",
+            f"%w{lane} = insertelement {cells} {whole}, {kind} %x{lane}, i64 {lane}",
+        ]
+        whole = f"%w{lane}"
+    return "\n".join([*lines, f"ret {cells} {whole}", "}"])
+
+
+def _scatter_text(name: str, kind: str, lanes: int) -> str:
+    cells = f"<{lanes} x {kind}>"
+    lines = [
+        f"define internal void {name}(ptr %base, <{lanes} x i64> %index, {cells} %value, "
+        f"<{lanes} x i1> %lane) noinline #0 {{"
+    ]
+    for lane in range(lanes):
+        lines += [
+            f"%b{lane} = extractelement <{lanes} x i1> %lane, i64 {lane}",
+            f"br i1 %b{lane}, label %put{lane}, label %next{lane}",
+            f"put{lane}:",
+            f"%i{lane} = extractelement <{lanes} x i64> %index, i64 {lane}",
+            f"%p{lane} = getelementptr {kind}, ptr %base, i64 %i{lane}",
+            f"%x{lane} = extractelement {cells} %value, i64 {lane}",
+            f"store {kind} %x{lane}, ptr %p{lane}",
+            f"br label %next{lane}",
+            f"next{lane}:",
+        ]
+    return "\n".join([*lines, "ret void", "}"])

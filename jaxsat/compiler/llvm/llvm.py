@@ -1,0 +1,312 @@
+"""Programs as LLVM code in text: vectors for varying values, scalars for uniform ones.
+
+Floating-point operations carry the flag `contract` and no other: a product and a sum may become
+one fused operation, and nothing else may change. A module without `contract` rounds each.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from jaxsat.compiler.builder import is_uniform
+from jaxsat.compiler.ir import (
+    Block,
+    Call,
+    Function,
+    Load,
+    Loop,
+    NativeBug,
+    Operation,
+    Scalar,
+    Store,
+    Switch,
+    Value,
+)
+from jaxsat.compiler.llvm.emitter import COLD, AbstractEmitter, Module
+from jaxsat.compiler.llvm.llvm_types import (
+    constant,
+    memory_type,
+    scalar_type,
+    suffix,
+    type_of,
+    vector_type,
+)
+from jaxsat.compiler.llvm.locations import CONTEXT, Known, rematerialise
+from jaxsat.compiler.operations import OPERATIONS
+
+DOUBLE = np.dtype(np.float64)
+
+RANGE = {"min": 4, "max": 5}
+"""What tells the instruction `vrangepd` of AVX-512 to take the least or largest, with its sign."""
+
+RANGE_LANES = 8
+"""Doubles in one of its registers."""
+
+
+def internal(module: Module, function: Function, known: Known) -> tuple[str, bool]:
+    """The name of an internal function of a module, and whether it needs the module's arena.
+
+    It is printed if it was not. Parameters whose places are `known` it reads itself.
+    """
+    found = module.printed.get(id(function))
+    if found is None:
+        name, number = f'@"{function.name}"', 0
+        text, in_arena = _printed(module, name, function, known)
+        while module.functions.setdefault(name, text) != text:
+            number += 1  # another function has the name
+            name = f'@"{function.name}.{number}"'
+            text, in_arena = _printed(module, name, function, known)
+        found = module.printed[id(function)] = (name, function, in_arena)
+    return found[0], found[2]
+
+
+def _printed(module: Module, name: str, function: Function, known: Known) -> tuple[str, bool]:
+    body = FunctionEmitter(module)
+    params = [CONTEXT] if known else []
+    for param in function.params:
+        if param.number in known:
+            rematerialise(body, param, known[param.number])
+        else:
+            params.append(f"{type_of(param, module.lanes)} {body.name(param)}")
+    body.steps(function.block)
+    results = [body.operand(result) for result in function.results]
+    body.line(f"ret {aggregate(body, function.results, results)}")
+    if body.in_arena:
+        params.append("ptr noalias %arena")
+    returned = result_type(function.results, module.lanes)
+    head = f"define internal {returned} {name}({', '.join(params)}) #0 {{"
+    return "\n".join([head, *body.text(), "}"]), body.in_arena
+
+
+def result_type(results: Sequence[Scalar], lanes: int) -> str:
+    """What a function of these results returns: one value, or a structure of several."""
+    types = [type_of(result, lanes) for result in results]
+    return types[0] if len(types) == 1 else f"{{ {', '.join(types)} }}"
+
+
+def aggregate(body: AbstractEmitter, results: Sequence[Scalar], names: Sequence[str]) -> str:
+    """Type and name of all results put together."""
+    types = [type_of(result, body.module.lanes) for result in results]
+    if len(types) == 1:
+        return f"{types[0]} {names[0]}"
+    whole, before = result_type(results, body.module.lanes), "poison"
+    for number, (kind, name) in enumerate(zip(types, names, strict=True)):
+        after = body.fresh()
+        body.line(f"{after} = insertvalue {whole} {before}, {kind} {name}, {number}")
+        before = after
+    return f"{whole} {before}"
+
+
+class FunctionEmitter(AbstractEmitter):
+    """The lines of one function, step by step; it may tell others where their parameters are."""
+
+    def __init__(self, module: Module, known: Mapping[int, Known] | None = None):
+        super().__init__(module)
+        self.known = known or {}
+
+    def steps(self, block: Block) -> None:
+        """The steps of a block."""
+        for step in block.steps:
+            match step:
+                case Operation():
+                    self._operation(step)
+                case Load():
+                    self._load(step)
+                case Store():
+                    self._store(step)
+                case Loop():
+                    self._loop(step)
+                case Switch():
+                    self._switch(step)
+                case Call():
+                    self._call(step)
+
+    def _operation(self, step: Operation) -> None:
+        lanes = None if step.out.uniform else self.module.lanes
+        out, name = self.name(step.out), step.name
+        if name == "any":
+            self._any(out, step.args[0])
+            return
+        wide = lanes is not None
+        args = [self.operand(x, wide) for x in step.args]
+        if name == "select":
+            args[0] = self.operand(step.args[0])
+        types = [self.kind(x.dtype, wide) for x in step.args]
+        match name:
+            case "select":
+                chooser = type_of(step.args[0], self.module.lanes)
+                typed = f"{chooser} {args[0]}, {types[1]} {args[1]}, {types[2]} {args[2]}"
+                self.line(f"{out} = select {typed}")
+            case "convert":
+                self._convert(out, args[0], step.args[0].dtype, step.out.dtype, wide)
+            case "bitcast":
+                to = self.kind(step.out.dtype, wide)
+                self.line(f"{out} = bitcast {types[0]} {args[0]} to {to}")
+            case _:
+                self._arithmetic(out, name, step.args[0].dtype, args, types[0], lanes)
+
+    def _arithmetic(self, out, name, dtype, args, kind, lanes) -> None:
+        word = OPERATIONS[name].word(dtype)
+        if word is None:
+            raise NativeBug("printing", f"no {name} of {dtype} numbers")
+        if name in RANGE and dtype == DOUBLE and lanes == RANGE_LANES and self.module.masks:
+            self._extremum(out, name, args, kind)
+        elif word.startswith("llvm."):
+            full = f"@{word}.{suffix(dtype, lanes)}"
+            self.module.declarations.add(f"declare {kind} {full}({', '.join([kind] * len(args))})")
+            typed = ", ".join(f"{kind} {arg}" for arg in args)
+            self.line(f"{out} = call {kind} {full}({typed})")
+        else:
+            word = word if self.module.contract else word.removesuffix(" contract")
+            self.line(f"{out} = {word} {kind} {', '.join(args)}")
+
+    def _extremum(self, out: str, name: str, args: Sequence[str], kind: str) -> None:
+        """The least or largest of vectors of doubles by `vrangepd`, in half of LLVM's own steps.
+
+        It orders the zeros as it should, but of a number and NaN it takes the number.
+        """
+        ranged, nans = self.fresh(), self.fresh()
+        full, bits = "@llvm.x86.avx512.mask.range.pd.512", f"<{RANGE_LANES} x i1>"
+        self.module.declarations.add(f"declare {kind} {full}({kind}, {kind}, i32, {kind}, i8, i32)")
+        typed = f"{kind} {args[0]}, {kind} {args[1]}, i32 {RANGE[name]}, {kind} zeroinitializer"
+        self.line(f"{ranged} = call {kind} {full}({typed}, i8 -1, i32 4)")
+        self.line(f"{nans} = fcmp uno {kind} {args[0]}, {args[1]}")
+        nan = f"{kind} splat (double {constant(DOUBLE.type(np.nan))})"
+        self.line(f"{out} = select {bits} {nans}, {nan}, {kind} {ranged}")
+
+    def _any(self, out: str, predicate: Scalar) -> None:
+        lanes = self.module.lanes
+        bits = self.fresh()
+        self.line(f"{bits} = bitcast <{lanes} x i1> {self.operand(predicate)} to i{lanes}")
+        self.line(f"{out} = icmp ne i{lanes} {bits}, 0")
+
+    def _convert(self, out: str, x: str, old: np.dtype, new: np.dtype, wide: bool) -> None:
+        before, after = self.kind(old, wide), self.kind(new, wide)
+        if old.kind == "f" and new.kind in "iu":
+            word = "llvm.fptosi.sat" if new.kind == "i" else "llvm.fptoui.sat"
+            lanes = self.module.lanes if wide else None
+            full = f"@{word}.{suffix(new, lanes)}.{suffix(old, lanes)}"
+            self.module.declarations.add(f"declare {after} {full}({before})")
+            self.line(f"{out} = call {after} {full}({before} {x})")
+            return
+        if old.kind == "f":
+            word = "fptrunc" if new.itemsize < old.itemsize else "fpext"
+        elif new.kind == "f":
+            word = "sitofp" if old.kind == "i" else "uitofp"
+        elif old.kind == "b" or new.itemsize > old.itemsize:
+            word = "sext" if old.kind == "i" else "zext"
+        else:
+            word = "trunc" if new.itemsize < old.itemsize else "bitcast"
+        self.line(f"{out} = {word} {before} {x} to {after}")
+
+    def _call(self, step: Call) -> None:
+        known = self.known.get(id(step.function), {})
+        name, in_arena = internal(self.module, step.function, known)
+        passed = [CONTEXT.replace("noalias ", "")] if known else []
+        for param, arg in zip(step.function.params, step.args, strict=True):
+            if param.number not in known:
+                kind = type_of(param, self.module.lanes)
+                passed.append(f"{kind} {self.operand(arg, not param.uniform)}")
+        if in_arena:
+            self.in_arena = True
+            passed.append("ptr %arena")
+        typed = ", ".join(passed)
+        returned = result_type(step.function.results, self.module.lanes)
+        if len(step.outs) == 1:
+            self.line(f"{self.name(step.outs[0])} = call {returned} {name}({typed})")
+            return
+        whole = self.fresh()
+        self.line(f"{whole} = call {returned} {name}({typed})")
+        for number, out in enumerate(step.outs):
+            self.line(f"{self.name(out)} = extractvalue {returned} {whole}, {number}")
+
+    def _loop(self, step: Loop) -> None:
+        entry, number = self.label, self.fresh("")[1:]
+        head, work, out = f"head{number}", f"work{number}", f"out{number}"
+        before = [
+            self.operand(b, not p.uniform) for b, p in zip(step.before, step.params, strict=True)
+        ]
+        self.line(f"br label %{head}")
+        self.begin(head)
+        place = len(self.written)
+        self.spread.append({})
+        self.steps(step.condition)
+        going = self.operand(step.active)
+        if not is_uniform(step.active):
+            going = self.fresh()
+            self._any(going, step.active)
+        self.line(f"br i1 {going}, label %{work}, label %{out}")
+        self.begin(work)
+        self.spread.append({})
+        self.steps(step.body)
+        after = [
+            self.operand(a, not p.uniform) for a, p in zip(step.after, step.params, strict=True)
+        ]
+        self.spread[-2:] = []
+        last = self.label
+        self.line(f"br label %{head}")
+        self.written[place:place] = [
+            f"{self.name(p)} = phi {self.kind(p.dtype, not p.uniform)} "
+            f"[ {b}, %{entry} ], [ {a}, %{last} ]"
+            for p, b, a in zip(step.params, before, after, strict=True)
+        ]
+        self.begin(out)
+
+    def _operands(self, given: Sequence[Scalar], to: Sequence[Value]) -> list[str]:
+        return [self.operand(x, not out.uniform) for x, out in zip(given, to, strict=True)]
+
+    def _switch(self, step: Switch) -> None:
+        number = self.fresh("")[1:]
+        labels = [f"case{number}.{i}" for i in range(len(step.blocks))]
+        out, kind = f"out{number}", scalar_type(step.index.dtype)
+        targets = " ".join(f"{kind} {i}, label %{label}" for i, label in enumerate(labels[1:], 1))
+        index = self.operand(step.index)
+        weights = f", !prof {COLD}" if step.cold else ""
+        self.line(f"switch {kind} {index}, label %{labels[0]} [ {targets} ]{weights}")
+        sources = []
+        for label, block, results in zip(labels, step.blocks, step.yields, strict=True):
+            self.begin(label)
+            self.spread.append({})
+            self.steps(block)
+            found = self._operands(results, step.outs)
+            self.spread.pop()
+            sources.append((found, self.label))
+            self.line(f"br label %{out}")
+        self.begin(out)
+        for i, value in enumerate(step.outs):
+            pairs = ", ".join(f"[ {found[i]}, %{label} ]" for found, label in sources)
+            self.line(f"{self.name(value)} = phi {type_of(value, self.module.lanes)} {pairs}")
+
+    def _store(self, step: Store) -> None:
+        wide = not step.memory.uniform
+        value = self.operand(step.value, wide)
+        self.put(self.address(step.memory, step.index), value, step.memory.dtype, wide)
+
+    def _load(self, step: Load) -> None:
+        if is_uniform(step.index):
+            place = self.address(step.memory, step.index)
+            self.get(self.name(step.out), place, step.memory.dtype, not step.memory.uniform)
+            return
+        self.gather(step)
+
+    def gather(self, step: Load) -> None:
+        """Every lane's own element, lane by lane."""
+        memory, lanes = step.memory, self.module.lanes
+        index, kind = self.operand(step.index), memory_type(memory.dtype)
+        wide, base = vector_type(step.index.dtype, lanes), self.memory(memory)
+        number, cells, whole = scalar_type(step.index.dtype), f"<{lanes} x {kind}>", "poison"
+        for lane in range(lanes):
+            i, place, one, more = self.fresh(), self.fresh("p"), self.fresh(), self.fresh()
+            self.line(f"{i} = extractelement {wide} {index}, i64 {lane}")
+            if memory.uniform:
+                self.line(f"{place} = getelementptr {kind}, ptr {base}, {number} {i}")
+            else:
+                self.line(f"{place} = getelementptr {cells}, ptr {base}, {number} {i}, i64 {lane}")
+            self.line(f"{one} = load {kind}, ptr {place}")
+            self.line(f"{more} = insertelement {cells} {whole}, {kind} {one}, i64 {lane}")
+            whole = more
+        out = self.name(step.out)
+        if memory.dtype.kind == "b":
+            self.line(f"{out} = icmp ne {cells} {whole}, zeroinitializer")
+        else:
+            self.line(f"{out} = bitcast {cells} {whole} to {cells}")

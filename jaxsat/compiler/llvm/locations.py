@@ -1,0 +1,104 @@
+"""Where an entry point finds its numbers and leaves its results: locations in memory.
+
+Numbers are rematerialised: loaded again in every basic block that needs them rather than kept in
+registers, which lowers register pressure.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from jaxsat.compiler.ir import Block, Function, Value
+from jaxsat.compiler.llvm.emitter import AbstractEmitter
+from jaxsat.compiler.llvm.llvm_types import memory_type
+
+
+@dataclass(frozen=True)
+class PerCase:
+    """Element `element` of an array (cases, size)."""
+
+    array: int
+    element: int
+    size: int
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Element `element` of an array that is the same for all cases."""
+
+    array: int
+    element: int
+
+
+@dataclass(frozen=True)
+class Slot:
+    """An offset in the state, in bytes from its beginning; room for all lanes or, uniform, one."""
+
+    offset: int
+    uniform: bool
+
+
+@dataclass(frozen=True)
+class ScalarArgument:
+    """The entry point's argument `a` or `b`."""
+
+    name: str
+
+
+Location = PerCase | Shared | Slot | ScalarArgument
+Known = Mapping[int, Shared | Slot]
+"""Locations of values by their numbers, for all who have the entry point's pointers."""
+
+CONTEXT = "ptr noalias %pointers, ptr noalias %state"
+
+FIRST = 1
+"""Before the addresses of the arrays from outside stands that of the arena (`emitter.Module`)."""
+
+
+def rematerialise(emitter: AbstractEmitter, value: Value, location: Shared | Slot) -> None:
+    """Let a value be loaded in every block that needs it: it need not be kept in between."""
+    emitter.readers[value.number] = lambda out: _read(emitter, out, value.dtype, location)
+
+
+def array_pointer(emitter: AbstractEmitter, number: int) -> str:
+    """The address of an array from outside."""
+
+    def load(out: str) -> None:
+        pointer = emitter.fresh("p")
+        emitter.line(f"{pointer} = getelementptr ptr, ptr %pointers, i64 {number + FIRST}")
+        emitter.line(f"{out} = load ptr, ptr {pointer}")
+
+    return emitter.once_in_block(("array", number), load)
+
+
+def _read(emitter: AbstractEmitter, out: str, dtype: np.dtype, location: Shared | Slot) -> None:
+    where = emitter.fresh("p")
+    if isinstance(location, Slot):
+        emitter.line(f"{where} = getelementptr i8, ptr %state, i64 {location.offset}")
+        emitter.get(out, where, dtype, not location.uniform)
+        return
+    base, kind = array_pointer(emitter, location.array), memory_type(dtype)
+    emitter.line(f"{where} = getelementptr {kind}, ptr {base}, i64 {location.element}")
+    emitter.get(out, where, dtype, False)
+
+
+def parameter_locations(block: Block, locations: Known) -> dict[int, dict[int, Shared | Slot]]:
+    """For functions that an entry point calls, by identity: parameters always in one location.
+
+    Functions that others call as well have none.
+    """
+    calls = list(block.calls())
+    inner = {id(call.function) for outer in calls for call in outer.function.block.calls()}
+    known: dict[int, dict[int, Shared | Slot]] = {}
+    functions: dict[int, Function] = {id(call.function): call.function for call in calls}
+    for identity, function in functions.items():
+        if identity in inner:
+            continue
+        every = [call.args for call in calls if call.function is function]
+        for param, *args in zip(function.params, *every, strict=True):
+            numbers = {arg.number if isinstance(arg, Value) else None for arg in args}
+            number = numbers.pop()
+            if not numbers and number is not None and number in locations:
+                known.setdefault(identity, {})[param.number] = locations[number]
+    return known

@@ -1,0 +1,165 @@
+"""The processor of this machine, and machine code for it and others through llvmlite.
+
+Threads may use all of it at once: llvmlite holds a lock of its own during every call of LLVM.
+"""
+
+import os
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from itertools import count
+from typing import Any
+
+from jaxsat.compiler.ir import NativeBug
+from jaxsat.core.once import once
+
+LLVMLITE = find_spec("llvmlite") is not None
+"""Whether machine code can be made here at all."""
+
+PASSES = "default O2 without vectorisation and unrolling"
+"""What LLVM does to a module, for the cache."""
+
+_libraries = count()
+
+
+@dataclass(frozen=True)
+class Host:
+    """What LLVM calls a processor, its features, its vector registers' bytes, and its system."""
+
+    name: str
+    features: str
+    register: int
+    triple: str
+
+    @property
+    def architecture(self) -> str:
+        """The first part of the triple: x86_64, aarch64, or arm64 as macOS calls it."""
+        return self.triple.split("-")[0]
+
+    @property
+    def fuses(self) -> bool:
+        """Whether it has operations that multiply and add with one rounding."""
+        return self.architecture != "x86_64" or "+fma" in self.features.split(",")
+
+    @property
+    def lanes(self) -> int:
+        """Trajectories in a vector: one register of 64-bit numbers."""
+        return self.register // 8
+
+    @property
+    def masks(self) -> bool:
+        """Whether it stores some lanes of a vector at once, as AVX-512 does."""
+        return self.register == 64
+
+    def attributes(self) -> str:
+        """Attributes of every function; the stack is aligned to what is stored there."""
+        bits = self.register * 8
+        wide = f' "prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}"'
+        target = f'"target-cpu"="{self.name}" "target-features"="{self.features}"'
+        return f"nounwind {target}" + (f'{wide} "stackrealign"' if self.register > 16 else "")
+
+
+@once
+def host() -> Host:
+    """The processor that runs this."""
+    import llvmlite.binding as llvm
+
+    found = llvm.get_host_cpu_features()
+    register = (  # SSE2 and NEON, which every 64-bit x86 and ARM has, and longer ones of x86
+        64 if found.get("avx512f") and found.get("avx512dq") else 32 if found.get("avx") else 16
+    )
+    return Host(llvm.get_host_cpu_name(), found.flatten(), register, llvm.get_default_triple())
+
+
+_NAMED = {
+    "x86-64": (16, "x86_64-linux-gnu"),
+    "x86-64-v3": (32, "x86_64-linux-gnu"),
+    "cortex-a53": (16, "aarch64-linux-gnu"),
+}
+
+
+def named(name: str) -> Host:
+    """Another processor by LLVM's name, of those that tests make code for."""
+    return Host(name, "", *_NAMED[name])
+
+
+def version() -> str:
+    """The version of LLVM."""
+    import llvmlite.binding as llvm
+
+    return ".".join(map(str, llvm.llvm_version_info))
+
+
+@once
+def _machine(cpu: Host):
+    import llvmlite.binding as llvm
+
+    if cpu.architecture == host().architecture:
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+    else:  # which takes 30 ms
+        llvm.initialize_all_targets()
+        llvm.initialize_all_asmprinters()
+    target = llvm.Target.from_triple(cpu.triple)
+    return target.create_target_machine(
+        cpu=cpu.name, features=cpu.features, opt=2, reloc="pic", codemodel="default", jit=True
+    )
+
+
+def optimised(text: str, cpu: Host | None = None):
+    """The module of an LLVM text after LLVM's own passes, for this processor or another."""
+    import llvmlite.binding as llvm
+
+    machine = _machine(cpu or host())
+    try:
+        module = llvm.parse_assembly(text)
+    except RuntimeError as error:
+        raise NativeBug("the code that it printed", error) from error
+    module.triple = machine.triple
+    module.data_layout = str(machine.target_data)
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.loop_vectorization = options.slp_vectorization = False
+    options.loop_unrolling = False
+    passes = llvm.create_pass_builder(machine, options)
+    passes.getModulePassManager().run(module, passes)
+    return module
+
+
+def object_code(text: str, cpu: Host | None = None) -> bytes:
+    """Machine code of an LLVM text as an object file."""
+    return _machine(cpu or host()).emit_object(optimised(text, cpu))
+
+
+def assembly(text: str, cpu: Host | None = None) -> str:
+    """Machine code of an LLVM text, for people."""
+    return _machine(cpu or host()).emit_assembly(optimised(text, cpu))
+
+
+@once
+def _jit():
+    import llvmlite.binding as llvm
+
+    _machine(host())
+    target = llvm.Target.from_default_triple().create_target_machine(
+        cpu=host().name, features=host().features, jit=True
+    )
+    # the other linker breaks down where the parts of a library come to lie too far apart
+    return llvm.create_lljit_compiler(target, use_jit_link=sys.platform != "win32")
+
+
+def loaded(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
+    """Functions of machine code, of these `ctypes` types; it is in memory as long as one of them.
+
+    So whoever calls one has code that nobody frees.
+    """
+    import llvmlite.binding as llvm
+
+    library = llvm.JITLibraryBuilder().add_object_img(code).add_current_process()
+    for name in types:
+        library.export_symbol(name)
+    tracker = library.link(_jit(), f"jaxsat-{os.getpid()}-{next(_libraries)}")
+    functions = {name: kind(tracker[name]) for name, kind in types.items()}
+    for function in functions.values():
+        function.library = tracker
+    return functions

@@ -1,0 +1,322 @@
+"""From a jaxpr to a program of scalars: one rule a primitive, found in a table by its name.
+
+An array of the jaxpr is a NumPy object array of constants and values. A rule is a function
+`rule(b, eqn, *arrays)` that computes the equation's results with the builder `b`; see
+`jaxsat.compiler.rules`.
+"""
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsat.compiler.builder import Builder, is_uniform
+from jaxsat.compiler.ir import Function, NativeBug, Scalar, Value
+from jaxsat.compiler.passes.dead_code import without_dead_code
+from jaxsat.compiler.trace import Element, Frame, Trace
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.jax_internals import is_tested, summary_of, versions
+from jaxsat.core.jaxprs import Equation, Jaxpr, Literal, jaxpr_of
+from jaxsat.core.once import once
+
+if TYPE_CHECKING:
+    Elements = Any  # type checkers know no arrays of values
+else:
+    Elements = np.ndarray
+"""An object array of scalars."""
+
+Rule = Callable[..., "Elements | Sequence[Elements]"]
+
+REPEATED, LONG = 3, 400
+"""A function called so often and of so many equations is made once, not written out."""
+
+LONGEST = 20_000
+"""Operations that one equation may become: LLVM takes minutes over more."""
+
+LONG_SUM = 5
+"""Terms of a sum that is a loop in a compact program."""
+
+RULES: dict[str, Rule] = {}
+
+KINDS = "fiub"
+"""Floats, signed and unsigned whole numbers, bools."""
+
+KEYS = np.dtype(np.uint64)
+"""A typed random key is one number: its first word above its second one."""
+
+
+class CannotLower(JaxsatError):
+    """A program holds what the compiled engine does not know; the message says what and where."""
+
+    def __init__(self, what: str, place: str = ""):
+        super().__init__(f"{what} ({place})" if place else what)
+        self.what, self.place = what, place
+
+
+@contextmanager
+def bugs_in(what: str) -> Iterator[None]:
+    """Raise `NativeBug` for whatever goes wrong inside, but for `CannotLower`."""
+    try:
+        yield
+    except (CannotLower, NativeBug):
+        raise
+    except Exception as error:
+        raise NativeBug(what, error) from error
+
+
+def lowers(*names: str) -> Callable[[Rule], Rule]:
+    """Make a function the rule of these primitives."""
+
+    def register(rule: Rule) -> Rule:
+        for name in names:
+            RULES[name] = rule
+        return rule
+
+    return register
+
+
+def lower(b: Builder, jaxpr: Jaxpr, arrays: Sequence[Elements]) -> list[Elements]:
+    """The outputs of a jaxpr for these inputs."""
+    known = {variable: as_elements(value) for variable, value in jaxpr.constants}
+    known.update(zip(jaxpr.inputs, arrays, strict=True))
+
+    def read(atom: Any):
+        if isinstance(atom, Literal):
+            return as_elements(atom.value, atom.aval.dtype)
+        return known[atom]
+
+    note_repeated(b, jaxpr)
+    note_pairs(b, jaxpr)
+    for eqn in jaxpr.equations:
+        outputs = _apply(b, eqn, [read(atom) for atom in eqn.inputs])
+        known.update(zip(eqn.outputs, outputs, strict=True))
+    return [read(atom) for atom in jaxpr.outputs]
+
+
+def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
+    """Tell the builder which long functions are called several times."""
+    called = [eqn.parameters["body"] for eqn in jaxpr.equations if eqn.is_call]
+    for inner, times in Counter(map(id, called)).items():
+        found = next(one for one in called if id(one) == inner)
+        if times >= REPEATED and equations(found) >= LONG:
+            b.repeated[inner] = found
+
+
+def note_pairs(b: Builder, jaxpr: Jaxpr) -> None:
+    """Tell the builder of which variables both sine and cosine are needed: they share much."""
+    sin, cos = (
+        {eqn.inputs[0] for eqn in jaxpr.equations if eqn.name in names and _varies(eqn)}
+        for names in (("sin", "jaxsat_sin"), ("cos", "jaxsat_cos"))
+    )
+    b.sine_and_cosine |= sin & cos
+
+
+def _varies(eqn: Equation) -> bool:
+    return not isinstance(eqn.inputs[0], Literal)
+
+
+def equations(jaxpr: Jaxpr) -> int:
+    """How many equations a jaxpr has, those of the jaxprs inside it included."""
+    count = 0
+    for eqn in jaxpr.equations:
+        repeated = eqn.parameters.get("length", 1) if eqn.name == "scan" else 1
+        count += 1 + repeated * sum(map(equations, eqn.programs()))
+    return count
+
+
+def _apply(b: Builder, eqn: Equation, arrays: list[Elements]) -> Sequence[Elements]:
+    name = eqn.name
+    try:
+        if name not in RULES:
+            raise CannotLower(f"The primitive `{name}` has no native rule: {versions()}")
+        if eqn.unknown:
+            raise CannotLower(f"The native rules do not know {eqn.unknown}: {versions()}")
+        for var in eqn.outputs:
+            number_type(var.aval.dtype)
+        before = b.written
+        with b.at(() if b.trace is None else _frames(eqn, b.trace)):
+            outputs = RULES[name](b, eqn, *arrays)
+            _note_elements(b, [outputs] if isinstance(outputs, np.ndarray) else outputs)
+        if b.written - before > LONGEST and not _is_call(eqn):
+            many = b.written - before
+            raise CannotLower(f"`{name}` would be written out as {many} operations")
+    except CannotLower as error:
+        if error.place:
+            raise
+        what = error.what if f"`{name}`" in error.what else f"{error.what}, in `{name}`"
+        raise CannotLower(what if not _is_call(eqn) else error.what, _where(eqn)) from None
+    except NativeBug:
+        raise
+    except Exception as error:
+        if not is_tested():
+            what = f"The rule of `{name}` broke down ({error!r}): {versions()}"
+            raise CannotLower(what, _where(eqn)) from error
+        raise NativeBug(f"the rule of `{name}` ({_where(eqn)})", error) from error
+    return [outputs] if isinstance(outputs, np.ndarray) else outputs
+
+
+def written(
+    b: Builder, function: Callable, examples: Sequence[Any], *arrays: Elements
+) -> list[Elements]:
+    """The outputs of a function in plain `jax.numpy`, in the place of a primitive.
+
+    `examples` have the inputs' shapes and types, if only those of their `aval`.
+    """
+    avals = [getattr(example, "aval", example) for example in examples]
+    kinds = [jax.ShapeDtypeStruct(aval.shape, aval.dtype) for aval in avals]
+    try:
+        return lower(b, jaxpr_of(function, *kinds), arrays)
+    except CannotLower as error:  # its place would be ours
+        raise CannotLower(error.what) from None
+
+
+def _is_call(eqn: Equation) -> bool:
+    """Whether what failed in an equation is an equation inside it."""
+    return "body" in eqn.parameters or "branches" in eqn.parameters
+
+
+def _where(eqn: Equation) -> str:
+    return summary_of(eqn.place)
+
+
+def _note_elements(b: Builder, arrays: Sequence[Elements]) -> None:
+    """Keep of which arrays values are the elements."""
+    if b.trace is None:
+        return
+    for array in arrays:
+        if array.size < 2:
+            continue
+        shape = tuple(n for n in array.shape if n > 1)
+        number = len(b.trace.elements)
+        for index, x in zip(np.ndindex(shape), array.flat, strict=True):
+            if isinstance(x, Value):
+                found = Element(number, shape, index, b.trace.now)
+                b.trace.elements.setdefault(x.number, found)
+
+
+def _frames(eqn: Equation, trace: Trace) -> tuple[Frame, ...]:
+    """The calls of the source that an equation comes from, from the outermost.
+
+    A compiled function keeps the places of its first trace: those inside it go after its call. The
+    inside of one that is JAX's own is the place of its call.
+    """
+    if id(eqn) in trace.calls:
+        return trace.calls[id(eqn)]
+    outer = trace.now
+    found = [
+        Frame(one.function.split(".<locals>")[0], one.file, one.line)
+        for one in eqn.place
+        if not is_wrapper(one.file)
+    ]
+    if not outer:
+        return tuple(found)
+    for number, frame in enumerate(found):
+        if (frame.function, frame.file) == (outer[-1].function, outer[-1].file):
+            return (*outer[:-1], *found[number:])
+    return outer
+
+
+_WRAPPERS = tuple(
+    os.path.join(os.path.dirname(spec.origin), "")
+    for name in ("equinox", "jaxtyping", "beartype", "diffrax")
+    if (spec := find_spec(name)) is not None and spec.origin is not None
+)
+"""Folders of libraries whose functions only call others."""
+
+
+def is_wrapper(file: str) -> bool:
+    """Whether the functions of a file only call others."""
+    return file.startswith((*_WRAPPERS, "<"))
+
+
+@once
+def number_type(dtype: Any) -> np.dtype:
+    """The type of the numbers that an array of this type is lowered to."""
+    if jnp.issubdtype(dtype, jax.dtypes.prng_key):
+        name = dtype.name.removeprefix("key<").removesuffix(">")
+        if name != "fry":
+            raise CannotLower(f"Random keys of type `{name}` are not supported")
+        return KEYS
+    if dtype == jax.dtypes.float0:  # derivatives of what is no real number, never used
+        return np.dtype(bool)
+    dtype = np.dtype(dtype)
+    if dtype.kind not in KINDS or dtype == np.float16:
+        raise CannotLower(f"Arrays of type {dtype} are not supported")
+    return dtype
+
+
+def numbers_in(array: Any, dtype: Any = None) -> np.ndarray:
+    """An array as one of numbers: typed random keys as one number each."""
+    if jnp.issubdtype(getattr(array, "dtype", dtype), jax.dtypes.prng_key):
+        number_type(array.dtype)
+        words = np.asarray(jax.random.key_data(array)).astype(KEYS)
+        return np.asarray(words[..., 0] << KEYS.type(32) | words[..., 1])
+    array = np.asarray(array, dtype)
+    wanted = number_type(array.dtype)
+    return array if array.dtype == wanted else np.zeros(array.shape, wanted)
+
+
+def as_elements(array, dtype=None) -> Elements:
+    """A known array as an object array of NumPy scalars."""
+    array = numbers_in(array, dtype)
+    out = np.empty(array.shape, object)
+    for index in np.ndindex(array.shape):
+        out[index] = array[index]
+    return out
+
+
+def each(function: Callable[..., Scalar], *arrays: Elements) -> Elements:
+    """A function of scalars applied to arrays element by element, broadcast to one shape."""
+    together = list(np.broadcast_arrays(*arrays)) if len(arrays) > 1 else list(arrays)
+    shape, size = together[0].shape, together[0].size
+    flats = [list(x.flat) for x in together]
+    out = np.empty(size, object)
+    for i, scalars in enumerate(zip(*flats, strict=True)):
+        out[i] = function(*scalars)
+    return out.reshape(shape)
+
+
+def filled(shape: tuple[int, ...], scalar: Scalar) -> Elements:
+    """An array of one scalar."""
+    out = np.empty(shape, object)
+    out.fill(scalar)  # out[...] = scalar would turn NumPy's scalars into Python's
+    return out
+
+
+def scalars_of(arrays: Sequence[Elements]) -> list[Scalar]:
+    """All elements of arrays, one array after the other."""
+    return [scalar for array in arrays for scalar in array.flat]
+
+
+def arrays_of(scalars: Sequence[Scalar], shapes: Sequence[tuple[int, ...]]) -> list[Elements]:
+    """The inverse of `scalars_of` for arrays of these shapes."""
+    arrays, begin = [], 0
+    for shape in shapes:
+        size = int(np.prod(shape))
+        array = np.empty(size, object)
+        array[:] = scalars[begin : begin + size]
+        arrays.append(array.reshape(shape))
+        begin += size
+    return arrays
+
+
+def function_of(b: Builder, name: str, jaxpr: Jaxpr, args: Sequence[Scalar]) -> Function:
+    """A jaxpr of scalars as a function of the program, made once for each kind of arguments."""
+    kinds = tuple((arg.dtype.char, is_uniform(arg)) for arg in args)
+    key = (name, kinds)
+    if key not in b.functions:
+        params = [Value(arg.dtype, is_uniform(arg)) for arg in args]
+        inner = Builder(like=b)
+        inner.functions = b.functions
+        jaxpr = b.cut(jaxpr)
+        with b.at(()):
+            results = scalars_of(lower(inner, jaxpr, arrays_of(params, [()] * len(params))))
+        label = f"{name}.{''.join(char + 'vu'[uniform] for char, uniform in kinds)}"
+        b.functions[key] = without_dead_code(Function(label, params, inner.block, results))
+    return b.functions[key]

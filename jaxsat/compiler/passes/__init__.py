@@ -1,0 +1,1 @@
+"""What makes a scalar program smaller and quicker."""

@@ -1,0 +1,205 @@
+"""Work of which a selection keeps one side alone, in branches: the other side is never computed.
+
+`jnp.where` computes both sides. Where one is dear and nothing else needs it, the selections of one
+predicate become a switch.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jaxsat.compiler.ir import (
+    Block,
+    Call,
+    Function,
+    Loop,
+    Operation,
+    Scalar,
+    Step,
+    Switch,
+    Value,
+    definitions,
+    memories,
+    uses,
+)
+
+DEAR = 100.0
+"""Operations that a branch must save."""
+
+_COSTS = {"div": 5.0, "rem": 20.0, "sqrt": 15.0}
+ELEMENTARY = 40.0
+"""Operations of an elementary function, about."""
+
+INT = np.dtype(np.int32)
+
+
+@dataclass
+class _Choice:
+    """Selections of one predicate that can be made together, and what either side alone needs."""
+
+    selections: dict[int, Operation]
+    sides: tuple[set[int], set[int]]
+    cost: float
+
+
+def with_branches(function: Function) -> None:
+    """Put the branches into a function, and into those made of Python functions that it calls."""
+    _with_branches(function, set())
+
+
+def _with_branches(function: Function, done: set[int]) -> None:
+    done.add(id(function))
+    _branched(function.block, function.results)
+    for call in function.block.calls():
+        source = call.function.source
+        if source is not None and not source.loop and id(call.function) not in done:
+            _with_branches(call.function, done)
+
+
+def _branched(block: Block, results: Sequence[Scalar]) -> None:
+    if any(not memory.elements for step in block.steps for memory in memories(step)):
+        return  # what is stored is not moved
+    while True:
+        choice = max(_choices(block, results), key=lambda one: one.cost, default=None)
+        if choice is None or choice.cost < DEAR:
+            break
+        _put_in(block, choice)
+    for step in block.steps:
+        if isinstance(step, Switch):
+            for inside, yields in zip(step.blocks, step.yields, strict=True):
+                _branched(inside, yields)
+        elif isinstance(step, Loop):
+            _branched(step.body, step.after)
+
+
+def _choices(block: Block, results: Sequence[Scalar]) -> Iterable[_Choice]:
+    """All of a block."""
+    readers: dict[int, set[int]] = {}  # of values, by the numbers of steps; results are read last
+    for number, step in enumerate(block.steps):
+        for value in uses(step):
+            readers.setdefault(value, set()).add(number)
+    for value in _numbers(results):
+        readers.setdefault(value, set()).add(len(block.steps))
+    predicates: dict[int, dict[int, Operation]] = {}
+    for number, step in enumerate(block.steps):
+        match step:
+            case Operation(name="select", args=(Value(number=predicate), _, _)):
+                predicates.setdefault(predicate, {})[number] = step
+            case _:
+                pass
+    for selections in predicates.values():
+        for group in _independent(block, selections):
+            yield _choice(block, group, readers)
+
+
+def _independent(block: Block, selections: dict[int, Operation]) -> list[dict[int, Operation]]:
+    """The selections in groups, none of which needs another one of its group."""
+    depths: dict[int, int] = {}
+    groups: list[dict[int, Operation]] = []
+    for number, step in enumerate(block.steps):
+        depth = max((depths.get(value, 0) for value in uses(step)), default=0)
+        if number in selections:
+            groups += [{} for _ in range(depth + 1 - len(groups))]
+            groups[depth][number] = selections[number]
+            depth += 1
+        depths.update((out.number, depth) for out in definitions(step))
+    return groups
+
+
+def _choice(block: Block, group: dict[int, Operation], readers: dict[int, set[int]]) -> _Choice:
+    """What only one side of these selections needs."""
+    sides: list[set[int]] = []
+    for side in (1, 2):
+        alone: set[int] = set()
+        for number in reversed(range(max(group))):
+            step = block.steps[number]
+            outs = [out.number for out in definitions(step) if readers.get(out.number)]
+            if number in group or not outs:
+                continue
+            if all(
+                reader in alone or (reader in group and _reads_on(group[reader], out, side))
+                for out in outs
+                for reader in readers[out]
+            ):
+                alone.add(number)
+        sides.append(alone)
+    made = {out.number for i in sides[0] | sides[1] for out in definitions(block.steps[i])}
+    needed = {number: one for number, one in group.items() if made & set(_numbers(one.args))}
+    cost = _total(block.steps[number] for number in sides[0] | sides[1])
+    return _Choice(needed, (sides[0], sides[1]), cost)
+
+
+def _reads_on(selection: Operation, value: int, side: int) -> bool:
+    """Whether a selection needs a value on this side alone."""
+    return [x.number for x in selection.args if isinstance(x, Value)].count(value) == 1 and (
+        getattr(selection.args[side], "number", None) == value
+    )
+
+
+def _put_in(block: Block, choice: _Choice) -> None:
+    """Put a switch in the place of the selections."""
+    first = next(iter(choice.selections.values()))
+    index = Value(INT, True)
+    yes, no = Block(block), Block(block)
+    for inside, side in ((yes, choice.sides[0]), (no, choice.sides[1])):
+        inside.steps = [block.steps[number] for number in sorted(side)]
+    yields = [[one.args[side] for one in choice.selections.values()] for side in (2, 1)]
+    outs = [one.out for one in choice.selections.values()]
+    gone = choice.sides[0] | choice.sides[1] | choice.selections.keys()
+    last = max(choice.selections)
+    steps: list[Step] = []
+    for number, step in enumerate(block.steps):
+        if number not in gone:
+            steps.append(step)
+        if number == last:
+            steps.append(Operation("convert", (first.args[0],), index))
+            steps.append(Switch(index, [no, yes], yields, outs))
+    block.steps = _in_order(steps)
+
+
+def _in_order(steps: Sequence[Step]) -> list[Step]:
+    """The steps after what they need, else as they were."""
+    makers = {out.number: i for i, step in enumerate(steps) for out in definitions(step)}
+    order: list[Step] = []
+    done: set[int] = set()
+    for number in range(len(steps)):
+        waiting = [number]
+        while waiting:
+            here = waiting[-1]
+            needs = {makers[value] for value in uses(steps[here]) if value in makers} - done
+            if here in done or not needs:
+                waiting.pop()
+                if here not in done:
+                    done.add(here)
+                    order.append(steps[here])
+            else:
+                waiting += sorted(needs, reverse=True)
+    return order
+
+
+def _numbers(scalars: Iterable[Scalar]) -> list[int]:
+    return [x.number for x in scalars if isinstance(x, Value)]
+
+
+def _cost(step: Step) -> float:
+    """About how many operations a step takes."""
+    match step:
+        case Operation(name=name):
+            return _COSTS.get(name, 1.0)
+        case Call(function=function):
+            if function.source is None:
+                return ELEMENTARY
+            if function.source.loop:
+                return float(len(function.params))
+            return _total(function.block.steps)
+        case Switch(blocks=blocks):
+            return max(_total(block.steps) for block in blocks)
+        case Loop(condition=condition, body=body):
+            return 10 * _total([*condition.steps, *body.steps])
+        case _:
+            return 1.0
+
+
+def _total(steps: Iterable[Step]) -> float:
+    return sum(map(_cost, steps), 0.0)

@@ -1,0 +1,103 @@
+"""Which values of a traced program are the same, so that functions need not compute them again."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxsat.core.fingerprint import told_parameters
+from jaxsat.core.jaxprs import Equation, Jaxpr, Literal, Variable
+
+
+class Values:
+    """Numbers of the values of a jaxpr's variables: equal where the same operations make them.
+
+    `uses` tells where variables are read, by the numbers of equations; the results after all of
+    them.
+    """
+
+    def __init__(self, jaxpr: Jaxpr, eqns: Sequence[Equation]):
+        self._numbers: dict[Any, tuple[int, int]] = {}
+        self._places: dict[tuple[int, int], list[int]] = {}
+        self._same: dict[Any, Any] = {}
+        self.uses: dict[Any, list[int]] = {}
+        made: dict[Any, int] = {}
+        for place, eqn in enumerate(eqns):
+            key = (eqn.name, told_parameters(eqn), *map(self.identity, eqn.inputs))
+            number = made.setdefault(key, len(made))
+            for i, var in enumerate(eqn.outputs):
+                self._numbers[var] = found = (number, i)
+                self._places.setdefault(found, []).append(place)
+            for atom in eqn.inputs:
+                self._read(atom, place)
+        for atom in jaxpr.outputs:
+            self._read(atom, len(eqns))
+
+    def _read(self, atom: Any, place: int) -> None:
+        if isinstance(atom, Variable):
+            self.uses.setdefault(atom, []).append(place)
+
+    def identity(self, atom: Any) -> Any:
+        """What is alike for equal values alone."""
+        if isinstance(atom, Literal):
+            value = np.asarray(atom.value)
+            return (str(atom.aval), value.dtype.char, value.tobytes())
+        return self._numbers.get(atom, id(atom))
+
+    def is_made_outside(self, var: Any, first: int, end: int) -> bool:
+        """Whether equations elsewhere than from `first` to before `end` make the same value."""
+        places = self._places.get(self._numbers.get(var, (-1, 0)), ())
+        return any(not first <= place < end for place in places)
+
+    def is_read_outside(self, var: Any, first: int, end: int) -> bool:
+        """Whether equations elsewhere read the variable."""
+        return any(not first <= place < end for place in self.uses.get(var, ()))
+
+    def unite(self, var: Any, other: Any) -> None:
+        """Let a variable stand for another one, from now on."""
+        self._same[other] = var
+        self.uses.setdefault(var, []).extend(self.uses.get(other, ()))
+
+    def atom(self, atom: Any) -> Any:
+        """The variable that now stands for one."""
+        while isinstance(atom, Variable) and atom in self._same:
+            atom = self._same[atom]
+        return atom
+
+
+def without_repeated_calls(
+    values: Values,
+    eqns: Sequence[Equation],
+    function_of: Callable[[Equation], Any],
+    changed: Callable[..., Equation],
+) -> list[Equation]:
+    """The equations without calls that others before them make as well.
+
+    `function_of` gives the function of a call, and None for other equations; `changed` replaces
+    parts of an equation.
+    """
+    found: list[Equation] = []
+    calls: dict[Any, int] = {}
+    for eqn in eqns:
+        renamed = tuple([values.atom(atom) for atom in eqn.inputs])
+        if any(new is not old for new, old in zip(renamed, eqn.inputs, strict=True)):
+            eqn = changed(eqn, inputs=renamed)
+        function = function_of(eqn)
+        if function is not None:
+            key = (id(function), *map(values.identity, eqn.inputs))
+            if key in calls:
+                found[calls[key]] = _with_results(values, found[calls[key]], eqn, changed)
+                continue
+            calls[key] = len(found)
+        found.append(eqn)
+    return found
+
+
+def _with_results(values: Values, first: Equation, other: Equation, changed) -> Equation:
+    """A call that also gives what an equal one gave."""
+    outs = []
+    for one, two in zip(first.outputs, other.outputs, strict=True):
+        if not (one.dropped or two.dropped):
+            values.unite(one, two)
+        outs.append(two if one.dropped else one)
+    return changed(first, outputs=tuple(outs))

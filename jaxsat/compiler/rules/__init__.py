@@ -1,0 +1,29 @@
+"""The rules by which primitives are lowered, by what kind of primitive they are for."""
+
+from jaxsat.compiler.rules import (
+    calls,
+    composed,
+    control,
+    elementwise,
+    indexing,
+    linear_algebra,
+    mathematics,
+    random,
+    reductions,
+    structural,
+    windows,
+)
+
+__all__ = [
+    "calls",
+    "composed",
+    "control",
+    "elementwise",
+    "indexing",
+    "linear_algebra",
+    "mathematics",
+    "random",
+    "reductions",
+    "structural",
+    "windows",
+]

@@ -1,0 +1,154 @@
+"""Loops and branches."""
+
+from collections.abc import Sequence
+from functools import reduce
+
+import numpy as np
+
+from jaxsat.compiler.builder import INT, Builder, is_uniform
+from jaxsat.compiler.ir import Memory, Scalar, Value
+from jaxsat.compiler.llvm.memory import memory_of, stored
+from jaxsat.compiler.lowering import (
+    Elements,
+    arrays_of,
+    each,
+    equations,
+    lower,
+    lowers,
+    number_type,
+    scalars_of,
+)
+from jaxsat.compiler.operations import BOOL
+from jaxsat.compiler.passes.uniformity import scan_outputs, unchanged, while_carries
+from jaxsat.compiler.rules.elementwise import extremum
+
+UNROLLED = 64
+"""Scans of at most so many equations in all are written out."""
+
+
+def _varies(array: Elements) -> bool:
+    return not all(map(is_uniform, array.flat))
+
+
+@lowers("while")
+def _while(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
+    n_test, n_body = eqn.parameters["n_test"], eqn.parameters["n_body"]
+    test, body = eqn.parameters["test"], eqn.parameters["body"]
+    of_test, of_body = arrays[:n_test], arrays[n_test : n_test + n_body]
+    carries = list(arrays[n_test + n_body :])
+    varying, condition_varies = while_carries(eqn, [_varies(x) for x in arrays])
+    changing = [i for i, same in enumerate(unchanged(body, n_body)) if not same]
+    shapes = [carries[i].shape for i in changing]
+    uniform = [not varying[i] for i in changing for _ in range(carries[i].size)]
+
+    def at(scalars: list[Scalar]) -> list[Elements]:
+        now = list(carries)
+        for i, array in zip(changing, arrays_of(scalars, shapes), strict=True):
+            now[i] = array
+        return now
+
+    batched = test.out_avals[0].ndim
+
+    def active(scalars) -> Elements:
+        return lower(b, test, [*of_test, *at(scalars)])[0]
+
+    def condition(scalars):
+        return reduce(lambda x, y: b.operation("or", x, y), active(scalars).flat, np.False_)
+
+    def step(scalars):
+        after = lower(b, body, [*of_body, *at(scalars)])
+        if batched:  # rows of a mapped loop end one by one
+            going, now = active(scalars), at(scalars)
+            after = [_where_going(b, going, x, y) for x, y in zip(after, now, strict=True)]
+        return scalars_of([after[i] for i in changing])
+
+    before = scalars_of([carries[i] for i in changing])
+    return at(b.while_loop(before, uniform, condition, step, condition_varies))
+
+
+def _where_going(b: Builder, going: Elements, after: Elements, now: Elements) -> Elements:
+    wide = going.reshape(*going.shape, *[1] * (after.ndim - going.ndim))
+    return each(b.select, np.broadcast_to(wide, after.shape), after, now)
+
+
+@lowers("scan")
+def _scan(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
+    length, body = eqn.parameters["length"], eqn.parameters["body"]
+    if length == 1 or length * equations(body) <= UNROLLED:
+        return _unrolled(b, eqn, arrays)
+    n_consts, n_carry = eqn.parameters["n_consts"], eqn.parameters["n_carry"]
+    consts, carries = arrays[:n_consts], arrays[n_consts : n_consts + n_carry]
+    varying, stacked_vary = scan_outputs(eqn, [_varies(x) for x in arrays])
+    xs = [stored(b, x) for x in arrays[n_consts + n_carry :]]
+    x_shapes = [x.shape[1:] for x in arrays[n_consts + n_carry :]]
+    y_avals = [var.aval for var in eqn.outputs[n_carry:]]
+    ys = [
+        memory_of(number_type(aval.dtype), int(np.prod(aval.shape)), not vary)
+        for aval, vary in zip(y_avals, stacked_vary, strict=True)
+    ]
+    shapes = [x.shape for x in carries]
+
+    def condition(scalars):
+        return b.operation("lt", scalars[0], INT.type(length))
+
+    def step(scalars):
+        number = scalars[0]
+        where = number
+        if eqn.parameters["reverse"]:
+            where = b.operation("sub", INT.type(length - 1), number)
+        parts = [_loaded(b, x, where, shape) for x, shape in zip(xs, x_shapes, strict=True)]
+        after = lower(b, body, [*consts, *arrays_of(scalars[1:], shapes), *parts])
+        for memory, part in zip(ys, after[n_carry:], strict=True):
+            for k, scalar in enumerate(part.flat):
+                b.store(memory, _element(b, where, part.size, k), scalar)
+        return [b.operation("add", number, INT.type(1)), *scalars_of(after[:n_carry])]
+
+    uniform = [True] + [
+        not vary for x, vary in zip(carries, varying, strict=True) for _ in range(x.size)
+    ]
+    last = b.while_loop([INT.type(0), *scalars_of(carries)], uniform, condition, step, False)
+    stacked = [_loaded(b, y, None, aval.shape) for y, aval in zip(ys, y_avals, strict=True)]
+    return [*arrays_of(last[1:], shapes), *stacked]
+
+
+def _unrolled(b: Builder, eqn, arrays: Sequence[Elements]) -> list[Elements]:
+    n_consts, n_carry = eqn.parameters["n_consts"], eqn.parameters["n_carry"]
+    consts, carries = arrays[:n_consts], list(arrays[n_consts : n_consts + n_carry])
+    xs, length = arrays[n_consts + n_carry :], eqn.parameters["length"]
+    order = range(length)
+    rows: list[list[Elements] | None] = [None] * length
+    for i in reversed(order) if eqn.parameters["reverse"] else order:
+        parts = [x[i : i + 1].reshape(x.shape[1:]) for x in xs]
+        after = lower(b, eqn.parameters["body"], [*consts, *carries, *parts])
+        carries, rows[i] = after[:n_carry], after[n_carry:]
+    if not length:
+        return carries + [np.empty(var.aval.shape, object) for var in eqn.outputs[n_carry:]]
+    return carries + [np.stack(column) for column in zip(*rows, strict=True)]  # pyright: ignore
+
+
+def _element(b: Builder, row: Scalar | None, size: int, k: int) -> Scalar:
+    if row is None:
+        return INT.type(k)
+    return b.operation("add", b.operation("mul", row, INT.type(size)), INT.type(k))
+
+
+def _loaded(b: Builder, memory: Memory, row: Scalar | None, shape: tuple[int, ...]) -> Elements:
+    size = int(np.prod(shape))
+    scalars = [b.load(memory, _element(b, row, size, k)) for k in range(size)]
+    return arrays_of(scalars, [shape])[0]
+
+
+@lowers("cond")
+def _cond(b: Builder, eqn, which: Elements, *arrays: Elements) -> list[Elements]:
+    branches = eqn.parameters["branches"]
+    index = which[()]
+    index = b.convert(index, INT) if index.dtype == BOOL or index.dtype != INT else index
+    if not (isinstance(index, Value) and index.number in b.truths and len(branches) == 2):
+        last = INT.type(len(branches) - 1)
+        index = extremum(b, "min", extremum(b, "max", index, INT.type(0)), last)
+    shapes = [var.aval.shape for var in eqn.outputs]
+
+    def taking(branch):
+        return lambda: scalars_of(lower(b, branch, arrays))
+
+    return arrays_of(b.switch(index, [taking(branch) for branch in branches]), shapes)

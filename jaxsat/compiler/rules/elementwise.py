@@ -1,0 +1,267 @@
+"""Arithmetic, comparisons, selections and conversions, element by element."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxsat.compiler.builder import Builder
+from jaxsat.compiler.ir import Scalar, Value
+from jaxsat.compiler.lowering import CannotLower, Elements, each, lowers
+from jaxsat.compiler.operations import BOOL
+from jaxsat.core.jax_internals import IDENTICAL
+
+SAME = {
+    "add": "add",
+    "add_any": "add",
+    "sub": "sub",
+    "mul": "mul",
+    "sqrt": "sqrt",
+    "floor": "floor",
+    "ceil": "ceil",
+    "lt": "lt",
+    "le": "le",
+    "gt": "gt",
+    "ge": "ge",
+    "population_count": "population_count",
+}
+"""Primitives that are an operation of the table."""
+
+
+@lowers(*SAME)
+def _same(b: Builder, eqn, *arrays: Elements) -> Elements:
+    name = SAME[eqn.name]
+    return each(lambda *scalars: b.operation(name, *scalars), *arrays)
+
+
+@lowers(*IDENTICAL)
+def _identical(b: Builder, eqn, *arrays: Elements):
+    del b, eqn
+    return list(arrays)
+
+
+@lowers("eq", "ne")
+def _equal(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
+    def compare(x, y):
+        if x.dtype == BOOL:
+            differ = b.operation("xor", x, y)
+            return differ if eqn.name == "ne" else b.negation(differ)
+        return b.operation(eqn.name, x, y)
+
+    return each(compare, x, y)
+
+
+@lowers("and", "or", "xor")
+def _bits(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
+    return each(lambda x, y: b.operation(eqn.name, x, y), x, y)
+
+
+@lowers("not")
+def _not(b: Builder, eqn, x: Elements) -> Elements:
+    del eqn
+    full = np.True_ if x.flat[0].dtype == BOOL else np.invert(x.flat[0].dtype.type(0))
+    return each(lambda x: b.operation("xor", x, full), x)
+
+
+@lowers("shift_left", "shift_right_logical", "shift_right_arithmetic")
+def _shift(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
+    name = eqn.name
+
+    def shift(x, y):
+        width = x.dtype.itemsize * 8
+        if not isinstance(y, Value) and 0 <= int(y) < width:
+            return b.operation(name, x, y)
+        unsigned = np.dtype(f"u{x.dtype.itemsize}")
+        count = b.operation("bitcast", y, dtype=unsigned)
+        inside = b.operation("lt", count, unsigned.type(width))
+        shifted = b.operation(name, x, b.select(inside, y, y.dtype.type(width - 1)))
+        if name == "shift_right_arithmetic":
+            return shifted
+        return b.select(inside, shifted, x.dtype.type(0))
+
+    return each(shift, x, y)
+
+
+@lowers("neg")
+def _neg(b: Builder, eqn, x: Elements) -> Elements:
+    del eqn
+    return each(lambda x: negative(b, x), x)
+
+
+def negative(b: Builder, x: Scalar) -> Scalar:
+    """-x."""
+    if x.dtype.kind == "f":
+        return b.operation("neg", x)
+    return b.operation("sub", x.dtype.type(0), x)
+
+
+@lowers("abs")
+def _abs(b: Builder, eqn, x: Elements) -> Elements:
+    del eqn
+    return each(lambda x: absolute(b, x), x)
+
+
+def absolute(b: Builder, x: Scalar) -> Scalar:
+    """|x|."""
+    if x.dtype.kind == "f":
+        return b.operation("abs", x)
+    if x.dtype.kind == "u":
+        return x
+    return b.select(b.operation("lt", x, x.dtype.type(0)), negative(b, x), x)
+
+
+@lowers("sign")
+def _sign(b: Builder, eqn, x: Elements) -> Elements:
+    del eqn
+
+    def sign(x):
+        zero, one = x.dtype.type(0), x.dtype.type(1)
+        above = b.operation("gt", x, zero)
+        if x.dtype.kind == "u":
+            return b.select(above, one, zero)
+        below = b.operation("lt", x, zero)
+        rest = x if x.dtype.kind == "f" else zero  # NaN and both zeros stay
+        return b.select(above, one, b.select(below, x.dtype.type(-1), rest))
+
+    return each(sign, x)
+
+
+@lowers("div")
+def _div(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
+    del eqn
+    return each(lambda x, y: quotient(b, x, y), x, y)
+
+
+def quotient(b: Builder, x: Scalar, y: Scalar) -> Scalar:
+    """x / y; whole numbers as XLA has them: -1 where y is zero."""
+    if x.dtype.kind == "f":
+        if not isinstance(y, Value) and _is_power_of_two(y):
+            return b.operation("mul", x, y.dtype.type(1 / float(y)))  # the same in all bits
+        return b.operation("div", x, y)
+    by_zero = -1 if x.dtype.kind == "i" else 2 ** (8 * x.dtype.itemsize) - 1
+    return _whole(b, "div", x, y, x.dtype.type(by_zero))
+
+
+def _is_power_of_two(x: Any) -> bool:
+    """Whether a number and its reciprocal are both powers of two and normal."""
+    return bool(1e-30 < abs(x) < 1e30 and abs(np.frexp(x)[0]) == 0.5)
+
+
+@lowers("rem")
+def _rem(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
+    del eqn
+
+    def remainder(x, y):
+        return b.operation("rem", x, y) if x.dtype.kind == "f" else _whole(b, "rem", x, y, x)
+
+    return each(remainder, x, y)
+
+
+def _whole(b: Builder, name: str, x: Scalar, y: Scalar, by_zero: Scalar) -> Scalar:
+    """Division of whole numbers by a divisor that cannot trap."""
+    zero, one = x.dtype.type(0), x.dtype.type(1)
+    none = b.operation("eq", y, zero)
+    safe = b.select(none, one, y)
+    if x.dtype.kind == "u":
+        return b.select(none, by_zero, b.operation(name, x, safe))
+    minus = b.operation("eq", y, x.dtype.type(-1))
+    safe = b.select(minus, one, safe)
+    at_minus = negative(b, x) if name == "div" else zero
+    return b.select(none, by_zero, b.select(minus, at_minus, b.operation(name, x, safe)))
+
+
+@lowers("max", "min")
+def _extremum(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
+    return each(lambda x, y: extremum(b, eqn.name, x, y), x, y)
+
+
+def extremum(b: Builder, name: str, x: Scalar, y: Scalar) -> Scalar:
+    """The larger ("max") or smaller one; NaN where either is NaN, and -0.0 below 0.0."""
+    if x.dtype == BOOL:
+        return b.operation("or" if name == "max" else "and", x, y)
+    return b.operation(name, x, y)
+
+
+@lowers("clamp")
+def _clamp(b: Builder, eqn, low: Elements, x: Elements, high: Elements) -> Elements:
+    del eqn
+
+    def clamp(low, x, high):
+        return extremum(b, "min", extremum(b, "max", x, low), high)
+
+    return each(clamp, low, x, high)
+
+
+@lowers("select_n")
+def _select_n(b: Builder, eqn, which: Elements, *cases: Elements) -> Elements:
+    del eqn
+
+    def select(which, *cases):
+        if which.dtype == BOOL:
+            return b.select(which, cases[1], cases[0]) if len(cases) == 2 else cases[0]
+        chosen = cases[-1]
+        for number in reversed(range(len(cases) - 1)):
+            here = b.operation("le", which, which.dtype.type(number))
+            chosen = b.select(here, cases[number], chosen)
+        return chosen
+
+    return each(select, which, *cases)
+
+
+@lowers("convert_element_type")
+def _convert(b: Builder, eqn, x: Elements) -> Elements:
+    dtype = np.dtype(eqn.parameters["new_dtype"])
+    if dtype.kind not in "fiub":
+        raise CannotLower(f"Arrays of type {dtype} are not supported")
+
+    def convert(x):
+        if dtype == BOOL and x.dtype != BOOL:
+            return b.operation("ne", x, x.dtype.type(0))
+        return b.convert(x, dtype)
+
+    return each(convert, x)
+
+
+@lowers("bitcast_convert_type")
+def _bitcast(b: Builder, eqn, x: Elements) -> Elements:
+    dtype = np.dtype(eqn.parameters["new_dtype"])
+    if x.size and dtype.itemsize != x.flat[0].dtype.itemsize:
+        raise CannotLower("Bits can be read as another type of the same width only")
+    return each(lambda x: b.operation("bitcast", x, dtype=dtype), x)
+
+
+@lowers("is_finite")
+def _is_finite(b: Builder, eqn, x: Elements) -> Elements:
+    del eqn
+    return each(lambda x: b.operation("lt", b.operation("abs", x), x.dtype.type(np.inf)), x)
+
+
+@lowers("round")
+def _round(b: Builder, eqn, x: Elements) -> Elements:
+    if int(eqn.parameters["rounding_method"]) == 1:
+        return each(lambda x: b.operation("round_even", x), x)
+
+    def away(x):
+        size = b.operation("abs", x)
+        below = b.operation("floor", size)
+        half = b.operation("ge", b.operation("sub", size, below), x.dtype.type(0.5))
+        whole = b.operation("add", below, b.select(half, x.dtype.type(1), x.dtype.type(0)))
+        return b.operation("copysign", whole, x)
+
+    return each(away, x)
+
+
+@lowers("eq_to", "le_to", "lt_to")
+def _in_total_order(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
+    """Comparisons by bits: -0.0 before 0.0, NaN after infinity (before it with a sign)."""
+    name = eqn.name.removesuffix("_to")
+    return each(lambda x, y: b.operation(name, _list_scheduled(b, x), _list_scheduled(b, y)), x, y)
+
+
+def _list_scheduled(b: Builder, x: Scalar) -> Scalar:
+    """A whole number that is ordered like the bits of a float."""
+    if x.dtype.kind != "f":
+        return b.convert(x, np.dtype(np.uint8)) if x.dtype == BOOL else x
+    whole = np.dtype(f"i{x.dtype.itemsize}")
+    bits = b.operation("bitcast", x, dtype=whole)
+    below = b.operation("lt", bits, whole.type(0))
+    return b.select(below, b.operation("xor", bits, whole.type(np.iinfo(whole).max)), bits)

@@ -1,0 +1,233 @@
+"""Gathers, scatters and dynamic slices, with indices known or not."""
+
+from collections.abc import Callable, Sequence
+from typing import SupportsIndex
+
+import jax
+import numpy as np
+from jax.lax import GatherScatterMode
+
+from jaxsat.compiler.builder import INT, Builder
+from jaxsat.compiler.ir import Memory, Scalar, Value
+from jaxsat.compiler.llvm.memory import CHOSEN, element, stored
+from jaxsat.compiler.lowering import (
+    CannotLower,
+    Elements,
+    filled,
+    lower,
+    lowers,
+)
+from jaxsat.compiler.operations import BOOL
+from jaxsat.compiler.rules.elementwise import extremum
+
+
+def _index(b: Builder, x: Scalar, wraps: bool = False) -> Scalar:
+    """An index as a 32-bit number.
+
+    Larger ones than any array go to the end of the range, or lose their upper bits if told.
+    """
+    if x.dtype == INT or wraps:
+        return b.convert(x, INT)
+    if x.dtype.itemsize > 4 or x.dtype == np.uint32:
+        top = x.dtype.type(2**31 - 1)
+        x = extremum(b, "min", x, top)
+        if x.dtype.kind == "i":
+            x = extremum(b, "max", x, x.dtype.type(-(2**31)))
+    return b.convert(x, INT)
+
+
+def _clamped(b: Builder, index: Scalar, last: int) -> Scalar:
+    return extremum(b, "min", extremum(b, "max", index, INT.type(0)), INT.type(last))
+
+
+def _linear(b: Builder, starts: Sequence[Scalar], shape: Sequence[int]) -> Scalar:
+    """The number of an element in C order."""
+    found: Scalar = INT.type(0)
+    for start, size in zip(starts, shape, strict=True):
+        found = b.operation("add", b.operation("mul", found, INT.type(size)), start)
+    return found
+
+
+def _reader(b: Builder, x: Elements, last: Sequence[int]) -> Callable[..., Scalar]:
+    """What reads the element `offset` after a start, which is from zero to `last`.
+
+    Few elements are chosen from; an array of many is put into memory once.
+    """
+    memories: list[Memory] = []
+
+    def read(starts: Sequence[Scalar], offset: Sequence[int]) -> Scalar:
+        there = tuple(
+            slice(o, o + end + 1) if isinstance(start, Value) else int(start) + o
+            for start, o, end in zip(starts, offset, last, strict=True)
+        )
+        part = x[there]
+        unknown = [start for start in starts if isinstance(start, Value)]
+        if not unknown:
+            return part
+        if part.size <= CHOSEN:
+            return element(b, list(part.flat), _linear(b, unknown, part.shape))
+        if not memories:
+            memories.append(stored(b, x))
+        return b.load(memories[0], _linear(b, _shifted(b, starts, offset), x.shape))
+
+    return read
+
+
+def _shifted(b: Builder, starts: Sequence[Scalar], offset: Sequence[int]) -> list[Scalar]:
+    return [b.operation("add", s, INT.type(o)) for s, o in zip(starts, offset, strict=True)]
+
+
+@lowers("dynamic_slice")
+def _dynamic_slice(b: Builder, eqn, x: Elements, *starts: Elements) -> Elements:
+    sizes = eqn.parameters["slice_sizes"]
+    where = [
+        _clamped(b, _index(b, start[()]), dim - size)
+        for start, dim, size in zip(starts, x.shape, sizes, strict=True)
+    ]
+    last = [dim - size for dim, size in zip(x.shape, sizes, strict=True)]
+    read, out = _reader(b, x, last), np.empty(sizes, object)
+    for offset in np.ndindex(*sizes):
+        out[offset] = read(where, offset)
+    return out
+
+
+@lowers("dynamic_update_slice")
+def _dynamic_update_slice(b: Builder, eqn, x: Elements, new: Elements, *starts: Elements):
+    del eqn
+    where = [
+        _clamped(b, _index(b, start[()]), dim - size)
+        for start, dim, size in zip(starts, x.shape, new.shape, strict=True)
+    ]
+    out = list(x.flat)
+    for offset in np.ndindex(*new.shape):
+        at = _linear(b, _shifted(b, where, offset), x.shape)
+        _put(b, out, at, np.True_, lambda old, o=offset: new[o])
+    return np.array(out, object).reshape(x.shape) if out else x
+
+
+def _put(b: Builder, flat: list[Scalar], at: Scalar, inside: Scalar, new) -> None:
+    """Replace element `at` of a flat array by `new(it)` if `inside`."""
+    if not isinstance(at, Value):
+        if 0 <= int(at) < len(flat):
+            flat[int(at)] = b.select(inside, new(flat[int(at)]), flat[int(at)])
+        return
+    for number, old in enumerate(flat):
+        here = b.operation("and", inside, b.operation("eq", at, INT.type(number)))
+        flat[number] = b.select(here, new(old), old)
+
+
+@lowers("gather")
+def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
+    numbers, sizes = eqn.parameters["dimension_numbers"], eqn.parameters["slice_sizes"]
+    mode = eqn.parameters["mode"]
+    aval = eqn.outputs[0].aval
+    out = np.empty(aval.shape, object)
+    gone = (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims)
+    window_dims = [d for d in range(x.ndim) if d not in gone]
+    batch_dims = [d for d in range(out.ndim) if d not in numbers.offset_dims]
+    last = [dim - size for dim, size in zip(x.shape, sizes, strict=True)]
+    read = _reader(b, x, last)
+    for index in np.ndindex(*out.shape):
+        batch = tuple(index[d] for d in batch_dims)
+        offset = [0] * x.ndim
+        for dim, place in zip(window_dims, numbers.offset_dims, strict=True):
+            offset[dim] = index[place]
+        # JAX makes indices of gathers that fill 32-bit numbers before it compares them
+        wraps = mode == GatherScatterMode.FILL_OR_DROP
+        starts = _starts(b, x.ndim, indices[batch], numbers.start_index_map, wraps)
+        for dim, of in zip(
+            numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True
+        ):
+            starts[dim] = INT.type(batch[of])
+        inside = _inside(b, starts, last)
+        starts = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
+        found = read(starts, offset)
+        if mode == GatherScatterMode.FILL_OR_DROP:
+            found = b.select(inside, found, _filling(eqn, found.dtype))
+        out[index] = found
+    return out
+
+
+def _starts(
+    b: Builder,
+    rank: int,
+    indices: Elements,
+    dims: Sequence[SupportsIndex],
+    wraps: bool = False,
+) -> list[Scalar]:
+    """Where a window begins, dimension by dimension; zero in those that have no index."""
+    starts: list[Scalar] = [INT.type(0)] * rank
+    for index, dim in zip(indices, dims, strict=True):
+        starts[dim] = _index(b, index, wraps)
+    return starts
+
+
+def _inside(b: Builder, starts: Sequence[Scalar], last: Sequence[int]) -> Scalar:
+    found: Scalar = np.True_
+    for start, end in zip(starts, last, strict=True):
+        found = b.operation("and", found, b.operation("ge", start, INT.type(0)))
+        found = b.operation("and", found, b.operation("le", start, INT.type(end)))
+    return found
+
+
+def _filling(eqn, dtype: np.dtype) -> Scalar:
+    value = eqn.parameters["fill_value"]
+    if value is not None:
+        return dtype.type(value)
+    if dtype.kind == "f":
+        return dtype.type(np.nan)
+    if dtype == BOOL:
+        return np.True_
+    info = jax.numpy.iinfo(dtype)
+    return dtype.type(info.min if dtype.kind == "i" else info.max)
+
+
+@lowers("scatter", *(f"scatter-{join}" for join in ("add", "sub", "mul", "min", "max")))
+def _scatter(b: Builder, eqn, x: Elements, indices: Elements, updates: Elements) -> Elements:
+    numbers, mode = eqn.parameters["dimension_numbers"], eqn.parameters["mode"]
+    join = eqn.name.removeprefix("scatter").removeprefix("-")
+    gone = (*numbers.inserted_window_dims, *numbers.operand_batching_dims)
+    window_dims = [d for d in range(x.ndim) if d not in gone]
+    batch_dims = [d for d in range(updates.ndim) if d not in numbers.update_window_dims]
+    sizes = [1] * x.ndim
+    for dim, place in zip(window_dims, numbers.update_window_dims, strict=True):
+        sizes[dim] = updates.shape[place]
+    last = [dim - size for dim, size in zip(x.shape, sizes, strict=True)]
+    flat = list(x.flat)
+    for index in np.ndindex(*updates.shape):
+        batch = tuple(index[d] for d in batch_dims)
+        offset = [0] * x.ndim
+        for dim, place in zip(window_dims, numbers.update_window_dims, strict=True):
+            offset[dim] = index[place]
+        starts = _starts(b, x.ndim, indices[batch], numbers.scatter_dims_to_operand_dims)
+        for dim, of in zip(
+            numbers.operand_batching_dims, numbers.scatter_indices_batching_dims, strict=True
+        ):
+            starts[dim] = INT.type(batch[of])
+        inside = _inside(b, starts, last)
+        if mode == GatherScatterMode.CLIP:
+            starts = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
+            inside = np.True_
+        at = _linear(b, _shifted(b, starts, offset), x.shape)
+        _put(b, flat, at, inside, _joined(b, eqn, join, updates[index]))
+    out = np.empty(len(flat), object)
+    out[:] = flat
+    return out.reshape(x.shape)
+
+
+def _joined(b: Builder, eqn, join: str, new: Scalar):
+    if not join:
+        return lambda old: _updated(b, eqn, old, new)
+    if join in ("min", "max"):
+        return lambda old: extremum(b, join, old, new)
+    if join in ("add", "mul", "sub"):
+        return lambda old: b.operation(join, old, new)
+    raise CannotLower(f"A scatter that joins by {join} is not supported")
+
+
+def _updated(b: Builder, eqn, old: Scalar, new: Scalar) -> Scalar:
+    """What takes the place of an element: the new one, or a function of the old one."""
+    program = eqn.parameters["update"]
+    if program is None:
+        return new
+    return lower(b, program, [filled((), old), filled((), new)])[0][()]

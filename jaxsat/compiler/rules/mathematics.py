@@ -1,0 +1,120 @@
+"""Elementary functions: each is written in plain `jax.numpy` and lowered as a function once."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from jaxsat.compiler.builder import INT, Builder
+from jaxsat.compiler.functions import FUNCTIONS, program
+from jaxsat.compiler.interpreter import interpret
+from jaxsat.compiler.ir import Function, Scalar, Value
+from jaxsat.compiler.lowering import Elements, each, filled, function_of, lower, lowers
+from jaxsat.compiler.passes.dead_code import without_dead_code
+from jaxsat.core.jaxprs import Literal
+
+PARTS = ("sin", "cos")
+"""Results of the function `sincos`: who needs both calls it once."""
+
+SHORT = ("atan2", "erf_inv")
+"""Functions with a short way, which a processor does beside its neighbours."""
+
+INTERNAL = ("sincos", "near_sincos", *(f"near_{name}" for name in (*PARTS, *SHORT)))
+"""Functions that are no primitives."""
+
+
+@lowers(*(name for name in FUNCTIONS if name not in (*PARTS, *INTERNAL, *SHORT)))
+def _written(b: Builder, eqn, *arrays: Elements) -> Elements:
+    return each(lambda *scalars: _called(b, eqn.name, scalars)[0], *arrays)
+
+
+def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar]:
+    """The results of a function, known ones of known arguments."""
+    dtypes = [x.dtype for x in scalars]
+    function = function_of(b, name, program(name, *dtypes), scalars)
+    if name == "sincos" and not function.parts and not b.compact:
+        function.parts = [function_of(b, part, program(part, *dtypes), scalars) for part in PARTS]
+    known = [x for x in scalars if not isinstance(x, Value)]
+    if len(known) < len(scalars):
+        return b.call(function, scalars)
+    found = interpret(function, known)
+    return [out.dtype.type(x) for x, out in zip(found, function.results, strict=True)]
+
+
+@lowers(*SHORT)
+def _by_short_way(b: Builder, eqn, *arrays: Elements) -> Elements:
+    """The short way in place; a call where it fails in some lane, which is seldom."""
+    name = eqn.name
+
+    def one(*scalars: Scalar) -> Scalar:
+        if b.compact or not any(isinstance(x, Value) for x in scalars):
+            return _called(b, name, scalars)[0]
+        closed = program(f"near_{name}", *(x.dtype for x in scalars))
+        found, far = (result[()] for result in lower(b, closed, [filled((), x) for x in scalars]))
+        return b.cold_branch(far, lambda: _called(b, name, scalars)[0], found)
+
+    return each(one, *arrays)
+
+
+@lowers(*PARTS, *(f"jaxsat_{part}" for part in PARTS))
+def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
+    """The short way in place, which a processor does beside its neighbours; a call if it fails."""
+    part, operand = eqn.name.removeprefix("jaxsat_"), eqn.inputs[0]
+    if b.compact:
+        return each(lambda y: _compact(b, part, y), x)
+    aval: Any = operand.aval
+    both = not isinstance(operand, Literal) and operand in b.sine_and_cosine
+    closed = program("near_sincos" if both else f"near_{part}", aval.dtype)
+    place = PARTS.index(part) if both else 0
+
+    def one(y: Scalar) -> Scalar:
+        def long_way() -> Scalar:
+            return _called(b, "sincos", [y])[PARTS.index(part)]
+
+        if not isinstance(y, Value):
+            return long_way()
+        found = [result[()] for result in lower(b, closed, [filled((), y)])]
+        return b.cold_branch(found[-1], long_way, found[place])
+
+    return each(one, x)
+
+
+def _compact(b: Builder, part: str, y: Scalar) -> Scalar:
+    """The same as a call of one function, the way that is taken seldom inside it."""
+    if not isinstance(y, Value):
+        return _called(b, "sincos", [y])[PARTS.index(part)]
+    key = (part, y.dtype.char, y.uniform)
+    if key not in b.functions:
+        param, inner = Value(y.dtype, y.uniform), Builder(like=b)
+        inner.functions = b.functions
+        closed = b.cut(program(f"near_{part}", y.dtype))
+        with b.at(()):
+            found = [result[()] for result in lower(inner, closed, [filled((), param)])]
+            result = inner.switch(
+                inner.convert(found[-1], INT),
+                [
+                    lambda: found[:1],
+                    lambda: [_called(inner, "sincos", [param])[PARTS.index(part)]],
+                ],
+            )[0]
+        whole = Function(f"{part}.{y.dtype.char}", [param], inner.block, [result])
+        b.functions[key] = without_dead_code(whole)
+    return b.call(b.functions[key], [y])[0]
+
+
+@lowers("integer_pow")
+def _integer_pow(b: Builder, eqn, x: Elements) -> Elements:
+    return each(lambda x: power(b, x, eqn.parameters["y"]), x)
+
+
+def power(b: Builder, x: Scalar, exponent: int) -> Scalar:
+    """x to a whole number, by repeated squaring."""
+    one = x.dtype.type(1)
+    found, square, left = None, x, abs(exponent)
+    while left:
+        if left & 1:
+            found = square if found is None else b.operation("mul", found, square)
+        left >>= 1
+        if left:
+            square = b.operation("mul", square, square)
+    if found is None:
+        return one
+    return b.operation("div", one, found) if exponent < 0 else found

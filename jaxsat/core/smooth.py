@@ -1,0 +1,125 @@
+"""Stand-ins for sat and sqrt|x|: the printed functions without a width, smooth ones with one.
+
+A printed function has a corner. Told on which side of it to stay it is smooth, so an integrator
+can hold the side during a step and look for the instant at which it changes. Left alone it
+follows its argument, and derivatives are those of the piece that the argument is in.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from jaxsat.core.checks import as_float, concrete
+from jaxsat.core.quotients import reciprocal
+
+Width = Float[Array, ""] | None
+"""How far a corner is rounded; None where it is left as printed."""
+
+AT_CORNER = 1e-20
+"""An argument of the printed √|x| that is as good as zero."""
+
+
+def as_width(value: ArrayLike | None) -> Width:
+    """A width as an array, and None where it is known to be zero."""
+    if value is None:
+        return None
+    known = concrete(value)
+    return None if known is not None and not np.any(known) else as_float(value)
+
+
+def sat(
+    x: Float[Array, "*n"],
+    bound: Float[Array, ""],
+    width: Width = None,
+    beyond: Bool[Array, "*n"] | None = None,
+) -> Float[Array, "*n"]:
+    """Saturation of (41): x up to `bound`, then sign(x) `bound`.
+
+    `width` in [0, 1] is the part of `bound` over which the corner is rounded, 1 being
+    bound·tanh(x / bound); it differs from the printed function by at most 0.24 width·bound.
+    The printed function stays on the side of its corner that `beyond` tells.
+    """
+    if width is None:
+        outside = jnp.abs(x) > bound if beyond is None else beyond
+        return jnp.where(outside, jnp.where(x < 0, -bound, bound), x)
+    span = width * bound
+    straight = bound - span
+    size = jnp.abs(x)
+    excess = jnp.maximum(size - straight, 0)
+    rounded = span * jnp.tanh(excess * reciprocal(jnp.where(span > 0, span, 1.0)))
+    return jnp.sign(x) * (jnp.minimum(size, straight) + rounded)
+
+
+def root_abs(
+    x: Float[Array, ""], width: Width = None, positive: Bool[Array, ""] | None = None
+) -> Float[Array, ""]:
+    """√|x| of (38), or (x² + width²)^¼ with a `width` in the unit of x.
+
+    With `positive` the printed function is √x, or √(-x) where it is false, and zero beyond the
+    corner; its derivative is taken as zero at the corner and beyond. The corner is as wide as
+    `AT_CORNER`: an integrator that ends its step there is off by rounding, and would go on with a
+    slope as large as that is small.
+    """
+    if width is None:
+        size = jnp.abs(x) if positive is None else jnp.where(positive, x, -x)
+        away = size > AT_CORNER
+        return jnp.where(away, jnp.sqrt(jnp.where(away, size, 1.0)), 0.0)
+    square = x**2 + width**2
+    return jnp.where(square > 0, jnp.where(square > 0, square, 1.0) ** 0.25, 0.0)
+
+
+def signed_root(
+    x: Float[Array, ""], width: Width = None, positive: Bool[Array, ""] | None = None
+) -> Float[Array, ""]:
+    """sgn(x) √|x| of (38), or x / (x² + width²)^¼ with a `width`; `positive` as in `root_abs`."""
+    if width is None:
+        sign = jnp.sign(x) if positive is None else jnp.where(positive, 1.0, -1.0)
+        return sign * root_abs(x, None, positive)
+    square = x**2 + width**2
+    return jnp.where(square > 0, x / jnp.where(square > 0, square, 1.0) ** 0.25, 0.0)
+
+
+@jax.custom_jvp
+def without_slope(x: Float[Array, "*n"], where: Bool[Array, "*n"]) -> Float[Array, "*n"]:
+    """x, with a derivative of zero `where` it is too small to count.
+
+    For a number next to zero whose slope is large for as little as the number itself is.
+    """
+    del where
+    return x
+
+
+@without_slope.defjvp
+def _without_slope_jvp(primals, tangents):
+    x, where = primals
+    return without_slope(x, where), jnp.where(where, 0.0, tangents[0])
+
+
+@jax.custom_jvp
+def positive_part(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """max(x, 0), whose slope at zero is that above; JAX's own takes half of it."""
+    return jnp.maximum(x, 0.0)
+
+
+@positive_part.defjvp
+def _positive_part_jvp(primals, tangents):
+    return positive_part(primals[0]), jnp.where(primals[0] < 0, 0.0, tangents[0])
+
+
+@jax.custom_jvp
+def at_least(x: Float[Array, "*n"], least: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """max(x, least), whose slope where both are equal is that of x."""
+    return jnp.maximum(x, least)
+
+
+@at_least.defjvp
+def _at_least_jvp(primals, tangents):
+    return at_least(*primals), jnp.where(primals[0] < primals[1], tangents[1], tangents[0])
+
+
+def within(
+    x: Float[Array, "*n"], least: Float[Array, "*n"], most: Float[Array, "*n"]
+) -> Float[Array, "*n"]:
+    """x between two bounds, whose slope at a bound is that of x."""
+    return -at_least(-at_least(x, least), -most)

@@ -1,0 +1,136 @@
+"""When a spacecraft counts as settled, and since when. All work under vmap."""
+
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.core.checks import as_float, as_optional_float
+from jaxsat.core.quotients import reciprocal
+from jaxsat.core.ranges import SETTLED_RATE, SETTLED_TURN, SETTLED_W
+
+SETTLED_BEFORE = 0.9
+"""The part of the horizon in which a case must have begun to be settled, without a `dwell`."""
+
+
+class Tolerances(eqx.Module):
+    """When a spacecraft counts as settled: |w|, |z| (rad, wrapped) and |ω_r| (rad/s) below these.
+
+    The relative rate is ω - C (0, -ω0, 0)ᵀ, the rate at which the attitude really changes. It must
+    stay so to the end, for at least `dwell` seconds; None is a tenth of the horizon.
+    """
+
+    w: Float[Array, ""] = eqx.field(converter=as_float, default=SETTLED_W)
+    z: Float[Array, ""] = eqx.field(converter=as_float, default=SETTLED_TURN)
+    relative_rate: Float[Array, ""] = eqx.field(converter=as_float, default=SETTLED_RATE)
+    dwell: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+
+    @staticmethod
+    def of_keys(
+        tilt_rad: float | None = None,
+        turn_rad: float = SETTLED_TURN,
+        rate_rad_s: float = SETTLED_RATE,
+        dwell_s: float | None = None,
+    ) -> "Tolerances":
+        """Those of the keys of a scenario's `[settled]`."""
+        w = SETTLED_W if tilt_rad is None else math.tan(tilt_rad / 2)
+        return Tolerances(w, turn_rad, rate_rad_s, dwell_s)
+
+    def of_rate(self, orbit_rate: float | Float[Array, ""]) -> "Tolerances":
+        """Those of a law without an attitude to go to: of the rate alone, at rest the orbit's."""
+        return Tolerances(math.inf, math.inf, self.relative_rate + orbit_rate, self.dwell)
+
+    def text(self, attitude: bool = True) -> str:
+        """What settled means, in a line; without an `attitude` by the inertial rates alone."""
+        end = " to the end"
+        if self.dwell is not None:
+            end += f", {float(self.dwell):g} s at least"
+        return self.limits_text(attitude) + end
+
+    def limits_text(self, attitude: bool = True) -> str:
+        """Within what a spacecraft is, in a line, for however long."""
+        w, z, rate = (float(limit) for limit in (self.w, self.z, self.relative_rate))
+        if not attitude:
+            return f"|ω| < {rate:g} rad/s"
+        of_attitude = f"|w| < {w:g}, |z| < {z:g} rad, " if math.isfinite(w) else ""
+        return f"{of_attitude}relative rate |ω_r| < {rate:g} rad/s"
+
+
+def wrap_angle(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """An angle brought into [-π, π), rad."""
+    return angle - 2 * jnp.pi * jnp.floor(angle * (0.5 / jnp.pi) + 0.5)
+
+
+def excess(
+    w: Float[Array, "*times 2"],
+    z: Float[Array, "*times"],
+    relative_rate: Float[Array, "*times 3"],
+    tolerances: Tolerances,
+) -> Float[Array, "*times 3"]:
+    """|w|, |z| (wrapped) and |ω_r| in parts of their tolerances, less 1: negative inside them."""
+    sizes = (_length(w), jnp.abs(wrap_angle(z)), _length(relative_rate))
+    limits = (tolerances.w, tolerances.z, tolerances.relative_rate)
+    parts = [size * reciprocal(limit) for size, limit in zip(sizes, limits, strict=True)]
+    return jnp.stack(parts, axis=-1) - 1
+
+
+def within(
+    w: Float[Array, "times 2"],
+    z: Float[Array, " times"],
+    relative_rate: Float[Array, "times 3"],
+    tolerances: Tolerances,
+) -> Bool[Array, " times"]:
+    """At which times all tolerances are met; never where a run has ended early (NaN)."""
+    return jnp.all(excess(w, z, relative_rate, tolerances) < 0, axis=-1)
+
+
+def _length(vector: Float[Array, "*times n"]) -> Float[Array, "*times"]:
+    """The Euclidean norm over the last axis."""
+    return jnp.sqrt(jnp.sum(vector**2, axis=-1))
+
+
+class SettlingTracker(NamedTuple):
+    """Since when all conditions hold, from observations of a run one after the other.
+
+    A condition holds while its excess is negative. `start` (s) is infinite while one does not;
+    `time` (s) and `excess` are those of the last observation.
+    """
+
+    start: Float[Array, ""]
+    time: Float[Array, ""]
+    excess: Float[Array, " n"]
+
+    @staticmethod
+    def initial(time: Float[Array, ""], conditions: int) -> "SettlingTracker":
+        """Before the first observation, which will be at `time` (s)."""
+        return SettlingTracker(time + jnp.inf, time, jnp.full(conditions, -1.0, time.dtype))
+
+    def observe(self, time: Float[Array, ""], excess: Float[Array, " n"]) -> "SettlingTracker":
+        """With one more observation at `time` (s); an excess is linear between two of them."""
+        enters = (self.excess >= 0) & (excess < 0)
+        fall = jnp.where(enters, self.excess - excess, 1.0)
+        part = jnp.max(jnp.where(enters, self.excess / fall, 0.0))
+        return self.observe_after_entry(self.time + part * (time - self.time), time, excess)
+
+    def observe_after_entry(
+        self, entry: Float[Array, ""], time: Float[Array, ""], excess: Float[Array, " n"]
+    ) -> "SettlingTracker":
+        """The same, where the conditions began to hold, if they did, at `entry` (s)."""
+        start = jnp.where(jnp.isinf(self.start), entry, self.start)
+        return SettlingTracker(jnp.where(jnp.all(excess < 0), start, jnp.inf), time, excess)
+
+    def settling_time(
+        self,
+        end: Float[Array, ""],
+        begin: float | Float[Array, ""] = 0.0,
+        dwell: Float[Array, ""] | None = None,
+    ) -> Float[Array, ""]:
+        """The start, if it lies `dwell` seconds before the `end` or more, else infinity, s.
+
+        What has only just become small has not been shown to stay so: None is a tenth of the
+        horizon, see `SETTLED_BEFORE`.
+        """
+        latest = begin + SETTLED_BEFORE * (end - begin) if dwell is None else end - dwell
+        return jnp.where(self.start <= latest, self.start, jnp.inf)

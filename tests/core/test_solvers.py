@@ -1,0 +1,48 @@
+"""Solvers by name: the same as diffrax's own, and a message for another name."""
+
+import diffrax
+import numpy as np
+import pytest
+
+from jaxsat.core.solvers import SOLVERS, NamedSolver, class_name, known_class, solver_of
+from jaxsat.engine import AdaptiveStepper
+from jaxsat.engine.runge_kutta import tableau_of
+from jaxsat.scenario.tables import SolverName
+
+
+def test_every_name_of_a_scenario_is_a_solver_of_diffrax():
+    assert set(SOLVERS) == set(SolverName.__args__)
+    for name in SOLVERS:
+        solver = NamedSolver(name)
+        assert type(solver_of(solver)) is getattr(diffrax, class_name(solver))
+        rates = [1.0, *(1 - c**2 for c in tableau_of(solver).c)]  # ∫(1 - t²) to second order
+        error = np.dot(tableau_of(solver).b_sol, rates) - 2 / 3
+        assert abs(error) < {"euler": 0.34, "midpoint": 0.09, "heun": 0.17}.get(name, 1e-12)
+
+
+def test_another_name_is_refused():
+    with pytest.raises(ValueError, match=r"must be one of euler, .*, dopri8, but got rk4"):
+        NamedSolver("rk4")
+    with pytest.raises(ValueError, match=r"must be Tsit5, Dopri5 or Dopri8 .* got Heun"):
+        AdaptiveStepper(NamedSolver("heun"))
+
+
+def test_a_class_derived_from_a_solver_is_one():
+    class Own(diffrax.Tsit5):
+        pass
+
+    class Tsit5(diffrax.Heun):
+        """Of the same name as another one."""
+
+    assert tableau_of(Own()).c is diffrax.Tsit5.tableau.c
+    assert known_class(Own()) == "Tsit5"
+    assert known_class(Tsit5()) == "Heun"
+    AdaptiveStepper(Own())
+    with pytest.raises(ValueError, match=r"must be Tsit5, Dopri5 or Dopri8"):
+        AdaptiveStepper(Tsit5())
+
+
+@pytest.mark.parametrize("solver", [diffrax.KenCarp3(), diffrax.SPaRK(), diffrax.Kvaerno3()])
+def test_other_methods_are_refused_with_their_name(solver):
+    with pytest.raises(ValueError, match=f"explicit Runge-Kutta .* got {type(solver).__name__}"):
+        tableau_of(solver)

@@ -1,0 +1,151 @@
+"""Whatever the package remembers for all threads: twenty that want it first get one and the same.
+
+Machine code is in `compiler/test_cold_threads.py`.
+"""
+
+import itertools
+import threading
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import jaxsat
+from helpers.threads import at_once, made_once
+from jaxsat.comparison.acceptance import ComparisonSetting, comparison_scenario
+from jaxsat.compiler import functions
+from jaxsat.compiler.c import naming
+from jaxsat.compiler.llvm.threads import _shared
+from jaxsat.controllability import analyse, pointwise, torque_cone
+from jaxsat.core import garbage_collection
+from jaxsat.core.search_path import _ADDED, add_folders
+from jaxsat.core.symmetric import _places
+from jaxsat.declaration import PartDeclaration
+from jaxsat.declaration.laws import LAWS
+from jaxsat.engine.native import kept
+from jaxsat.montecarlo import designs, ensemble, statistics
+from jaxsat.planning import guesses
+from jaxsat.results.provenance import _processor, _versions
+from jaxsat.scenario import control_tables, part_tables, plugins, wording
+from jaxsat.tuning import descent
+from jaxsat.tuning.optimisers import OptimiserSettings
+from montecarlo.studies import tumbling
+
+NEW = itertools.count()
+
+
+def new_law():
+    return replace(LAWS["coast"], name=f"cold-{next(NEW)}")
+
+
+def new_part():
+    declaration = PartDeclaration("A part")
+    return plugins.Part(f"cold-{next(NEW)}", plugins.ACTUATORS, declaration, "no:Place")
+
+
+FUNCTIONS = [
+    (control_tables.table_of, lambda: (new_law(),)),
+    (part_tables.table_of_part, lambda: (part_tables.ActuatorsTable, new_part())),
+    (wording.dotted_keys, lambda: (control_tables.ModelTable,)),
+    (plugins.installed, lambda: (plugins.ESTIMATOR,)),
+    (designs._hypercube, lambda: (0, "a", 10, 2)),
+    (statistics._order_statistics, lambda: (100, 95.0, 0.9)),
+    (guesses.random_numbers, lambda: (4,)),
+    (descent._transformation, lambda: (OptimiserSettings(), 10)),
+    (pointwise._monomials, lambda: (2,)),
+    (naming._statements, lambda: (__file__,)),
+    (naming._tree, lambda: (__file__,)),
+    (_versions, tuple),
+    (_processor, tuple),
+    (_places, lambda: (3,)),
+    (functions.program, lambda: ("atan2", "float64", "float64")),
+    (kept._surroundings, tuple),
+    (kept._known_roots, tuple),
+    (_shared, lambda: (-1,)),
+]
+
+
+NAMES = [function.__name__ for function, _ in FUNCTIONS]
+
+
+@pytest.mark.parametrize(("function", "arguments"), FUNCTIONS, ids=NAMES)
+def test_a_thing_is_made_once_by_the_threads_that_want_it_first(function, arguments):
+    for _ in range(3):
+        if function not in (control_tables.table_of, part_tables.table_of_part):
+            function.cache_clear()  # tables that others have made are not to be made again
+        these = arguments()
+        made_once(lambda these=these: function(*these), function)
+
+
+def analysis():
+    return analyse([1.0, 2.0, 2.5], [[1], [0], [0]])
+
+
+def chunk_work():
+    study = tumbling()
+    return ensemble._ChunkWork(study, study.chunk, study.count, None, {})
+
+
+PROPERTIES = [
+    (lambda: torque_cone(np.eye(3)[:, :2], np.array([True, True])), "normal"),
+    (analysis, "local"),
+    (analysis, "linear"),
+    (analysis, "away_from_rest"),
+    (tumbling, "failures"),
+    (chunk_work, "_program_here"),
+]
+
+
+@pytest.mark.parametrize(("make", "name"), PROPERTIES, ids=[name for _, name in PROPERTIES])
+def test_a_property_is_found_once_by_the_threads_that_want_it_first(make, name):
+    thing = make()
+    for _ in range(2):
+        made_once(lambda: getattr(thing, name), getattr(type(thing), name)._function)
+        del vars(thing)[name]
+
+
+def test_threads_add_one_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.path", [*jaxsat.core.search_path.sys.path])
+    before = list(_ADDED)
+    try:
+        at_once(lambda: add_folders([str(tmp_path)]))
+        assert [*before, str(tmp_path)] == _ADDED
+    finally:
+        _ADDED[:] = before
+
+
+def test_a_study_is_drawn_and_read_without_filters_of_warnings(monkeypatch):
+    """Python has one set of them for all threads; SciPy and scenarios warn nevertheless."""
+    study = tumbling(design=designs.Sobol(3))
+    study.cases(np.arange(2))  # imports SciPy
+    with monkeypatch.context() as patched:
+        patched.setattr(warnings, "catch_warnings", None)
+        study.cases(np.arange(37))
+        scenario = comparison_scenario(ComparisonSetting("hard", 3.0, "three-slew"))
+    assert scenario.spacecraft.torque_limit_N_m == 3.0
+
+
+def test_threads_leave_the_search_for_dead_cycles_as_it_was(monkeypatch):
+    """Also where one comes in while another one goes out."""
+    enabled, looked, left = garbage_collection.gc.isenabled, threading.Event(), threading.Event()
+
+    def slowly():
+        found = enabled()
+        if not found:
+            looked.set()
+            left.wait(0.2)
+        return found
+
+    def come():
+        with garbage_collection.no_collection():
+            pass
+
+    monkeypatch.setattr(garbage_collection.gc, "isenabled", slowly)
+    other = threading.Thread(target=come)
+    with garbage_collection.no_collection():
+        other.start()
+        assert looked.wait(60)
+    left.set()
+    other.join()
+    assert enabled()
