@@ -14,7 +14,7 @@ from jaxsat.control.oscillatory import Slow
 
 RealScalar = Float[Array, ""]
 
-AIMED_TURN = 0.03
+AIMED_TURN = 0.02
 """A (rad). Settled means within 0.05."""
 
 NEAR_AIM, ENOUGH = 0.85, 0.75

@@ -6,6 +6,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+from jaxsat.scenario import plugins
+
 PACKAGE = Path(__file__).parents[1] / "plugin_package"
 
 
@@ -23,11 +25,13 @@ def install_package(site, monkeypatch):
         lines += [f"[{group}]", *(f"{name} = {place}" for name, place in points.items())]
     (record / "entry_points.txt").write_text("\n".join(lines) + "\n")
     monkeypatch.syspath_prepend(site)
+    plugins.installed.cache_clear()
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(site), *_inherited()])))
 
 
 def forget_package():
-    """Let the next test import the package anew."""
+    """Let the next test import the package anew, and look for installed ones again."""
+    plugins.installed.cache_clear()
     for name in [name for name in sys.modules if name.partition(".")[0] == "tsiotras_luo"]:
         del sys.modules[name]
 

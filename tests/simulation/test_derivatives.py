@@ -278,7 +278,7 @@ def part(request, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         folder = tmp_path_factory.mktemp("plug-ins")
         patch.chdir(folder)
-        patch.setattr(sys, "path", [str(folder), *sys.path])
+        patch.syspath_prepend(folder)
         patch.setattr(search_path, "_ADDED", [])
         install_package(folder, patch)
         scenario = one.scenario()
