@@ -25,7 +25,7 @@ MIN_COUPLING, MIN_SHARE = 0.2, 0.2
 by it."""
 
 
-MOST_TURN, TILT_PRICE = 0.03, (0.25, 0.25, 1.0)
+MOST_TURN, TILT_PRICE = 0.02, (0.25, 0.25, 1.0)
 """How far the laws go from an attitude that cannot be held: turn about n, rad, and what the squares
 of tilt and turn count. Settled means within 0.05 of z and of |w|, which is half of the tilt."""
 

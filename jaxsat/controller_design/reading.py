@@ -1,14 +1,13 @@
 """A vehicle from a scenario file that need not say more than what is left of it."""
 
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from jaxsat.assembly.load import load
 from jaxsat.core.text import clean
-from jaxsat.scenario import Scenario, library
-from jaxsat.scenario.limits import MAX_FILE_SIZE
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.given import given_keys
 from jaxsat.scenario.overrides import override
 from jaxsat.scenario.read import warn
 
@@ -74,29 +73,3 @@ def _has_unsaid_torques(present: set[str], in_orbit: bool) -> bool:
     """Whether a body in orbit has no word on its disturbances; wheels would store their torque."""
     tables = {key.partition(".")[0] for key in present}
     return in_orbit and not tables & {"disturbance", "wheel"}
-
-
-def given_keys(name_or_path: str | Path, overrides: Iterable[str] = ()) -> set[str]:
-    """Dotted keys that a file and overrides give; none of a file that cannot be read."""
-    return _keys(_parsed(name_or_path)) | {text.partition("=")[0].strip() for text in overrides}
-
-
-def _parsed(name_or_path: str | Path) -> dict[str, Any]:
-    """The file's tables; none where it cannot be read, which `load` tells."""
-    known = library()
-    try:
-        if isinstance(name_or_path, str) and name_or_path in known:
-            content = known[name_or_path].read_bytes()
-        else:
-            with Path(name_or_path).open("rb") as file:
-                content = file.read(MAX_FILE_SIZE)
-        return tomllib.loads(content.decode())
-    except (OSError, ValueError, RecursionError):
-        return {}
-
-
-def _keys(data: Any, prefix: str = "") -> set[str]:
-    """Dotted keys of all that is no table."""
-    if not isinstance(data, dict):
-        return {prefix.removesuffix(".")}
-    return {key for name, value in data.items() for key in _keys(value, f"{prefix}{name}.")}

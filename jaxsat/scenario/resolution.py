@@ -33,6 +33,9 @@ leaves that open, and above which it does not pass without a word."""
 MOST_SUBSTEPS, MOST_STEPS = 1024, 2**24
 """In a period and in a run, unless the scenario asks for them."""
 
+FASTEST = 1e12
+"""rad/s: whatever is faster counts as this fast."""
+
 SPREAD = 3.0
 """Standard deviations of a normal distribution that count as possible."""
 
@@ -92,8 +95,10 @@ def fastest(scenario: Scenario) -> Fast | None:
     That is a periodic torque, the spin of the start with its nutation, or the spin-down of a wheel
     by viscous friction; with what is dispersed at its largest.
     """
-    found = [*_periodic(scenario), *_spin(scenario), *_friction(scenario)]
-    return max((one for one in found if one.rate > 0), key=lambda one: one.rate, default=None)
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = [*_periodic(scenario), *_spin(scenario), *_friction(scenario)]
+    fast = max((one for one in found if one.rate > 0), key=lambda one: one.rate, default=None)
+    return None if fast is None else fast._replace(rate=min(fast.rate, FASTEST))
 
 
 def _period(scenario: Scenario) -> float:
