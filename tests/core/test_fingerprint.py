@@ -169,7 +169,7 @@ def test_what_else_changes_it(one, other):
 OF_ALL = """
 import jax, sys
 jax.config.update("jax_enable_x64", True)
-from engine import test_fingerprint as tests
+from core import test_fingerprint as tests
 print([tests.of(program(1.0)) for program in tests.NESTED])
 """
 
