@@ -2,9 +2,10 @@
 
     python benchmarks/design_family.py --out family-designed
 
-designs a controller for every spacecraft of `jaxsat.comparison.family`, verifies it on unseen cases
-and writes table.csv, one row for every spacecraft, and family.png. Every spacecraft is kept as it
-is done: the same command resumes an interrupted run, and draws what there is with `--members 0`.
+designs a controller for every spacecraft of `jaxsat.synthesis.comparison.family`, verifies it on
+unseen cases and writes table.csv, one row for every spacecraft, and family.png. Every spacecraft is
+kept as it is done: the same command resumes an interrupted run, and draws what there is with
+`--members 0`.
 """
 
 import argparse
@@ -24,12 +25,12 @@ import jax
 import numpy as np
 
 import jaxsat
-from jaxsat.comparison.family import SEED, SIZE, family_member, family_scenario
-from jaxsat.montecarlo import Serial, wilson
 from jaxsat.report.family_figures import family_figure
 from jaxsat.report.saving import save_figures
-from jaxsat.results import ResumableFolder
 from jaxsat.scenario import ScenarioWarning
+from jaxsat.store import ResumableFolder
+from jaxsat.studies import Serial, wilson
+from jaxsat.synthesis.comparison.family import SEED, SIZE, family_member, family_scenario
 
 KIND, TABLE = "designed-family", "table.csv"
 

@@ -1,6 +1,6 @@
 """Where the laws that settle still do: one dimensionless number swept at a time (docs/laws.md).
 
-    python benchmarks/domain.py --out domain.csv --declare jaxsat/declaration/verified.py
+    python benchmarks/domain.py --out domain.csv --declare jaxsat/core/declaration/verified.py
 
 Around the paper's spacecraft at 5 N m and the dispersions of `acceptance-hard`. One row for every
 law and value, with the fraction that settled within 144 τ; an existing file is added to.
@@ -20,12 +20,12 @@ import diffrax
 import jax
 import numpy as np
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
-from jaxsat.assembly.study import study_program
-from jaxsat.engine import FixedStepper, NativeEngine
-from jaxsat.montecarlo import Independent, Study, wilson
 from jaxsat.scenario import Scenario, ScenarioWarning
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import study_program
+from jaxsat.simulation.engine import FixedStepper, NativeEngine
+from jaxsat.studies import Independent, Study, wilson
 
 LAWS = ("three-slew", "oscillatory")
 LIMIT, PERIOD, DURATION = 5.0, 0.1, 1200.0
@@ -44,7 +44,7 @@ SWEEPS: dict[str, tuple[float, ...]] = {
     "constant_disturbance": (0.0, 1e-6, 4e-6, 1e-5, 2e-5),
     "axes_angle": (0.1, 0.26, 0.52, 0.8),
 }
-"""Values of each number; `jaxsat.declaration.domain` says what it is."""
+"""Values of each number; `jaxsat.core.declaration.domain` says what it is."""
 
 REFERENCE = {
     "coupling": 0.592,
@@ -65,10 +65,10 @@ HEAD = '''"""What share of {cases} hard cases settled, one dimensionless number 
 
 Around the paper's spacecraft at 5 N m; `moment_ratio` at c = 0.3. Written by
 
-    python benchmarks/domain.py --out domain.csv --declare jaxsat/declaration/verified.py
+    python benchmarks/domain.py --out domain.csv --declare jaxsat/core/declaration/verified.py
 """
 
-from jaxsat.declaration.domain import Sweep
+from jaxsat.core.declaration.domain import Sweep
 
 '''
 
@@ -149,7 +149,7 @@ def rows(cases: int, seed: int, done: set[tuple[str, str, float]]) -> Iterator[d
 
 
 def declared(kept: list[dict[str, str]], cases: int) -> str:
-    """The rows as `jaxsat/declaration/verified.py`."""
+    """The rows as `jaxsat/core/declaration/verified.py`."""
     text = HEAD.format(cases=cases)
     for law in LAWS:
         text += f"{law.upper().replace('-', '_')} = (\n"

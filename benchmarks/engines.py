@@ -35,11 +35,11 @@ from contenders import all_contenders
 from contenders.contender import LAWS, Contender, Run
 from contenders.scipy_dop853 import truth
 from contenders.work import errors, final_state, starts
-from jaxsat.assembly.load import load
-from jaxsat.assembly.study import build_study
 from jaxsat.core.processors import processors
-from jaxsat.montecarlo import Study
-from jaxsat.results import machine
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import build_study
+from jaxsat.store import machine
+from jaxsat.studies import Study
 
 PERCENT = 95.0
 PATIENCE = 60.0

@@ -17,8 +17,8 @@ import jax
 import numpy as np
 from scipy.stats import chi2
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.study import build_study
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import build_study
 
 ORBIT = 5677.0
 """s, at 500 km."""

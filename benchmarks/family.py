@@ -16,13 +16,19 @@ import diffrax
 import jax
 import numpy as np
 
-from jaxsat.assembly.run import build
-from jaxsat.assembly.study import study_program
-from jaxsat.comparison.family import SEED, SIZE, FamilyMember, family_member, family_scenario
-from jaxsat.engine import FixedStepper, NativeEngine
-from jaxsat.montecarlo import Independent, Study
 from jaxsat.scenario import ScenarioWarning
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import study_program
 from jaxsat.scenario.dump import dump
+from jaxsat.simulation.engine import FixedStepper, NativeEngine
+from jaxsat.studies import Independent, Study
+from jaxsat.synthesis.comparison.family import (
+    SEED,
+    SIZE,
+    FamilyMember,
+    family_member,
+    family_scenario,
+)
 
 LAWS = ("three-slew", "oscillatory")
 MORE_LAWS = ("planned",)

@@ -16,8 +16,8 @@ import numpy as np
 
 jax.config.update("jax_enable_x64", True)
 
-from jaxsat.assembly.load import load  # noqa: E402
-from jaxsat.assembly.tuning import build_plan  # noqa: E402
+from jaxsat.scenario.build.load import load  # noqa: E402
+from jaxsat.synthesis.tuning.build import build_plan  # noqa: E402
 
 ROUNDS = 3
 FIXED = ("simulation.solver.steps=fixed", "simulation.solver.step_s=0.05")

@@ -28,9 +28,9 @@ from contenders.contender import TOLERANCES, Contender, Run
 from contenders.heyoka_taylor import variational
 from contenders.work import GAINS, SIZE, rate, reference, starts
 from engines import PERCENT, made_study, paces
-from jaxsat.engine import AdaptiveStepper, NativeEngine, Tolerance
-from jaxsat.engine.program import AbstractCaseFactory, Case
-from jaxsat.montecarlo import Study
+from jaxsat.simulation.engine import AdaptiveStepper, NativeEngine, Tolerance
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case
+from jaxsat.studies import Study
 
 NAMES = ("k3", "mu", "a", "k4")
 DIFFERENCE = 1e-4

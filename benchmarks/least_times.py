@@ -4,10 +4,10 @@
     python benchmarks/least_times.py --seed 424243 --bound 5
 
 To where a case begins to count as settled, and to rest: plans of least time with the whole torque
-from the starts, by `jaxsat.planning.Planner` with 48
+from the starts, by `jaxsat.control.planning.Planner` with 48
 guesses, for the spacecraft and disturbance without dispersions. DOP853 flies every plan again; one
-that does not arrive has no least time. The file belongs to `jaxsat/comparison`. With `--bound` some
-are compared with the best of 12 starts of IPOPT, which needs CasADi.
+that does not arrive has no least time. The file belongs to `jaxsat/synthesis/comparison`. With
+`--bound` some are compared with the best of 12 starts of IPOPT, which needs CasADi.
 """
 
 import argparse
@@ -20,12 +20,12 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from jaxsat.assembly.run import build, build_tolerances
-from jaxsat.bounds import BoundObjective, End, best_of_starts, manoeuvre_of
-from jaxsat.comparison import LIMITS, ComparisonSetting, Start, comparison_scenario
-from jaxsat.comparison.front import arrives
-from jaxsat.comparison.studies import comparison_study
-from jaxsat.planning import Plan, Planner, PlanStatus
+from jaxsat.control.planning import Plan, Planner, PlanStatus
+from jaxsat.scenario.build.run import build, build_tolerances
+from jaxsat.synthesis.bounds import BoundObjective, End, best_of_starts, manoeuvre_of
+from jaxsat.synthesis.comparison import LIMITS, ComparisonSetting, Start, comparison_scenario
+from jaxsat.synthesis.comparison.front import arrives
+from jaxsat.synthesis.comparison.studies import comparison_study
 from planner import compiled, in_parts
 
 GUESSES = 48

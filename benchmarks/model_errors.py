@@ -17,9 +17,9 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.study import build_study
 from jaxsat.scenario import ScenarioWarning
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import build_study
 
 NEVER = (
     "dispersion.failure_time_s={distribution='uniform', low=5000, high=6000}",

@@ -14,11 +14,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import Run, build
 from jaxsat.core.inertia import torque_axis_frame
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import Run, build
 from jaxsat.simulation import simulate
-from jaxsat.vehicle import Spacecraft
+from jaxsat.spacecraft import Spacecraft
 
 LEVELS = {"nominal": (0.0, 0.0, 0.0, 0.0, 1.0), "hard": (0.1, 0.0175, 0.02, 3e-5, 2.0)}
 """Errors of inertia and torque, of the axis (rad), products, noise (rad/s), largest disturbance."""

@@ -18,19 +18,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
-from jaxsat.bounds import (
+from jaxsat.compiler import Mapped
+from jaxsat.control.planning import Plan, Planner, PlanStatus
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.processors import processors
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.synthesis.bounds import (
     BoundObjective,
     best_of_starts,
     manoeuvre_of,
 )
-from jaxsat.comparison.front import arrives
-from jaxsat.compiler import Mapped
-from jaxsat.core.attitude import Quaternion
-from jaxsat.core.processors import processors
-from jaxsat.dynamics import PlantState
-from jaxsat.planning import Plan, Planner, PlanStatus
+from jaxsat.synthesis.comparison.front import arrives
 
 
 def starts(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Tunes the gains of the three slews' presets (`jaxsat.declaration.tuned_gains`) by CMA-ES.
+"""Tunes the gains of the three slews' presets (`jaxsat.core.declaration.tuned_gains`) by CMA-ES.
 
     python benchmarks/preset_gains.py --torque-limit 5 --minutes 8
 
@@ -19,11 +19,11 @@ import jax
 import numpy as np
 
 import jaxsat
-from jaxsat.comparison.acceptance import ComparisonSetting, comparison_scenario
-from jaxsat.declaration.scaling import STEPS
-from jaxsat.declaration.settling import TUNED_LIMITS
-from jaxsat.declaration.tuned_gains import APPROACH, TWO_CHANNEL
+from jaxsat.core.declaration.scaling import STEPS
+from jaxsat.core.declaration.settling import TUNED_LIMITS
+from jaxsat.core.declaration.tuned_gains import APPROACH, TWO_CHANNEL
 from jaxsat.scenario import ScenarioWarning
+from jaxsat.synthesis.comparison.acceptance import ComparisonSetting, comparison_scenario
 
 LEVELS = {"hard": (384, 2.0), "mc": (128, 1.0), "nominal": (128, 1.0)}
 """Cases of each level, and its weight."""

@@ -18,10 +18,10 @@ import diffrax
 import jax
 import numpy as np
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.study import build_study
-from jaxsat.engine import NativeEngine, SampledStepper
 from jaxsat.scenario import library
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import build_study
+from jaxsat.simulation.engine import NativeEngine, SampledStepper
 
 SIX = "".join(
     f"""

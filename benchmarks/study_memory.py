@@ -14,8 +14,8 @@ from pathlib import Path
 
 import jax
 
-from jaxsat.montecarlo import Threads, run_study, summarise
-from jaxsat.results import open_study
+from jaxsat.store import open_study
+from jaxsat.studies import Threads, run_study, summarise
 
 
 def peak() -> float:

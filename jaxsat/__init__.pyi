@@ -1,18 +1,18 @@
 # The names for users; `__init__.py` imports each from here when it is first used.
-from jaxsat.assembly.errors import (
+from jaxsat.scenario.build.errors import (
     BuildError as BuildError,
 )
-from jaxsat.assembly.load import (
+from jaxsat.scenario.build.load import (
     load as load,
 )
-from jaxsat.assembly.replay import (
+from jaxsat.scenario.build.replay import (
     replay_case as replay_case,
 )
-from jaxsat.assembly.run import (
+from jaxsat.scenario.build.run import (
     Run as Run,
     build as build,
 )
-from jaxsat.assembly.study import (
+from jaxsat.scenario.build.study import (
     build_study as build_study,
 )
 from jaxsat.core.attitude import (
@@ -20,7 +20,7 @@ from jaxsat.core.attitude import (
     WZ as WZ,
     Quaternion as Quaternion,
 )
-from jaxsat.comparison import (
+from jaxsat.synthesis.comparison import (
     Comparison as Comparison,
     ComparisonRow as ComparisonRow,
     ComparisonSetting as ComparisonSetting,
@@ -40,20 +40,20 @@ from jaxsat.controllability import (
     analyse as analyse,
     failure_table as failure_table,
 )
-from jaxsat.controller_design import (
+from jaxsat.synthesis.controller_design import (
     ControllerDesign as ControllerDesign,
     design as design,
     read_vehicle as read_vehicle,
 )
-from jaxsat.declaration import (
+from jaxsat.core.declaration import (
     LawDeclaration as LawDeclaration,
     PartDeclaration as PartDeclaration,
 )
-from jaxsat.dynamics import (
+from jaxsat.spacecraft.dynamics import (
     PlantState as PlantState,
     RigidBody as RigidBody,
 )
-from jaxsat.engine import (
+from jaxsat.simulation.engine import (
     AdaptiveStepper as AdaptiveStepper,
     CannotLower as CannotLower,
     FixedStepper as FixedStepper,
@@ -65,7 +65,7 @@ from jaxsat.engine import (
     Tolerance as Tolerance,
     program_of as program_of,
 )
-from jaxsat.environment import (
+from jaxsat.spacecraft.environment import (
     AbstractDisturbance as AbstractDisturbance,
     DisturbanceContext as DisturbanceContext,
     ExactOrbit as ExactOrbit,
@@ -75,7 +75,7 @@ from jaxsat.core.errors import (
     JaxsatError as JaxsatError,
     PrecisionError as PrecisionError,
 )
-from jaxsat.montecarlo import (
+from jaxsat.studies import (
     ClusterError as ClusterError,
     Dispersed as Dispersed,
     Dispersions as Dispersions,
@@ -84,7 +84,7 @@ from jaxsat.montecarlo import (
     run_study as run_study,
     summarise as summarise,
 )
-from jaxsat.results import (
+from jaxsat.store import (
     OutputError as OutputError,
     case_table as case_table,
     open_study as open_study,
@@ -108,14 +108,14 @@ from jaxsat.simulation import (
     fixed as fixed,
     simulate as simulate,
 )
-from jaxsat.tuning import (
+from jaxsat.synthesis.tuning import (
     DescentProgress as DescentProgress,
 )
-from jaxsat.tuning_run import (
+from jaxsat.synthesis.tuning.run import (
     TuningResult as TuningResult,
     tune as tune,
 )
-from jaxsat.vehicle import (
+from jaxsat.spacecraft import (
     AbstractActuators as AbstractActuators,
     AbstractSmoothActuators as AbstractSmoothActuators,
     ActuatorContext as ActuatorContext,

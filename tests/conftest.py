@@ -60,7 +60,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-SHARING = ("tests/tuning/",)
+SHARING = ("tests/synthesis/tuning/",)
 """Folders whose files share what is dear to make."""
 
 

@@ -14,8 +14,16 @@ def selection():
     ("changed", "chosen", "left"),
     [
         ("jaxsat/core/quotients.py", "tests/control/test_estimators.py", "tests/test_affected.py"),
-        ("jaxsat/page/document.py", "tests/cli/test_report.py", "tests/control/test_rate.py"),
-        ("tests/helpers/pages.py", "tests/page/test_run_page.py", "tests/test_dynamics.py"),
+        (
+            "jaxsat/report/page/document.py",
+            "tests/cli/test_report.py",
+            "tests/control/test_rate.py",
+        ),
+        (
+            "tests/helpers/pages.py",
+            "tests/report/page/test_run_page.py",
+            "tests/spacecraft/test_dynamics.py",
+        ),
         ("tests/oracle/rate_law.py", "tests/control/test_rate.py", "tests/core/test_noise.py"),
         ("docs/sensors.md", "tests/cli/test_your_own_estimator.py", "tests/core/test_noise.py"),
         (
@@ -51,4 +59,4 @@ def test_notebooks_and_pages_that_use_a_module_are_told(selection):
         ["jaxsat/controllability/cone.py"]
     )
     assert "notebooks/tuning.ipynb" in selection.notebooks(["notebooks/tuning.ipynb"])
-    assert "docs/architecture.md" in selection.pages(["jaxsat/dynamics.py"])
+    assert "docs/architecture.md" in selection.pages(["jaxsat/spacecraft/dynamics.py"])

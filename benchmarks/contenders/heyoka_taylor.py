@@ -29,7 +29,7 @@ from contenders.work import (
     starts,
 )
 from jaxsat.core.processors import processors
-from jaxsat.montecarlo import Study
+from jaxsat.studies import Study
 
 INSIDE, OFFSET = (6, 7), (8, 9)
 """Parameters of the law in pieces: sat is `inside` times its argument plus `offset`."""

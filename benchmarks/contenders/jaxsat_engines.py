@@ -8,7 +8,8 @@ import numpy as np
 
 from contenders.contender import TOLERANCES, Contender, Run
 from jaxsat.core.processors import processors
-from jaxsat.engine import (
+from jaxsat.simulation import adaptive
+from jaxsat.simulation.engine import (
     AbstractEngine,
     AdaptiveStepper,
     NativeEngine,
@@ -17,8 +18,7 @@ from jaxsat.engine import (
     ScanEngine,
     Tolerance,
 )
-from jaxsat.montecarlo import Study, Threads
-from jaxsat.simulation import adaptive
+from jaxsat.studies import Study, Threads
 
 LANES = 256
 

@@ -33,7 +33,7 @@ from sampled_work import Sampled, pulsed_study, sampled_engine, sampled_study
 
 from contenders.work import K3, K4, MU, A, starts
 from engines import made_study
-from jaxsat.engine import (
+from jaxsat.simulation.engine import (
     AbstractEngine,
     AdaptiveStepper,
     FixedStepper,
@@ -41,7 +41,7 @@ from jaxsat.engine import (
     ScanEngine,
     Tolerance,
 )
-from jaxsat.montecarlo import Study
+from jaxsat.studies import Study
 
 SUBSTEPS = 20
 GAINS = {"k3": K3, "mu": MU, "a": A, "k4": K4}

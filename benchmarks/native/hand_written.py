@@ -12,8 +12,8 @@ from pathlib import Path
 import diffrax
 import numpy as np
 
-from jaxsat.engine import Tolerance
-from jaxsat.engine.dense_output import dense_output
+from jaxsat.simulation.engine import Tolerance
+from jaxsat.simulation.engine.dense_output import dense_output
 
 HERE = Path(__file__).parent
 FLAGS = (

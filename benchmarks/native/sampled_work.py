@@ -8,13 +8,13 @@ import jax
 import numpy as np
 from hand_written import POINTER, WHOLE, address, library
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.study import build_study
 from jaxsat.compiler.functions import error_function
 from jaxsat.control.oscillatory import MorinSamson, Oscillator
-from jaxsat.engine import NativeEngine, SampledStepper
-from jaxsat.montecarlo import Study
-from jaxsat.vehicle import Actuators, FailureKind, PulsedThrusters, PulseWidth
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import build_study
+from jaxsat.simulation.engine import NativeEngine, SampledStepper
+from jaxsat.spacecraft import Actuators, FailureKind, PulsedThrusters, PulseWidth
+from jaxsat.studies import Study
 from pulses import study_of
 
 COLUMNS = 11

@@ -103,7 +103,7 @@ def _command(tokens: Sequence[str] | None) -> int:
             command(*given.args, **given.kwargs)
         return SUCCESS
     computes = command.__module__ not in ("jaxsat.cli.scenarios", "jaxsat.cli.completion")
-    import_interruptibly("jaxsat.scenario", *(["jaxsat.results"] if computes else []))
+    import_interruptibly("jaxsat.scenario", *(["jaxsat.store"] if computes else []))
     result = command(*given.args, **given.kwargs)
     return result if isinstance(result, int) else SUCCESS
 

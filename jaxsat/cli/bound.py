@@ -25,10 +25,10 @@ from jaxsat.cli.words import command_line
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from jaxsat.bounds import Bound, Solution
-    from jaxsat.bounds.manoeuvre import Manoeuvre
     from jaxsat.core.tolerances import Tolerances
     from jaxsat.scenario import Scenario
+    from jaxsat.synthesis.bounds import Bound, Solution
+    from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
 
 Longest = Annotated[float | None, Parameter(converter=number(0.01, 1e9))]
 UNITS = {"time": "s", "effort": "N m s"}
@@ -53,7 +53,7 @@ def bound(
 
     An open-loop optimum as a reference for feedback laws: open-loop thrusts bring the spacecraft to
     where it counts as settled, or exactly to rest in the orbit frame. It is the best of several
-    starts of a local search, the plans of `jaxsat.planning` among them, without a proof of
+    starts of a local search, the plans of `jaxsat.control.planning` among them, without a proof of
     optimality, and verified by an independent integrator.
 
     Parameters
@@ -88,8 +88,8 @@ def bound(
     use_double_precision()
     rates_only, tolerances = target == "rates", tolerances_at(chosen, end)
     manoeuvre = required_manoeuvre(chosen, tolerances, rates_only=rates_only)
-    from jaxsat.assembly.run import build_uncontrolled
-    from jaxsat.bounds import BoundObjective
+    from jaxsat.scenario.build.run import build_uncontrolled
+    from jaxsat.synthesis.bounds import BoundObjective
 
     loop, beginning = build_uncontrolled(chosen)
 
@@ -126,8 +126,8 @@ def required_manoeuvre(
 ) -> "Manoeuvre":
     """The manoeuvre of a scenario; raises `UserMistake` for one that a bound does not support."""
     require_ideal_thrusters(scenario, "a bound")
-    from jaxsat.assembly.run import build_uncontrolled
-    from jaxsat.bounds.manoeuvre import manoeuvre_of
+    from jaxsat.scenario.build.run import build_uncontrolled
+    from jaxsat.synthesis.bounds.manoeuvre import manoeuvre_of
 
     try:
         return manoeuvre_of(*build_uncontrolled(scenario), rates_only, tolerances)
@@ -137,7 +137,7 @@ def required_manoeuvre(
 
 def tolerances_at(scenario: "Scenario", end: End) -> "Tolerances | None":
     """Those of the scenario, or None for an end exactly at rest."""
-    from jaxsat.assembly.run import build_tolerances
+    from jaxsat.scenario.build.run import build_tolerances
 
     return build_tolerances(scenario) if end == "settled" else None
 
@@ -186,7 +186,7 @@ def planned(
     loop: Any, start: Any, objective: Any, longest: float, tolerances: Any, what: str
 ) -> "list[Solution]":
     """Plans from which a search begins, told of while they are made."""
-    from jaxsat.bounds import plans_of
+    from jaxsat.synthesis.bounds import plans_of
 
     show_progress(f"{what}: planning")
     return interruptibly(lambda: plans_of(loop, start, objective, longest, tolerances))
@@ -202,7 +202,7 @@ def searched(
     plans: "Sequence[Solution]" = (),
 ) -> "Bound | None":
     """The best of several starts and plans, told of while it runs."""
-    from jaxsat.bounds import best_of_starts
+    from jaxsat.synthesis.bounds import best_of_starts
 
     count = len(plans) + starts
     show_progress(f"{what}: start 1 of {count}")
@@ -222,14 +222,14 @@ def searched(
 
 
 def _require_time(longest: float, name: str) -> None:
-    from jaxsat.bounds.transcription import MIN_DURATION_S
+    from jaxsat.synthesis.bounds.transcription import MIN_DURATION_S
 
     if longest < MIN_DURATION_S:
         raise UserMistake(f"{name}: must be at least {MIN_DURATION_S:g} s, got {longest:g}")
 
 
 def _refuse_existing(target: Path, overwrite: bool) -> None:
-    from jaxsat.results import OutputError, refuse_existing
+    from jaxsat.store import OutputError, refuse_existing
 
     try:
         refuse_existing(target, overwrite=overwrite)
@@ -238,7 +238,7 @@ def _refuse_existing(target: Path, overwrite: bool) -> None:
 
 
 def _write(path: Path, found: "Bound", target: str, end: dict[str, Any], overwrite: bool) -> None:
-    from jaxsat.results import OutputError, provenance, save_file
+    from jaxsat.store import OutputError, provenance, save_file
 
     solution = found.solution
     record = {

@@ -42,7 +42,9 @@ from jaxsat.cli.work import require_approval
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from jaxsat.comparison import (
+    from jaxsat.store import ResumableFolder
+    from jaxsat.studies import Work
+    from jaxsat.synthesis.comparison import (
         Comparison,
         ComparisonRow,
         ComparisonRun,
@@ -50,8 +52,6 @@ if TYPE_CHECKING:
         ComparisonVerdict,
         LeastTime,
     )
-    from jaxsat.montecarlo import Work
-    from jaxsat.results import ResumableFolder
 
 Level = Literal["nominal", "mc", "hard", "all"]
 
@@ -161,8 +161,14 @@ def compare(
         )
     planned = planned_report(report, out, overwrite=overwrite)
     use_double_precision()
-    from jaxsat.comparison import LAWS, LEVELS, ComparisonRun, comparison_settings, least_times
-    from jaxsat.results import ResumableFolder, save_file
+    from jaxsat.store import ResumableFolder, save_file
+    from jaxsat.synthesis.comparison import (
+        LAWS,
+        LEVELS,
+        ComparisonRun,
+        comparison_settings,
+        least_times,
+    )
 
     others = dict.fromkeys(one for one in law if one not in (*LAWS, "all"))
     settings = comparison_settings([*_chosen(law, LAWS), *others], _chosen(level, LEVELS), limits)
@@ -196,7 +202,7 @@ def compare(
 
 
 def _run(run: "ComparisonRun", settings: Sequence["ComparisonSetting"]) -> "Comparison":
-    from jaxsat.comparison import UnsuitableSetting
+    from jaxsat.synthesis.comparison import UnsuitableSetting
 
     try:
         return interruptibly(lambda: run.run(settings))
@@ -206,8 +212,8 @@ def _run(run: "ComparisonRun", settings: Sequence["ComparisonSetting"]) -> "Comp
 
 def _work(setting: "ComparisonSetting", count: int) -> "Work":
     """What the cases of one setting take, about: a law is looked at ten times a second."""
-    from jaxsat.comparison import PERIOD, horizon
-    from jaxsat.montecarlo import Work
+    from jaxsat.studies import Work
+    from jaxsat.synthesis.comparison import PERIOD, horizon
 
     steps = round(horizon(setting.torque_limit) / PERIOD)
     return Work(count + 1, (count + 1) * steps, count * CASE, count * CASE)
@@ -215,8 +221,8 @@ def _work(setting: "ComparisonSetting", count: int) -> "Work":
 
 def _require_suitable(settings: Sequence["ComparisonSetting"]) -> None:
     """Raise `UserMistake` for laws that do not come with the set and that it cannot fly."""
-    from jaxsat.comparison import require_suitable
     from jaxsat.scenario import ScenarioError
+    from jaxsat.synthesis.comparison import require_suitable
 
     try:
         require_suitable(settings)
@@ -231,7 +237,7 @@ def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:
 
 
 def _tell_of_untuned(limits: Sequence[float]) -> None:
-    from jaxsat.declaration.settling import TUNED_LIMITS
+    from jaxsat.core.declaration.settling import TUNED_LIMITS
 
     tuned = ", ".join(f"{one:g}" for one in TUNED_LIMITS)
     for limit in limits:
@@ -250,7 +256,7 @@ def _write(
     seed: int,
 ) -> None:
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import provenance
+    from jaxsat.store import provenance
 
     record = {
         "command": command_line(),
@@ -270,8 +276,8 @@ def _write(
 
 
 def _figures(rows: Sequence["ComparisonRow"]) -> "dict[str, Figure]":
-    from jaxsat.comparison import horizon
     from jaxsat.report.comparison_figures import settling_comparison
+    from jaxsat.synthesis.comparison import horizon
 
     panels: dict[tuple[str, float | None], dict[str, Any]] = {}
     for row in rows:

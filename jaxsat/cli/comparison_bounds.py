@@ -8,7 +8,7 @@ from jaxsat.cli.bound import end_data, planned, searched, tolerances_at
 from jaxsat.cli.options import End
 
 if TYPE_CHECKING:
-    from jaxsat.results import ResumableFolder
+    from jaxsat.store import ResumableFolder
 
 BOUNDS = "bounds"
 """Folder of what was found."""
@@ -20,9 +20,9 @@ def least_bounds(
     """Least time and effort from the paper's start; kept in the output folder once found."""
     import numpy as np
 
-    from jaxsat.assembly.run import build
-    from jaxsat.bounds import BoundObjective, manoeuvre_of
-    from jaxsat.comparison import ComparisonSetting, comparison_scenario, horizon
+    from jaxsat.scenario.build.run import build
+    from jaxsat.synthesis.bounds import BoundObjective, manoeuvre_of
+    from jaxsat.synthesis.comparison import ComparisonSetting, comparison_scenario, horizon
 
     name = f"{BOUNDS}/{limit:g}-{end}.json"
     scenario = comparison_scenario(ComparisonSetting("nominal", limit, "rate"))
@@ -47,8 +47,8 @@ def least_bounds(
 
 def _kept_bounds(content: bytes | None, wanted: dict[str, Any]) -> dict[str, Any] | None:
     """What was found before, if it is what is wanted now."""
-    from jaxsat.bounds import BoundObjective
-    from jaxsat.results.files import parse_json
+    from jaxsat.store.files import parse_json
+    from jaxsat.synthesis.bounds import BoundObjective
 
     found = parse_json(content)
     objectives = [one.value for one in BoundObjective]

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jaxsat.comparison import (
+    from jaxsat.synthesis.comparison import (
         ComparisonRow,
         ComparisonVerdict,
         LeastTime,
@@ -80,7 +80,7 @@ def scenario_lines(found: "ScenarioComparison") -> list[str]:
 
 def _recovered(found: "ScenarioComparison") -> list[str]:
     """A row for every kind of failure and a column for every law; nothing without failures."""
-    from jaxsat.montecarlo import percent_texts
+    from jaxsat.studies import percent_texts
 
     told = [
         (row.setting.law, {one.kind: one for one in recovery.by_kind})
@@ -133,7 +133,7 @@ def _setting_cells(setting) -> list[str]:
 
 
 def _interval(found) -> str:
-    from jaxsat.montecarlo import ends_text
+    from jaxsat.studies import ends_text
 
     if not math.isfinite(found.low) and not math.isfinite(found.value):
         return "never"

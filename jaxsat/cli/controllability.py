@@ -82,7 +82,7 @@ def controllability(
         raise UserMistake("--report: must be given with --out, the folder of the results")
     planned = None if out is None else planned_report(report, out, overwrite=overwrite)
     if out is not None:
-        from jaxsat.results import OutputFolder
+        from jaxsat.store import OutputFolder
 
         try_folder(lambda: OutputFolder(out, kind="controllability", overwrite=overwrite))
     use_double_precision()
@@ -119,9 +119,9 @@ def _analyse(
     scenario: "Scenario", tolerance: float
 ) -> "tuple[Judgement, Analysis | None, tuple[FailureCase, ...]]":
     """What the working actuators can do, the rank of their torques, and every failure."""
-    from jaxsat.assembly.actuator_set import all_actuators
-    from jaxsat.assembly.plant import orbit_rate
     from jaxsat.controllability import analyse, failure_table, judge
+    from jaxsat.scenario.build.actuator_set import all_actuators
+    from jaxsat.scenario.build.plant import orbit_rate
 
     inertia = scenario.spacecraft.inertia_kg_m2
     actuators, working = all_actuators(scenario)
@@ -148,9 +148,9 @@ def _magnetic_lines(scenario: "Scenario") -> list[str]:
         return []
     import numpy as np
 
-    from jaxsat.assembly.actuator_set import all_actuators
-    from jaxsat.assembly.plant import build_plant
     from jaxsat.controllability import NoEquilibriumError, magnetic_authority, magnetic_words
+    from jaxsat.scenario.build.actuator_set import all_actuators
+    from jaxsat.scenario.build.plant import build_plant
 
     working = [place for place, one in enumerate(scenario.magnetorquer) if not one.failed]
     plant = build_plant(scenario)
@@ -178,7 +178,6 @@ def _follow_drift(scenario: "Scenario") -> "Drift":
     import jax.numpy as jnp
     import numpy as np
 
-    from jaxsat.assembly.plant import build_plant
     from jaxsat.controllability import (
         DriftField,
         energy_bound,
@@ -186,6 +185,7 @@ def _follow_drift(scenario: "Scenario") -> "Drift":
         pack,
         recurrence,
     )
+    from jaxsat.scenario.build.plant import build_plant
 
     plant = build_plant(scenario)
     inertia, omega = plant.spacecraft.inertia, jnp.asarray(scenario.initial.omega_rad_s)
@@ -239,10 +239,10 @@ def _write_folder(
 ) -> None:
     from jaxsat.controllability import failure_csv, failure_markdown
     from jaxsat.report.controllability_page import controllability_page
+    from jaxsat.report.failure_dataset import failure_dataset
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import OutputError, OutputFolder, dataset_bytes
-    from jaxsat.results.controllability import failure_dataset
     from jaxsat.scenario import dump
+    from jaxsat.store import OutputError, OutputFolder, dataset_bytes
 
     def write(folder: OutputFolder) -> None:
         text = dump(scenario)

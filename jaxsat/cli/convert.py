@@ -63,7 +63,7 @@ def convert(
     if to == "csv" and epoch is not None:
         raise UserMistake("--epoch: must be given with --to aem, as CSV has seconds")
     start = _epoch(epoch) if to == "aem" else None
-    from jaxsat.results import OutputError, refuse_existing, save_file
+    from jaxsat.store import OutputError, refuse_existing, save_file
 
     try:
         refuse_existing(target, overwrite=overwrite)
@@ -80,7 +80,7 @@ def convert(
 
 def _beside(run: Path, ending: str) -> Path:
     """Beside the folder of a run, also where its trajectory is given; else beside the file."""
-    from jaxsat.results.marker import MARKER
+    from jaxsat.store.marker import MARKER
 
     if not run.is_dir():
         if not (run.parent / MARKER).is_file():
@@ -98,9 +98,9 @@ def _converted(
     name: str | None,
     identifier: str | None,
 ) -> str:
-    from jaxsat.conversion import ConversionError, attitude_ephemeris, signal_table
-    from jaxsat.results import open_trajectory
-    from jaxsat.results.coarseness import coarseness
+    from jaxsat.cli.conversion import ConversionError, attitude_ephemeris, signal_table
+    from jaxsat.store import open_trajectory
+    from jaxsat.store.coarseness import coarseness
 
     dataset = open_trajectory(path)
     if start is None:

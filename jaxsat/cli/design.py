@@ -35,8 +35,8 @@ from jaxsat.cli.tune import progress_text as tuning_progress_text
 from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
-    from jaxsat.controller_design import ControllerDesign, Vehicle
-    from jaxsat.montecarlo import Work
+    from jaxsat.studies import Work
+    from jaxsat.synthesis.controller_design import ControllerDesign, Vehicle
 
 MAX_STEPS, MAX_CASES, MIN_SETTLED = 10_000, 10**6, 1e-6
 CASE = 400
@@ -170,7 +170,7 @@ def design(
 
 def _concluded(found: "ControllerDesign", target: Path, quiet: bool) -> int:
     """Print the page; the status says whether the wanted fraction settles."""
-    from jaxsat.controller_design.page import design_page, headline
+    from jaxsat.synthesis.controller_design.page import design_page, headline
 
     if not quiet:
         print_text(design_page(found))
@@ -185,9 +185,9 @@ def _concluded(found: "ControllerDesign", target: Path, quiet: bool) -> int:
 
 def _work(vehicle: "Vehicle", cases: int, steps: int) -> "Work":
     """What all steps take, about."""
-    from jaxsat.controller_design.settings import SCREENING_CASES, VALIDATION_CASES
-    from jaxsat.controller_design.tuning import TUNED_CASES
-    from jaxsat.montecarlo import Work
+    from jaxsat.studies import Work
+    from jaxsat.synthesis.controller_design.settings import SCREENING_CASES, VALIDATION_CASES
+    from jaxsat.synthesis.controller_design.tuning import TUNED_CASES
 
     simulation = vehicle.scenario.simulation
     trajectories = STUDIES * (SCREENING_CASES + VALIDATION_CASES) + cases + 8 * steps * TUNED_CASES
@@ -198,7 +198,7 @@ def _work(vehicle: "Vehicle", cases: int, steps: int) -> "Work":
 
 def _told(what: str, progress: Any) -> None:
     """Progress of a study, of the tuner, or of neither."""
-    from jaxsat.montecarlo import StudyProgress
+    from jaxsat.studies import StudyProgress
 
     text = what
     if isinstance(progress, StudyProgress):

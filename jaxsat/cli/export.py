@@ -12,7 +12,7 @@ from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout
 
 if TYPE_CHECKING:
-    from jaxsat.export import Export
+    from jaxsat.flight import Export
     from jaxsat.scenario import Scenario
 
 Float = Annotated[bool, Parameter(name="--float", negative="")]
@@ -55,8 +55,8 @@ def export(
     chosen = load_or_explain(scenario, overrides)
     target = Path(f"jaxsat-{Path(scenario).stem}-flight") if out is None else out
 
-    from jaxsat.export import CannotExport, CannotLower, is_built
-    from jaxsat.results import OutputError, OutputFolder
+    from jaxsat.flight import CannotExport, CannotLower, is_built
+    from jaxsat.store import OutputError, OutputFolder
 
     try:
         place = OutputFolder(
@@ -83,10 +83,10 @@ def export(
 
 
 def _export(scenario: "Scenario", *, single: bool, libm: bool) -> "Export":
-    from jaxsat.assembly.run import build
-    from jaxsat.export import Request, export
-    from jaxsat.results import provenance
+    from jaxsat.flight import Request, export
     from jaxsat.scenario import dump
+    from jaxsat.scenario.build.run import build
+    from jaxsat.store import provenance
 
     run = build(scenario)
     request = Request(

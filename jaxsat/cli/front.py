@@ -18,8 +18,8 @@ from jaxsat.cli.words import command_line
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from jaxsat.comparison import Front
     from jaxsat.scenario import Scenario
+    from jaxsat.synthesis.comparison import Front
 
 RESULT, FIGURE = "front.json", "front"
 
@@ -77,7 +77,7 @@ def front(
         require_ideal_thrusters(one, "a front")
         _require_laws(one, laws)
     use_double_precision()
-    from jaxsat.results import OutputError, OutputFolder
+    from jaxsat.store import OutputError, OutputFolder
 
     try:
         with OutputFolder(out, kind="front", overwrite=overwrite) as folder:
@@ -95,8 +95,8 @@ def front(
 
 
 def _require_laws(scenario: "Scenario", laws: Sequence[str]) -> None:
-    from jaxsat.comparison import scenario_under
     from jaxsat.scenario import ScenarioError
+    from jaxsat.synthesis.comparison import scenario_under
 
     for law in laws:
         try:
@@ -108,8 +108,8 @@ def _require_laws(scenario: "Scenario", laws: Sequence[str]) -> None:
 
 
 def _found(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) -> "Front":
-    from jaxsat.comparison import front as computed
     from jaxsat.scenario import ScenarioError
+    from jaxsat.synthesis.comparison import front as computed
 
     limit = f"{scenario.spacecraft.torque_limit_N_m:g} N m"
 
@@ -126,7 +126,7 @@ def _found(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) ->
 
 def _write(folder: Any, title: str, found: Sequence["Front"], end: dict[str, Any]) -> None:
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import provenance
+    from jaxsat.store import provenance
 
     data = [one.as_data() for one in found]
     record = {"command": command_line(), **end, "fronts": data, **provenance()}

@@ -47,7 +47,7 @@ from jaxsat.cli.work import require_approval
 from jaxsat.core.errors import LibraryError
 
 if TYPE_CHECKING:
-    from jaxsat.montecarlo import AbstractExecutor, StopRule, Study, Summary
+    from jaxsat.studies import AbstractExecutor, StopRule, Study, Summary
 
 
 def montecarlo(
@@ -170,8 +170,8 @@ def montecarlo(
     rule = None if until_ci is None else _stop_rule(until_ci)
     use_double_precision()
     try:
-        from jaxsat.assembly.study import build_study
-        from jaxsat.montecarlo import study_work
+        from jaxsat.scenario.build.study import build_study
+        from jaxsat.studies import study_work
 
         show_progress("compiling")
         study = interruptibly(
@@ -233,14 +233,14 @@ def _what_is_left(target: Path) -> str:
 
 
 def _summary(target: Path, counted: int) -> "Summary":
-    from jaxsat.montecarlo import summarise
-    from jaxsat.results import study_columns
+    from jaxsat.store import study_columns
+    from jaxsat.studies import summarise
 
     return summarise(study_columns(target), counted)
 
 
 def _stop_rule(text: str) -> "StopRule":
-    from jaxsat.montecarlo import StopRule
+    from jaxsat.studies import StopRule
 
     match = re.fullmatch(r"([0-9.eE+-]+)\s*(%?)", text.strip())
     try:
@@ -259,7 +259,7 @@ def _run(
     rule: "StopRule | None",
     elsewhere: bool,
 ) -> int:
-    from jaxsat.montecarlo import run_study
+    from jaxsat.studies import run_study
 
     with study_problems():
         return interruptibly(

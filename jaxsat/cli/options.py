@@ -125,7 +125,7 @@ Overrides = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]
 
 def torque_limits(given: Sequence[str]) -> list[float]:
     """The torque limits (N m) that are asked for, each once."""
-    from jaxsat.comparison import LIMITS
+    from jaxsat.synthesis.comparison import LIMITS
 
     limits: list[float] = []
     for text in given:

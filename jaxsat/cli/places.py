@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from jaxsat.cli.terminal import UserMistake, output_problem
 
 if TYPE_CHECKING:
-    from jaxsat.results import OutputFolder
+    from jaxsat.store import OutputFolder
 
 
 class _Opened(Exception):
@@ -18,7 +18,7 @@ class _Opened(Exception):
 
 def try_folder(open_folder: "Callable[[], OutputFolder]") -> None:
     """Raise `UserMistake` or `FailedRun` now for a folder that could not be written later."""
-    from jaxsat.results import OutputError
+    from jaxsat.store import OutputError
 
     try:
         with contextlib.suppress(_Opened), open_folder():

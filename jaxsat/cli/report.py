@@ -50,7 +50,7 @@ def report(
 
 def write_report(paths: Sequence[Path], out: Path, *, overwrite: bool) -> None:
     """Make the page of results and write it; raises `UserMistake` or `FailedRun`."""
-    from jaxsat.results import OutputError, refuse_existing, save_file
+    from jaxsat.store import OutputError, refuse_existing, save_file
 
     try:
         refuse_existing(out, overwrite=overwrite)
@@ -70,7 +70,7 @@ class PlannedReport:
 
     def write(self) -> None:
         """Make and write the page, once the results are written."""
-        from jaxsat.results import OutputError, ResumableFolder, save_file
+        from jaxsat.store import OutputError, ResumableFolder, save_file
 
         use_double_precision()
         try:
@@ -93,7 +93,7 @@ def planned_report(
     """
     if asked is False:
         return None
-    from jaxsat.results import OutputError, refuse_existing
+    from jaxsat.store import OutputError, refuse_existing
 
     _require_packages()
     if asked is True:
@@ -120,7 +120,7 @@ def finish_report(planned: PlannedReport | None, *, quiet: bool) -> None:
 
 
 def _require_packages() -> None:
-    from jaxsat.page import MissingPackages, require_packages
+    from jaxsat.report.page import MissingPackages, require_packages
 
     try:
         require_packages()
@@ -129,7 +129,7 @@ def _require_packages() -> None:
 
 
 def _page(paths: Sequence[Path]) -> str:
-    from jaxsat.page import report_page
+    from jaxsat.report.page import report_page
 
     show_progress("making the report")
     return interruptibly(lambda: report_page(paths))

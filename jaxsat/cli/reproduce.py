@@ -21,8 +21,8 @@ from jaxsat.cli.terminal import (
 if TYPE_CHECKING:
     import xarray as xr
 
-    from jaxsat.reproduction import Claim
-    from jaxsat.results import OutputFolder
+    from jaxsat.report.reproduction import Claim
+    from jaxsat.store import OutputFolder
 
 COLOURS = {"HOLDS": "green", "ONLY_IF": "yellow", "FAILS": "red"}
 
@@ -50,7 +50,7 @@ def reproduce(
     """
     planned = planned_report(report, out, overwrite=overwrite)
 
-    from jaxsat.results import OutputError, OutputFolder
+    from jaxsat.store import OutputError, OutputFolder
 
     try:
         with OutputFolder(out, kind="reproduction", overwrite=overwrite) as folder:
@@ -76,10 +76,10 @@ def reproduce(
 
 def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
     """Every run the claims need, by name, with a line a run."""
-    from jaxsat.assembly.run import build
-    from jaxsat.reproduction import RUNS
-    from jaxsat.results import trajectory_dataset
+    from jaxsat.report.reproduction import RUNS
     from jaxsat.scenario import dump
+    from jaxsat.scenario.build.run import build
+    from jaxsat.store import trajectory_dataset
 
     datasets = {}
     for number, (name, run) in enumerate(RUNS.items(), start=1):
@@ -100,9 +100,9 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
 
 
 def _write(folder: "OutputFolder", datasets: "dict[str, xr.Dataset]") -> "list[Claim]":
+    from jaxsat.report.reproduction import judge, markdown_table, paper_figures
     from jaxsat.report.saving import save_figures
-    from jaxsat.reproduction import judge, markdown_table, paper_figures
-    from jaxsat.results import dataset_bytes
+    from jaxsat.store import dataset_bytes
 
     claims = judge(datasets)
     heading = (

@@ -20,10 +20,10 @@ from jaxsat.cli.work import require_approval
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from jaxsat.comparison import ScenarioComparison
-    from jaxsat.montecarlo import StudyProgress
-    from jaxsat.results import ResumableFolder
     from jaxsat.scenario import Scenario
+    from jaxsat.store import ResumableFolder
+    from jaxsat.studies import StudyProgress
+    from jaxsat.synthesis.comparison import ScenarioComparison
 
 RESULT = "comparison.json"
 
@@ -48,9 +48,9 @@ def compare_in_scenario(name: str, overrides: Sequence[str], options: Options) -
     if list(options.laws) == ["all"]:
         raise UserMistake("--law: must be given with a scenario, at least one law")
     scenario = load_or_explain(name, overrides, "study")
-    from jaxsat.comparison import ComparisonRun
-    from jaxsat.comparison import compare_in_scenario as compared
-    from jaxsat.results import ResumableFolder
+    from jaxsat.store import ResumableFolder
+    from jaxsat.synthesis.comparison import ComparisonRun
+    from jaxsat.synthesis.comparison import compare_in_scenario as compared
 
     _require_suitable(scenario, options)
     run = ComparisonRun(
@@ -96,10 +96,10 @@ def remarks(quiet: bool) -> Callable[[str], None]:
 
 def _require_suitable(scenario: "Scenario", options: Options) -> None:
     """Raise `UserMistake` for a law that cannot fly the scenario, and for too much work."""
-    from jaxsat.assembly.study import build_study
-    from jaxsat.comparison import scenario_under
-    from jaxsat.montecarlo import study_work
     from jaxsat.scenario import ScenarioError
+    from jaxsat.scenario.build.study import build_study
+    from jaxsat.studies import study_work
+    from jaxsat.synthesis.comparison import scenario_under
 
     works = []
     for law in dict.fromkeys(options.laws):
@@ -118,7 +118,7 @@ def _write(
     folder: "ResumableFolder", scenario: "Scenario", found: "ScenarioComparison", seed: int
 ) -> None:
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import provenance
+    from jaxsat.store import provenance
 
     record = {"command": command_line(), "seed": seed, **found.as_data(), **provenance()}
     folder.write(RESULT, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from jaxsat.results import OutputFolder
     from jaxsat.scenario import Scenario
+    from jaxsat.store import OutputFolder
 
 
 def simulate(
@@ -58,7 +58,7 @@ def simulate(
     target = Path(f"jaxsat-{Path(scenario).stem}") if out is None else out
     planned = planned_report(report, target, overwrite=overwrite)
 
-    from jaxsat.results import OutputError, OutputFolder
+    from jaxsat.store import OutputError, OutputFolder
 
     try:
         with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
@@ -71,7 +71,7 @@ def simulate(
             files = folder.names
     except OutputError as error:
         raise output_problem(error) from None
-    from jaxsat.results.coarseness import coarseness
+    from jaxsat.store.coarseness import coarseness
 
     for told in (coarseness(dataset), excessive_error(errors_of(dataset), chosen)):
         if told:
@@ -91,9 +91,9 @@ def _run(
     scenario: "Scenario", tell: "Callable[[str], None]" = lambda obstacle: None
 ) -> tuple["xr.Dataset", float]:
     """The trajectory as a dataset, and the seconds that it took; see `Run.simulate`."""
-    from jaxsat.assembly.run import build
-    from jaxsat.results import trajectory_dataset
     from jaxsat.scenario import dump
+    from jaxsat.scenario.build.run import build
+    from jaxsat.store import trajectory_dataset
 
     begin = time.perf_counter()
     run = build(scenario)
@@ -110,7 +110,7 @@ def _run(
 
 def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") -> None:
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import dataset_bytes
+    from jaxsat.store import dataset_bytes
 
     folder.write("scenario.toml", dataset.attrs["scenario"])
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
@@ -128,7 +128,7 @@ def figures_of(dataset: "xr.Dataset") -> "dict[str, Figure]":
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
     """What a person needs to make the same run again."""
-    from jaxsat.results import provenance
+    from jaxsat.store import provenance
 
     return {
         "title": scenario.title,

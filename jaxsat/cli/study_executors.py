@@ -8,7 +8,7 @@ from jaxsat.cli.terminal import FailedRun, UserMistake, output_problem, print_st
 from jaxsat.core.processors import processors
 
 if TYPE_CHECKING:
-    from jaxsat.montecarlo import AbstractExecutor
+    from jaxsat.studies import AbstractExecutor
 
 
 def chosen_executor(
@@ -18,7 +18,7 @@ def chosen_executor(
 
     On this machine no more threads compute than there are processors, whatever is asked for.
     """
-    from jaxsat.montecarlo import Devices, Processes, Serial, Threads
+    from jaxsat.studies import Devices, Processes, Serial, Threads
 
     for name, value in (("--workers", workers), ("--processes", processes)):
         if value is not None and value < 1:
@@ -49,8 +49,8 @@ def chosen_executor(
 @contextmanager
 def study_problems() -> Iterator[None]:
     """Inside, stores that cannot be used and workers that do not live are the command's problem."""
-    from jaxsat.montecarlo import ClusterError
-    from jaxsat.results import OutputError
+    from jaxsat.store import OutputError
+    from jaxsat.studies import ClusterError
 
     try:
         yield
@@ -62,7 +62,7 @@ def study_problems() -> Iterator[None]:
 
 def _cluster(place: str) -> "AbstractExecutor":
     try:
-        from jaxsat.montecarlo.cluster import scheduler_at
+        from jaxsat.studies.cluster import scheduler_at
     except ImportError:
         raise UserMistake(
             "--scheduler: must have dask.distributed; install jaxsat[cluster]"

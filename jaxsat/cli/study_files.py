@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from jaxsat.montecarlo import Study, Summary
     from jaxsat.report.study_figures import DrawnNumber
-    from jaxsat.results import OutputFolder
     from jaxsat.scenario import Scenario
     from jaxsat.simulation import Signals
+    from jaxsat.store import OutputFolder
+    from jaxsat.studies import Study, Summary
 
 
 FAN_INSTANTS, FAN_CASES = 500, 64
@@ -30,7 +30,7 @@ def write_figures(
     import numpy as np
 
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import OutputError, open_study
+    from jaxsat.store import OutputError, open_study
 
     def write() -> None:
         dataset = open_study(store)
@@ -61,14 +61,14 @@ def figures_folder(folder: Path) -> "OutputFolder":
 
     Raises `OutputError`.
     """
-    from jaxsat.results import OutputFolder
+    from jaxsat.store import OutputFolder
 
     return OutputFolder(folder, kind="figures", overwrite=True, option="--figures")
 
 
 def refuse_csv(path: Path, *, overwrite: bool) -> None:
     """Raise `UserMistake` now for a table that could not be written later."""
-    from jaxsat.results import OutputError, refuse_existing
+    from jaxsat.store import OutputError, refuse_existing
 
     try:
         refuse_existing(path, overwrite=overwrite, option="--csv")
@@ -78,7 +78,7 @@ def refuse_csv(path: Path, *, overwrite: bool) -> None:
 
 def write_csv(path: Path, store: Path, count: int, *, overwrite: bool) -> None:
     """The first `count` cases of a store as CSV."""
-    from jaxsat.results import OutputError, save_case_table
+    from jaxsat.store import OutputError, save_case_table
 
     try:
         interruptibly(lambda: save_case_table(store, path, count=count, overwrite=overwrite))
@@ -109,8 +109,8 @@ def _drawn(dataset: "xr.Dataset", label: str, count: int) -> "DrawnNumber":
     """What was drawn of a number that is called as in a sensitivity ranking."""
     import numpy as np
 
-    from jaxsat.montecarlo import numbers_of
     from jaxsat.report.study_figures import DrawnNumber
+    from jaxsat.studies import numbers_of
 
     name = label.partition("[")[0]
     column = dataset[f"drawn_{name}"]
@@ -135,7 +135,7 @@ def write_one_case(
     """One case again, as a folder like that of `jaxsat simulate`."""
     from jaxsat.cli.simulate import figures_of
     from jaxsat.report.saving import save_figures
-    from jaxsat.results import OutputError, OutputFolder, dataset_bytes
+    from jaxsat.store import OutputError, OutputFolder, dataset_bytes
 
     try:
         with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
@@ -158,8 +158,8 @@ def replayed(
     scenario: "Scenario", study: "Study", number: int
 ) -> tuple["xr.Dataset", Sequence[str]]:
     """The trajectory of one case as a dataset, and what was drawn for it as lines."""
-    from jaxsat.assembly.replay import replay_case
-    from jaxsat.declaration.quantities import DISPERSIBLE
+    from jaxsat.core.declaration.quantities import DISPERSIBLE
+    from jaxsat.scenario.build.replay import replay_case
 
     dataset = replay_case(scenario, study, number)
     lines = []

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from jaxsat.cli.integration_error import error_row
 
 if TYPE_CHECKING:
-    from jaxsat.montecarlo import RecoverySummary, Sensitivity, StudyProgress, Summary
+    from jaxsat.studies import RecoverySummary, Sensitivity, StudyProgress, Summary
 
 SHOWN = 8
 """Entries of a sensitivity ranking that are printed."""
@@ -23,7 +23,7 @@ _PERCENTILES = {
 
 def summary_lines(summary: "Summary") -> list[str]:
     """What a study found, for a person."""
-    from jaxsat.montecarlo import ends_text, percent_texts
+    from jaxsat.studies import ends_text, percent_texts
 
     settled, low, high = percent_texts(summary.settled)
     lines = [
@@ -52,7 +52,7 @@ def recovery_lines(found: "RecoverySummary | None") -> Iterator[str]:
     """What came of failures in flight: by kind, the alarms without one, and the cases explained."""
     if found is None:
         return
-    from jaxsat.montecarlo import percent_texts, reason_words
+    from jaxsat.studies import percent_texts, reason_words
 
     yield "recovered, by kind of failure (95 % intervals)"
     width = max(len(row.kind) for row in found.by_kind)

@@ -63,9 +63,9 @@ def settling_text(dataset: "xr.Dataset", scenario: "Scenario") -> str:
     """When the spacecraft settled, and what that means: by rates alone under some laws."""
     import math
 
-    from jaxsat.assembly.run import build_tolerances
-    from jaxsat.results import time_at_rest, time_to_settle
+    from jaxsat.scenario.build.run import build_tolerances
     from jaxsat.scenario.laws import find_law
+    from jaxsat.store import time_at_rest, time_to_settle
 
     attitude = find_law(scenario.control.law).declaration.regulates_attitude
     time = time_to_settle(dataset) if attitude else time_at_rest(dataset)

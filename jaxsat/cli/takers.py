@@ -44,13 +44,13 @@ def says_no_more_than_a_vehicle(scenario: str, overrides: Sequence[str]) -> bool
 
 
 def _require_vehicle(scenario: "Scenario") -> None:
-    from jaxsat.controller_design.vehicle import vehicle_verdict
+    from jaxsat.synthesis.controller_design.vehicle import vehicle_verdict
 
     vehicle_verdict(scenario)
 
 
 def _require_flight_code(scenario: "Scenario") -> None:
-    from jaxsat.assembly.run import build_loop
-    from jaxsat.export.flight import FlightController
+    from jaxsat.flight.flight import FlightController
+    from jaxsat.scenario.build.run import build_loop
 
     FlightController.of(build_loop(scenario))

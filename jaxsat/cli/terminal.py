@@ -10,7 +10,7 @@ from jaxsat.cli.progress import between_drawings
 from jaxsat.core.text import clean
 
 if TYPE_CHECKING:
-    from jaxsat.results import OutputError
+    from jaxsat.store import OutputError
 
 SUCCESS = 0
 FAILED_RUN = 1

@@ -22,10 +22,10 @@ from jaxsat.cli.work import require_approval
 from jaxsat.core.processors import processors
 
 if TYPE_CHECKING:
-    from jaxsat.montecarlo import Work
     from jaxsat.scenario import Scenario
-    from jaxsat.tuning import DescentProgress, DescentState, TuningPlan
-    from jaxsat.tuning.checkpoint import TuningFolder
+    from jaxsat.studies import Work
+    from jaxsat.synthesis.tuning import DescentProgress, DescentState, TuningPlan
+    from jaxsat.synthesis.tuning.checkpoint import TuningFolder
 
 CASE = 1000
 """Bytes of a case in memory, and as much for each gain, about."""
@@ -93,11 +93,11 @@ def tune(
     target = Path(f"jaxsat-{Path(scenario).stem}-tuned") if out is None else out
     planned = planned_report(report, target, overwrite=overwrite)
 
-    from jaxsat.assembly.tuning import build_plan
-    from jaxsat.results import OutputError
-    from jaxsat.tuning import NoGradient
-    from jaxsat.tuning.checkpoint import TuningFolder, plan_identity
-    from jaxsat.tuning_run import SUMMARY, is_concluded
+    from jaxsat.store import OutputError
+    from jaxsat.synthesis.tuning import NoGradient
+    from jaxsat.synthesis.tuning.build import build_plan
+    from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
+    from jaxsat.synthesis.tuning.run import SUMMARY, is_concluded
 
     try:
         show_progress("compiling")
@@ -132,7 +132,7 @@ def tune(
 
 def _work(plan: "TuningPlan", baselines: bool) -> "Work":
     """What the descent and the verdict take, about; a gradient of n gains counts n + 1."""
-    from jaxsat.montecarlo import Work
+    from jaxsat.studies import Work
 
     told = plan.settings
     free = told.descent.derivative_free
@@ -150,7 +150,7 @@ def _work(plan: "TuningPlan", baselines: bool) -> "Work":
 
 def _descended(plan: "TuningPlan", scenario: "Scenario", folder: "TuningFolder") -> "DescentState":
     """The last state; an interruption says where the best gains so far are."""
-    from jaxsat.tuning_run import TUNED, run_descent
+    from jaxsat.synthesis.tuning.run import TUNED, run_descent
 
     show_progress("compiling; trying the starts")
 
@@ -187,7 +187,7 @@ def _concluded(
     quiet: bool,
 ) -> None:
     """Receipt, verdict and all files; an interruption says where the tuned gains are."""
-    from jaxsat.tuning_run import TUNED, conclude
+    from jaxsat.synthesis.tuning.run import TUNED, conclude
 
     def warn(text: str) -> None:
         if not quiet:

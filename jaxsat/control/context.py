@@ -5,10 +5,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jaxsat.control.diagnosis import ThrusterModel
 from jaxsat.core.errors import JaxsatError
-from jaxsat.diagnosis import ThrusterModel
-from jaxsat.dynamics import RigidBody
-from jaxsat.vehicle import Wheels
+from jaxsat.spacecraft import Wheels
+from jaxsat.spacecraft.dynamics import RigidBody
 
 
 class ThrusterContext(NamedTuple):

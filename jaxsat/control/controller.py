@@ -17,9 +17,9 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.context import LawContext
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
-from jaxsat.declaration import LawDeclaration
-from jaxsat.declaration.laws import COAST
-from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.core.declaration import LawDeclaration
+from jaxsat.core.declaration.laws import COAST
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 Memory = PyTree
 """What a controller remembers, its own affair."""

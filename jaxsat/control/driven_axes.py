@@ -9,9 +9,9 @@ from jaxtyping import Array, Float, Int
 
 from jaxsat.control.estimators import integrated_products, products_of
 from jaxsat.control.normal_form import NormalForm
+from jaxsat.control.planning.transcription import AbstractCorrection
 from jaxsat.core.checks import as_float, require_counts, require_positive
-from jaxsat.dynamics import PlantState
-from jaxsat.planning.transcription import AbstractCorrection
+from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 

@@ -8,6 +8,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from jaxsat.control.diagnosis import (
+    Diagnosis,
+    DiagnosisMemory,
+    ResidualFilter,
+    Stage,
+    ThrusterModel,
+)
 from jaxsat.control.leaks import LeakMemory, Leaks
 from jaxsat.control.least_squares import Fit
 from jaxsat.control.pulse_rounding import PulseRounding
@@ -16,11 +23,10 @@ from jaxsat.control.reconfiguration import Ability, Left, Reconfiguration
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.declaration import LawDeclaration
+from jaxsat.core.declaration.fault_tolerant import FAULT_TOLERANT
 from jaxsat.core.trees import choose
-from jaxsat.declaration import LawDeclaration
-from jaxsat.declaration.fault_tolerant import FAULT_TOLERANT
-from jaxsat.diagnosis import Diagnosis, DiagnosisMemory, ResidualFilter, Stage, ThrusterModel
-from jaxsat.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 

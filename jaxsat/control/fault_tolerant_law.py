@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.control.context import LawContext, ThrusterContext, UnsuitableModel
+from jaxsat.control.diagnosis import Diagnosis, ResidualFilter
 from jaxsat.control.fault_tolerant import FaultTolerant, SettlingLaws
 from jaxsat.control.leaks import Leaks
 from jaxsat.control.presets import coasting
@@ -26,7 +27,6 @@ from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.checks import as_array
 from jaxsat.core.inertia import normal_axes
-from jaxsat.diagnosis import Diagnosis, ResidualFilter
 
 LEAST_NOISE = 1e-3
 """Of the rate that the strongest thruster changes in a period: of rates told without noise."""

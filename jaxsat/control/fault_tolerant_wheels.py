@@ -11,17 +11,17 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.context import LawContext, WheelContext
+from jaxsat.control.diagnosis import MOST_RETURNS, Diagnosis, DiagnosisMemory, Stage, WheelFilter
+from jaxsat.control.diagnosis.wheel_filter import LEAST_NOISE, WheelReading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.two_wheels import TwoWheels
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.core.checks import as_array, as_float, require_positive
-from jaxsat.declaration import LawDeclaration
-from jaxsat.declaration.fault_tolerant import FAULT_TOLERANT_WHEELS
-from jaxsat.diagnosis import MOST_RETURNS, Diagnosis, DiagnosisMemory, Stage, WheelFilter
-from jaxsat.diagnosis.wheel_filter import LEAST_NOISE, WheelReading
-from jaxsat.dynamics import PlantState
+from jaxsat.core.declaration import LawDeclaration
+from jaxsat.core.declaration.fault_tolerant import FAULT_TOLERANT_WHEELS
+from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]

@@ -18,7 +18,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.trees import choose
-from jaxsat.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 

@@ -17,7 +17,7 @@ from jaxsat.control.oscillatory import Tracking, turned
 from jaxsat.control.rate_tracking import clipped, tracking_torque
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float, require_positive
-from jaxsat.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxsat.core.checks import as_float, require_positive
-from jaxsat.vehicle.axes import directions_across
+from jaxsat.spacecraft.axes import directions_across
 
 RealScalar = Float[Array, ""]
 

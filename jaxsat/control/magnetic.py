@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
-from jaxsat.dynamics import PlantState
-from jaxsat.environment import DipoleField
-from jaxsat.vehicle import nearest_within
+from jaxsat.spacecraft import nearest_within
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.environment import DipoleField
 
 
 class MagneticSteering(eqx.Module):

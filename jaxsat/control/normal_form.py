@@ -18,7 +18,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.inertia import normal_axes
 from jaxsat.core.quotients import reciprocal
-from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 RealScalar = Float[Array, ""]
 

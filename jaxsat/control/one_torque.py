@@ -20,11 +20,11 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.torque_axis import TorqueAxisFrame
 from jaxsat.core.allocation import torque_axis
 from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.declaration import LawDeclaration
+from jaxsat.core.declaration.one_torque import ONE_TORQUE
+from jaxsat.core.declaration.scaling import Scaling
 from jaxsat.core.inertia import LEAST_TORQUE_TILT, torque_axis_frame
-from jaxsat.declaration import LawDeclaration
-from jaxsat.declaration.one_torque import ONE_TORQUE
-from jaxsat.declaration.scaling import Scaling
-from jaxsat.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 

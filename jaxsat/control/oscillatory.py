@@ -25,7 +25,7 @@ from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.smooth import without_slope
-from jaxsat.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 

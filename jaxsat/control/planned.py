@@ -11,17 +11,17 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.control.driven_axes import DrivenFit, DrivenMemory, FittedDynamics
 from jaxsat.control.fine import RippleSlack
 from jaxsat.control.normal_form import NormalForm
+from jaxsat.control.planning.search import PlanSearch, Search, in_hemisphere_of
+from jaxsat.control.planning.tracking import Followed, followed_if, following_torque
+from jaxsat.control.planning.transcription import STATES, PlanObjective, Transcription
 from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.core.checks import as_float, require_counts, require_positive
+from jaxsat.core.declaration.settling import PLANNING_MARGIN, REPLAN_TIME
 from jaxsat.core.trees import choose
-from jaxsat.declaration.settling import PLANNING_MARGIN, REPLAN_TIME
-from jaxsat.dynamics import PlantState
-from jaxsat.planning.search import PlanSearch, Search, in_hemisphere_of
-from jaxsat.planning.tracking import Followed, followed_if, following_torque
-from jaxsat.planning.transcription import STATES, PlanObjective, Transcription
+from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
@@ -89,10 +89,10 @@ class PlannedSettling(AbstractSampledController):
     While the first plan is sought, which takes `search.most_pieces` periods at the most, the body
     coasts. The plan begins `search.closing_pieces` periods after the best guess is chosen, in the
     state in which the model expects the body then. Plans use 1 - `margin` of the torque limit,
-    feedback along the plan (`jaxsat.planning.tracking`) all of it. Every `replan` seconds a new
-    plan is sought from the measured state, near the old one, which is followed until the new one is
-    found; the end of a plan is flown as it is. If that misses the target, as where the model is
-    wrong, another manoeuvre is planned. Then `settling`, the law of three slews, oscillates and
+    feedback along the plan (`jaxsat.control.planning.tracking`) all of it. Every `replan` seconds a
+    new plan is sought from the measured state, near the old one, which is followed until the new
+    one is found; the end of a plan is flown as it is. If that misses the target, as where the model
+    is wrong, another manoeuvre is planned. Then `settling`, the law of three slews, oscillates and
     holds. Where no plan arrives it does everything, and the failure counts. When the end game loses
     the attitude a new manoeuvre is planned. No sample takes more than `search.iterations`
     iterations of the planner. A plan has so many `intervals`.

@@ -1,7 +1,7 @@
 """Settling controllers for any inertia, torque limit and control period.
 
-Their gains have no dimension (`jaxsat.declaration.tuned_gains`). The unit of time is τ of
-`jaxsat.declaration.scaling`, J0 being the geometric mean of S1 and S2, so a larger body under
+Their gains have no dimension (`jaxsat.core.declaration.tuned_gains`). The unit of time is τ of
+`jaxsat.core.declaration.scaling`, J0 being the geometric mean of S1 and S2, so a larger body under
 torques larger in proportion flies alike. The gains are functions of the control period over τ,
 tuned at three values of it; between these they are interpolated, below and above they are those of
 the nearest. What is known of the periodic d3 goes into the ripple estimator.
@@ -29,16 +29,16 @@ from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, Steady
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.core.checks import as_float
-from jaxsat.declaration.scaling import Scaling, in_seconds
-from jaxsat.declaration.settling import TUNED_PERIOD
-from jaxsat.declaration.settling import holding_amplitude as own_amplitude
-from jaxsat.declaration.tuned_gains import (
+from jaxsat.core.declaration.scaling import Scaling, in_seconds
+from jaxsat.core.declaration.settling import TUNED_PERIOD
+from jaxsat.core.declaration.settling import holding_amplitude as own_amplitude
+from jaxsat.core.declaration.tuned_gains import (
     APPROACH,
     MORIN_SAMSON,
     TWO_CHANNEL,
     FineGains,
 )
-from jaxsat.dynamics import RigidBody
+from jaxsat.spacecraft.dynamics import RigidBody
 
 LEAST_COUPLING = 1e-6
 """c below which S1 and S2 count as equal."""

@@ -14,10 +14,10 @@ from jaxtyping import Array, Float
 from jaxsat.control.context import LawContext
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.declaration import LawDeclaration
+from jaxsat.core.declaration.quaternion_feedback import QUATERNION_FEEDBACK
 from jaxsat.core.quotients import share_within
-from jaxsat.declaration import LawDeclaration
-from jaxsat.declaration.quaternion_feedback import QUATERNION_FEEDBACK
-from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsat.control.diagnosis import WEAK, Condition
 from jaxsat.core.allocation import (
     largest_torque,
     least_propellant,
@@ -18,8 +19,7 @@ from jaxsat.core.allocation import (
     unit_columns,
 )
 from jaxsat.core.checks import as_array, as_float
-from jaxsat.diagnosis import WEAK, Condition
-from jaxsat.vehicle import LeastPropellant
+from jaxsat.spacecraft import LeastPropellant
 
 RealScalar = Float[Array, ""]
 

@@ -16,8 +16,8 @@ from jaxsat.control.presets import oscillatory_settling, ripple_filter, three_sl
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.core.allocation import torque_directions, usable_share
 from jaxsat.core.checks import as_float
-from jaxsat.declaration.law import LawDeclaration
-from jaxsat.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, PLANNED, THREE_SLEW
+from jaxsat.core.declaration.law import LawDeclaration
+from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, PLANNED, THREE_SLEW
 
 
 def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> OscillatorySettling:

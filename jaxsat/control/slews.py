@@ -19,7 +19,7 @@ from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.roots import angle_of, root
 from jaxsat.core.tolerances import wrap_angle
 from jaxsat.core.trees import choose
-from jaxsat.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 

@@ -19,7 +19,7 @@ from jaxsat.control.slews import Leg, Slewing, SlewPlanner
 from jaxsat.control.tilt import tilt_of
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.trees import choose
-from jaxsat.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 

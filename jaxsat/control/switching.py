@@ -21,9 +21,9 @@ from jaxsat.control.rate import RateLaw
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.three_axis import ThreeAxisLaw
 from jaxsat.core.checks import as_float, concrete, require_positive
-from jaxsat.declaration import LawDeclaration
-from jaxsat.declaration.switching import SLOPE_LIMITS, SWITCHING
-from jaxsat.dynamics import PlantState
+from jaxsat.core.declaration import LawDeclaration
+from jaxsat.core.declaration.switching import SLOPE_LIMITS, SWITCHING
+from jaxsat.spacecraft.dynamics import PlantState
 
 
 class SwitchingMode(enum.IntEnum):

@@ -13,11 +13,11 @@ from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.control.internal_model import InternalModel
 from jaxsat.core.checks import all_positive, as_float, require_positive
+from jaxsat.core.declaration import LawDeclaration
+from jaxsat.core.declaration.three_axis import THREE_AXIS
 from jaxsat.core.quotients import quotient, reciprocal
 from jaxsat.core.smooth import Width, as_width, sat
-from jaxsat.declaration import LawDeclaration
-from jaxsat.declaration.three_axis import THREE_AXIS
-from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class ThreeAxisLaw(AbstractBacksteppingLaw):

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.quotients import share_within
-from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 TILT_GAIN, TURN_GAIN, RATE_GAIN = 1.0, 0.4, 3.0
 """On the tilt, on the turn and on rate errors, over the natural frequency."""

@@ -9,10 +9,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsat.control.diagnosis import WEAK, Condition, WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.core.roots import length, root
-from jaxsat.diagnosis import WEAK, Condition, WheelFilter
-from jaxsat.vehicle import Wheels, nearest_within
+from jaxsat.spacecraft import Wheels, nearest_within
 
 RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]

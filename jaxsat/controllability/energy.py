@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.environment import PeriodicTorque
+from jaxsat.spacecraft.environment import PeriodicTorque
 
 
 def energy_history(

@@ -15,8 +15,8 @@ from jaxtyping import Float
 
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.linear import lvlh_linearisation
-from jaxsat.environment import DipoleField
-from jaxsat.environment.orbit import EARTH_ROTATION
+from jaxsat.spacecraft.environment import DipoleField
+from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION
 
 DAY = 2 * np.pi / EARTH_ROTATION  # s
 STEPS = 128  # an orbit

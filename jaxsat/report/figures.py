@@ -1,6 +1,6 @@
 """One function per figure: a trajectory dataset in, a matplotlib `Figure` out.
 
-The datasets are those of `jaxsat.results.dataset`. No figure is shown or saved here.
+The datasets are those of `jaxsat.store.dataset`. No figure is shown or saved here.
 """
 
 import tomllib

@@ -26,7 +26,8 @@ ENDS = {"settled": "until settled", "rest": "to rest"}
 
 
 def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> Figure:
-    """A panel for each of the fronts, which are the data of `jaxsat.comparison.Front.as_data`.
+    """A panel for each of the fronts, which are the data of
+    `jaxsat.synthesis.comparison.Front.as_data`.
 
     Left of the front's first point no plan reaches the target; below the line none is known.
     """

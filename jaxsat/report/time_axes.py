@@ -13,7 +13,7 @@ Span = tuple[float, float]
 
 DIAGNOSED = ("dead", "degraded", "stuck on", "stuck at a level", "leaking", "reversed",
              "friction up", "runaway", "stopped")  # fmt: skip
-"""Kinds of failure by the numbers of `jaxsat.diagnosis.DiagnosedKind`."""
+"""Kinds of failure by the numbers of `jaxsat.control.diagnosis.DiagnosedKind`."""
 
 MOST_ENTRIES = 6
 """Of a legend with modes, in one row."""

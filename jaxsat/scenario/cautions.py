@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from jaxsat.core.allocation import usable_share
+from jaxsat.core.declaration.scaling import Scaling
+from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, TUNED_PERIOD, holding_amplitude
+from jaxsat.core.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, tuned_frequency
 from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.core.ranges import SETTLED_W
-from jaxsat.declaration.scaling import Scaling
-from jaxsat.declaration.settling import HOLDING_AMPLITUDE, TUNED_PERIOD, holding_amplitude
-from jaxsat.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, tuned_frequency
 from jaxsat.scenario.actuator_cautions import actuator_cautions
 from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
 from jaxsat.scenario.domain import believed_normal_form, domain_cautions

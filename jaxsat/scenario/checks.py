@@ -5,9 +5,9 @@ themselves, so that one mistake hides no other.
 """
 
 from jaxsat.core.allocation import allocation_matrix, torque_directions
+from jaxsat.core.declaration.laws import LAWS
+from jaxsat.core.declaration.sensors import DELAY, GYRO_KEYS, TRACKER_KEYS
 from jaxsat.core.ranges import STATE_LIMIT
-from jaxsat.declaration.laws import LAWS
-from jaxsat.declaration.sensors import DELAY, GYRO_KEYS, TRACKER_KEYS
 from jaxsat.scenario.coordinates import (
     ERROR_COORDINATE_KEYS,
     error_coordinate_obstacle,

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import ConfigDict, Field, SerializeAsAny, WrapValidator, create_model
 
+from jaxsat.core.declaration.laws import LAWS, Law
 from jaxsat.core.once import once
 from jaxsat.core.ranges import ORBIT_RATE
-from jaxsat.declaration.laws import LAWS, Law
 from jaxsat.scenario.declared import fields_of
 from jaxsat.scenario.laws import find_law, is_plugin
 from jaxsat.scenario.quantities import Inertia, Number, Switches3, Table, choice, quantity, within

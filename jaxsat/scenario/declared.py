@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Union
 from annotated_types import Ge, Gt, Le, Len
 from pydantic import Discriminator, Tag, create_model
 
-from jaxsat.declaration import LARGEST, Choice, Key, Numeric
+from jaxsat.core.declaration import LARGEST, Choice, Key, Numeric
 from jaxsat.scenario.quantities import Number, Switch, Table, choice, is_list, quantity
 
 

@@ -5,9 +5,9 @@ from typing import Annotated, Any, Literal
 from annotated_types import Len
 from pydantic import Discriminator, Tag, model_validator
 
+from jaxsat.core.declaration.quantities import DISPERSIBLE, DispersibleQuantity
+from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.core.errors import ArgumentError
-from jaxsat.declaration.quantities import DISPERSIBLE, DispersibleQuantity
-from jaxsat.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.scenario.declared import fields_of, table_with
 from jaxsat.scenario.quantities import Number, Switch, Table, choice, quantity
 

@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.core.allocation import torque_directions, usable_share
+from jaxsat.core.declaration.domain import NUMBERS
 from jaxsat.core.inertia import normal_axes
 from jaxsat.core.ranges import SETTLED_RATE
-from jaxsat.declaration.domain import NUMBERS
 from jaxsat.scenario.coordinates import free_inertia
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law

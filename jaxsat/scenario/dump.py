@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from jaxsat.declaration.laws import LAWS
+from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.degrees import with_degrees
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.toml_text import toml_document

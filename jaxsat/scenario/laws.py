@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from jaxsat.declaration.laws import LAWS, Law
+from jaxsat.core.declaration.laws import LAWS, Law
 from jaxsat.scenario.plugins import LAW, PluginError, find_class, installed, require_constants
 
 

@@ -1,6 +1,6 @@
 """Rules on `[[magnetorquer]]` and `[unloading]`."""
 
-from jaxsat.declaration.laws import LAWS
+from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at, rule

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from jaxsat.declaration.laws import LAWS
+from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.degrees import other_spellings
 from jaxsat.scenario.errors import Problem

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from jaxsat.declaration.disturbances import AERODYNAMIC, SOLAR
+from jaxsat.core.declaration.disturbances import AERODYNAMIC, SOLAR
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.quantities import Line, Number, Table, choice, quantity
 from jaxsat.scenario.rules import at, rule_over

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, SerializeAsAny, WrapValidator, create_model
 
+from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.once import once
-from jaxsat.declaration.disturbances import DISTURBANCES
 from jaxsat.scenario.declared import fields_of
 from jaxsat.scenario.plugins import ACTUATORS, DISTURBANCE, Part, PluginKind, find_part
 from jaxsat.scenario.quantities import Table, choice

@@ -21,10 +21,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from jaxsat.core.declaration import LawDeclaration, PartDeclaration
+from jaxsat.core.declaration.sensors import ESTIMATORS
 from jaxsat.core.errors import FOREIGN, JaxsatError
 from jaxsat.core.once import once
-from jaxsat.declaration import LawDeclaration, PartDeclaration
-from jaxsat.declaration.sensors import ESTIMATORS
 
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
@@ -59,16 +59,16 @@ LAW = PluginKind(
 DISTURBANCE = PluginKind(
     "a disturbance",
     "jaxsat.disturbances",
-    ("jaxsat.environment:AbstractDisturbance",),
+    ("jaxsat.spacecraft.environment:AbstractDisturbance",),
     PartDeclaration,
 )
 ACTUATORS = PluginKind(
-    "actuators", "jaxsat.actuators", ("jaxsat.vehicle:AbstractActuators",), PartDeclaration
+    "actuators", "jaxsat.actuators", ("jaxsat.spacecraft:AbstractActuators",), PartDeclaration
 )
 ESTIMATOR = PluginKind(
     "an estimator",
     "jaxsat.estimators",
-    ("jaxsat.navigation:AbstractEstimator",),
+    ("jaxsat.control.navigation:AbstractEstimator",),
     PartDeclaration,
     own=ESTIMATORS,
 )

@@ -5,9 +5,9 @@ import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-import jaxsat.declaration as declaration
+import jaxsat.core.declaration as declaration
+from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import FOREIGN
-from jaxsat.declaration.laws import Law
 from jaxsat.scenario.coordinates import Values
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import is_plugin, known_law

@@ -4,7 +4,7 @@ Of a table that is given, the keys of the table are among the values; of one tha
 itself is, as None.
 """
 
-from jaxsat.declaration.sensors import SENSOR_KEYS
+from jaxsat.core.declaration.sensors import SENSOR_KEYS
 from jaxsat.scenario.checks import is_multiple
 from jaxsat.scenario.rules import at, rule
 from jaxsat.scenario.wording import shown

@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, SerializeAsAny
 
-from jaxsat.declaration.sensors import ATTITUDE_SIGMA, ESTIMATOR, GYRO_KEYS, TRACKER_KEYS
+from jaxsat.core.declaration.sensors import ATTITUDE_SIGMA, ESTIMATOR, GYRO_KEYS, TRACKER_KEYS
 from jaxsat.scenario.declared import fields_of, table_with
 from jaxsat.scenario.part_tables import PartTable, by_its_kind
 from jaxsat.scenario.plugins import ESTIMATOR as ESTIMATOR_KIND

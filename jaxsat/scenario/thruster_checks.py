@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from jaxsat.core.allocation import least_propellant, plane_map
-from jaxsat.declaration.laws import LAWS
+from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at, rule, rule_over

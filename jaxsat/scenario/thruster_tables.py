@@ -138,7 +138,7 @@ THRUSTER_FAILURES = {
     "intermittent": ("fraction",),
     "turned": ("turn_rad",),
 }
-"""The keys of which one says how much, by kind: those of `jaxsat.vehicle.FailureKind`."""
+"""The keys of which one says how much, by kind: those of `jaxsat.spacecraft.FailureKind`."""
 
 IDEAL_FAILURES = {
     "dead": (),
@@ -160,7 +160,7 @@ WHEEL_FAILURES = {
     "friction-up": ("factor", "friction_N_m"),
     "runaway": (),
 }
-"""The same of wheels: those of `jaxsat.vehicle.WheelFailureKind`, of which two are friction-up."""
+"""The same of wheels: `jaxsat.spacecraft.WheelFailureKind`, of which two are friction-up."""
 
 FailureName = Literal[
     "dead",

@@ -152,7 +152,7 @@ def _more_cases_can_be_drawn(steps, design):
 def _optimiser_is_one_of_optax(name):
     if name in USUAL_OPTIMISERS or name == "cma-es":
         return
-    from jaxsat.tuning.optimisers import OptimiserSettings
+    from jaxsat.scenario.optimisers import OptimiserSettings
 
     try:
         OptimiserSettings(name)

@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from jaxsat.core.declaration.laws import LAWS
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.once import once
 from jaxsat.core.text import clean
-from jaxsat.declaration.laws import LAWS
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue, Location, entry_of
 from jaxsat.scenario.laws import known_law, law_names

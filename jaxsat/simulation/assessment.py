@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.tolerances import SettlingTracker, Tolerances, excess
-from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class Assessment(eqx.Module):

@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.located_edges import Integrate, external_torque, through_located_parts
-from jaxsat.vehicle import AbstractActuators, Hold, Wheels
+from jaxsat.spacecraft import AbstractActuators, Hold, Wheels
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 __all__ = ["Asked", "external_torque", "through_hold"]
 

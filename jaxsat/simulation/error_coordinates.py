@@ -15,13 +15,13 @@ from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import concrete
 from jaxsat.core.quotients import reciprocal
-from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.loops import (
     AbstractContinuousLoop,
     Motion,
     continuous_signals,
 )
 from jaxsat.simulation.trajectory import Signals
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class ErrorState(NamedTuple):

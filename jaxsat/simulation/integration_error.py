@@ -4,8 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.assessment import stop_gradient
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class IntegrationError(eqx.Module):

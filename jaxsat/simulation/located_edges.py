@@ -1,8 +1,8 @@
 """Holds divided where a wheel with a rotor inertia comes to rest or its limit, or leaves it.
 
 When that happens depends on how the body turns. So a hold is integrated to its end, and where a
-wheel has left the state that it was in (`jaxsat.vehicle.wheel_states`) the instant is searched by
-false position (the Illinois rule), each time integrated from the last such instant on.
+wheel has left the state that it was in (`jaxsat.spacecraft.wheel_states`) the instant is searched
+by false position (the Illinois rule), each time integrated from the last such instant on.
 """
 
 from collections.abc import Callable
@@ -13,8 +13,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.core.trees import choose
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.vehicle import Hold, Wheels, WheelStates
+from jaxsat.spacecraft import Hold, Wheels, WheelStates
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 RealScalar = Float[Array, ""]
 Integrate = Callable[[RealScalar, Hold, PlantState, PyTree], tuple[PlantState, PyTree]]

@@ -19,14 +19,14 @@ from jaxsat.control import AbstractBacksteppingLaw, AbstractController
 from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.core.checks import concrete
-from jaxsat.dynamics import PlantState, RigidBody
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.vehicle import (
+from jaxsat.spacecraft import (
     AbstractActuators,
     Actuators,
     ActuatorsWithWheels,
     WheelFailureKind,
 )
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class AbstractLoop(eqx.Module):

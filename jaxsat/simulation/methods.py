@@ -8,8 +8,8 @@ from jaxtyping import Array, Float
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.ranges import MAX_FIXED_STEPS
 from jaxsat.core.solvers import HIGH_ORDER, NamedSolver, Solver
-from jaxsat.dynamics import RigidBody
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, ContinuousLoop
+from jaxsat.spacecraft.dynamics import RigidBody
 
 if TYPE_CHECKING:
     from diffrax import AbstractAdjoint as Adjoint

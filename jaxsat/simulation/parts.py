@@ -6,7 +6,7 @@ import jax
 from jaxtyping import PyTree
 
 from jaxsat.simulation.loops import AbstractLoop
-from jaxsat.vehicle import AbstractFailures
+from jaxsat.spacecraft import AbstractFailures
 
 Part = TypeVar("Part")
 

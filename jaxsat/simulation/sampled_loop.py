@@ -12,13 +12,12 @@ from jaxtyping import Array, Float, Int, PyTree
 from jaxsat.control import AbstractSampledController
 from jaxsat.control.controller import Memory
 from jaxsat.control.magnetic import MagneticSteering
+from jaxsat.control.navigation import Navigation, NavigationState, Told
 from jaxsat.core.checks import as_optional_float, concrete, require_counts, require_positive
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.navigation import Navigation, NavigationState, Told
 from jaxsat.simulation.divided_holds import Asked, external_torque, through_hold
 from jaxsat.simulation.loops import AbstractLoop, plant_signals
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.vehicle import (
+from jaxsat.spacecraft import (
     AbstractActuators,
     AbstractPulsedActuators,
     DrawnSensors,
@@ -27,6 +26,7 @@ from jaxsat.vehicle import (
     Tachometers,
     Usage,
 )
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class SampledState(NamedTuple):

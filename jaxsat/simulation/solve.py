@@ -15,7 +15,6 @@ from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.core.solvers import AbstractSolver, solver_of
 from jaxsat.core.tolerances import SettlingTracker, Tolerances
 from jaxsat.core.trees import strong
-from jaxsat.dynamics import PlantState
 from jaxsat.simulation.assessment import (
     Monitor,
     MonitoredState,
@@ -38,6 +37,7 @@ from jaxsat.simulation.methods import (
 from jaxsat.simulation.recorded_hold import SampledRecord, over_hold
 from jaxsat.simulation.sampled_loop import Integrator, SampledLoop, SampledState
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
+from jaxsat.spacecraft.dynamics import PlantState
 
 
 def simulate(

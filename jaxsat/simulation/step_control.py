@@ -2,8 +2,8 @@
 
 import diffrax
 
-from jaxsat.dynamics import RigidBody
 from jaxsat.simulation.units import in_units, out_of_units
+from jaxsat.spacecraft.dynamics import RigidBody
 
 
 class StepControl(diffrax.PIDController):

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import jax
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 def in_units(body: RigidBody, state: PyTree) -> PyTree:

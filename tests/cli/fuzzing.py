@@ -294,7 +294,7 @@ def campaign(count: int, seed: int, tell=print) -> list[str]:
     """Run so many command lines; gives a line for each that has a complaint."""
     import importlib
 
-    for name in ("cli.app", "assembly.study", "montecarlo", "results", "report.figures"):
+    for name in ("cli.app", "scenario.build.study", "studies", "store", "report.figures"):
         importlib.import_module(f"jaxsat.{name}")
     wrong, statuses = [], {}
     for number in range(count):

@@ -32,14 +32,14 @@ COMMANDS = [
     ("completion",),
 ]
 PACKAGE = Path(jaxsat.__file__).parent
-ROOMS = ("jaxsat.cli", "jaxsat.results")
+ROOMS = ("jaxsat.cli", "jaxsat.store")
 """Where messages may name options."""
 
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 QUOTED = re.compile(r"(?:`|^(?:    )?)jaxsat (\w+)([^`\n]*)", re.MULTILINE)
 """A whole command, as pages that are written tell it."""
 
-TOLD_OTHERS = "export"
+TOLD_OTHERS = "flight"
 """The room that also writes options of compilers."""
 
 FUNCTIONS = ast.FunctionDef | ast.ClassDef
@@ -134,8 +134,8 @@ def test_options_in_messages_are_those_of_the_command(chain):
 
 def test_no_other_room_advises_options_but_in_whole_commands():
     for path in PACKAGE.rglob("*.py"):
-        room = path.parent.name
-        if room in ("cli", "results") or "--" not in (code := path.read_text()):
+        room = path.relative_to(PACKAGE).parts[0]
+        if room in ("cli", "store") or "--" not in (code := path.read_text()):
             continue
         for text in texts_of(ast.parse(code)):
             assert room == TOLD_OTHERS or not advised(QUOTED.sub("", text))
@@ -166,7 +166,7 @@ def test_one_case_replaces_its_folder_if_asked(command_line, monkeypatch):
     monkeypatch.setattr("jaxsat.cli.study_files.replayed", lambda *_: found)
     monkeypatch.setattr("jaxsat.report.figures.trajectory_figures", lambda _: {})
     study = SimpleNamespace(remark=None)
-    monkeypatch.setattr("jaxsat.assembly.study.build_study", lambda *_, **__: study)
+    monkeypatch.setattr("jaxsat.scenario.build.study.build_study", lambda *_, **__: study)
     status, _, err = command_line("montecarlo", "paper-rate", "--overwrite")
     assert (status, "--overwrite: must be given with --case" in err) == (2, True)
     case = ["montecarlo", "paper-rate", "--case", "3", "--quiet"]

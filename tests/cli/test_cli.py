@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.results import open_trajectory
 from jaxsat.scenario import library
+from jaxsat.scenario.build.load import load
+from jaxsat.store import open_trajectory
 
 ROOT = Path(__file__).parents[2]
 SHORT = ["--set", "simulation.duration_s=5"]

@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from jaxsat.comparison import ComparisonSetting, compare
 from jaxsat.core import search_path
+from jaxsat.synthesis.comparison import ComparisonSetting, compare
 
 QUICK = [
     *("--law", "switching", "--law", "rate", "--level", "nominal", "--torque-limit", "20"),
@@ -53,7 +53,7 @@ def test_table_record_and_figure_and_going_on(jaxsat, tmp_path):
 OWN_LAW = """
 import jax.numpy as jnp
 from jaxsat.control import AbstractFeedbackLaw, AbstractSampledController
-from jaxsat.declaration import LawDeclaration, number
+from jaxsat.core.declaration import LawDeclaration, number
 
 class Sampled(AbstractSampledController):
     declaration = LawDeclaration(

@@ -3,7 +3,7 @@
 import pytest
 
 from helpers.pages import run_dataset
-from jaxsat.results import dataset_bytes
+from jaxsat.store import dataset_bytes
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_mistakes_are_told_and_nothing_is_written(command_line, run, tmp_path, t
 
 
 def test_it_is_written_beside_the_run(command_line, run, tmp_path, monkeypatch):
-    from jaxsat.results.marker import MARKER
+    from jaxsat.store.marker import MARKER
 
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")

@@ -8,7 +8,7 @@ LAW = """
 import sys
 import jax.numpy as jnp
 from jaxsat import AbstractSampledController, LawDeclaration
-from jaxsat.declaration import number
+from jaxsat.core.declaration import number
 
 
 class Law(AbstractSampledController):

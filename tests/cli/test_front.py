@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
-from jaxsat.comparison import FlownPoint, Front, FrontPoint, front, scenario_under
-from jaxsat.comparison.front import STRETCHES, _falling
 from jaxsat.report.front_figure import front_figure
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.synthesis.comparison import FlownPoint, Front, FrontPoint, front, scenario_under
+from jaxsat.synthesis.comparison.front import STRETCHES, _falling
 
 QUICK = ["acceptance-nominal", "--torque-limit", "20", "--guesses", "6"]
 QUICK += ["--set", "simulation.duration_s=60"]

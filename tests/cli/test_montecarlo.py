@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jaxsat.results import case_table, open_study, open_trajectory
+from jaxsat.store import case_table, open_study, open_trajectory
 
 SHORT = [
     "switching",
@@ -124,7 +124,7 @@ def test_the_workers_of_a_scheduler_are_asked(jaxsat):
 DEVICES_IN_USE = """
 import time
 import jax.numpy as jnp
-from jaxsat.montecarlo import Devices
+from jaxsat.studies import Devices
 
 def where(chunk):
     time.sleep(0.2)

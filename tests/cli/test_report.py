@@ -3,9 +3,9 @@
 import pytest
 
 from helpers.pages import run_dataset
-from jaxsat.page import document
-from jaxsat.results import dataset_bytes
+from jaxsat.report.page import document
 from jaxsat.scenario import library
+from jaxsat.store import dataset_bytes
 
 
 @pytest.fixture

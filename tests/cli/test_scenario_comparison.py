@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from jaxsat.comparison import scenario_store
-from jaxsat.page.batches import comparison_section
-from jaxsat.page.content import Table
-from jaxsat.results import open_study
+from jaxsat.report.page.batches import comparison_section
+from jaxsat.report.page.content import Table
+from jaxsat.store import open_study
+from jaxsat.store.study_names import named_store
 
 LAWS = ("quaternion-feedback", "fault-tolerant")
 
@@ -20,7 +20,7 @@ def test_the_same_failures_strike_under_every_law(command_line, tmp_path):
     laws = [part for law in LAWS for part in ("--law", law)]
     status, out, err = command_line("compare", *command, *laws, "--out", "c")
     assert status == 0, err
-    studies = [open_study(scenario_store(tmp_path / "c", law)) for law in LAWS]
+    studies = [open_study(named_store(tmp_path / "c", law)) for law in LAWS]
     for name in ("failure_time", "failed_part", "failure_kind", "failure_amount", "torques_left"):
         np.testing.assert_array_equal(*(one[name].values for one in studies), err_msg=name)
     assert "detection_time" not in studies[0]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxsat.cli.study_text import progress_text, summary_lines
-from jaxsat.montecarlo import StudyProgress, summarise
+from jaxsat.studies import StudyProgress, summarise
 
 
 def lines(cost, settling_time=None, more=None, **drawn):

@@ -12,9 +12,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.diagnosis import average_run_length
-from tuning.scenarios import RATE
+from jaxsat.control.diagnosis import average_run_length
+from jaxsat.scenario.build.load import load
+from synthesis.tuning.scenarios import RATE
 
 FIGURES = ("loss", "gains", "before-after")
 
@@ -110,9 +110,9 @@ def test_a_scenario_without_the_table_is_refused(jaxsat):
 
 
 def test_a_full_disk_is_a_failure_and_no_mistake(jaxsat, monkeypatch):
-    from jaxsat.assembly import tuning
-    from jaxsat.results import OutputError
-    from jaxsat.tuning import checkpoint
+    from jaxsat.store import OutputError
+    from jaxsat.synthesis.tuning import build as tuning
+    from jaxsat.synthesis.tuning import checkpoint
 
     def full(*_, **__):
         raise OutputError("run cannot be made: No space left on device.", failure=True)

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
-from jaxsat.assembly.study import build_study
 from jaxsat.core import search_path
 from jaxsat.scenario import ScenarioError, dump, plugins
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import build_study
 from jaxsat.scenario.read import library
 
 TEXT = (Path(__file__).parents[2] / "docs" / "sensors.md").read_text(encoding="utf-8")

@@ -12,10 +12,10 @@ import pytest
 from jax import lax
 
 from compiler.wrong_arguments import COUNT, compiled, examples, picked
-from engine.examples import KICKS, continuous_example, program
 from jaxsat.compiler import Mapped
 from jaxsat.compiler.llvm import emitter
-from jaxsat.engine import NativeEngine, ScanEngine
+from jaxsat.simulation.engine import NativeEngine, ScanEngine
+from simulation.engine.examples import KICKS, continuous_example, program
 
 TESTS = Path(__file__).parents[1]
 

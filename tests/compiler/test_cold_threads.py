@@ -10,13 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from engine.examples import KICKS, continuous_example, program, same_bits
 from helpers.threads import COUNT, at_once, made_once, one
 from jaxsat.compiler import Mapped
 from jaxsat.compiler.llvm import cache, target
 from jaxsat.compiler.llvm.drivers import RUN
-from jaxsat.engine import FixedStepper, NativeEngine
-from jaxsat.engine.native import engine
+from jaxsat.simulation.engine import FixedStepper, NativeEngine
+from jaxsat.simulation.engine.native import engine
+from simulation.engine.examples import KICKS, continuous_example, program, same_bits
 
 LINKERS = []
 """Those in which other tests may have code."""

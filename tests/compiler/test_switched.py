@@ -4,11 +4,11 @@ import jax
 import numpy as np
 import pytest
 
-from engine.examples import same_bits
-from jaxsat.assembly.load import load
-from jaxsat.assembly.study import build_study
-from jaxsat.engine import AdaptiveStepper, NativeEngine, ScanEngine, Tolerance
-from jaxsat.montecarlo import Study
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import build_study
+from jaxsat.simulation.engine import AdaptiveStepper, NativeEngine, ScanEngine, Tolerance
+from jaxsat.studies import Study
+from simulation.engine.examples import same_bits
 
 COUNT, DURATION = 6, 30.0
 GAINS = {"k3": np.array(0.05), "mu": np.array(1.0), "a": np.array(0.1), "k4": np.array(0.01)}

@@ -5,9 +5,9 @@ import numpy as np
 
 from helpers.paper import PAPER_DISTURBANCE
 from jaxsat.control import NormalForm, RecursiveLeastSquares, RippleFilter, RippleObserver
-from jaxsat.dynamics import RigidBody
-from jaxsat.environment import ExactOrbit, NoDisturbance, PeriodicTorque
-from jaxsat.vehicle import Actuators, Spacecraft
+from jaxsat.spacecraft import Actuators, Spacecraft
+from jaxsat.spacecraft.dynamics import RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit, NoDisturbance, PeriodicTorque
 
 INERTIA = np.array([449.5, 264.6, 312.5])
 ORBIT_RATE = 0.0011

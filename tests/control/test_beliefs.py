@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from control.cases import body, form, paper_fit, ripple_filter_of
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build_loop
-from jaxsat.assembly.study import build_study
 from jaxsat.control import (
     ThirdAxisEstimator,
     ripple_filter,
     three_slew_settling,
 )
 from jaxsat.control.estimators import MIN_COUPLING, MIN_SHARE
-from jaxsat.declaration.settling import equivalent_limit
-from jaxsat.montecarlo.changes import follow_frequency
-from jaxsat.montecarlo.perturbed import controller_of
+from jaxsat.core.declaration.settling import equivalent_limit
 from jaxsat.scenario import ScenarioWarning
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build_loop
+from jaxsat.scenario.build.study import build_study
+from jaxsat.studies.changes import follow_frequency
+from jaxsat.studies.perturbed import controller_of
 
 INERTIA = (449.5, 264.6, 312.5)
 

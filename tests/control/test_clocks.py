@@ -10,7 +10,7 @@ from control.cases import ORBIT_RATE, body
 from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.control.supervisor import Phase
 from jaxsat.core.attitude import WZ
-from jaxsat.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState
 
 SPINNING = PlantState(WZ([-1.0, 1.0], 1.27).as_quaternion(), [0.1, -0.11, 0.05])
 TURNED = PlantState(WZ([0.1, 0.0], 0.2).as_quaternion(), [0.0, -ORBIT_RATE, 0.0])

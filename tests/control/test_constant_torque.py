@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 
 from control.cases import INERTIA, ORBIT_RATE, C, body
 from jaxsat.core.attitude import WZ
-from jaxsat.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState
 
 
 @pytest.mark.parametrize("d3", [1e-6, -3e-6, 4.5e-6])

@@ -12,13 +12,13 @@ import pytest
 
 from helpers.derivatives import Derivatives
 from helpers.every_law import PLACES, PLANNED, UPSIDE_DOWN, scenario_of
-from jaxsat.assembly.run import build_loop
 from jaxsat.control import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
-from jaxsat.declaration.laws import LAWS
-from jaxsat.dynamics import PlantState
-from jaxsat.montecarlo import number_at
-from jaxsat.montecarlo.perturbed import controller_of
+from jaxsat.core.declaration.laws import LAWS
+from jaxsat.scenario.build.run import build_loop
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.studies import number_at
+from jaxsat.studies.perturbed import controller_of
 
 SAMPLES = 12
 """Of a sampled law, so that its estimators have had an interval."""

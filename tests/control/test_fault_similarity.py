@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 
 MASS, TIME = 64.0, 4.0
 """Inertia and torque, and every time, times these: powers of two, which rounding does not see."""

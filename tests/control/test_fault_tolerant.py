@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
-from jaxsat.assembly.study import build_study
+from jaxsat.control.diagnosis import DiagnosedKind
 from jaxsat.control.fault_tolerant import TolerantMode
-from jaxsat.diagnosis import DiagnosedKind
-from jaxsat.dynamics import PlantState
 from jaxsat.scenario import ScenarioError
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation import simulate
+from jaxsat.spacecraft.dynamics import PlantState
 
 
 class Told(eqx.Module):

@@ -9,16 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
-from jaxsat.assembly.study import build_study
+from jaxsat.control.diagnosis import DiagnosedKind
 from jaxsat.control.fault_tolerant_wheels import WheelMode
-from jaxsat.diagnosis import DiagnosedKind
-from jaxsat.dynamics import PlantState
-from jaxsat.results import trajectory_dataset
 from jaxsat.scenario import ScenarioError
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation import simulate
-from jaxsat.vehicle import WheelDrives
+from jaxsat.spacecraft import WheelDrives
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.store import trajectory_dataset
 
 
 class Told(eqx.Module):

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 from control.cases import INERTIA, C, actuators, body, form, paper_disturbance
 from jaxsat.control import FiniteTimeRate, FiniteTimeRateLaw, ThirdAxis, ThirdAxisEstimator
 from jaxsat.core.attitude import Quaternion
-from jaxsat.dynamics import PlantState
 from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.spacecraft.dynamics import PlantState
 
 LIMIT, SHARE = 5.0, 0.779
 

@@ -9,13 +9,13 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from control.cases import INERTIA, ORBIT_RATE, body, paper_fit
-from jaxsat.assembly.load import load
-from jaxsat.assembly.study import build_study
 from jaxsat.control import NormalForm, ThirdAxisEstimator
 from jaxsat.core.allocation import direction_matrix, torque_directions
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.inertia import normal_axes
-from jaxsat.dynamics import PlantState
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import build_study
+from jaxsat.spacecraft.dynamics import PlantState
 
 SETTLING = ("oscillatory", "three-slew")
 

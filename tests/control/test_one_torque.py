@@ -8,12 +8,12 @@ import sympy
 from scipy.integrate import solve_ivp
 
 from control.test_normal_form import any_inertia
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
 from jaxsat.control import InertiaFit, OneTorqueMode, TorqueAxisFrame
 from jaxsat.core.allocation import allocation_matrix, plane_map, torque_axis
 from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.scenario import ScenarioError, ScenarioWarning
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 
 w, x, y = sympy.symbols("w x y", real=True)
 alpha, gamma, delta, eta, zeta, p = sympy.symbols("alpha gamma delta eta zeta p", positive=True)

@@ -19,8 +19,8 @@ from jaxsat.control import (
 from jaxsat.control.oscillatory import Oscillation, Slow
 from jaxsat.control.tilt import tilt_of
 from jaxsat.core.attitude import WZ, Quaternion
-from jaxsat.dynamics import PlantState
 from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.spacecraft.dynamics import PlantState
 
 NU = 0.3
 FORM = form()

@@ -8,19 +8,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
 from jaxsat.control.driven_axes import DrivenFit, FittedDynamics
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.planned import MOST_MANOEUVRES, SETTLING, PlannedMode, PlannedSettling
+from jaxsat.control.planning import search
+from jaxsat.control.planning.search import PlanSearch
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import ArgumentError
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import ExactOrbit
-from jaxsat.planning import search
-from jaxsat.planning.search import PlanSearch
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 from jaxsat.simulation import simulate
-from jaxsat.vehicle import Spacecraft
+from jaxsat.spacecraft import Spacecraft
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit
 
 LEAST_TIMES = {1.0: 77.9, 5.0: 30.5, 20.0: 14.3}
 """From the paper's start, s, by torque limit: the best of 12 starts of IPOPT (`jaxsat bound`)."""

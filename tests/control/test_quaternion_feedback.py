@@ -5,10 +5,10 @@ import pytest
 
 from jaxsat.control import QuaternionFeedback
 from jaxsat.core.attitude import Quaternion
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import ExactOrbit
 from jaxsat.simulation import SampledLoop, simulate
-from jaxsat.vehicle import Actuators, Spacecraft, Thrusters
+from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit
 
 INERTIA = [[3.0, 0.2, -0.1], [0.2, 2.0, 0.15], [-0.1, 0.15, 4.0]]
 FREQUENCY, DAMPING = 0.2, 0.7

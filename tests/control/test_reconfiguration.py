@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 from helpers.thruster_layouts import allocated, canted, pairs
+from jaxsat.control.diagnosis import Condition
 from jaxsat.control.reconfiguration import (
     Ability,
     Left,
@@ -18,7 +19,6 @@ from jaxsat.control.reconfiguration import (
     what_is_left,
 )
 from jaxsat.controllability import torque_cone
-from jaxsat.diagnosis import Condition
 
 KINDS = {3: Left.THREE_AXES, 2: Left.PLANE, 1: Left.LESS, 0: Left.LESS}
 

@@ -10,17 +10,17 @@ import pytest
 
 import jaxsat
 from control.cases import ORBIT_RATE, actuators, body, paper_disturbance
-from jaxsat.assembly.run import build_loop
 from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.control.fine import FineMode
 from jaxsat.control.supervisor import Phase
 from jaxsat.core.attitude import WZ
-from jaxsat.declaration.scaling import STEPS, Scaling
-from jaxsat.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS, TUNED_PERIOD
-from jaxsat.declaration.tuned_gains import APPROACH, MORIN_SAMSON, TWO_CHANNEL
-from jaxsat.dynamics import PlantState
-from jaxsat.environment import PeriodicTorque
+from jaxsat.core.declaration.scaling import STEPS, Scaling
+from jaxsat.core.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS, TUNED_PERIOD
+from jaxsat.core.declaration.tuned_gains import APPROACH, MORIN_SAMSON, TWO_CHANNEL
+from jaxsat.scenario.build.run import build_loop
 from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.environment import PeriodicTorque
 
 MAKERS = {"oscillatory": oscillatory_settling, "three-slew": three_slew_settling}
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
 from jaxsat.control.planned import PlannedMode
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 
 BASE = {
     "spacecraft.inertia_kg_m2": (449.5, 264.6, 312.5),

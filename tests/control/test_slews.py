@@ -13,8 +13,8 @@ from control.cases import INERTIA, ORBIT_RATE, actuators, body, form
 from helpers.strategies import rotations
 from jaxsat.control import SlewPlanner, ThreeSlewLaw, slews
 from jaxsat.core.attitude import Quaternion
-from jaxsat.dynamics import PlantState
 from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.spacecraft.dynamics import PlantState
 
 ORDERS = [("XYX", True), ("YXY", False)]
 mirrored, three_slews = jax.jit(slews.mirrored), jax.jit(slews.three_slews)

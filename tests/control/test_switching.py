@@ -7,8 +7,8 @@ import pytest
 from helpers.switching import CASE, GAINS, START, J, start, switching_loop
 from jaxsat.control import InternalModel
 from jaxsat.core.attitude import WZ
-from jaxsat.dynamics import PlantState
 from jaxsat.simulation import Outcome, simulate
+from jaxsat.spacecraft.dynamics import PlantState
 from oracle import simulate_switched_sampled
 
 

@@ -16,7 +16,7 @@ from jaxsat.control.supervisor import Phase
 from jaxsat.control.tilt import tilt_of
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.inertia import normal_axes
-from jaxsat.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState
 
 LEANING = np.array([[300.0, 30.0, -20.0], [30.0, 220.0, 15.0], [-20.0, 15.0, 260.0]])
 AXES = np.array([[1.0, 0.0], [0.1, 0.9], [-0.2, 0.43]])

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.control.diagnosis import Condition, WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.wheel_allocation import LEAST_MOMENTUM, MOST_MOMENTUM, WheelAllocation
-from jaxsat.diagnosis import Condition, WheelFilter
-from jaxsat.vehicle import Wheels
+from jaxsat.spacecraft import Wheels
 
 PYRAMID = np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 1, 1, 1]]) / np.sqrt(2)
 

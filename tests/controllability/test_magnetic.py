@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxsat.controllability.magnetic import magnetic_authority, magnetic_words
-from jaxsat.environment import CircularOrbit, DipoleField
+from jaxsat.spacecraft.environment import CircularOrbit, DipoleField
 from oracle import magnetic
 
 INERTIA = np.array([0.04, 0.05, 0.02])

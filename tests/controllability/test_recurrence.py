@@ -16,7 +16,7 @@ from jaxsat.controllability import (
     pack,
     recurrence,
 )
-from jaxsat.environment import PeriodicTorque
+from jaxsat.spacecraft.environment import PeriodicTorque
 
 GENERAL = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])
 PAPER = np.diag([449.5, 264.6, 312.5])

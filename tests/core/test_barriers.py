@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.core.barriers import apart
-from jaxsat.engine.flat_ode import FlatODE
+from jaxsat.simulation.engine.flat_ode import FlatODE
 
 
 def _primitives(jaxpr):

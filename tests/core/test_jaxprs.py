@@ -11,14 +11,14 @@ import pytest
 from jax import lax
 
 from compiler.edge_values import MISSING
-from engine.examples import EXAMPLES, KICKS, program
 from jaxsat.compiler import CannotLower, Mapped
 from jaxsat.compiler.lowering import RULES
 from jaxsat.core import jax_internals
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.core.jaxprs import Jaxpr, jaxpr_of
-from jaxsat.engine import FixedStepper
-from jaxsat.engine.native import native_obstacle
+from jaxsat.simulation.engine import FixedStepper
+from jaxsat.simulation.engine.native import native_obstacle
+from simulation.engine.examples import EXAMPLES, KICKS, program
 
 X, ROWS, WHOLE = jnp.arange(3.0), jnp.arange(6.0).reshape(2, 3), jnp.arange(3)
 DIRECTION = {"axis": 0, "reverse": False}

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.pointing import euler_angles, pointing_error
-from jaxsat.results.dataset import pointing
+from jaxsat.store.dataset import pointing
 
 RANDOM = np.random.default_rng(0).normal(size=(200, 4))
 UNIT = RANDOM / np.linalg.norm(RANDOM, axis=1, keepdims=True)

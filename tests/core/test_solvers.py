@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from jaxsat.core.solvers import SOLVERS, NamedSolver, class_name, known_class, solver_of
-from jaxsat.engine import AdaptiveStepper
-from jaxsat.engine.runge_kutta import tableau_of
 from jaxsat.scenario.tables import SolverName
+from jaxsat.simulation.engine import AdaptiveStepper
+from jaxsat.simulation.engine.runge_kutta import tableau_of
 
 
 def test_every_name_of_a_scenario_is_a_solver_of_diffrax():

@@ -13,24 +13,24 @@ import pytest
 
 import jaxsat
 from helpers.threads import at_once, made_once
-from jaxsat.comparison.acceptance import ComparisonSetting, comparison_scenario
 from jaxsat.compiler import functions
 from jaxsat.compiler.c import naming
 from jaxsat.compiler.llvm.threads import _shared
+from jaxsat.control.planning import guesses
 from jaxsat.controllability import analyse, pointwise, torque_cone
 from jaxsat.core import garbage_collection
+from jaxsat.core.declaration import PartDeclaration
+from jaxsat.core.declaration.laws import LAWS
 from jaxsat.core.search_path import _ADDED, add_folders
 from jaxsat.core.symmetric import _places
-from jaxsat.declaration import PartDeclaration
-from jaxsat.declaration.laws import LAWS
-from jaxsat.engine.native import kept
-from jaxsat.montecarlo import designs, ensemble, statistics
-from jaxsat.planning import guesses
-from jaxsat.results.provenance import _processor, _versions
 from jaxsat.scenario import control_tables, part_tables, plugins, wording
-from jaxsat.tuning import descent
-from jaxsat.tuning.optimisers import OptimiserSettings
-from montecarlo.studies import tumbling
+from jaxsat.scenario.optimisers import OptimiserSettings
+from jaxsat.simulation.engine.native import kept
+from jaxsat.store.provenance import _processor, _versions
+from jaxsat.studies import designs, ensemble, statistics
+from jaxsat.synthesis.comparison.acceptance import ComparisonSetting, comparison_scenario
+from jaxsat.synthesis.tuning import descent
+from studies.studies import tumbling
 
 NEW = itertools.count()
 

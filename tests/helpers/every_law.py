@@ -7,7 +7,7 @@ no plain body with ideal thrusters.
 import tomllib
 from importlib import resources
 
-from jaxsat.declaration.laws import LAWS
+from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.schema import Scenario
 
 IN_WZ = {"k3": 0.05, "mu": 0.5, "a": 0.2, "k4": 60.0, "internal_model_frequency_rad_s": [0.7, 0.8]}

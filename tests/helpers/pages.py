@@ -7,7 +7,7 @@ import re
 import numpy as np
 import xarray as xr
 
-from jaxsat.results.dataset import pointing
+from jaxsat.store.dataset import pointing
 
 SCENARIO = """
 title = "A run"

@@ -6,10 +6,10 @@ import numpy as np
 from helpers.references import DISTURBANCE, RATE, THREE_AXIS
 from jaxsat.control import InternalModel, RateLaw, ThreeAxisLaw
 from jaxsat.core.attitude import WZ
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import ExactOrbit, PeriodicTorque, SmallAngleOrbit
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop
-from jaxsat.vehicle import Actuators, Spacecraft, Thrusters
+from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit, PeriodicTorque, SmallAngleOrbit
 
 PAPER_DISTURBANCE = {**DISTURBANCE, "phase": (0.0, 0.0, 0.0)}
 PAPER_THREE_AXIS = {

@@ -5,8 +5,8 @@ import numpy as np
 from helpers.paper import PAPER_DISTURBANCE, actuators, bodies
 from jaxsat.control import RateLaw, SwitchingLaw, ThreeAxisLaw
 from jaxsat.core.attitude import WZ
-from jaxsat.dynamics import PlantState
 from jaxsat.simulation import SampledLoop
+from jaxsat.spacecraft.dynamics import PlantState
 
 J = np.array([449.5, 264.6])
 CASE = {"inertia": (449.5, 264.6, 312.5), "orbit_rate": 0.0011, **PAPER_DISTURBANCE}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxsat.vehicle import LeastPropellant, ThrusterSet
+from jaxsat.spacecraft import LeastPropellant, ThrusterSet
 
 
 def canted(force=0.05, half=(0.1, 0.1, 0.15), cant=0.4):

@@ -22,7 +22,7 @@ def install() -> None:
 
 def _checked(*, typechecker: Any) -> Any:
     def decorate(part: Any) -> Any:
-        if part.__module__.startswith(("jaxsat.compiler", "jaxsat.engine.native")):
+        if part.__module__.startswith(("jaxsat.compiler", "jaxsat.simulation.engine.native")):
             return part
         if isinstance(part, type) or not hasattr(part, "__annotations__"):
             return _with_shapes(part, typechecker=typechecker)

@@ -15,10 +15,8 @@ from helpers.thruster_layouts import allocated, canted, thruster_set
 from helpers.tools import needs
 from jaxsat.control import AbstractSampledController, Coast
 from jaxsat.core.attitude import Quaternion
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import ExactOrbit, GravityGradient
 from jaxsat.simulation import ContinuousLoop, SampledLoop, adaptive, simulate
-from jaxsat.vehicle import (
+from jaxsat.spacecraft import (
     Actuators,
     ActuatorsWithWheels,
     PulsedThrusters,
@@ -27,6 +25,8 @@ from jaxsat.vehicle import (
     Thrusters,
     Wheels,
 )
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit, GravityGradient
 
 pytestmark = [
     pytest.mark.slow,

@@ -3,7 +3,6 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.montecarlo import wilson
 from jaxsat.report.study_figures import (
     DrawnNumber,
     convergence,
@@ -14,6 +13,7 @@ from jaxsat.report.study_figures import (
     success_map,
 )
 from jaxsat.simulation import Signals
+from jaxsat.studies import wilson
 
 RNG = np.random.default_rng(0)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from jaxsat.diagnosis import DiagnosedKind
+from jaxsat.control.diagnosis import DiagnosedKind
 from jaxsat.report.time_axes import DIAGNOSED, verdicts
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from jaxsat.assembly.load import load
 from jaxsat.scenario import ScenarioError
+from jaxsat.scenario.build.load import load
 
 THREE_AXIS = """\
 title = "Test"

@@ -4,7 +4,7 @@ LAW = """
 import jax
 import jax.numpy as jnp
 from jaxsat.control import AbstractController, AbstractFeedbackLaw
-from jaxsat.declaration import Finding, LawDeclaration, Rule, choice, number, switch
+from jaxsat.core.declaration import Finding, LawDeclaration, Rule, choice, number, switch
 
 
 def _kd_is_large(kp, kd):

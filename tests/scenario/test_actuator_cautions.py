@@ -7,11 +7,11 @@ import pytest
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.actuator_cautions import _body_axes, _momenta_to_hold, _share_held
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 from jaxsat.scenario.tables import InitialTable
 
 WHEELS = [[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]

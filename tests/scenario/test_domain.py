@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.declaration.domain import NUMBERS, Sweep
-from jaxsat.declaration.laws import LAWS
+from jaxsat.core.declaration.domain import NUMBERS, Sweep
+from jaxsat.core.declaration.laws import LAWS
+from jaxsat.scenario.build.load import load
 from jaxsat.scenario.domain import dimensionless_numbers
 
 POINTS = ((0.1, 0.5), (0.2, 0.99), (0.4, 1.0), (0.8, 0.97), (1.6, 1.0))

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
 from jaxsat.scenario import Scenario, dump
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 from jaxsat.scenario.lines import line_map
 from scenario.documents import every_location
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
-from jaxsat.declaration.verified import THREE_SLEW
+from jaxsat.core.declaration.verified import THREE_SLEW
 from jaxsat.scenario import ScenarioWarning
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 from jaxsat.scenario.holding import _iterated, missing_torque, nearest_held
 
 J = np.array([449.5, 264.6, 312.5])

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from helpers.references import RATES, THREE_AXIS_STATES
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
 from jaxsat.control.switching import SwitchingMode
-from jaxsat.results import time_to_settle, trajectory_dataset
 from jaxsat.scenario import ScenarioError, ScenarioWarning, dump, library
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, SampledLoop
+from jaxsat.store import time_to_settle, trajectory_dataset
 
 PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]
 TUNED = ["oscillatory-dispersed", "rate-limited", "switching-dispersed", "switching-rounded"]

@@ -6,8 +6,8 @@ import tracemalloc
 
 import pytest
 
-from jaxsat.assembly.load import load
 from jaxsat.scenario import ScenarioError, library
+from jaxsat.scenario.build.load import load
 from jaxsat.scenario.errors import MAX_LISTED, MAX_MESSAGE_LENGTH, MAX_PLACE_LENGTH
 from jaxsat.scenario.limits import MAX_FILE_SIZE, Excess, require_modest
 

@@ -5,8 +5,8 @@ import pytest
 from pydantic import ValidationError
 
 from helpers.magnetic import document
-from jaxsat.assembly.run import build
 from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.run import build
 from jaxsat.simulation import SampledLoop
 
 

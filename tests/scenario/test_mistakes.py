@@ -5,9 +5,9 @@ import warnings
 
 import pytest
 
-from jaxsat.assembly.load import load
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import ScenarioError, ScenarioWarning
+from jaxsat.scenario.build.load import load
 from scenario.mistakes import SWITCHING, THREE_AXIS, check, problems_of
 
 # text to replace, its replacement, then for each mistake: line, key, part of the message

@@ -2,9 +2,9 @@
 
 import pytest
 
-from jaxsat.assembly.load import load
 from jaxsat.core.text import clean
 from jaxsat.scenario import ScenarioError
+from jaxsat.scenario.build.load import load
 
 
 def problems(name, *overrides):

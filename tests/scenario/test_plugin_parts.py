@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
-from jaxsat.assembly.study import build_study
 from jaxsat.core import search_path
 from jaxsat.core.attitude import Quaternion
-from jaxsat.montecarlo import Processes, Serial, run_study
-from jaxsat.results import OutputError, study_columns
 from jaxsat.scenario import ScenarioError, dump, plugins
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import build_study
+from jaxsat.store import OutputError, study_columns
+from jaxsat.studies import Processes, Serial, run_study
 from scenario.packages import forget_package, install_package
 
 PARTS = """
@@ -24,7 +24,7 @@ import jax.numpy as jnp
 
 from jaxsat import AbstractActuators, AbstractDisturbance, AbstractSmoothActuators, Actuators
 from jaxsat import PartDeclaration
-from jaxsat.declaration import choice, number
+from jaxsat.core.declaration import choice, number
 
 
 class Wind(AbstractDisturbance):

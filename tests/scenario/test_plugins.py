@@ -6,13 +6,13 @@ import sys
 import numpy as np
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
-from jaxsat.assembly.study import build_study
 from jaxsat.core import search_path
-from jaxsat.montecarlo import Processes, Serial, run_study
-from jaxsat.results import study_columns
 from jaxsat.scenario import ScenarioError, dump, plugins
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import build_study
+from jaxsat.store import study_columns
+from jaxsat.studies import Processes, Serial, run_study
 from scenario.own_law import LAW, SCENARIO
 from scenario.packages import PACKAGE, forget_package, install_package
 

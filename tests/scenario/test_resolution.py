@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import eigvals
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
 from jaxsat.scenario import ScenarioWarning
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 from jaxsat.scenario.resolution import fastest, substeps_of
 
 SAMPLED = "two-torque-free"

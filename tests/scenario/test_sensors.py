@@ -7,11 +7,11 @@ import jax
 import numpy as np
 import pytest
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
-from jaxsat.assembly.study import build_study
-from jaxsat.navigation import MultiplicativeFilter, RawMeasurements
+from jaxsat.control.navigation import MultiplicativeFilter, RawMeasurements
 from jaxsat.scenario import ScenarioError
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import build_study
 from scenario.mistakes import SWITCHING, THREE_AXIS, problems_of
 
 GYRO = """

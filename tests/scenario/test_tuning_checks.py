@@ -2,8 +2,8 @@
 
 import pytest
 
+from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.scenario.tuning_checks import USUAL_OPTIMISERS
-from jaxsat.tuning.optimisers import OptimiserSettings
 
 
 @pytest.mark.parametrize("name", USUAL_OPTIMISERS)

@@ -4,17 +4,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.assembly.actuators import build_actuators
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build, build_uncontrolled
 from jaxsat.control import AbstractController
-from jaxsat.results import trajectory_dataset
 from jaxsat.scenario import ScenarioError, dump
+from jaxsat.scenario.build.actuators import build_actuators
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build, build_uncontrolled
 from jaxsat.scenario.layout import torque_limit
 from jaxsat.scenario.overrides import apply_overrides, parse_override
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation import ContinuousLoop, SampledLoop
-from jaxsat.vehicle import ActuatorsWithWheels, PulsedActuatorsWithWheels
+from jaxsat.spacecraft import ActuatorsWithWheels, PulsedActuatorsWithWheels
+from jaxsat.store import trajectory_dataset
 
 X, Y = "{axis=[2.0,0.0,0.0]}", "{axis=[0.0,1.0,0.0]}"
 HEAVY = "{axis=[0.0,1.0,0.0],rotor_inertia_kg_m2=1.5}"

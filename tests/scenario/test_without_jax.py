@@ -5,7 +5,7 @@ import sys
 
 PROGRAM = """
 import sys
-from jaxsat.assembly.load import load
+from jaxsat.scenario.build.load import load
 from jaxsat.scenario import ScenarioError, dump, json_schema, library
 for name in library():
     dump(load(name, purpose="text"))

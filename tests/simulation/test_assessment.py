@@ -8,8 +8,8 @@ import pytest
 from helpers.paper import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
 from helpers.switching import CASE, start, switching_loop
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.engine import (
+from jaxsat.simulation import simulate
+from jaxsat.simulation.engine import (
     AbstractCaseFactory,
     AdaptiveStepper,
     Case,
@@ -18,9 +18,9 @@ from jaxsat.engine import (
     Tolerance,
     program_of,
 )
-from jaxsat.environment import ExactOrbit, PeriodicTorque
-from jaxsat.simulation import simulate
-from jaxsat.vehicle import Spacecraft
+from jaxsat.spacecraft import Spacecraft
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit, PeriodicTorque
 from oracle import simulate_three_axis
 
 LOOSE = Tolerances(1.1, 1.27, 0.3)

@@ -21,15 +21,11 @@ import pytest
 from helpers.derivatives import Derivatives
 from helpers.every_law import KEYS, PLACES, UPSIDE_DOWN, library, scenario_of
 from helpers.magnetic import document
-from jaxsat.assembly.run import build_loop
-from jaxsat.assembly.tuning_forms import throttled
 from jaxsat.core import search_path
 from jaxsat.core.attitude import Quaternion
-from jaxsat.declaration.disturbances import DISTURBANCES
-from jaxsat.declaration.sensors import ESTIMATORS, GYRO_KEYS, TRACKER_KEYS
-from jaxsat.dynamics import PlantState
-from jaxsat.montecarlo import number_at
-from jaxsat.montecarlo.perturbed import controller_of
+from jaxsat.core.declaration.disturbances import DISTURBANCES
+from jaxsat.core.declaration.sensors import ESTIMATORS, GYRO_KEYS, TRACKER_KEYS
+from jaxsat.scenario.build.run import build_loop
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.thruster_tables import (
@@ -39,11 +35,15 @@ from jaxsat.scenario.thruster_tables import (
     WHEEL_FAILURES,
 )
 from jaxsat.simulation import SampledLoop
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.studies import number_at
+from jaxsat.studies.perturbed import controller_of
+from jaxsat.synthesis.tuning.forms import throttled
 from scenario.packages import PACKAGE, forget_package, install_package
 
 MORE = """import equinox as eqx
 from jaxsat.control import AbstractController
-from jaxsat.declaration import choice
+from jaxsat.core.declaration import choice
 """
 """What the docs ask to be imported as well."""
 

@@ -14,8 +14,8 @@ from jaxsat.control import AbstractSampledController
 from jaxsat.control.controller import AbstractFeedbackLaw
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.engine import (
+from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop, adaptive, fixed, simulate
+from jaxsat.simulation.engine import (
     AbstractCaseFactory,
     AdaptiveStepper,
     Case,
@@ -26,9 +26,9 @@ from jaxsat.engine import (
     Tolerance,
     program_of,
 )
-from jaxsat.environment import ExactOrbit
-from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop, adaptive, fixed, simulate
-from jaxsat.vehicle import Actuators, FailureEvents, FailureKind, Spacecraft, Thrusters
+from jaxsat.spacecraft import Actuators, FailureEvents, FailureKind, Spacecraft, Thrusters
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit
 
 INERTIA = np.array([[4.0, 0.3, -0.2], [0.3, 2.5, 0.1], [-0.2, 0.1, 3.2]])
 AXES = np.eye(3)

@@ -10,20 +10,20 @@ from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
 from jaxsat.control import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.solvers import NamedSolver
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.engine import ScanEngine
-from jaxsat.engine.fixed import SampledStepper
-from jaxsat.engine.program import AbstractCaseFactory, Case, Program
-from jaxsat.environment import ExactOrbit, PeriodicTorque
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 from jaxsat.simulation import SampledLoop, fixed, simulate
+from jaxsat.simulation.engine import ScanEngine
+from jaxsat.simulation.engine.fixed import SampledStepper
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program
 from jaxsat.simulation.integration_error import IntegrationError
-from jaxsat.vehicle import Actuators, Spacecraft, Thrusters
+from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit, PeriodicTorque
 
 INERTIA = np.array([4.0, 5.0, 6.0])
 AMPLITUDE, FREQUENCY, PHASE = 0.1, 100.0, 1.0

@@ -6,10 +6,10 @@ import pytest
 from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.control import QuaternionFeedback
 from jaxsat.core.attitude import Quaternion
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import ExactOrbit
 from jaxsat.simulation import SampledLoop, simulate
-from jaxsat.vehicle import PulsedThrusters, PulseWidth, Spacecraft
+from jaxsat.spacecraft import PulsedThrusters, PulseWidth, Spacecraft
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit
 
 TORQUE, INERTIA, MIN_ON, PERIOD = 0.05, 0.3, 0.02, 0.1
 FREQUENCY, DAMPING = 1.0, 0.7

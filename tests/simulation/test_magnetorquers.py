@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from helpers.magnetic import FAILURES, scenario
-from jaxsat.assembly.run import build
+from jaxsat.scenario.build.run import build
 from oracle import magnetic as oracle
 
 INERTIA = np.array([[0.05, 0.002, -0.001], [0.002, 0.04, 0.003], [-0.001, 0.003, 0.03]])

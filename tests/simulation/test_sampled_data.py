@@ -15,11 +15,11 @@ from jaxsat.control import AbstractSampledController
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.noise import key_of_seed, sample_noise
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import ExactOrbit
 from jaxsat.simulation import SampledLoop, simulate
-from jaxsat.vehicle import Actuators, Sensors, Spacecraft, Thrusters
-from jaxsat.vehicle.sensors import turned_slightly
+from jaxsat.spacecraft import Actuators, Sensors, Spacecraft, Thrusters
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.sensors import turned_slightly
 
 INERTIA = (2.0, 3.0, 4.0)
 

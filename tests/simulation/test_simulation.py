@@ -22,8 +22,6 @@ from helpers.paper import (
 from jaxsat.control import Coast
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.solvers import NamedSolver, class_name
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import AbstractDisturbance, ConstantTorque, ExactOrbit
 from jaxsat.simulation import (
     ContinuousLoop,
     ErrorCoordinateLoop,
@@ -34,7 +32,9 @@ from jaxsat.simulation import (
     simulate,
 )
 from jaxsat.simulation.methods import AdaptiveSteps
-from jaxsat.vehicle import Spacecraft
+from jaxsat.spacecraft import Spacecraft
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import AbstractDisturbance, ConstantTorque, ExactOrbit
 
 TIMES = jnp.linspace(0.0, 10.0, 11)
 

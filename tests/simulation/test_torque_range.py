@@ -12,11 +12,11 @@ from jaxtyping import Array, Float
 from jaxsat.control import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import ExactOrbit
-from jaxsat.results import trajectory_dataset
 from jaxsat.simulation import SampledLoop, simulate
-from jaxsat.vehicle import Actuators, Spacecraft, Thrusters
+from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.store import trajectory_dataset
 
 PERIOD, SAMPLES = 0.5, 24
 

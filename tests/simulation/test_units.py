@@ -3,8 +3,8 @@
 import jax
 import numpy as np
 
-from jaxsat.assembly.load import load
-from jaxsat.assembly.run import build
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 from jaxsat.simulation.units import in_units, out_of_units
 
 

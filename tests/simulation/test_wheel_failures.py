@@ -9,10 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import Quaternion
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import ExactOrbit
 from jaxsat.simulation import SampledLoop, fixed, simulate
-from jaxsat.vehicle import Spacecraft, WheelFailureKind, WheelFailures, Wheels
+from jaxsat.spacecraft import Spacecraft, WheelFailureKind, WheelFailures, Wheels
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit
 from oracle import gyrostat
 from simulation.test_wheels import (
     AXES,

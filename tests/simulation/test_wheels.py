@@ -13,10 +13,8 @@ from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.control import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.environment import ConstantTorque, ExactOrbit
 from jaxsat.simulation import SampledLoop, fixed, simulate
-from jaxsat.vehicle import (
+from jaxsat.spacecraft import (
     Actuators,
     ActuatorsWithWheels,
     IdealThrottle,
@@ -26,6 +24,8 @@ from jaxsat.vehicle import (
     Thrusters,
     Wheels,
 )
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ConstantTorque, ExactOrbit
 from oracle import gyrostat
 
 INERTIA = np.array([[4.0, 0.3, -0.2], [0.3, 2.5, 0.1], [-0.2, 0.1, 3.2]])

@@ -12,8 +12,8 @@ from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import Quaternion
-from jaxsat.dynamics import PlantState, RigidBody
-from jaxsat.engine import (
+from jaxsat.simulation import ContinuousLoop, adaptive, simulate
+from jaxsat.simulation.engine import (
     AbstractCaseFactory,
     AdaptiveStepper,
     Case,
@@ -23,9 +23,15 @@ from jaxsat.engine import (
     Tolerance,
     program_of,
 )
-from jaxsat.environment import ExactOrbit
-from jaxsat.simulation import ContinuousLoop, adaptive, simulate
-from jaxsat.vehicle import ActuatorsWithWheels, Spacecraft, WheelFailureKind, WheelFailures, Wheels
+from jaxsat.spacecraft import (
+    ActuatorsWithWheels,
+    Spacecraft,
+    WheelFailureKind,
+    WheelFailures,
+    Wheels,
+)
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit
 from simulation.test_failing_ideal_thrusters import INERTIA, OMEGA, SECONDS, Waves
 
 AXES = np.array([[1.0, 0.0, 0.5, -0.4], [0.0, 1.0, -0.5, -0.6], [0.1, 0.0, 0.7, 0.5]])

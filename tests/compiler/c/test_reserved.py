@@ -7,9 +7,9 @@ import subprocess
 import pytest
 
 from jaxsat.compiler.c.reserved import is_reserved
-from jaxsat.export.program import flight_program
-from jaxsat.export.source import header, source
-from tests.export.laws import loop_of, start
+from jaxsat.flight.program import flight_program
+from jaxsat.flight.source import header, source
+from tests.flight.laws import loop_of, start
 
 NAMES = (
     "conj", "llround", "malloc", "int32_t", "j0", "y1", "index", "controller_step", "auto",

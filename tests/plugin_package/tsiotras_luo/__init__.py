@@ -6,8 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.control import AbstractSampledController
-from jaxsat.declaration import LawDeclaration, number
-from jaxsat.dynamics import RigidBody
+from jaxsat.core.declaration import LawDeclaration, number
+from jaxsat.spacecraft.dynamics import RigidBody
 
 Scalar = Float[Array, ""]
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat import AbstractDisturbance, PartDeclaration
-from jaxsat.declaration import number
+from jaxsat.core.declaration import number
 
 
 class AerodynamicTorque(AbstractDisturbance):

@@ -1,0 +1,148 @@
+"""A trajectory in formats of others: CCSDS attitude ephemeris and CSV."""
+
+import datetime
+import tomllib
+
+import numpy as np
+import xarray as xr
+from scipy.spatial.transform import Rotation
+
+import jaxsat
+from jaxsat.compiler.c.naming import ascii_text
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.text import clean
+from jaxsat.scenario.build.plant import place_of
+from jaxsat.scenario.tables import OrbitTable
+from jaxsat.store.tables import columns_of
+
+FRAMES = {"inertial": "EME2000", "orbit": "LVLH"}
+"""What the reference frames are called in an attitude ephemeris."""
+
+BODY = "SC_BODY_1"
+MAX_NAME = 80
+
+
+FIRST_INSTANT, LAST_INSTANT = np.datetime64("1972-01-01", "s"), np.datetime64("9999-12-31T23:59:59")
+"""Between which UTC has seconds of one length, and years of four digits."""
+
+LEAP_DAYS = (
+    *("1972-06-30", "1972-12-31", "1973-12-31", "1974-12-31", "1975-12-31", "1976-12-31"),
+    *("1977-12-31", "1978-12-31", "1979-12-31", "1981-06-30", "1982-06-30", "1983-06-30"),
+    *("1985-06-30", "1987-12-31", "1989-12-31", "1990-12-31", "1992-06-30", "1993-06-30"),
+    *("1994-06-30", "1995-12-31", "1997-06-30", "1998-12-31", "2005-12-31", "2008-12-31"),
+    *("2012-06-30", "2015-06-30", "2016-12-31"),
+)
+"""Days that ended with a leap second, all that are known (IERS Bulletin C)."""
+
+
+class ConversionError(JaxsatError, ValueError):
+    """A trajectory that cannot be written in a format."""
+
+
+def attitude_ephemeris(
+    dataset: xr.Dataset,
+    epoch: np.datetime64,
+    *,
+    frame: str = "inertial",
+    object_name: str = "",
+    object_id: str = "UNKNOWN",
+) -> str:
+    """The attitude of a run as a CCSDS attitude ephemeris message (AEM 1.0, CCSDS 504.0-B).
+
+    `epoch` is UTC at the start of the run, from 1972 on. The quaternions turn the
+    reference frame into body axes, scalar part last. `frame` is "inertial", x to the equinox and z
+    to the north pole (called EME2000), by way of the angles of the scenario's circular orbit, or
+    "orbit", x along the velocity and z to the Earth's centre (called LVLH). Times after the end of
+    a failed run are left out. Text is printable ASCII: a title is spelled in it. Raises
+    `ConversionError` for a dataset without attitude, for names of other characters, and for times
+    before 1972, after 9999 or across a leap second, which no count of seconds tells.
+    """
+    if "quaternion" not in dataset:
+        raise ConversionError("there is no attitude in it")
+    good = np.isfinite(dataset["quaternion"].values).all(axis=1)
+    seconds = dataset["time"].values[good]
+    turns = Rotation.from_quat(np.roll(dataset["quaternion"].values[good], -1, axis=1))
+    if frame == "inertial":
+        turns = _orbit_frame(dataset, seconds) * turns
+    times = _instants(epoch, seconds)
+    for given in (object_name, object_id):
+        if not (given.isascii() and given.isprintable()):
+            raise ConversionError(f"a name in it must be printable ASCII, got {clean(given)}")
+    title = ascii_text(clean(str(dataset.attrs.get("title", ""))))
+    name = clean(object_name or title, MAX_NAME - 3).replace("…", "...") or "UNKNOWN"
+    created = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%S")
+    lines = [
+        "CCSDS_AEM_VERS = 1.0",
+        f"CREATION_DATE = {created}",
+        f"ORIGINATOR = JAXSAT {jaxsat.__version__}",
+        "",
+        "META_START",
+        f"OBJECT_NAME = {name}",
+        f"OBJECT_ID = {clean(object_id, MAX_NAME - 3).replace('…', '...')}",
+        "CENTER_NAME = EARTH",
+        f"REF_FRAME_A = {FRAMES[frame]}",
+        f"REF_FRAME_B = {BODY}",
+        "ATTITUDE_DIR = A2B",
+        "TIME_SYSTEM = UTC",
+        f"START_TIME = {times[0]}",
+        f"STOP_TIME = {times[-1]}",
+        "ATTITUDE_TYPE = QUATERNION",
+        "QUATERNION_TYPE = LAST",
+        "META_STOP",
+        "",
+        "DATA_START",
+    ]
+    for time, quaternion in zip(times, _continuous(turns.as_quat()), strict=True):
+        lines.append(f"{time} {' '.join(f'{part:.15f}' for part in quaternion)}")
+    return "\n".join([*lines, "DATA_STOP", ""])
+
+
+def _instants(epoch: np.datetime64, seconds: np.ndarray) -> np.ndarray:
+    """UTC at these times of a run, as text to the nanosecond; raises `ConversionError`."""
+    begin = epoch.astype("datetime64[s]")
+    fraction = (epoch - begin).astype("timedelta64[ns]").astype(int)
+    whole = np.floor(seconds)
+    nanoseconds = fraction + np.rint(1e9 * (seconds - whole)).astype(np.int64)
+    instants = begin + (whole.astype(np.int64) + nanoseconds // 10**9).astype("timedelta64[s]")
+    first, last = instants.min(), instants.max()
+    if first < FIRST_INSTANT or last > LAST_INSTANT:
+        raise ConversionError(f"its times in UTC must lie in 1972 to 9999, got {first} to {last}")
+    for day in LEAP_DAYS:
+        following = np.datetime64(day, "s") + np.timedelta64(1, "D")
+        if first < following <= last:
+            raise ConversionError(
+                f"its times must not pass a leap second, got that at the end of {day}; take "
+                "another epoch"
+            )
+    texts = np.datetime_as_string(instants, unit="s")
+    return np.array([f"{text}.{n % 10**9:09d}" for text, n in zip(texts, nanoseconds, strict=True)])
+
+
+def _continuous(quaternions: np.ndarray) -> np.ndarray:
+    """Of the two signs of each the one nearer to that before, so that a reader can interpolate."""
+    turned = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0
+    return quaternions * np.cumprod(np.concatenate([[1], np.where(turned, -1, 1)]))[:, None]
+
+
+def _orbit_frame(dataset: xr.Dataset, seconds: np.ndarray) -> Rotation:
+    """The turns from the inertial to the orbit frame at some times."""
+    import jax
+    import jax.numpy as jnp
+
+    tables = tomllib.loads(str(dataset.attrs.get("scenario", "")))
+    if "orbit" not in tables:
+        raise ConversionError("its scenario has no [orbit]; take the frame orbit")
+    orbit = place_of(OrbitTable.model_validate(tables["orbit"]))
+    axes = np.asarray(jax.vmap(orbit.axes)(jnp.asarray(seconds)))
+    return Rotation.from_matrix(np.swapaxes(axes, 1, 2))
+
+
+def signal_table(dataset: xr.Dataset) -> str:
+    """All signals of a run as CSV, a row for each saved time, with units in the column names."""
+    columns = {"time_s": dataset["time"].values}
+    for name, variable in dataset.data_vars.items():
+        if variable.dims[:1] == ("time",) and variable.ndim <= 2:
+            columns |= columns_of(str(name), variable)
+    rows = np.stack(list(columns.values()), axis=1)
+    lines = [",".join("" if np.isnan(x) else repr(float(x)) for x in row) for row in rows]
+    return "\n".join([",".join(columns), *lines, ""])

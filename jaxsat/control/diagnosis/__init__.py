@@ -1,0 +1,31 @@
+"""Fault detection and isolation of thrusters and wheels, from estimates, readings and commands."""
+
+from jaxsat.control.diagnosis.cusum import average_run_length, cusum_threshold
+from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS, WEAK, Diagnosis, DiagnosisMemory, Stage
+from jaxsat.control.diagnosis.hypotheses import DiagnosedKind
+from jaxsat.control.diagnosis.residual import (
+    AbstractResidualFilter,
+    Condition,
+    ResidualFilter,
+    ResidualMemory,
+)
+from jaxsat.control.diagnosis.thruster_model import ThrusterModel
+from jaxsat.control.diagnosis.wheel_filter import WheelFilter, WheelMemory
+
+__all__ = [
+    "MOST_RETURNS",
+    "WEAK",
+    "AbstractResidualFilter",
+    "Condition",
+    "DiagnosedKind",
+    "Diagnosis",
+    "DiagnosisMemory",
+    "ResidualFilter",
+    "ResidualMemory",
+    "Stage",
+    "ThrusterModel",
+    "WheelFilter",
+    "WheelMemory",
+    "average_run_length",
+    "cusum_threshold",
+]

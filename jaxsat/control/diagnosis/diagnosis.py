@@ -1,0 +1,238 @@
+"""Detection by CUSUM, isolation by likelihood, and how an actuator comes back."""
+
+import enum
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from jaxsat.control.diagnosis.cusum import average_run_length
+from jaxsat.control.diagnosis.hypotheses import DiagnosedKind
+from jaxsat.control.diagnosis.isolation import PENALTY, AnyResidual, Evidence, explanation
+from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Condition
+from jaxsat.core.checks import as_float, require_positive
+
+RealScalar = Float[Array, ""]
+
+LEAST_SIGNAL = 0.5
+"""A signature of a full failure below so many sigmas tells nothing, and its test waits."""
+
+LEAST_INFORMATION, MOST_PERIODS = 25.0, 15
+"""About the loss of an actuator before it is judged: that of a test pulse, or so many periods."""
+
+WEAK = 0.1
+"""An actuator that makes less of its torque counts as dead."""
+
+TOLD_APART = 2 * PENALTY / WEAK**2
+"""Information about the loss of an actuator that tells a dead one from a `WEAK` one."""
+
+MOST_RETURNS = 2
+"""An actuator that has come back so often and fails once more is not trusted again."""
+
+NONE = -1.0
+"""The kind of an actuator that works."""
+
+
+class Stage(enum.IntEnum):
+    """Nothing suspected, or an alarm whose cause is being isolated."""
+
+    QUIET = 0
+    ALARM = 1
+
+
+class DiagnosisMemory(NamedTuple):
+    """What is known of each actuator, and what is suspected.
+
+    `statistic` (tests, m) has the CUSUMs of loss, of flow for each sign that it may have, and of a
+    full loss.
+    `condition` and `kind` (a `DiagnosedKind`, or -1) are the verdicts, `returns` tells how often an
+    actuator came back. `age` (s) is the time since the last alarm, verdict or dismissal, `suspect`
+    the likeliest actuator, and `rival` tells which explain the residuals nearly as well. `doubt`
+    (in the residuals' unit) is the standard deviation of the last residual, errors of the model
+    included.
+    """
+
+    residual: PyTree
+    doubt: RealScalar | Float[Array, " m"]
+    statistic: Float[Array, "tests m"]
+    stage: Int[Array, ""]
+    age: RealScalar
+    evidence: Evidence
+    suspect: Int[Array, ""]
+    rival: Bool[Array, " m"]
+    condition: Condition
+    kind: Float[Array, " m"]
+    returns: Float[Array, " m"]
+
+
+class Diagnosis(eqx.Module):
+    """Detects and isolates failed thrusters or wheels, and finds those that work again.
+
+    Each thruster has three CUSUM tests, that thrust is missing, that there is some which was not
+    commanded, and that all is missing; a wheel has no third one, and one for each sign of the
+    second. The scores of the first two are standard normal where nothing has failed and the model
+    is true, so that `average_run_length` of `reference` and `threshold` (both in sigmas) is the
+    mean number of samples to a false alarm of each; that of the third is e^(2 reference threshold)
+    at least. From the alarm on the evidence is gathered anew. The best explanation is the verdict
+    once its log-likelihood exceeds that of no failure, that of any other actuator, and that of a
+    constant torque from outside, by `margin`; if such a torque is the best, it is counted with from
+    then on. After `patience` samples the more likely of two actuators is taken, a torque from
+    outside rather than an actuator that is hardly more likely, and an alarm that nothing explains
+    is dismissed. A failed actuator whose commanded torque is there again works again, at most
+    `MOST_RETURNS` times.
+    """
+
+    filter: AbstractResidualFilter
+    reference: RealScalar = eqx.field(converter=as_float, default=1.0)
+    threshold: RealScalar = eqx.field(converter=as_float, default=12.0)
+    margin: RealScalar = eqx.field(converter=as_float, default=8.0)
+    patience: RealScalar = eqx.field(converter=as_float, default=300.0)
+
+    def __check_init__(self):
+        for name in ("reference", "threshold", "margin", "patience"):
+            require_positive(name, getattr(self, name))
+
+    @property
+    def tests_of_each(self) -> int:
+        """How many CUSUM tests an actuator has."""
+        hypotheses = self.filter.hypotheses
+        return 1 + len(hypotheses.tests) + hypotheses.weak_losses
+
+    def false_alarm_rate(self, reference: float, threshold: float) -> float:
+        """False alarms in a sample at most, of all tests, where the model is true; both in sigmas.
+
+        A likelihood ratio exceeds e^x once in e^x samples at most (Lorden, Ann. Math. Stat. 42(6),
+        1971).
+        """
+        hypotheses = self.filter.hypotheses
+        rate = (1 + len(hypotheses.tests)) / average_run_length(reference, threshold)
+        rate += hypotheses.weak_losses * math.exp(-2 * reference * threshold)
+        return self.filter.count * rate
+
+    def init(self, reading: PyTree) -> DiagnosisMemory:
+        """All actuators work."""
+        count = self.filter.count
+        zero = jnp.zeros(count, jax.tree.leaves(reading)[0].dtype)
+        return DiagnosisMemory(
+            self.filter.init(reading),
+            self.filter.noise,
+            jnp.zeros((self.tests_of_each, count), zero.dtype),
+            jnp.array(int(Stage.QUIET)),
+            zero[0],
+            Evidence.none(count),
+            jnp.array(0),
+            zero >= 0,
+            Condition.sound(count),
+            zero + NONE,
+            zero,
+        )
+
+    def test_command(self, period: RealScalar, memory: DiagnosisMemory) -> Float[Array, " m"]:
+        """Commands, in a period (s), of test pulses that stand out of the noise if they come.
+
+        During an alarm they stand out of all that is in doubt: what a stuck actuator makes hides
+        pulses that would be seen without it.
+        """
+        sigma = jnp.where(memory.stage == Stage.ALARM, memory.doubt, self.filter.noise)
+        return self.filter.test_command(period, sigma)
+
+    def may_return(self, memory: DiagnosisMemory) -> Bool[Array, " m"]:
+        """Which actuators have failed and count as working again once their torque is there."""
+        return memory.condition.failed & (memory.returns < MOST_RETURNS)
+
+    def step(
+        self,
+        reading: PyTree,
+        commanded: Float[Array, " m"],
+        period: RealScalar,
+        memory: DiagnosisMemory,
+        needed: Bool[Array, " m"] | None = None,
+    ) -> DiagnosisMemory:
+        """One sample: what is read, and what was `commanded` since the last, as the filter has it.
+
+        Of those that are `needed` a dead one is told from a `WEAK` one before it is given up.
+        """
+        needed = jnp.zeros_like(memory.condition.failed) if needed is None else needed
+        condition = memory.condition
+        hypotheses = self.filter.hypotheses
+        residual, filtered = self.filter.step(
+            reading, commanded, condition, period, memory.residual
+        )
+        statistic = self._statistic(residual, memory)
+        alarmed = memory.stage == Stage.ALARM
+        evidence = memory.evidence.after(residual, self.filter.uncertainty)
+        evidence = jax.tree.map(lambda x: jnp.where(alarmed, x, 0.0), evidence)
+        lasting = condition.failed & ~self.may_return(memory)
+        found = explanation(
+            evidence, condition.failed, lasting, self.filter.uncertainty, hypotheses
+        )
+        age = memory.age + period
+        late = age > self.patience * period
+        tested = (found.tested > LEAST_INFORMATION) | (age > MOST_PERIODS * period)
+        flows = found.kind > DiagnosedKind.DEGRADED
+        tested = tested & (flows | ~needed[found.thruster] | (found.tested > TOLD_APART))
+        sure = (found.margin > self.margin) & tested
+        ahead = found.score - found.disturbance
+        verdict = alarmed & (found.score > self.margin) & (sure | (late & (ahead > self.margin)))
+        disturbed = alarmed & ~verdict & (found.disturbance > self.margin)
+        disturbed = disturbed & ((ahead < -self.margin) | late)
+        over = verdict | disturbed | (alarmed & late)
+        alarm = ~alarmed & (jnp.max(statistic) > self.threshold)
+        hit = verdict & (jnp.arange(lasting.shape[0]) == found.thruster)
+        fails = hit & ~condition.failed
+        comes_back = hit & condition.failed & (found.kind == DiagnosedKind.DEAD)
+        tracked = self.filter.tracked(residual, condition, period, ~alarmed & ~alarm)
+        serves = jnp.isin(found.kind, jnp.array(hypotheses.in_service, int))
+        back = condition.part + found.loss * (1 - condition.part)
+        left = jnp.where(fails, condition.part * (1 - found.loss), back)
+        flow = jnp.where(comes_back, 0.0, tracked.flow)
+        judged = Condition(
+            (condition.failed | (fails & ~serves)) & ~comes_back,
+            jnp.where(hit, left, condition.part),
+            jnp.where(fails, condition.flow + found.flow, flow),
+            tracked.torque + jnp.where(disturbed, self.filter.torque_of(found.acceleration), 0.0),
+            jnp.where(disturbed, 0.0, tracked.samples),
+        )
+        named = self.filter.named(found.kind, found.thruster, filtered)
+        return DiagnosisMemory(
+            self.filter.restarted(filtered, verdict | disturbed, alarm),
+            residual.doubt(self.filter.uncertainty),
+            jnp.where(over | alarm, 0.0, statistic),
+            jnp.where(over, int(Stage.QUIET), jnp.where(alarm, int(Stage.ALARM), memory.stage)),
+            jnp.where(over | alarm, 0.0, age),
+            evidence,
+            found.thruster,
+            found.scores > found.score - self.margin,
+            judged,
+            jnp.where(comes_back, NONE, jnp.where(hit, named, memory.kind)),
+            memory.returns + comes_back,
+        )
+
+    def _statistic(self, residual: AnyResidual, memory: DiagnosisMemory) -> Float[Array, "tests m"]:
+        """The CUSUMs, which stand where a signature is too small, and during an alarm.
+
+        With `weak_losses` the last is the likelihood ratio of a full loss, for which no signature
+        is too small, over twice the reference: the first one where the signature has that size.
+        """
+        signs, weak_losses = self.filter.hypotheses.tests, self.filter.hypotheses.weak_losses
+        signatures = jnp.stack([residual.loss, *(sign * residual.flow for sign in signs)])
+        squares = jnp.sum(signatures**2, axis=1)
+        size = jnp.sqrt(squares)
+        sigma = jnp.broadcast_to(jnp.sqrt(residual.variance), size.shape)
+        seen = size > LEAST_SIGNAL * sigma
+        along = jnp.sum(signatures * residual.innovation[None, :, None], axis=1)
+        score = along / (jnp.where(seen, size, 1.0) * sigma)
+        gain = score - self.reference
+        of_flow = (jnp.arange(1 + len(signs)) > 0)[:, None]
+        failed, many = memory.condition.failed, memory.returns >= MOST_RETURNS
+        untested = failed[None] & (of_flow | many[None])
+        tested = seen & ~untested
+        if weak_losses:
+            ratio = (along[:1] - squares[:1] / 2) / (2 * self.reference * sigma[:1] ** 2)
+            gain = jnp.concatenate([gain, ratio])
+            tested = jnp.concatenate([tested, ~failed[None]])
+        after = jnp.maximum(memory.statistic + gain, 0.0)
+        return jnp.where(tested & (memory.stage == Stage.QUIET), after, memory.statistic)

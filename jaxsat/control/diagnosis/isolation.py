@@ -1,0 +1,169 @@
+"""Which actuator failed, and how: likelihoods of the kinds of failure.
+
+A failed actuator lacks the part a of what was commanded and makes the part b of its full torque all
+the time. The kinds are points and lines in the plane of (a, b),
+`jaxsat.control.diagnosis.hypotheses`.
+"""
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.control.diagnosis.hypotheses import DiagnosedKind, Hypotheses
+
+RealScalar = Float[Array, ""]
+
+PENALTY = 3.0
+"""Of a free number, in units of log-likelihood, so that the simpler of two kinds wins."""
+
+IMPOSSIBLE = 1e5
+"""A log-likelihood below any other."""
+
+UNIT = 1e4
+"""Of evidence, which is kept in numbers that are not too large for a state."""
+
+MOST_INFORMATION = 1e5
+"""In that unit; what is far beyond doubt is not added up."""
+
+
+@runtime_checkable
+class AnyResidual(Protocol):
+    """Innovations in one unit, and the signatures in them of what each actuator may lack or add."""
+
+    @property
+    def innovation(self) -> Float[Array, " n"]:
+        """What was read less what was expected."""
+        ...
+
+    @property
+    def variance(self) -> Float[Array, ""] | Float[Array, " m"]:
+        """Of each innovation alike, or of each actuator's."""
+        ...
+
+    @property
+    def loss(self) -> Float[Array, "n m"]:
+        """What missing torque leaves in it."""
+        ...
+
+    @property
+    def flow(self) -> Float[Array, "n m"]:
+        """What full torque all the time leaves in it."""
+        ...
+
+    @property
+    def steady(self) -> Float[Array, ""] | None:
+        """What one unit of constant acceleration leaves in it; None where nothing acts besides."""
+        ...
+
+    def doubt(self, uncertainty: RealScalar) -> Float[Array, ""] | Float[Array, " m"]:
+        """Its standard deviation if that part of it may be an error of the model."""
+        ...
+
+
+class Evidence(NamedTuple):
+    """Of (a, b) of each actuator since an alarm: information matrix, and its product with them.
+
+    `information` has the entries aa, ab and bb, `weighted` those of a and b, over `UNIT`.
+    `disturbance` has the same of a constant acceleration besides: information, and three axes.
+    """
+
+    information: Float[Array, "3 m"]
+    weighted: Float[Array, "2 m"]
+    disturbance: Float[Array, "4"]
+
+    @staticmethod
+    def none(count: int) -> "Evidence":
+        """Nothing known."""
+        return Evidence(jnp.zeros((3, count)), jnp.zeros((2, count)), jnp.zeros(4))
+
+    def after(self, residual: AnyResidual, uncertainty: RealScalar) -> "Evidence":
+        """With one more residual, of which the part `uncertainty` may be an error of the model.
+
+        Evidence beyond any doubt is kept at `MOST_INFORMATION`.
+        """
+        loss, flow, seen = residual.loss, residual.flow, residual.innovation
+        variance = UNIT * residual.doubt(uncertainty) ** 2
+        variance = jnp.broadcast_to(variance, loss.shape[1:])[None]
+        products = (loss * loss, loss * flow, flow * flow)
+        more = jnp.stack([jnp.sum(one, axis=0) for one in products])
+        found = jnp.stack([jnp.sum(seen[:, None] * one, axis=0) for one in (loss, flow)])
+        information = self.information + more / variance
+        most = jnp.maximum(jnp.max(information), MOST_INFORMATION)
+        scale = MOST_INFORMATION / most
+        besides = self.disturbance
+        if residual.steady is not None:
+            told = jnp.concatenate([residual.steady[None], seen])
+            besides = scale * (besides + residual.steady * told / variance[0, 0])
+        return Evidence(scale * information, scale * (self.weighted + found / variance), besides)
+
+
+class Explanation(NamedTuple):
+    """The actuator that explains the residuals best, the kind, its (a, b), and how well.
+
+    `kind` is a `DiagnosedKind`. `score` is the log-likelihood over that of no failure, `margin` how
+    far it is above that of the best other actuator and of a constant torque besides. `tested` is
+    the information about a. `scores` has that of each actuator's best explanation, `disturbance`
+    that of the constant torque, and `acceleration` (rad/s²) what it does.
+    """
+
+    thruster: Int[Array, ""]
+    kind: Int[Array, ""]
+    loss: RealScalar
+    flow: RealScalar
+    score: RealScalar
+    margin: RealScalar
+    tested: RealScalar
+    scores: Float[Array, " m"]
+    disturbance: RealScalar
+    acceleration: Float[Array, "3"]
+
+
+def explanation(
+    evidence: Evidence,
+    failed: Bool[Array, " m"],
+    lasting: Bool[Array, " m"],
+    uncertainty: RealScalar,
+    hypotheses: Hypotheses,
+) -> Explanation:
+    """The best explanation, where full torques are known to within the part `uncertainty`.
+
+    For actuators that have `failed` it is that they work again, in full (`DEAD`, of which a is 1)
+    or in part (`DEGRADED`): of what was lost a has come back. Those whose failure is `lasting`
+    are no explanation.
+    """
+    evidence = jax.tree.map(lambda x: UNIT * x, evidence)
+    parts = hypotheses.parts(evidence.information, evidence.weighted, uncertainty)  # (kinds, 2, m)
+    a, b = parts[:, 0], parts[:, 1]
+    aa, ab, bb = evidence.information
+    quadratic = a**2 * aa[None] + 2 * a * b * ab[None] + b**2 * bb[None]
+    weighted = evidence.weighted
+    scores = a * weighted[:1] + b * weighted[1:] - quadratic / 2
+    kinds = jnp.array(hypotheses.kinds)[:, None]
+    free = jnp.isin(kinds, jnp.array(hypotheses.free))
+    scores = scores - jnp.where(free, PENALTY, 0.0)
+    full = hypotheses.full
+    strength = (b - hypotheses.level) ** 2 / (2 * uncertainty**2)
+    scores = scores - jnp.where(kinds == full, strength, 0.0)
+    of_failed = kinds <= DiagnosedKind.DEGRADED
+    scores = jnp.where((failed[None] & ~of_failed) | lasting[None], -IMPOSSIBLE, scores)
+    best = jnp.max(scores, axis=0)
+    thruster = jnp.argmax(best)
+    others = jnp.where(jnp.arange(failed.shape[0]) == thruster, -IMPOSSIBLE, best)
+    row = jnp.argmax(scores[:, thruster])
+    known, pull = evidence.disturbance[0], evidence.disturbance[1:]
+    acceleration = pull / jnp.where(known > 0, known, 1.0)
+    disturbance = jnp.sum(pull * acceleration) / 2 - PENALTY * pull.shape[0]
+    return Explanation(
+        thruster,
+        kinds[row, 0],
+        a[row, thruster],
+        b[row, thruster],
+        best[thruster],
+        best[thruster] - jnp.maximum(jnp.max(others), disturbance),
+        aa[thruster],
+        best,
+        disturbance,
+        acceleration,
+    )

@@ -1,0 +1,25 @@
+"""From what sensors measure to what a sampled law is told: estimators, and sensors with a state."""
+
+from jaxsat.control.navigation.estimator import (
+    AbstractEstimator,
+    Estimate,
+    EstimatorContext,
+    Measurement,
+    RawMeasurements,
+)
+from jaxsat.control.navigation.mekf import MultiplicativeFilter
+from jaxsat.control.navigation.navigation import Navigation, NavigationState, Told
+from jaxsat.control.navigation.rotations import difference
+
+__all__ = [
+    "AbstractEstimator",
+    "Estimate",
+    "EstimatorContext",
+    "Measurement",
+    "MultiplicativeFilter",
+    "Navigation",
+    "NavigationState",
+    "RawMeasurements",
+    "Told",
+    "difference",
+]

@@ -1,0 +1,97 @@
+"""The contract of attitude estimators, and the one that passes measurements on."""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from jaxsat.core.attitude import Quaternion
+from jaxsat.spacecraft import Gyro, StarTracker
+from jaxsat.spacecraft.environment import AbstractOrbit
+
+
+class Measurement(NamedTuple):
+    """What arrives at one sample: the measured rate (rad/s) of this instant, and an attitude.
+
+    The attitude is that of the star tracker's latency earlier; where `seen` is false there is none.
+    """
+
+    rate: Float[Array, "3"]
+    attitude: Quaternion
+    seen: Bool[Array, ""]
+
+
+class Estimate(NamedTuple):
+    """What an estimator believes at one sample, in body axes.
+
+    The attitude is relative to the orbit frame, `omega` the inertial rate (rad/s), `bias` that of
+    the gyro (rad/s). The deviations are the standard deviations that it claims for the errors of
+    attitude (rad), rate and bias (rad/s) about each axis. None is what it does not estimate.
+    """
+
+    attitude: Quaternion
+    omega: Float[Array, "3"]
+    bias: Float[Array, "3"] | None = None
+    attitude_sigma: Float[Array, "3"] | None = None
+    rate_sigma: Float[Array, "3"] | None = None
+    bias_sigma: Float[Array, "3"] | None = None
+
+
+class EstimatorContext(NamedTuple):
+    """What a scenario tells an estimator besides its own keys: the sensors as they are declared,
+    the orbit, and the time (s) from sample to sample."""
+
+    gyro: Gyro
+    tracker: StarTracker
+    orbit: AbstractOrbit
+    period: Float[Array, ""]
+
+
+class AbstractEstimator(eqx.Module):
+    """Turns the measurements of a run, one sample after the other, into estimates.
+
+    Estimators that a scenario can name also have a `declaration`, a `PartDeclaration`, and a class
+    method `from_table(values, context)`: `values` has every declared key, `context` is an
+    `EstimatorContext`.
+    """
+
+    @abc.abstractmethod
+    def init(self, attitude: Quaternion, sigma: Float[Array, ""]) -> PyTree:
+        """The memory before the first sample.
+
+        `attitude` is the first estimate; its error has the standard deviation `sigma` (rad) about
+        each axis.
+        """
+
+    @abc.abstractmethod
+    def step(
+        self,
+        sample: Int[Array, ""],
+        period: Float[Array, ""],
+        measurement: Measurement,
+        memory: PyTree,
+    ) -> tuple[Estimate, PyTree]:
+        """The estimate at a sample of the run, and the memory; samples are `period` s apart."""
+
+
+class RawMeasurements(AbstractEstimator):
+    """No estimator: the measured rate, and the attitude that the star tracker gave last."""
+
+    def init(self, attitude: Quaternion, sigma: Float[Array, ""]) -> Quaternion:
+        """The first estimate, until the first measurement."""
+        del sigma
+        return attitude
+
+    def step(
+        self,
+        sample: Int[Array, ""],
+        period: Float[Array, ""],
+        measurement: Measurement,
+        memory: Quaternion,
+    ) -> tuple[Estimate, Quaternion]:
+        """What was measured."""
+        del sample, period
+        q = jnp.where(measurement.seen, measurement.attitude.q, memory.q)
+        return Estimate(Quaternion(q), measurement.rate), Quaternion(q)

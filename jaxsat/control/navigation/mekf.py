@@ -1,0 +1,203 @@
+"""A multiplicative extended Kalman filter: attitude error and gyro bias, six states."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
+from jaxsat.control.navigation.rotations import difference, product, rotation
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.barriers import apart
+from jaxsat.spacecraft import Gyro, StarTracker
+from jaxsat.spacecraft.environment import AbstractOrbit
+
+Matrix = Float[Array, "3 3"]
+
+
+class Belief(NamedTuple):
+    """Attitude and gyro bias at one sample with the covariances of their errors.
+
+    With the true attitude q ⊗ (1, δ/2) and the true bias b + β: `attitude` is E δδᵀ (rad²), `cross`
+    E δβᵀ and `bias` E ββᵀ. The rate measured at this sample, whose noise is n, also turns the
+    attitude after it; `attitude_noise` is E δnᵀ and `bias_noise` E βnᵀ.
+    """
+
+    q: Float[Array, "4"]
+    b: Float[Array, "3"]
+    attitude: Matrix
+    cross: Matrix
+    bias: Matrix
+    attitude_noise: Matrix
+    bias_noise: Matrix
+
+
+class FilterMemory(NamedTuple):
+    """The belief at the sample that the star tracker now tells of, and the rates since (rad/s)."""
+
+    belief: Belief
+    rates: Float[Array, "samples 3"]
+
+
+class MultiplicativeFilter(AbstractEstimator):
+    """The multiplicative extended Kalman filter of Lefferts, Markley and Shuster (1982).
+
+    Between samples the attitude turns by the trapezoidal mean of the measured rates less the
+    estimated bias, with the coning term, and by the orbit frame's own motion. Since a rate takes
+    part in the turns before and after its sample, its noise is correlated from one turn to the
+    next; the filter carries that correlation, so that its covariance is that of its errors. An
+    attitude is taken in as three scalar measurements about the star tracker's axes: nothing is
+    inverted.
+
+    The measurement of a star tracker with latency belongs to an earlier sample. The filter itself
+    stays at that sample and is predicted from there with the rates since, which is exact.
+
+    `gyro`, `tracker` and `orbit` are what the filter believes of them. A rate at the gyro's limit
+    counts as unknown within that limit, so that the next attitude decides. Scale factor and
+    misalignment of the gyro are not estimated.
+    """
+
+    orbit: AbstractOrbit
+    gyro: Gyro
+    tracker: StarTracker
+
+    def init(self, attitude: Quaternion, sigma: Float[Array, ""]) -> FilterMemory:
+        """A belief without correlations; the bias is believed to be zero.
+
+        Its variance is what the gyro declares: that of the draw, and the square of the rest.
+        """
+        identity = jnp.eye(3, dtype=attitude.q.dtype)
+        zero = jnp.zeros_like(identity)
+        bias = identity * (self.gyro.bias_sigma**2 + self.gyro.bias**2)[:, None]
+        belief = Belief(attitude.q, zero[0], sigma**2 * identity, zero, bias, zero, zero)
+        return FilterMemory(belief, jnp.zeros((self.tracker.latency + 1, 3), zero.dtype))
+
+    def step(
+        self,
+        sample: Int[Array, ""],
+        period: Float[Array, ""],
+        measurement: Measurement,
+        memory: FilterMemory,
+    ) -> tuple[Estimate, FilterMemory]:
+        """The estimate with all that has arrived by this sample."""
+        rates = jnp.concatenate([memory.rates, measurement.rate[None]])
+        first = sample - self.tracker.latency - 1
+
+        def moved(number, belief: Belief) -> Belief:
+            """The belief after the turn that begins at sample `first + number`."""
+            length = jnp.where(first + number >= 0, period, 0.0)  # no turn before the run
+            arguments = (rates[number], rates[number + 1], length, period)
+            return apart(_moved, self, belief, *arguments)
+
+        belief = apart(_corrected, self, moved(0, memory.belief), measurement)
+        now = belief
+        if self.tracker.latency:
+            now = jax.lax.fori_loop(1, self.tracker.latency + 1, moved, belief)
+        return self._estimate(now, measurement.rate, period), FilterMemory(belief, rates[1:])
+
+    def moved(
+        self,
+        belief: Belief,
+        begin: Float[Array, "3"],
+        end: Float[Array, "3"],
+        length: Float[Array, ""],
+        period: Float[Array, ""],
+    ) -> Belief:
+        """The belief one sample later, for the rates measured at both samples (rad/s).
+
+        `length` (s) is the time between them. With h half of it, A the turn of the body axes and
+        w the step of the bias, δ' = Aδ - h (A (β + n) + β + w + n').
+        """
+        half, rates = length / 2, (begin - belief.b, end - belief.b)
+        angle = half * (rates[0] + rates[1]) + length**2 / 12 * jnp.cross(*rates)
+        turn = rotation(angle)
+        a, identity = turn.as_dcm().matrix, jnp.eye(3, dtype=angle.dtype)
+        g = half * (a + identity)
+        before, after = (identity * self._variance(rate, period)[:, None] for rate in (begin, end))
+        walk = identity * (self.gyro.bias_walk**2 * length)
+        # the predicted δ against δ, β and n of before
+        with_attitude = a @ (belief.attitude - half * belief.attitude_noise.T) - g @ belief.cross.T
+        with_bias = a @ (belief.cross - half * belief.bias_noise.T) - g @ belief.bias
+        with_noise = a @ (belief.attitude_noise - half * before) - g @ belief.bias_noise
+        attitude = (with_attitude - half * with_noise) @ a.T - with_bias @ g.T
+        attitude = (attitude + attitude.T) / 2 + half**2 * (walk + after)
+        return Belief(
+            self._turned(belief.q, turn, half),
+            belief.b,
+            attitude,
+            with_bias - half * walk,
+            belief.bias + walk,
+            -half * after,
+            jnp.zeros_like(after),
+        )
+
+    def corrected(self, belief: Belief, measurement: Measurement) -> Belief:
+        """The belief after the measured attitude, if there is one."""
+        off = difference(Quaternion(belief.q), measurement.attitude)
+        attitude, bias = jnp.zeros_like(belief.b), jnp.zeros_like(belief.b)
+        for axis, sigma in zip(self.tracker.axes, self.tracker.deviations, strict=True):
+            belief, gains, scale = _narrowed(belief, axis, sigma**2, measurement.seen)
+            surprise = scale * (axis @ (off - attitude))
+            attitude, bias = attitude + surprise * gains[0], bias + surprise * gains[1]
+        q = Quaternion(belief.q).turned(attitude).q
+        return belief._replace(q=q, b=belief.b + bias)
+
+    def _turned(self, q, turn: Quaternion, half) -> Float[Array, "4"]:
+        """The attitude after the body's turn, the orbit frame's own split around it."""
+        q = Quaternion(q)
+        q = q.turned(-half * self.orbit.frame_rate(q))
+        q = product(q, turn)
+        return q.turned(-half * self.orbit.frame_rate(q)).q
+
+    def _variance(self, rate, period) -> Float[Array, "3"]:
+        """Of the noise of a measured rate, about each axis; of the whole range at its limit."""
+        known = jnp.abs(rate) < self.gyro.limit
+        return jnp.where(known, self.gyro.rate_variance(period), self.gyro.limit**2)
+
+    def _estimate(self, belief: Belief, rate, period) -> Estimate:
+        """The error of the rate is -(β + n)."""
+        of_bias = _diagonal(belief.bias)
+        of_rate = of_bias + self._variance(rate, period) + 2 * _diagonal(belief.bias_noise)
+        deviations = map(jnp.sqrt, (_diagonal(belief.attitude), of_rate, of_bias))
+        return Estimate(Quaternion(belief.q), rate - belief.b, belief.b, *deviations)
+
+
+@eqx.filter_jit
+def _moved(estimator: MultiplicativeFilter, belief: Belief, *arguments: Array) -> Belief:
+    return estimator.moved(belief, *arguments)
+
+
+@eqx.filter_jit
+def _corrected(estimator: MultiplicativeFilter, belief: Belief, measurement: Measurement) -> Belief:
+    return estimator.corrected(belief, measurement)
+
+
+def _narrowed(
+    belief: Belief, axis: Float[Array, "3"], variance: Float[Array, ""], seen: Bool[Array, ""]
+) -> tuple[Belief, tuple[Float[Array, "3"], Float[Array, "3"]], Float[Array, ""]]:
+    """The covariances after a measurement of δ along an axis with this variance (rad²).
+
+    Also E δy and E βy of the measured y, and the inverse of its variance; zero where nothing is
+    seen. These make the gains.
+    """
+    attitude, bias = belief.attitude @ axis, axis @ belief.cross
+    scale = jnp.where(seen, 1 / (axis @ attitude + variance), 0.0)
+    noise = scale * (axis @ belief.attitude_noise)
+    narrowed = belief._replace(
+        attitude=belief.attitude - scale * _outer(attitude, attitude),
+        cross=belief.cross - scale * _outer(attitude, bias),
+        bias=belief.bias - scale * _outer(bias, bias),
+        attitude_noise=belief.attitude_noise - _outer(attitude, noise),
+        bias_noise=belief.bias_noise - _outer(bias, noise),
+    )
+    return narrowed, (attitude, bias), scale
+
+
+def _outer(x: Float[Array, "3"], y: Float[Array, "3"]) -> Matrix:
+    return x[:, None] * y[None, :]
+
+
+def _diagonal(matrix: Matrix) -> Float[Array, "3"]:
+    return jnp.stack([matrix[0, 0], matrix[1, 1], matrix[2, 2]])

@@ -1,0 +1,137 @@
+"""Sensors with a state of their own and the estimator behind them."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
+
+from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
+from jaxsat.control.navigation.rotations import rotation_vector
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.noise import fold_in, name_number, sample_noise
+from jaxsat.spacecraft import Gyro, StarTracker
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.sensors import as_key, in_parameters_of
+
+
+class Delivery(NamedTuple):
+    """An attitude of the star tracker (unit quaternion, scalar first), and whether there is one."""
+
+    attitude: Float[Array, "*latency 4"]
+    seen: Bool[Array, "*latency"]
+
+
+class NavigationState(NamedTuple):
+    """The gyro's bias (rad/s), what the star tracker has yet to deliver, the estimator's memory.
+
+    Of what is to be delivered the oldest stands first; None is a tracker without latency.
+    """
+
+    bias: Float[Array, "3"]
+    waiting: Delivery | None
+    memory: PyTree
+
+
+class Told(NamedTuple):
+    """What a law is told at one sample; with sensors and estimator that have a state, the next one.
+
+    `errors` are those of the estimate by the names of `jaxsat.simulation.Signals`: truth less
+    estimate, and three of the deviations claimed; None for what is not estimated.
+    """
+
+    state: PlantState
+    navigation: NavigationState | None = None
+    errors: Mapping[str, Float[Array, "3"] | None] = MappingProxyType({})
+
+
+class Navigation(eqx.Module):
+    """Gyro, star tracker and estimator between the true state and a sampled law.
+
+    `attitude_sigma` (rad) is the standard deviation of the first estimate about each axis. All that
+    is random is a function of `key` (two 32-bit words) and of the sample's number.
+    """
+
+    gyro: Gyro
+    tracker: StarTracker
+    estimator: AbstractEstimator
+    attitude_sigma: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
+
+    def __check_init__(self):
+        require_positive("attitude_sigma", self.attitude_sigma, zero_allowed=True)
+
+    def init(self, state: PlantState) -> NavigationState:
+        """The state before the first sample, when the truth is `state`: bias and estimate drawn."""
+        own = fold_in(self.key, name_number("start of navigation"))
+        noise = sample_noise(own, jnp.array(0), 6, state.omega.dtype)
+        sigma, true = self.attitude_sigma, state.attitude.as_quaternion()
+        memory = self.estimator.init(true.turned(sigma * noise[3:]), sigma)
+        count, waiting = self.tracker.latency, None
+        if count:
+            waiting = Delivery(jnp.stack([true.q] * count), jnp.zeros(count, bool))
+        return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory)
+
+    def step(
+        self,
+        sample: Int[Array, ""],
+        period: Float[Array, ""],
+        plant: PlantState,
+        state: NavigationState,
+    ) -> tuple[Estimate, NavigationState]:
+        """The estimate at a sample of the run when the truth is `plant`, and the next state.
+
+        Samples are `period` s apart.
+        """
+        noise = sample_noise(self.key, sample, 9, plant.omega.dtype)
+        rate = self.gyro.measured(plant.omega, state.bias, noise[:3], period)
+        attitude = self.tracker.measured(plant.attitude.as_quaternion(), noise[6:])
+        arriving = Delivery(attitude.q, self.tracker.measures(sample, period, plant.omega))
+        waiting = state.waiting
+        if waiting is not None:
+            queue = jax.tree.map(
+                lambda old, new: jnp.concatenate([old, new[None]]), waiting, arriving
+            )
+            arriving = self.tracker.arriving(queue)
+            waiting = Delivery(*(part[1:] for part in queue))
+        measurement = Measurement(rate, Quaternion(arriving.attitude), arriving.seen)
+        estimate, memory = self.estimator.step(sample, period, measurement, state.memory)
+        bias = self.gyro.next_bias(state.bias, noise[3:6], period)
+        return estimate, NavigationState(bias, waiting, memory)
+
+    def told(
+        self,
+        sample: Int[Array, ""],
+        period: Float[Array, ""],
+        plant: PlantState,
+        state: NavigationState,
+    ) -> Told:
+        """What the law is told, the attitude in the parameters of the true one; as `step`."""
+        estimate, following = self.step(sample, period, plant, state)
+        attitude = in_parameters_of(plant.attitude, estimate.attitude)
+        errors = _errors(plant, state.bias, estimate)
+        told = PlantState(attitude, estimate.omega, plant.wheel_momentum)
+        return Told(told, following, errors)
+
+
+def _errors(
+    plant: PlantState, bias: Float[Array, "3"], estimate: Estimate
+) -> dict[str, Float[Array, "3"] | None]:
+    off = {
+        "attitude": rotation_vector(estimate.attitude, plant.attitude.as_quaternion()),
+        "rate": plant.omega - estimate.omega,
+        "bias": None if estimate.bias is None else bias - estimate.bias,
+    }
+    claimed = {
+        "attitude": estimate.attitude_sigma,
+        "rate": estimate.rate_sigma,
+        "bias": estimate.bias_sigma,
+    }
+    bounds = {name: None if one is None else 3 * one for name, one in claimed.items()}
+    return {f"{name}_estimate_error": error for name, error in off.items()} | {
+        f"{name}_estimate_3sigma": bound for name, bound in bounds.items()
+    }

@@ -1,0 +1,99 @@
+"""Where the search for a plan begins: ways to the target with random bumps, or an earlier plan."""
+
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+from jaxsat.control.planning.transcription import STATES, PlanObjective, Transcription, Unknowns
+from jaxsat.core.once import once
+
+RealScalar = Float[Array, ""]
+
+BUMPS, BUMPS_OVER_SQUARE = 0.5, 1 / 16
+"""Standard deviation of the bumps of the quaternion: the first, or so much times the square of a
+short duration, about what torques turn within a quarter of it."""
+
+SPREAD = (1.0, 3.0)
+"""Durations of guesses over that of one slew with one thruster."""
+
+LEAST_DURATION, LEAST_REST = 0.5, 0.05
+"""Of a guess, and of what is left of an earlier plan of least time, in units of τ."""
+
+
+@once
+def random_numbers(count: int) -> dict[str, Float[np.ndarray, "count ..."]]:
+    """What makes the guesses differ: the same for every start, half of them for each sign of q."""
+    random = np.random.default_rng(0)
+    return {
+        "sign": np.where(np.arange(count) % 2, -1.0, 1.0),
+        "stretch": random.uniform(*SPREAD, count),
+        "waves": random.integers(1, 4, (count, STATES)).astype(float),
+        "bumps": random.normal(size=(count, STATES)),
+    }
+
+
+def slew_duration(program: Transcription, x: Float[Array, "7"]) -> RealScalar:
+    """Of the tilt and turn of a start as one slew with one thruster, in units of τ.
+
+    Without derivatives: it is only where a search begins, and its root has none at the target.
+    """
+    x = lax.stop_gradient(x)
+    moments = program.model.spacecraft.moments
+    relative = moments / jnp.mean(moments)
+    angle = 2 * jnp.arctan2(jnp.sqrt(jnp.sum(x[1:4] ** 2)), jnp.abs(x[0]))
+    stop = jnp.max(relative * jnp.abs(x[4:]))
+    return jnp.maximum(2 * jnp.sqrt(jnp.max(relative) * angle) + stop, LEAST_DURATION)
+
+
+def guess(
+    program: Transcription,
+    x: Float[Array, "7"],
+    numbers: dict[str, Array],
+    duration: RealScalar | None = None,
+    least: float = 0.0,
+) -> Unknowns:
+    """A straight way from `x` to the target with bumps, without torque, for some random numbers.
+
+    Its duration is given, or longer than `least` (both in units of τ).
+    """
+    if duration is None:
+        duration = jnp.maximum(slew_duration(program, x), least) * numbers["stretch"]
+    size = jnp.minimum(BUMPS, BUMPS_OVER_SQUARE * duration**2)
+    target = program.target * jnp.concatenate([jnp.full(4, numbers["sign"]), jnp.ones(3)])
+
+    def state(share: RealScalar) -> Float[Array, "7"]:
+        bumps = jnp.sin(jnp.pi * share * numbers["waves"]) * numbers["bumps"]
+        straight = x + share * (target - x)
+        q = straight[:4] + size * bumps[:4]
+        omega = straight[4:] + 2 * jnp.pi * size / duration * bumps[4:]
+        return jnp.concatenate([q / jnp.sqrt(jnp.sum(q**2)), omega])
+
+    shares = jnp.linspace(0.0, 1.0, program.intervals, endpoint=False, dtype=x.dtype)
+    torque = jnp.zeros((program.intervals, program.torque_axes.shape[1]))
+    return Unknowns(lax.map(state, shares), target, torque, duration, program.place(target))
+
+
+def resampled(
+    program: Transcription, x: Float[Array, "7"], known: Unknowns, passed: RealScalar
+) -> Unknowns:
+    """The rest of a plan after the time `passed`, on this program's intervals, beginning at `x`.
+
+    Of a plan of least time at least `LEAST_REST`; a duration that is given stays as it is.
+    """
+    count, rest = known.torque.shape[0], known.duration - passed
+    if program.objective is PlanObjective.TIME:
+        rest = jnp.maximum(rest, LEAST_REST)
+    following = jnp.concatenate([known.states[1:], known.last[None]])
+
+    def interval(share: RealScalar):
+        place = (passed + share * rest) / known.duration * count
+        number = jnp.clip(place.astype(int), 0, count - 1)
+        part = jnp.clip(place - number, 0.0, 1.0)
+        middle = (passed + (share + 0.5 / program.intervals) * rest) / known.duration * count
+        torque = known.torque[jnp.clip(middle.astype(int), 0, count - 1)]
+        return known.states[number] * (1 - part) + following[number] * part, torque
+
+    shares = jnp.linspace(0.0, 1.0, program.intervals, endpoint=False, dtype=x.dtype)
+    states, torque = lax.map(interval, shares)
+    return Unknowns(states.at[0].set(x), known.last, torque, rest, program.place(known.last))

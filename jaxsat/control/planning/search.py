@@ -1,0 +1,201 @@
+"""The search for a plan in pieces: so many iterations at a time, from where it stopped."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.control.planning.guesses import guess, random_numbers, resampled
+from jaxsat.control.planning.interior_point import Iterate, Settings, begun, iterated
+from jaxsat.control.planning.transcription import Transcription, Unknowns
+from jaxsat.core.checks import require_counts, require_finite, require_positive
+from jaxsat.core.trees import choose
+
+RealScalar = Float[Array, ""]
+
+ROUGH = Settings(first_barrier=1e-2, last_barrier=3e-4, proximity=0.1, iterations=30)
+"""Of the search from every guess."""
+
+CLOSE = Settings(first_barrier=5e-4, last_barrier=3e-5, proximity=0.01, iterations=60)
+"""Of the search from the best that was found, and from the rest of an earlier plan."""
+
+ARRIVING = 1e-4
+"""Σ of defects, without dimension, up to which a plan counts as one that arrives."""
+
+CREDIBLE, CREDIBLE_SHARE, UNSOUND = 1e-2, 0.1, 1e3
+"""Above this sum of defects, or above this share of what the start itself misses, a rough plan is
+taken only where none is below; its worth is so much more."""
+
+
+CLOSING = 20
+"""Iterations that improve the best guess, in nearly all searches: the median is 9 or 10."""
+
+GUESSED = 1.2
+"""Durations of guesses over the least that there may be, at least."""
+
+
+class Search(NamedTuple):
+    """How far a search is.
+
+    `stage` is the number of the guess under way, then that of the guesses while the best is being
+    improved, and one more when it is over. `fresh` where the stage has no iteration yet. `best` has
+    the duration `worth`; `begin` (in units of τ) and `start` are those of the plan, which takes
+    at least `least` (τ).
+    """
+
+    stage: Int[Array, ""]
+    fresh: Bool[Array, ""]
+    iterate: Iterate
+    best: Unknowns
+    worth: RealScalar
+    begin: RealScalar
+    start: Float[Array, "7"]
+    least: RealScalar
+
+
+class PlanSearch(eqx.Module):
+    """Minimum time from `guesses` ways to the target, in pieces of at most `iterations`.
+
+    A plan from the guesses takes at least `shortest` (τ), see `Settings.least_duration`.
+    """
+
+    guesses: int = eqx.field(static=True, default=12)
+    iterations: int = eqx.field(static=True, default=20)
+    shortest: float = eqx.field(static=True, default=1.0)
+
+    def __check_init__(self):
+        require_counts(guesses=self.guesses, iterations=self.iterations)
+        require_positive("shortest", self.shortest)
+        require_finite("shortest", self.shortest)
+
+    @property
+    def most_pieces(self) -> int:
+        """How many pieces a search from all guesses takes at the most."""
+        rough, close = int(ROUGH.iterations) + 1, int(CLOSE.iterations) + 1
+        return -(-(self.guesses * rough + close) // self.iterations)
+
+    @property
+    def closing_pieces(self) -> int:
+        """In how many of them the best guess is nearly always improved."""
+        return -(-CLOSING // self.iterations)
+
+    @property
+    def most_closing_pieces(self) -> int:
+        """How many of them improve the best guess at the most."""
+        return -(-(int(CLOSE.iterations) + 1) // self.iterations)
+
+    def idle(self, program: Transcription) -> Search:
+        """A search that is over and has found nothing."""
+        x, zero = program.target, jnp.zeros_like(program.limit)
+        shape = jax.eval_shape(lambda: begun(program, zero, self._guess(program, x, 0), ROUGH))
+        nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
+        over = jnp.array(self.guesses + 1)
+        return Search(over, jnp.array(False), nothing, nothing.unknowns, zero, zero, x, zero)
+
+    def from_guesses(self, known: Search, begin: RealScalar, x: Float[Array, "7"]) -> Search:
+        """A search that begins anew, for a plan from `x` on at the time `begin`."""
+        worth = jnp.full_like(begin, jnp.inf)
+        first, yes = jnp.zeros_like(known.stage), jnp.array(True)
+        least = jnp.full_like(begin, self.shortest)
+        of_plan = {"worth": worth, "begin": begin, "start": x, "least": least}
+        return known._replace(stage=first, fresh=yes, **of_plan)
+
+    def near(
+        self,
+        program: Transcription,
+        known: Search,
+        begin: RealScalar,
+        x: Float[Array, "7"],
+        plan: Unknowns,
+        passed: RealScalar,
+    ) -> Search:
+        """A search from the rest of a `plan`, after the time `passed` of it."""
+        best = resampled(program, in_hemisphere_of(plan.states[0], x), plan, passed)
+        stage, yes = jnp.full_like(known.stage, self.guesses), jnp.array(True)
+        of_plan = {"best": best, "begin": begin, "start": best.states[0]}
+        return known._replace(stage=stage, fresh=yes, **of_plan, least=jnp.zeros_like(begin))
+
+    def over(self, search: Search) -> Bool[Array, ""]:
+        """Whether there is nothing left to do."""
+        return search.stage > self.guesses
+
+    def arrives(self, search: Search) -> Bool[Array, ""]:
+        """Whether a search that is over has found a plan that arrives; not for NaN."""
+        return self.over(search) & (search.iterate.defects < ARRIVING)
+
+    def advanced(
+        self, program: Transcription, search: Search, begin: RealScalar, x: Float[Array, "7"]
+    ) -> Search:
+        """After one more piece.
+
+        If it begins to improve the best guess, that is for a plan from `x` on at the time `begin`.
+        """
+
+        def under_way(at: tuple[Search, Array]):
+            return ~self.over(at[0]) & (at[1] < self.iterations)
+
+        def one(at: tuple[Search, Array]):
+            search, count = at
+            chosen = lax.cond(
+                search.fresh, self._started, self._iterated, program, search, begin, x
+            )
+            return chosen, count + 1
+
+        return lax.while_loop(under_way, one, (search, jnp.array(0)))[0]
+
+    def _guess(self, program: Transcription, x: Float[Array, "7"], number) -> Unknowns:
+        table = {name: jnp.asarray(rows) for name, rows in random_numbers(self.guesses).items()}
+        numbers = {name: rows[number] for name, rows in table.items()}
+        return guess(program, x, numbers, least=GUESSED * self.shortest)
+
+    def _settings(self, search: Search) -> Settings:
+        rough = search.stage < self.guesses
+        chosen = (jnp.where(rough, a, b) for a, b in zip(ROUGH, CLOSE, strict=True))
+        return Settings(*chosen)._replace(least_duration=search.least)
+
+    def _started(self, program: Transcription, search: Search, begin, x) -> Search:
+        rough = search.stage < self.guesses
+        number = jnp.minimum(search.stage, self.guesses - 1)
+        guessed = self._guess(program, search.start, number)
+        first = choose(rough, guessed, search.best)
+        now = in_hemisphere_of(first.states[0], x)
+        start = jnp.where(rough, search.start, now)
+        first = first._replace(states=first.states.at[0].set(start))
+        begin = jnp.where(rough, search.begin, begin)
+        iterate = begun(program, begin, first, self._settings(search))
+        return search._replace(fresh=jnp.array(False), iterate=iterate, begin=begin, start=start)
+
+    def _iterated(self, program: Transcription, search: Search, begin, x) -> Search:
+        del begin, x
+        settings = self._settings(search)
+        found = iterated(program, search.begin, search.iterate, settings)
+        ended = found.done | (found.iterations >= settings.iterations)
+        worth = worth_of(program, search.start, found)
+        better = ended & (worth < search.worth)
+        best = choose(better, found.unknowns, search.best)
+        return search._replace(
+            stage=search.stage + ended,
+            fresh=ended,
+            iterate=found,
+            best=best,
+            worth=jnp.where(better, worth, search.worth),
+        )
+
+
+def worth_of(program: Transcription, x: Float[Array, "7"], found: Iterate) -> RealScalar:
+    """What is least for the best rough plan from `x`: the objective (τ), far above it for one that
+    does not arrive, infinite for NaN."""
+    defects = found.defects
+    missed = jnp.sum(jnp.abs(program.arrival(x)))
+    credible = defects < jnp.minimum(CREDIBLE, CREDIBLE_SHARE * missed)
+    worth = program.value(found.unknowns) + jnp.where(credible, 0.0, UNSOUND * (1 + defects))
+    return jnp.where(jnp.isfinite(worth), worth, jnp.inf)
+
+
+def in_hemisphere_of(known: Float[Array, "7"], x: Float[Array, "7"]) -> Float[Array, "7"]:
+    """The same state with its quaternion on the side of another's."""
+    sign = jnp.where(jnp.sum(x[:4] * known[:4]) < 0, -1.0, 1.0)
+    return jnp.concatenate([sign * x[:4], x[4:]])

@@ -1,0 +1,122 @@
+"""Feedback along a plan: a time-varying linear-quadratic regulator."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.control.planning.riccati import solved
+from jaxsat.control.planning.search import in_hemisphere_of
+from jaxsat.control.planning.transcription import STATES, Transcription, Unknowns
+
+RealScalar = Float[Array, ""]
+
+WEIGHTS, LAST_WEIGHTS = (10.0,) * 4 + (2.0,) * 3, (100.0,) * 4 + (30.0,) * 3
+"""Of the feedback, for (q, ω τ): on the way, and at the end of the plan."""
+
+
+class Followed(NamedTuple):
+    """The plan that is followed, the feedback along it, and its begin in units of τ."""
+
+    plan: Unknowns
+    gains: Float[Array, "n m 7"]
+    begin: RealScalar
+
+
+def followed_if(
+    program: Transcription, new: Bool[Array, ""], plan: Unknowns, begin: RealScalar, known: Followed
+) -> Followed:
+    """A `new` plan with its feedback, or the one that is known.
+
+    A loop of one turn or none: a batch pays for gains only when some of its cases need them.
+    """
+
+    def made(at):
+        gains = tracking_gains(program, begin, plan, jnp.array(WEIGHTS), jnp.array(LAST_WEIGHTS))
+        return Followed(plan, gains, begin), at[1] + 1
+
+    return lax.while_loop(lambda at: (at[1] < 1) & new, made, (known, jnp.array(0)))[0]
+
+
+def following_torque(
+    program: Transcription,
+    now: RealScalar,
+    x: Float[Array, "7"],
+    followed: Followed,
+    period: RealScalar,
+) -> Float[Array, " m"]:
+    """The torque over the next `period` that follows a plan, all without dimension.
+
+    Zero before the plan's begin; it may exceed the limits.
+    """
+    plan, begin, gains = followed.plan, followed.begin, followed.gains
+    passed = now - begin
+    wanted = planned_state(program, begin, plan, passed)
+    error = in_hemisphere_of(wanted, x) - wanted
+    error = jnp.where(passed + period / 2 > 0, error, 0.0)
+    feedback = gains[interval_at(program, plan, passed)[0]] @ error
+    return mean_torque(program, plan, passed, period) + feedback
+
+
+def tracking_gains(
+    program: Transcription,
+    begin: RealScalar,
+    plan: Unknowns,
+    weights: Float[Array, "7"],
+    last: Float[Array, "7"],
+) -> Float[Array, "n m 7"]:
+    """K of u = u_plan + K (x - x_plan) in every interval, all without dimension.
+
+    It makes the sum over all intervals of dxᵀ diag(`weights`) dx + |du|², times the length of one,
+    plus dxᵀ diag(`last`) dx at the end least for the linearised dynamics.
+    """
+    length = plan.duration / program.intervals
+
+    def backward(to_go: Float[Array, "7 7"], row):
+        number, x, u = row
+        _, by_state, b = program.linearised(begin, number, x, plan.duration, u)
+        a = by_state[:, :STATES]
+        weighted = to_go @ b
+        own = b.T @ weighted + length * jnp.eye(u.shape[0])
+        mixed = weighted.T @ a
+        gain = -solved(own, mixed)
+        before = a.T @ to_go @ a + mixed.T @ gain + length * jnp.diag(weights)
+        return (before + before.T) / 2, gain
+
+    rows = (program.numbers(plan), plan.states, plan.torque)
+    return lax.scan(backward, jnp.diag(last), rows, reverse=True)[1]
+
+
+def planned_state(
+    program: Transcription, begin: RealScalar, plan: Unknowns, passed: RealScalar
+) -> Float[Array, "7"]:
+    """The state that a plan has `passed` after its begin."""
+    number, share = interval_at(program, plan, passed)
+    x, u = plan.states[number], plan.torque[number]
+    part = share * plan.duration
+    since = begin + number * (plan.duration - part) / program.intervals
+    return program.interval(since, number.astype(x.dtype), x, part, u)
+
+
+def mean_torque(
+    program: Transcription, plan: Unknowns, passed: RealScalar, period: RealScalar
+) -> Float[Array, " m"]:
+    """The mean of a plan's torque from `passed` after its begin, over a `period`; then zero."""
+    sums = jnp.concatenate([jnp.zeros_like(plan.torque[:1]), jnp.cumsum(plan.torque, axis=0)])
+
+    def until(passed):
+        number, share = interval_at(program, plan, passed)
+        return sums[number] + share * plan.torque[number]
+
+    length = plan.duration / program.intervals
+    return (until(passed + period) - until(passed)) * length / period
+
+
+def interval_at(
+    program: Transcription, plan: Unknowns, passed: RealScalar
+) -> tuple[Int[Array, ""], RealScalar]:
+    """The interval at a time after the begin, and the share of it that has passed."""
+    place = jnp.clip(passed / plan.duration * program.intervals, 0.0, float(program.intervals))
+    number = jnp.minimum(place.astype(int), program.intervals - 1)
+    return number, place - number

@@ -1,0 +1,224 @@
+"""The manoeuvre as a nonlinear program: multiple shooting in units without dimension.
+
+The duration T is cut into equal intervals with a constant torque of every thruster in each. States
+at their ends are unknowns, tied together by classical Runge-Kutta steps (Bock and Plitt, A multiple
+shooting algorithm for direct solution of optimal control problems, IFAC World Congress, 1984).
+"""
+
+import abc
+import enum
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Float, Int
+
+from jaxsat.control.planning.end_set import BALLS, inside, radii_of
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+
+RealScalar = Float[Array, ""]
+
+STATES = 7
+"""Quaternion and ω τ."""
+
+ARRIVALS = 6
+"""Sines of half of tilt and turn, twice, and the relative rate times τ; zero at rest at the target.
+"""
+
+
+class PlanObjective(enum.Enum):
+    """What a plan makes least: the duration, or ∫ Σ|T_i| dt in a given duration."""
+
+    TIME = "time"
+    EFFORT = "effort"
+
+
+class Unknowns(NamedTuple):
+    """Of the program: states at the beginnings of the intervals and the last, torques, duration.
+
+    `place` is where in its tolerances the plan ends, see `jaxsat.control.planning.end_set`; None at
+    rest.
+    """
+
+    states: Float[Array, "n 7"]
+    last: Float[Array, "7"]
+    torque: Float[Array, "n m"]
+    duration: RealScalar
+    place: Float[Array, "6"] | None = None
+
+
+class AbstractCorrection(eqx.Module):
+    """What is known of the dynamics besides the model."""
+
+    @abc.abstractmethod
+    def __call__(
+        self, omega: Float[Array, "3"], torque: Float[Array, "3"], acceleration: Float[Array, "3"]
+    ) -> Float[Array, "3"]:
+        """The angular acceleration (rad/s²) where the model has this one.
+
+        `omega` are the rates (rad/s), `torque` that of the thrusters (N m), in body axes.
+        """
+
+
+class Transcription(eqx.Module):
+    """The nonlinear program of a body with thrusters that each make up to `limit` N m.
+
+    Times are in units of τ = √(J0 / limit) with J0 the mean moment of inertia, torques in units of
+    the limit. `torque_axes` (3, m) are the directions of the thrusters' torques, which have either
+    sign. Each of the `intervals` is integrated in `substeps` steps. A `correction` is of the
+    model's angular acceleration. The plan ends within `tolerances` of rest, or without them there.
+    """
+
+    model: RigidBody
+    torque_axes: Float[Array, "3 m"]
+    limit: RealScalar
+    objective: PlanObjective = eqx.field(static=True)
+    intervals: int = eqx.field(static=True)
+    substeps: int = eqx.field(static=True)
+    correction: AbstractCorrection | None = None
+    tolerances: Tolerances | None = None
+
+    @property
+    def time_unit(self) -> RealScalar:
+        """τ in s."""
+        return jnp.sqrt(jnp.mean(self.model.spacecraft.moments) / self.limit)
+
+    def scaled(self, state: PlantState) -> Float[Array, "7"]:
+        """A state as the program has it."""
+        q = state.attitude.as_quaternion().q
+        return jnp.concatenate([q, state.omega * self.time_unit])
+
+    def plant_state(self, x: Float[Array, "7"]) -> PlantState:
+        """A state of the program as the plant has it."""
+        return PlantState(Quaternion(x[:4]), x[4:] / self.time_unit)
+
+    @property
+    def target(self) -> Float[Array, "7"]:
+        """Rest in the orbit frame; the quaternion of the other sign is the same attitude."""
+        unturned = Quaternion(jnp.eye(4)[0])
+        return self.scaled(PlantState(unturned, self.model.orbit.frame_rate(unturned)))
+
+    def arrival(self, x: Float[Array, "7"]) -> Float[Array, "6"]:
+        """Zero at rest in the orbit frame, with either sign of the quaternion."""
+        relative = self.model.relative_rate(self.plant_state(x))
+        turn = 1.0 if self.tolerances is None else jnp.sqrt(x[0] ** 2 + x[3] ** 2)
+        of_attitude = 2 * jnp.stack([x[1], x[2], x[3] / turn])
+        return jnp.concatenate([of_attitude, relative * self.time_unit])
+
+    @property
+    def radii(self) -> Float[Array, "3"] | None:
+        """Within which the arrival is to be, in tilt, turn and rate; None for rest."""
+        return None if self.tolerances is None else radii_of(self.tolerances, self.time_unit)
+
+    def place(self, x: Float[Array, "7"]) -> Float[Array, "6"] | None:
+        """Where in the tolerances a last state lies, or is nearest to."""
+        radii = self.radii
+        return None if radii is None else inside(self.arrival(x) / (BALLS @ radii))
+
+    def missed(self, at: "Unknowns") -> Float[Array, "6"]:
+        """By how much the last state misses its place in the tolerances, or rest."""
+        arrival, radii = self.arrival(at.last), self.radii
+        if radii is None or at.place is None:
+            return arrival
+        return arrival - BALLS @ radii * at.place
+
+    def _rate(
+        self, t: RealScalar, x: Float[Array, "7"], u: Float[Array, " m"]
+    ) -> Float[Array, "7"]:
+        """dx/dt of equations (1), (10) and (11)."""
+        model, unit, state = self.model, self.time_unit, self.plant_state(x)
+        torque = self.torque_axes @ (u * self.limit)
+        disturbance = model.disturbance_torque(t * unit, state)
+        turning = Quaternion(x[:4]).rate(model.relative_rate(state)).q
+        acceleration = model.angular_acceleration(state.omega, torque + disturbance)
+        if self.correction is not None:
+            acceleration = self.correction(state.omega, torque, acceleration)
+        return jnp.concatenate([turning * unit, acceleration * unit**2])
+
+    def interval(
+        self,
+        begin: RealScalar,
+        number: RealScalar,
+        x: Float[Array, "7"],
+        duration: RealScalar,
+        u: Float[Array, " m"],
+    ) -> Float[Array, "7"]:
+        """The state after interval `number` of a plan that begins at the time `begin`."""
+        h = duration / (self.intervals * self.substeps)
+
+        def step(number, flown):
+            del number
+            t, x = flown
+            k1 = self._rate(t, x, u)
+            k2 = self._rate(t + h / 2, x + h / 2 * k1, u)
+            k3 = self._rate(t + h / 2, x + h / 2 * k2, u)
+            k4 = self._rate(t + h, x + h * k3, u)
+            return t + h, x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+        t = begin + number * duration / self.intervals
+        if self.substeps == 1:
+            return step(0, (t, x))[1]
+        return lax.fori_loop(0, self.substeps, step, (t, x))[1]
+
+    def coasted(
+        self,
+        begin: RealScalar,
+        x: Float[Array, "7"],
+        step: RealScalar,
+        steps: Int[Array, ""],
+        most: int,
+    ) -> Float[Array, "7"]:
+        """The state to which the body coasts in so many Runge-Kutta steps, `most` at the most."""
+        whole, coast = step * self.intervals, jnp.zeros(self.torque_axes.shape[1], x.dtype)
+
+        def one(at):
+            number, x = at
+            x = self.interval(begin + number * step, jnp.zeros_like(begin), x, whole, coast)
+            return number + 1, jnp.concatenate([x[:4] / jnp.sqrt(jnp.sum(x[:4] ** 2)), x[4:]])
+
+        def goes_on(at):
+            return (at[0] < most) & (at[0] < steps)
+
+        return lax.while_loop(goes_on, one, (jnp.array(0), x))[1]
+
+    def linearised(
+        self, begin: RealScalar, number: RealScalar, x, duration: RealScalar, u
+    ) -> tuple[Array, Array, Array]:
+        """The state after an interval, its derivatives by (x, T) and those by u."""
+
+        def after(v):
+            return self.interval(begin, number, v[:STATES], v[STATES], v[STATES + 1 :])
+
+        at = jnp.concatenate([x, duration[None], u])
+        jacobian = jax.jacfwd(after)(at)
+        return after(at), jacobian[:, : STATES + 1], jacobian[:, STATES + 1 :]
+
+    def defects(self, begin: RealScalar, at: "Unknowns") -> RealScalar:
+        """Σ|x_(k+1) - f(x_k, u_k)| + |arrival|₁: zero where the plan can be flown."""
+
+        def one(carry, row):
+            total, reached = carry
+            number, x, u = row
+            total = total + jnp.sum(jnp.abs(x - reached))
+            return (total, self.interval(begin, number, x, at.duration, u)), None
+
+        first = (jnp.sum(jnp.abs(self.missed(at))), at.states[0])
+        rows = (self.numbers(at), at.states, at.torque)
+        (total, reached), _ = lax.scan(one, first, rows)
+        return total + jnp.sum(jnp.abs(at.last - reached))
+
+    def effort(self, at: "Unknowns") -> RealScalar:
+        """∫ Σ|u| dt."""
+        return jnp.sum(jnp.abs(at.torque)) * at.duration / self.intervals
+
+    def value(self, at: "Unknowns") -> RealScalar:
+        """What the program makes least."""
+        return at.duration if self.objective is PlanObjective.TIME else self.effort(at)
+
+    def numbers(self, at: "Unknowns") -> Float[Array, " n"]:
+        """Of the intervals."""
+        return jnp.arange(self.intervals, dtype=at.last.dtype)

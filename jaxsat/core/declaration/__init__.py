@@ -1,0 +1,31 @@
+"""How the parts that a scenario names declare themselves. Plain data: needs no JAX."""
+
+from jaxsat.core.declaration.keys import (
+    LARGEST,
+    Choice,
+    Finding,
+    Key,
+    Numeric,
+    Rule,
+    Switch,
+    choice,
+    number,
+    switch,
+)
+from jaxsat.core.declaration.law import LawDeclaration
+from jaxsat.core.declaration.part import PartDeclaration
+
+__all__ = [
+    "LARGEST",
+    "Choice",
+    "Finding",
+    "Key",
+    "LawDeclaration",
+    "Numeric",
+    "PartDeclaration",
+    "Rule",
+    "Switch",
+    "choice",
+    "number",
+    "switch",
+]

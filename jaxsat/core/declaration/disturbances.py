@@ -1,0 +1,82 @@
+"""The disturbances that come with jaxsat, whose keys stand in `[disturbance]` itself."""
+
+from jaxsat.core.declaration.keys import number, switch
+from jaxsat.core.declaration.part import PartDeclaration
+from jaxsat.core.ranges import ANGLE, DIPOLE, FREQUENCY, LENGTH, TORQUE, Range
+
+_ZERO = (0.0, 0.0, 0.0)
+
+
+def _vector(name: str, meaning: str, unit: str, values: Range):
+    low, high = values
+    return number(name, meaning, unit, at_least=low, at_most=high, size=3, default=_ZERO)
+
+
+PERIODIC = PartDeclaration(
+    "the periodic torque (2)",
+    (
+        _vector("amplitude_N_m", "Amplitudes of the periodic torque (2)", "N m", TORQUE),
+        _vector("frequency_rad_s", "Frequencies Ω of the periodic torque (2)", "rad/s", FREQUENCY),
+        _vector("phase_rad", "Phases of the periodic torque", "rad", ANGLE),
+    ),
+)
+CONSTANT = PartDeclaration(
+    "a torque fixed in body axes",
+    (_vector("constant_N_m", "Torque fixed in body axes", "N m", TORQUE),),
+)
+GRAVITY_GRADIENT = PartDeclaration(
+    "the gravity-gradient torque",
+    (switch("gravity_gradient", "Whether the gravity-gradient torque acts", False),),
+)
+MAGNETIC = PartDeclaration(
+    "the torque on a residual dipole in the field of a tilted dipole that turns with the Earth",
+    (_vector("residual_dipole_A_m2", "Magnetic dipole fixed in body axes", "A m²", DIPOLE),),
+)
+AERODYNAMIC = PartDeclaration(
+    "the torque of drag, by one coefficient and the speed of the orbit",
+    (
+        number(
+            "drag_density_kg_m3", "Density of the air", "kg/m³", at_least=0, at_most=1, default=0.0
+        ),
+        number("drag_coefficient", "Drag coefficient", at_least=0, at_most=100, default=2.2),
+        number(
+            "drag_area_m2", "Area across the velocity", "m²", at_least=0, at_most=1e6, default=1.0
+        ),
+        _vector("drag_centre_m", "Centre of pressure from the centre of mass", "m", LENGTH),
+    ),
+)
+SOLAR = PartDeclaration(
+    "the torque of sunlight, by one coefficient",
+    (
+        number(
+            "solar_area_m2", "Area across the sunlight", "m²", at_least=0, at_most=1e6, default=0.0
+        ),
+        number(
+            "solar_coefficient",
+            "1 for a surface that absorbs all light, 2 for a mirror",
+            at_least=0,
+            at_most=2,
+            default=1.5,
+        ),
+        _vector("solar_centre_m", "Centre of pressure from the centre of mass", "m", LENGTH),
+        number(
+            "sun_direction",
+            "Direction to the Sun in inertial axes, of any length but zero",
+            at_least=-1e6,
+            at_most=1e6,
+            size=3,
+            default=(1.0, 0.0, 0.0),
+        ),
+        switch("eclipses", "Whether the Earth has a shadow, a cylinder", False),
+    ),
+)
+
+DISTURBANCES = {
+    "jaxsat.spacecraft.environment.disturbances:PeriodicTorque": PERIODIC,
+    "jaxsat.spacecraft.environment.disturbances:ConstantTorque": CONSTANT,
+    "jaxsat.spacecraft.environment.disturbances:GravityGradient": GRAVITY_GRADIENT,
+    "jaxsat.spacecraft.environment.orbital_torques:MagneticTorque": MAGNETIC,
+    "jaxsat.spacecraft.environment.orbital_torques:AerodynamicTorque": AERODYNAMIC,
+    "jaxsat.spacecraft.environment.orbital_torques:SolarPressureTorque": SOLAR,
+}
+"""Declarations by the place of the class."""

@@ -1,0 +1,89 @@
+"""What a control law declares about itself, and what it is built from."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from jaxsat.core.declaration.domain import Sweep
+from jaxsat.core.declaration.keys import Key, Rule
+
+OF_ALL_LAWS = ("law", "model", "measured_disturbance")
+"""Keys of `[control]` that mean the same under every law."""
+
+
+@dataclass(frozen=True)
+class LawDeclaration:
+    """All that a scenario, its checks, tuning and the commands need to know of a law.
+
+    - `summary`: one line, what the law does.
+    - `keys`: the law's own keys of `[control]`. A law that is sampled has `period_s` among them.
+    - `torques`: 2 for a law that commands (u1, u2) about body x and y, 3 for one that commands a
+      torque about each body axis, which takes three independent thrusters, 1 for one that commands
+      a torque about the one axis that is left, `jaxsat.core.allocation.torque_axis`, 0 for none.
+    - `any_plane`: the two torques are about `jaxsat.core.allocation.torque_directions` of the
+      thrusters left, in whatever plane these are, instead of body x and y.
+    - `commands_duties`: the law allocates its torques itself and commands the duty of each
+      `[[thruster]]`.
+    - `commands_wheels`: the same of the torque of each `[[wheel]]`.
+    - `has_model`: whether the table `[control.model]` may say what the controller believes.
+    - `measures_disturbance`: whether the key `measured_disturbance` may add the periodic
+      disturbance to the model.
+    - `ordered`: pairs of keys of which the first must not exceed the second.
+    - `rules`: further rules across keys.
+    - `needs_torque_limit`: the thrusters must be limited.
+    - `needs_unequal_moments`: the law moves ω3 through (J1 - J2) ω1 ω2 alone.
+    - `tracks_rates`: the law tracks reference rates as in (43), a subclass of
+      `AbstractBacksteppingLaw`, so that its loop may be integrated in error coordinates.
+    - `works_in_wz`: the law uses (w, z), which are singular upside down.
+    - `regulates_attitude`: a case counts as settled by attitude and rate, else by rate alone.
+    - `jumps_without`: widths above 0 without which the commanded torque jumps, so that fixed steps
+      do not suit it.
+    - `searched`: of a law through which no gradient is taken, as it searches in flight: the keys
+      that `jaxsat design` tunes, by a search without derivatives. Empty for all others.
+    - `domain`: where the law was verified, one dimensionless number at a time.
+    """
+
+    summary: str
+    keys: tuple[Key, ...] = ()
+    torques: Literal[0, 1, 2, 3] = 2
+    any_plane: bool = False
+    commands_duties: bool = False
+    commands_wheels: bool = False
+    has_model: bool = True
+    measures_disturbance: bool = False
+    ordered: tuple[tuple[str, str], ...] = ()
+    rules: tuple[Rule, ...] = ()
+    needs_torque_limit: bool = False
+    needs_unequal_moments: bool = False
+    tracks_rates: bool = False
+    works_in_wz: bool = False
+    regulates_attitude: bool = True
+    jumps_without: tuple[str, ...] = ()
+    searched: tuple[str, ...] = ()
+    domain: tuple[Sweep, ...] = ()
+
+    def __post_init__(self):
+        names = [key.name for key in self.keys]
+        for name in names:
+            if name in OF_ALL_LAWS or names.count(name) > 1:
+                what = "a key of every law" if name in OF_ALL_LAWS else "one of them twice"
+                raise ValueError(f"Argument `keys` must be the law's own, but got {name}, {what}.")
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the law runs once a period and its torque is held in between."""
+        return any(key.name == "period_s" for key in self.keys)
+
+    @property
+    def allocates(self) -> bool:
+        """Whether the law commands each actuator itself."""
+        return self.commands_duties or self.commands_wheels
+
+    @property
+    def tunable(self) -> dict[str, str]:
+        """The keys that can be tuned, and their place in the law."""
+        return {key.name: key.tunable for key in self.keys if key.tunable is not None}
+
+    @property
+    def widths(self) -> tuple[str, ...]:
+        """The keys that round corners."""
+        return tuple(key.name for key in self.keys if key.width)

@@ -1,0 +1,93 @@
+"""The control laws that a scenario can name."""
+
+import pkgutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from jaxsat.core.declaration.fault_tolerant import FAULT_TOLERANT, FAULT_TOLERANT_WHEELS
+from jaxsat.core.declaration.law import LawDeclaration
+from jaxsat.core.declaration.one_torque import ONE_TORQUE
+from jaxsat.core.declaration.quaternion_feedback import QUATERNION_FEEDBACK
+from jaxsat.core.declaration.rate import RATE
+from jaxsat.core.declaration.settling import OSCILLATORY, PLANNED, THREE_SLEW
+from jaxsat.core.declaration.switching import SWITCHING
+from jaxsat.core.declaration.three_axis import THREE_AXIS
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law by its name: what it declares, and where its class stands ("module:Class").
+
+    `maker` is the function that makes it of a checked table, the class's `from_table` unless given.
+    Neither is imported before it is used.
+    """
+
+    name: str
+    declaration: LawDeclaration
+    place: str
+    maker: str | None = None
+
+    @property
+    def controller(self) -> type:
+        """The class of the law."""
+        return pkgutil.resolve_name(self.place)
+
+    @property
+    def from_table(self) -> Callable[[Mapping[str, Any], Any], Any]:
+        """What makes the law of a checked table and a `LawContext`."""
+        if self.maker is None:
+            return self.controller.from_table
+        return pkgutil.resolve_name(self.maker)
+
+
+COAST = LawDeclaration(summary="no control", torques=0, has_model=False)
+
+LAWS: Mapping[str, Law] = MappingProxyType(
+    {
+        law.name: law
+        for law in (
+            Law("coast", COAST, "jaxsat.control.controller:Coast"),
+            Law("rate", RATE, "jaxsat.control.rate:RateLaw"),
+            Law("three-axis", THREE_AXIS, "jaxsat.control.three_axis:ThreeAxisLaw"),
+            Law(
+                "quaternion-feedback",
+                QUATERNION_FEEDBACK,
+                "jaxsat.control.quaternion_feedback:QuaternionFeedback",
+            ),
+            Law(
+                "fault-tolerant",
+                FAULT_TOLERANT,
+                "jaxsat.control.fault_tolerant:FaultTolerant",
+                "jaxsat.control.fault_tolerant_law:build_fault_tolerant",
+            ),
+            Law(
+                "fault-tolerant-wheels",
+                FAULT_TOLERANT_WHEELS,
+                "jaxsat.control.fault_tolerant_wheels:FaultTolerantWheels",
+            ),
+            Law("switching", SWITCHING, "jaxsat.control.switching:SwitchingLaw"),
+            Law(
+                "oscillatory",
+                OSCILLATORY,
+                "jaxsat.control.fine:OscillatorySettling",
+                "jaxsat.control.settling_laws:build_oscillatory",
+            ),
+            Law(
+                "three-slew",
+                THREE_SLEW,
+                "jaxsat.control.supervisor:ThreeSlewSettling",
+                "jaxsat.control.settling_laws:build_three_slew",
+            ),
+            Law(
+                "planned",
+                PLANNED,
+                "jaxsat.control.planned:PlannedSettling",
+                "jaxsat.control.settling_laws:build_planned",
+            ),
+            Law("one-torque", ONE_TORQUE, "jaxsat.control.one_torque:OneTorque"),
+        )
+    }
+)
+"""Those that come with jaxsat."""

@@ -1,0 +1,135 @@
+"""Gains of the laws that settle, without dimension: rates times τ of
+`jaxsat.core.declaration.scaling`.
+
+They were tuned for the paper's spacecraft, section 5, at thrusters of 1, 5 and 20 N m: τ = 18.57,
+8.305 and 4.153 s. With its orbit, disturbance and sensors the period over τ tells these apart.
+
+How they were found:
+
+- Oscillatory law, 5 N m: `jaxsat tune oscillatory-dispersed`, rounded. It tunes all but `rest` and
+  `enter_rate`.
+- Oscillatory law, 1 N m: the same, rates and frequencies times √(1/5), rounded.
+- Three slews: `benchmarks/preset_gains.py` (CMA-ES on settling times at all three levels), rounded;
+  `approach`, `tilt_gain`, `ratio`, `lost_rate` and the inner `rate_gain` of slews and fine stage by
+  searches older than that. The commands of these are not known any more.
+- Oscillatory law, 20 N m, its `rest` and `enter_rate`: the same older searches.
+
+Descent from those of the oscillatory law at 1 and 20 N m found nothing better
+(`docs/tuning-results.md`).
+This checks them all; `docs/laws.md` has what it gives:
+
+    jaxsat compare --law three-slew --law oscillatory --level all --torque-limit all \\
+        --seed 90417 -n 2000
+
+This tunes those of the oscillatory law again, once mine.toml has the torque limit wanted and none
+of the seven gains in `[control]`, so that it starts from those there; times τ they go into
+`tuned_gains.toml`:
+
+    jaxsat scenarios show oscillatory-dispersed > mine.toml
+    jaxsat tune mine.toml
+
+Of the three slews the keys of `[control]` are the gains that decide how long they take; the others
+(tolerances, hand-over, gains of inner loops) are changed there alone.
+"""
+
+import tomllib
+from collections.abc import Callable, Mapping
+from importlib import resources
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from jaxsat.core.declaration.scaling import STEPS, Scaling
+
+
+class MorinSamsonGains(NamedTuple):
+    """Gains of `MorinSamson`: `k3`, damping ratio ζ, and `rest` (rad)."""
+
+    k3: float
+    damping: float
+    rest: float
+
+
+class TwoChannelGains(NamedTuple):
+    """Gains of `TwoChannel`: `k3` and `kz`, and `rest` (rad)."""
+
+    k3: float
+    kz: float
+    rest: float
+
+
+class FineGains(NamedTuple):
+    """Gains of the fine stage: of its demand, its `Oscillator` and its `Handover`.
+
+    `frequency` is ν, `tilt_gain` k, `rate_gain` kω, `largest_amplitude` ρm, `ratio` r.
+    """
+
+    demand: MorinSamsonGains | TwoChannelGains
+    frequency: float
+    tilt_gain: float
+    rate_gain: float
+    largest_amplitude: float
+    ratio: float
+    enter_rate: float
+
+
+class RateLawGains(NamedTuple):
+    """Gains of `FiniteTimeRate`: `share` η, `rate_gain` and `dead_zone` ε."""
+
+    share: float
+    rate_gain: float
+    dead_zone: float
+
+
+class SlewGains(NamedTuple):
+    """Gains of `SlewPlanner`.
+
+    `share` is η_s, `approach` λ and `rate_gain` k_s; `angle_tolerance` is in rad.
+    """
+
+    share: float
+    approach: float
+    rate_gain: float
+    angle_tolerance: float
+    rate_tolerance: float
+
+
+class ApproachGains(NamedTuple):
+    """Gains of `ThreeSlewSettling` before its fine stage."""
+
+    rate_law: RateLawGains
+    slews: SlewGains
+    stopped_rate: float
+    lost_rate: float
+
+
+Row = TypeVar("Row")
+
+
+def _rows(table: str, kind: Callable[..., Row], **parts: Callable[..., Any]) -> Mapping[float, Row]:
+    """The rows of a table of the data file by their `step`; `parts` are inline tables there."""
+    rows = [dict(row) for row in _TABLES[table]]
+    for row in rows:
+        row |= {name: part(**row[name]) for name, part in parts.items()}
+    return {row.pop("step"): kind(**row) for row in rows}
+
+
+_TABLES = tomllib.loads(
+    (resources.files("jaxsat.core.declaration") / "tuned_gains.toml").read_text("utf-8")
+)
+
+MORIN_SAMSON = _rows("morin_samson", FineGains, demand=MorinSamsonGains)
+"""Of the oscillatory law, by the period over τ."""
+
+TWO_CHANNEL = _rows("two_channel", FineGains, demand=TwoChannelGains)
+"""Of the fine stage of the three slews, by the period over τ."""
+
+APPROACH = _rows("approach", ApproachGains, rate_law=RateLawGains, slews=SlewGains)
+"""Of the three slews, by the period over τ."""
+
+
+def tuned_frequency(table: Mapping[float, FineGains], scaling: Scaling) -> float:
+    """ν (rad/s) of a table; between two of its steps on a straight line in logarithms."""
+    known = [table[step].frequency for step in STEPS]
+    number = np.exp(np.interp(np.log(scaling.step), np.log(STEPS), np.log(known)))
+    return float(number) / scaling.time

@@ -1,5 +1,0 @@
-"""The compiled engine: programs for one trajectory as vector code, a lane for each."""
-
-from jaxsat.engine.native.engine import NativeEngine, native_obstacle, process_obstacle
-
-__all__ = ["NativeEngine", "native_obstacle", "process_obstacle"]

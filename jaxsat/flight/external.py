@@ -1,0 +1,224 @@
+"""Software in the loop: a loop whose law and estimator are the compiled C of an export.
+
+Compiled loops call it once a period for all cases of a batch. Allocation, modulation and all that
+is simulated stay as they are; parameters and memories are those of the case.
+"""
+
+import ctypes
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
+
+from jaxsat.compiler.c.layout import Struct
+from jaxsat.control import AbstractSampledController
+from jaxsat.control.navigation import AbstractEstimator, Estimate, Measurement
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.errors import LibraryError
+from jaxsat.flight.flight import FlightController, Measured, Seen
+from jaxsat.flight.program import FlightProgram, flight_program
+from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.spacecraft.dynamics import PlantState
+
+
+class Library:
+    """The compiled stages of a controller, for rows of numbers; one number a call is a case."""
+
+    def __init__(self, path: Path, loop: AbstractLoop, start: PlantState):
+        self.path = path.resolve()
+        try:
+            self._library = ctypes.CDLL(str(self.path))
+            told = self._library.controller_program
+        except (OSError, AttributeError) as error:
+            raise LibraryError(
+                f"must be a library that `make` built of an export ({error})"
+            ) from None
+        told.restype = ctypes.c_char_p
+        program, _, precision = told().decode().partition("-")
+        self.single = precision == "single"
+        self.program: FlightProgram = flight_program(loop, start, single=self.single)
+        if program != self.program.hash:
+            raise LibraryError(
+                f"must be made of this scenario's controller, whose program is "
+                f"{self.program.hash[:12]}, got one of {program[:12]}; export it again"
+            )
+        paths = jax.tree_util.tree_leaves_with_path(
+            eqx.filter(FlightController.of(loop), eqx.is_array)
+        )
+        self.leaves = {
+            part: [i for i, (path, _) in enumerate(paths) if getattr(path[0], "name", "") == part]
+            for part in ("law", "estimator")
+        }
+
+    def run(self, stage: str, rows: list[Any], out: Struct) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs and next states of a stage for rows of parameters, inputs and states."""
+        given = np.ascontiguousarray(np.concatenate(rows, axis=1), np.float64)
+        count, sizes = len(given), (out.size, self.program.structs["state"].size)
+        found = np.zeros((count, sum(sizes)))
+        function = getattr(self._library, f"controller_{stage}_batch")
+        function.argtypes = [ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]
+        function.restype = None
+        function(count, given.ctypes.data, found.ctypes.data)
+        return found[:, : sizes[0]], found[:, sizes[0] :]
+
+
+def with_library(loop: SampledLoop, library: Library) -> SampledLoop:
+    """The loop with the library in the place of its law and, if it has one, its estimator."""
+    law = ExternalLaw(law=loop.controller, period=loop.controller.period, library=library)
+    loop = eqx.tree_at(lambda x: x.controller, loop, law)
+    if loop.navigation is None:
+        return loop
+    estimator = ExternalEstimator(estimator=loop.navigation.estimator, library=library)
+    return eqx.tree_at(lambda x: x.navigation.estimator, loop, estimator)
+
+
+class ExternalLaw(AbstractSampledController):
+    """A law whose step is that of the library; what is asked of its memory the law itself tells."""
+
+    law: AbstractSampledController
+    period: Float[Array, ""]
+    library: Library = eqx.field(static=True)
+
+    def init(self, state: PlantState) -> PyTree:
+        """The law's own."""
+        return self.law.init(state)
+
+    def step(self, t: Array, state: PlantState, memory: PyTree) -> tuple[Array, PyTree]:
+        """The library's torque (N m) and memory."""
+        arrays = eqx.filter(self.law, eqx.is_array)
+        command = jax.eval_shape(self.law.step, t, state, memory)[0]
+        seen = Seen(state.attitude, state.omega, state.wheel_momentum)
+        call = _Call(self.library, "control")
+        return jax.pure_callback(
+            call, (command, memory), arrays, t, seen, memory, vmap_method="broadcast_all"
+        )
+
+    def rate_error(self, state: PlantState, memory: PyTree) -> Float[Array, "2"]:
+        """The law's own."""
+        return self.law.rate_error(state, memory)
+
+    def judged(self, memory: PyTree) -> PyTree:
+        """The law's own."""
+        return self.law.judged(memory)
+
+    def telemetry(self, memory: PyTree) -> Mapping[str, Array]:
+        """The law's own."""
+        return self.law.telemetry(memory)
+
+    def mode(self, memory: PyTree) -> Int[Array, ""]:
+        """The law's own."""
+        return self.law.mode(memory)
+
+
+class ExternalEstimator(AbstractEstimator):
+    """An estimator whose step is that of the library; it tells attitude and rate alone."""
+
+    estimator: AbstractEstimator
+    library: Library = eqx.field(static=True)
+
+    def init(self, attitude: Quaternion, sigma: Array) -> PyTree:
+        """The estimator's own."""
+        return self.estimator.init(attitude, sigma)
+
+    def step(
+        self, sample: Array, period: Array, measurement: Measurement, memory: PyTree
+    ) -> tuple[Estimate, PyTree]:
+        """The library's estimate and memory."""
+        del period
+        arrays = eqx.filter(self.estimator, eqx.is_array)
+        momentum = self.library.program.now.measured.wheel_momentum
+        if momentum is not None:  # which passes the estimator by, and `ExternalLaw` is told
+            momentum = jnp.zeros(momentum.shape)
+        attitude, rate = measurement.attitude, measurement.rate
+        measured = Measured(rate, attitude.q, measurement.seen, momentum)
+        seen = Seen(attitude, rate, momentum)
+        call = _Call(self.library, "estimate")
+        seen, memory = jax.pure_callback(
+            call, (seen, memory), arrays, sample, measured, memory, vmap_method="broadcast_all"
+        )
+        return Estimate(seen.attitude, seen.omega), memory
+
+
+class _Call:
+    """One stage for arrays of cases, as compiled loops call it back."""
+
+    def __init__(self, library: Library, stage: str):
+        self.library, self.stage = library, stage
+
+    def __call__(self, arrays: PyTree, when: Any, seen: PyTree, memory: PyTree) -> PyTree:
+        """Next to the parts that the stage has not, rows are zero."""
+        program, controls = self.library.program, self.stage == "control"
+        part = "law" if controls else "estimator"
+        when = np.asarray(when)
+        count = max(1, when.size)
+        structs = program.structs
+        rows = [self._parameters(part, arrays, count)]
+        begin = (when, np.zeros_like(when)) if controls else (np.zeros_like(when), when)
+        given = _rows((*begin, seen), count)
+        if controls and program.estimates:
+            empty = np.zeros((count, structs["input"].size - 2))
+            rows += [given[:, :2], empty, given[:, 2:]]
+        else:
+            rows.append(given)
+        before = np.zeros((count, structs["state"].size))
+        place = _places(program, part)
+        before[:, place] = _rows(memory, count)
+        rows.append(before)
+        out = structs["output"] if controls else structs["seen"]
+        found, after = self.library.run(self.stage, rows, out)
+        if controls:
+            first = structs["output"].fields[0]
+            outputs: Any = found[:, : first.size].reshape(*when.shape, -1)
+            outputs = outputs.astype(jax.dtypes.canonicalize_dtype(float))
+        else:
+            like = Seen(Quaternion(seen.attitude), seen.rate, seen.wheel_momentum)
+            outputs = _unpacked(found, like, when.shape)
+        return outputs, _unpacked(after[:, place], memory, when.shape)
+
+    def _parameters(self, part: str, arrays: PyTree, count: int) -> np.ndarray:
+        """The case's own arrays, and those of the scenario for what it does not have."""
+        program = self.library.program
+        own = {
+            program.order[place]: leaf
+            for place, leaf in reversed(
+                list(zip(self.library.leaves[part], jax.tree.leaves(arrays), strict=True))
+            )
+        }
+        columns = []
+        for field in program.structs["parameters"].fields:
+            value = np.asarray(own.get(field.number, program.parameters[field.number]), float)
+            columns.append(np.broadcast_to(value.reshape(-1, field.size), (count, field.size)))
+        return np.concatenate(columns, axis=1) if columns else np.zeros((count, 0))
+
+
+def _rows(tree: PyTree, count: int) -> np.ndarray:
+    leaves = [np.asarray(leaf).astype(float).reshape(count, -1) for leaf in jax.tree.leaves(tree)]
+    return np.concatenate(leaves, axis=1) if leaves else np.zeros((count, 0))
+
+
+def _places(program: FlightProgram, part: str) -> np.ndarray:
+    """Which numbers of a state belong to a part of it."""
+    found, place = [], 0
+    for field in program.structs["state"].fields:
+        if field.path == part or field.path.startswith((f"{part}.", f"{part}[")):
+            found += range(place, place + field.size)
+        place += field.size
+    return np.array(found, int)
+
+
+def _unpacked(rows: np.ndarray, like: PyTree, shape: tuple[int, ...]) -> PyTree:
+    """Rows as a tree whose leaves have these leading axes already."""
+    leaves, structure = jax.tree.flatten(like)
+    found, place = [], 0
+    for leaf in leaves:
+        leaf = np.asarray(leaf)
+        size = int(np.prod(leaf.shape[len(shape) :]))
+        part = rows[:, place : place + size].reshape(leaf.shape)
+        found.append((part != 0) if leaf.dtype == bool else part.astype(leaf.dtype))
+        place += size
+    return jax.tree.unflatten(structure, found)

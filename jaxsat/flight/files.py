@@ -1,0 +1,128 @@
+"""All files of an export by their names: sources, tests, build files, provenance."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from jaxsat.compiler.c.naming import comment
+from jaxsat.flight import templates
+from jaxsat.flight.flight import CannotExport
+from jaxsat.flight.harness import records_header, test_program, vectors_file
+from jaxsat.flight.library import library_source
+from jaxsat.flight.measure import Measured, measured
+from jaxsat.flight.program import FlightProgram, flight_program
+from jaxsat.flight.readme import readme
+from jaxsat.flight.source import header, source
+from jaxsat.flight.vectors import Vectors, vectors
+from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.spacecraft.dynamics import PlantState
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is to be exported: a loop, a start and the time (s) that test runs take.
+
+    `title`, `scenario` (TOML) and `provenance` (versions, platform, time) go into the files.
+    """
+
+    loop: AbstractLoop
+    start: PlantState
+    duration: float
+    title: str
+    scenario: str
+    provenance: Mapping[str, Any]
+    single: bool = False
+    libm: bool = False
+
+
+@dataclass(frozen=True)
+class Export:
+    """The files, and what is known of them."""
+
+    program: FlightProgram
+    files: Mapping[str, bytes]
+    vectors: Vectors
+    measured: Measured
+    lines: int
+
+
+def export(request: Request) -> Export:
+    """All files of a controller.
+
+    Raises `CannotExport` for a loop that has no flight code, and `CannotLower` for an operation
+    that cannot be written, with its line in the source.
+    """
+    if not isinstance(request.loop, SampledLoop):
+        raise CannotExport(NOT_SAMPLED)
+    program = flight_program(request.loop, request.start, single=request.single)
+    intro = _intro(request, program)
+    texts = {
+        "controller.h": header(program, intro),
+        "controller.c": source(program, intro, libm=request.libm),
+    }
+    found = vectors(program, request.loop, request.start, request.duration)
+    return with_tests(request, program, texts, intro, found)
+
+
+NOT_SAMPLED = (
+    "control.law: must be a law that runs once a period to become flight code, got one in "
+    "continuous time"
+)
+
+
+def with_tests(
+    request: Request,
+    program: FlightProgram,
+    texts: dict[str, str],
+    intro: list[str],
+    found: Vectors,
+) -> Export:
+    """The same with everything that stands around the controller."""
+    texts |= {
+        "controller_records.h": records_header(program, intro),
+        "test_controller.c": test_program(program, intro),
+        "controller_library.c": library_source(program, intro),
+        "cortex_m.c": templates.CORTEX_M,
+        "misra_deviations.txt": "".join(f"{rule}\n" for rule in templates.DEVIATIONS),
+        "Makefile": templates.MAKEFILE.replace("@ULP@", "0" if not request.libm else "1e18"),
+        "CMakeLists.txt": templates.CMAKE.replace("@ULP@", "0" if not request.libm else "1e18"),
+        "scenario.toml": request.scenario,
+        "export.json": _record(request, program) + "\n",
+    }
+    files = {name: text.encode() for name, text in texts.items()}
+    files["test_vectors.bin"] = vectors_file(found)
+    numbers = measured(files)
+    lines = texts["controller.c"].count("\n")
+    files["README.md"] = readme(request, program, found, numbers, lines).encode()
+    return Export(program, files, found, numbers, lines)
+
+
+def _intro(request: Request, program: FlightProgram) -> list[str]:
+    version = request.provenance["versions"]["jaxsat"]
+    precision = "single" if program.single else "double"
+    return [
+        *comment(f"{request.title}. Written by jaxsat {version}; do not edit, export again."),
+        *comment(f"Traced program {program.hash}, {precision} precision."),
+        "",
+    ]
+
+
+def _record(request: Request, program: FlightProgram) -> str:
+    layout = {
+        name: [
+            {"name": field.name, "path": field.path, "shape": field.shape, "type": str(field.dtype)}
+            for field in struct.fields
+        ]
+        for name, struct in program.structs.items()
+    }
+    record = {
+        "title": request.title,
+        "program": program.hash,
+        "single": request.single,
+        "libm": request.libm,
+        "modes": program.modes,
+        "layout": layout,
+        **request.provenance,
+    }
+    return json.dumps(record, indent=2, ensure_ascii=False)

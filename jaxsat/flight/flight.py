@@ -1,0 +1,211 @@
+"""What of a closed loop flies: estimator, law and actuator commands, as functions of trees."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
+
+from jaxsat.control import AbstractSampledController
+from jaxsat.control.navigation import AbstractEstimator, Measurement
+from jaxsat.core.attitude import AbstractAttitude, Quaternion
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.smooth import sat
+from jaxsat.simulation import SampledLoop
+from jaxsat.spacecraft import (
+    AbstractActuators,
+    AbstractPulsedActuators,
+    Actuators,
+    PulsedActuatorsWithWheels,
+    PulsedThrusters,
+)
+from jaxsat.spacecraft.dynamics import PlantState
+
+
+class CannotExport(JaxsatError):
+    """A closed loop has a part of which no flight code can be made; the message says which."""
+
+
+class Seen(NamedTuple):
+    """What the law is told: attitude relative to the orbit frame, inertial angular velocity in body
+    axes (rad/s), and the momentum of each wheel (N m s) if there are wheels."""
+
+    attitude: AbstractAttitude
+    omega: Float[Array, "3"]
+    wheel_momentum: Float[Array, " wheels"] | None = None
+
+    def as_state(self) -> PlantState:
+        """The same as laws take it."""
+        return PlantState(self.attitude, self.omega, self.wheel_momentum)
+
+
+class Input(NamedTuple):
+    """One sample: its time (s) and number, from any time and number on, and what was measured."""
+
+    time: Float[Array, ""]
+    sample: Int[Array, ""]
+    measured: PyTree
+
+
+class Begin(NamedTuple):
+    """Time (s) and number of the sample at which the controller began, from which it counts."""
+
+    time: Float[Array, ""]
+    sample: Int[Array, ""]
+
+
+class State(NamedTuple):
+    """What the controller remembers from one sample to the next."""
+
+    law: PyTree
+    estimator: PyTree = None
+    modulation: PyTree = None
+    begin: Begin | None = None
+
+
+class Output(NamedTuple):
+    """Commands of one sample.
+
+    `torque` is what the law commands (N m) about the first two body axes, or about each of the
+    three. `thrust` is the torque of each thruster (N m); `wheel_torque` what each wheel is to put
+    on the body (N m). `valve_on` and `valve_off` are the instants (s from the sample) at which each
+    valve opens and closes, row by row, none where off is not later than on; `level` is the thrust
+    meanwhile in parts of the full one. `mode` is the part of the law that is at work.
+    """
+
+    torque: Float[Array, " torques"]
+    mode: Int[Array, ""]
+    thrust: Float[Array, " m"] | None = None
+    wheel_torque: Float[Array, " wheels"] | None = None
+    valve_on: Float[Array, "p m"] | None = None
+    valve_off: Float[Array, "p m"] | None = None
+    level: Float[Array, "p m"] | None = None
+
+
+class FlightController(eqx.Module):
+    """The parts of a sampled loop that a flight computer runs, one after the other."""
+
+    law: AbstractSampledController
+    actuators: AbstractActuators | AbstractPulsedActuators
+    estimator: AbstractEstimator | None = None
+    attitude_sigma: Float[Array, ""] | None = None
+
+    @staticmethod
+    def of(loop: object) -> "FlightController":
+        """Those of a loop; raises `CannotExport` for one that is not sampled."""
+        if not isinstance(loop, SampledLoop):
+            raise CannotExport(
+                "control.law: must be a law that runs once a period to become flight code, got one "
+                "in continuous time"
+            )
+        if loop.controller.no_flight_code is not None:
+            raise CannotExport(
+                f"control.law: {type(loop.controller).__name__} must be replaced by another law in "
+                f"flight code: {loop.controller.no_flight_code}"
+            )
+        if loop.magnetic is not None:
+            raise CannotExport(
+                "magnetorquer: must be left out of what becomes flight code, which has no field of "
+                f"the Earth, got {loop.magnetic.axes.shape[1]}"
+            )
+        navigation = loop.navigation
+        if navigation is None:
+            return FlightController(loop.controller, loop.actuators)
+        return FlightController(
+            loop.controller, loop.actuators, navigation.estimator, navigation.attitude_sigma
+        )
+
+    def estimate(self, now: Input, memory: PyTree) -> tuple[Seen, PyTree]:
+        """What the law is told, and the estimator's memory."""
+        assert self.estimator is not None
+        found, memory = self.estimator.step(
+            now.sample, self.law.period, _measurement(now.measured), memory
+        )
+        return Seen(found.attitude, found.omega, now.measured.wheel_momentum), memory
+
+    def control(self, time: Array, seen: Seen, memory: PyTree) -> tuple[Array, Array, PyTree]:
+        """The law's command (N m), its mode and its memory."""
+        command, memory = self.law.step(time, seen.as_state(), memory)
+        return command, self.law.mode(memory), memory
+
+    def allocate(self, command: Array, memory: PyTree) -> tuple[dict[str, Array], PyTree]:
+        """The actuators' commands by the names of `Output`, and the modulator's memory."""
+        wheels = self.actuators.wheel_command(command)
+        found: dict[str, Array] = {} if wheels is None else {"wheel_torque": wheels}
+        thrusters, command = self._thrusters(command)
+        if isinstance(thrusters, PulsedThrusters):
+            duty = thrusters.duties(command)
+            period, least = self.law.period, thrusters.thrusters.min_on_time
+            pulses, memory = thrusters.modulation(duty, memory, period, least)
+            return found | dict(
+                zip(("valve_on", "valve_off", "level"), pulses, strict=True)
+            ), memory
+        if isinstance(thrusters, Actuators):
+            return found | {"thrust": sat(thrusters.thrust_map @ command, thrusters.limit)}, memory
+        return found, memory
+
+    def _thrusters(self, command: Array) -> tuple[Any, Array]:
+        """The thrusters and their part of a command."""
+        actuators = self.actuators
+        if isinstance(actuators, PulsedActuatorsWithWheels):
+            return actuators.thrusters, actuators.rest @ command
+        rest = getattr(actuators, "rest", None)
+        if rest is not None:
+            return getattr(actuators, "thrusters", None), rest @ command
+        return actuators, command
+
+    def begin_law(self, seen: Seen) -> PyTree:
+        """The law's memory before the first sample."""
+        return self.law.init(seen.as_state())
+
+    def begin_estimator(self, attitude: Array) -> PyTree:
+        """The estimator's memory before the first sample, for a first estimate (quaternion)."""
+        assert self.estimator is not None
+        assert self.attitude_sigma is not None
+        return self.estimator.init(Quaternion(attitude), self.attitude_sigma)
+
+    def begin_modulation(self) -> PyTree:
+        """The modulator's memory before the first sample."""
+        thrusters, _ = self._thrusters(jnp.zeros(3))
+        if isinstance(thrusters, PulsedThrusters):
+            return thrusters.modulation.init(thrusters.thrusters.count)
+        return None
+
+
+class Measured(NamedTuple):
+    """The rate measured by the gyro now (rad/s), and the attitude that has just arrived from the
+    star tracker (unit quaternion, scalar first, relative to the orbit frame).
+
+    `seen` is false where no attitude has arrived. If there are wheels, `wheel_momentum` is the
+    momentum of each as its tachometer tells it (N m s).
+    """
+
+    rate: Float[Array, "3"]
+    attitude: Float[Array, "4"]
+    seen: Array
+    wheel_momentum: Float[Array, " wheels"] | None = None
+
+
+def _measurement(measured: Measured) -> Measurement:
+    return Measurement(measured.rate, Quaternion(measured.attitude), measured.seen)
+
+
+def as_type(tree: PyTree, dtype: Any) -> PyTree:
+    """The tree with all floats of this type; what was one array stays one.
+
+    Whole numbers have 32 bits beside floats of 32 bits, as they have in a trace of these.
+    """
+    made: dict[int, Any] = {}
+    shorter = {np.dtype(np.int64): np.int32, np.dtype(np.uint64): np.uint32}
+    whole = shorter if np.dtype(dtype).itemsize == 4 else {}
+
+    def one(x: Any) -> Any:
+        if not eqx.is_array_like(x):
+            return x
+        floating = jnp.issubdtype(jnp.result_type(x), jnp.floating)
+        wanted = dtype if floating else whole.get(getattr(x, "dtype", None))
+        return x if wanted is None else made.setdefault(id(x), jnp.asarray(x, wanted))
+
+    return jax.tree.map(one, tree)

@@ -1,0 +1,253 @@
+"""controller.h and controller.c of a flight program."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxsat.compiler.c.contexts import Context
+from jaxsat.compiler.c.expressions import literal
+from jaxsat.compiler.c.functions import Unit, python_function
+from jaxsat.compiler.c.naming import Names, comment, identifier
+from jaxsat.compiler.c.text import in_lines, wrapped
+from jaxsat.compiler.ir import Value
+from jaxsat.flight.program import FlightProgram, Stage
+
+GUARD = "CONTROLLER_H"
+
+TYPES_OF_POINTERS = {
+    "p": "const controller_parameters *p",
+    "at": "const controller_clock *at",
+    "in": "const controller_input *in",
+    "attitude": "const {real} attitude[4]",
+    "seen": "const controller_seen *seen",
+    "now": "const controller_state *now",
+    "next": "controller_state *next",
+    "out": "controller_output *out",
+}
+
+STRUCTURES = {
+    "p": "parameters",
+    "at": "clock",
+    "in": "input",
+    "seen": "seen",
+    "now": "state",
+    "next": "state",
+    "out": "output",
+}
+"""What pointers point to."""
+
+
+def header(program: FlightProgram, intro: Sequence[str]) -> str:
+    """controller.h."""
+    lines = [*intro, f"#ifndef {GUARD}", f"#define {GUARD}", ""]
+    lines += ["#include <stdbool.h>", "#include <stdint.h>", ""]
+    if len(program.modes) > 1:
+        lines += ["/* The numbers of controller_output.mode */"]
+        names = Names(fields=True)
+        lines += [
+            f"#define CONTROLLER_{names.new(identifier('mode', name)).upper()} ({number})"
+            for name, number in program.modes.items()
+        ]
+        lines.append("")
+    for name in ("parameters", "input", "state", "output"):
+        lines += [*program.structs[name].declaration(), ""]
+    real = "float" if program.single else "double"
+    lines += [
+        "/* The scenario's numbers. */",
+        "extern const controller_parameters controller_default_parameters;",
+        "",
+    ]
+    if program.estimates:
+        lines += comment(
+            "Sets the state before the first sample; attitude is the first estimate (unit "
+            "quaternion, scalar first, relative to the orbit frame), in the first measurement."
+        )
+        attitude = f"const {real} attitude[4], "
+    else:
+        lines += comment("Sets the state before the first sample, of which in is the measurement.")
+        attitude = ""
+    lines += [
+        f"void controller_init(const controller_parameters *p, {attitude}"
+        "const controller_input *in,",
+        "                     controller_state *state);",
+        "",
+        *comment(
+            "One sample: reads the measurement, writes the commands and the next state. Time and "
+            "sample of the input may begin anywhere: they count from those of controller_init."
+        ),
+        "void controller_step(const controller_parameters *p, const controller_input *in,",
+        "                     controller_state *state, controller_output *out);",
+        "",
+        f"#endif /* {GUARD} */",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
+    """controller.c."""
+    real = "float" if program.single else "double"
+    types = {name: text.format(real=real) for name, text in TYPES_OF_POINTERS.items()}
+    if not program.estimates:
+        del types["seen"], types["attitude"]
+    unit = Unit(libm, types, _shapes(program))
+    calls = {stage.name: _stage(unit, stage) for stage in (*program.begin, *program.step)}
+    program.calls.update(calls)
+    lines = [*intro, '#include "controller.h"', ""]
+    lines += ["#include <float.h>", "#include <math.h>", "#include <string.h>", ""]
+    lines += _PRAGMAS
+    lines += _defaults(program)
+    if any(reads_clock(call) for call in calls.values()):
+        unit.need("sub", np.dtype(np.int32))
+        lines += [*program.structs["clock"].declaration(), ""]
+    if program.estimates:
+        lines += [*program.structs["seen"].declaration(), ""]
+    lines += [*unit.tables, ""] if unit.tables else []
+    for text in unit.helpers.values():
+        lines += [text, ""]
+    for function in unit.functions:
+        lines += [*function, ""]
+    return "\n".join([*lines, *_entry_points(program, calls), ""])
+
+
+def reads_clock(call: str) -> bool:
+    """Whether a stage that is called so reads the time or the number of the sample."""
+    return re.search(r"\bat\b", call) is not None
+
+
+def _shapes(program: FlightProgram) -> dict[str, tuple[int, ...]]:
+    """Of all arrays that functions find in structures, by name."""
+    return {"attitude": (4,)} | {
+        f"{pointer}->{field.name}": field.shape
+        for pointer, struct in STRUCTURES.items()
+        for field in program.structs[struct].fields
+    }
+
+
+_PRAGMAS = [
+    "#if defined(FLT_EVAL_METHOD) && (FLT_EVAL_METHOD != 0)",
+    '#error "floating-point operations must be rounded to their own type"',
+    "#endif",
+    "#if defined(__FAST_MATH__)",
+    '#error "compile without -ffast-math"',
+    "#endif",
+    "#if defined(__clang__)",
+    "#pragma STDC FP_CONTRACT OFF",
+    "#endif",
+    "",
+]
+
+
+def _defaults(program: FlightProgram) -> list[str]:
+    lines = ["const controller_parameters controller_default_parameters = {"]
+    fields = program.structs["parameters"].fields
+    for field in fields:
+        begin = f"  .{field.name} = "
+        value = _initialiser(np.asarray(program.parameters[field.number]))
+        if len(begin) + len(value) > 98:
+            begin, value = begin.rstrip(), "\n".join(wrapped(value))
+            lines.append(begin)
+        else:
+            value = begin + value
+        lines.append(f"{value},")
+    if not fields:
+        lines.append("  .unused = 0,")
+    return [*lines, "};", ""]
+
+
+def _initialiser(array) -> str:
+    if array.ndim == 0:
+        return literal(array[()]).text
+    return "{" + ", ".join(_initialiser(row) for row in array) + "}"
+
+
+def _stage(unit: Unit, stage: Stage) -> str:
+    """Have a stage printed; its call."""
+    function = stage.program.function
+    if not stage.outputs:
+        return ""
+    known = {param.number: text for param, text in zip(function.params, stage.inputs, strict=True)}
+    begin = Context(function, known)
+    for result, place in zip(function.results, stage.outputs, strict=True):
+        taken = {**known, **begin.kept}
+        if isinstance(result, Value) and result.number not in taken:
+            begin.kept[result.number] = place
+        else:
+            begin.left.append((place, result))
+    trace = stage.program.trace
+    if "seen" in unit.types:
+        const = "" if stage.name == "estimate" else "const "
+        unit.types["seen"] = const + unit.types["seen"].removeprefix("const ")
+    unit.prepare(begin, trace)
+    name = unit.names.new(stage.name)
+    lines, printed = python_function(unit, name, function, trace, begin)
+    unit.functions.append([*comment(stage.title), *in_lines(lines[0], ""), *lines[1:]])
+    return f"{name}({', '.join(printed.pointers)});"
+
+
+def _clock(time: str, sample: str) -> list[str]:
+    """A clock and the pointer to it."""
+    return [
+        f"  const controller_clock passed = {{.time = {time}, .sample = {sample}}};",
+        "  const controller_clock *at = &passed;",
+    ]
+
+
+def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
+    real = "float" if program.single else "double"
+    zero, narrowed = ("0.0f", "(float)") if program.single else ("0.0", "")
+    attitude = f"const {real} attitude[4], " if program.estimates else ""
+    begin = [
+        f"void controller_init(const controller_parameters *p, {attitude}"
+        "const controller_input *in,",
+        "                     controller_state *state)",
+        "{",
+        "  controller_state *next = state;",
+    ]
+    body = ["  state->begin_time = in->time;", "  state->begin_sample = in->sample;"]
+    if program.estimates:
+        begin += _clock(zero, "0") if reads_clock(calls["estimate"]) else []
+        body += [
+            "  const controller_state *now = state;",
+            "  controller_seen first;",
+            "  controller_seen *seen = &first;",
+            "  controller_state after_first;",
+            "",
+            f"  {calls['begin_estimator']}",
+            "  after_first = *state;",
+            "  next = &after_first;",
+            f"  {calls['estimate']}",
+            "  next = state;",
+        ]
+    body += [f"  {calls[name]}" for name in ("begin_law", "begin_modulation") if calls[name]]
+    text = "\n".join(body)
+    unused = [
+        f"  (void){name};"
+        for name in ("p", "attitude", "next")
+        if (name != "attitude" or program.estimates)
+        and not re.search(rf"(?<!\w){name}(?!\w)", text)
+    ]
+    begin += [*unused, *body, "}", ""]
+    step = [
+        "void controller_step(const controller_parameters *p, const controller_input *in,",
+        "                     controller_state *state, controller_output *out)",
+        "{",
+        "  controller_state after = *state;",
+        "  controller_state *next = &after;",
+        "  const controller_state *now = state;",
+    ]
+    body = []
+    if any(reads_clock(calls.get(name, "")) for name in ("estimate", "control")):
+        time = f"{narrowed}(in->time - state->begin_time)"
+        step += _clock(time, "sub_i32(in->sample, state->begin_sample)")
+    if program.estimates:
+        step += ["  controller_seen told;", "  controller_seen *seen = &told;"]
+    body += [f"  {calls[name]}" for name in ("estimate", "control", "allocate") if calls.get(name)]
+    text = "\n".join(body)
+    unused = [
+        f"  (void){name};"
+        for name in ("p", "in", "now", "next", "out")
+        if not re.search(rf"(?<!\w){name}(?!\w)", text)
+    ]
+    return [*begin, *step, "", *unused, *body, "  *state = after;", "}"]

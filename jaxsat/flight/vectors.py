@@ -1,0 +1,215 @@
+"""Test vectors: samples of closed loops and edge cases, with what the controller is to answer."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PyTree
+
+from jaxsat.compiler.llvm.mapped import Mapped
+from jaxsat.control import AbstractSampledController
+from jaxsat.control.navigation import AbstractEstimator, Estimate, Measurement
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.solvers import NamedSolver
+from jaxsat.flight.flight import Begin, Input, Measured, Seen, State
+from jaxsat.flight.program import FlightProgram
+from jaxsat.simulation import SampledLoop
+from jaxsat.simulation.engine.runge_kutta import explicit_step, tableau_of
+from jaxsat.spacecraft import PulsedActuatorsWithWheels, PulsedThrusters
+from jaxsat.spacecraft.dynamics import PlantState
+
+CASES, SAMPLES, EDGES = 8, 1280, 512
+"""Closed-loop runs, samples that are kept of each, and edge cases."""
+
+LONGEST = 20_000
+"""Samples of a run."""
+
+BEGINS = (0.0, 1e4, 8e8)
+"""Times (s) at which controllers begin."""
+
+EXTREMES = (
+    0.0, -0.0, 1.0, -1.0, 1e-300, -1e-300, 1e-12, 1e12, 1e300, -1e300, np.inf, -np.inf, np.nan,
+    np.pi, -np.pi, 2.0**14, 2.0**20, 5e-324,
+)  # fmt: skip
+
+
+class Vectors(NamedTuple):
+    """Rows of numbers, one row a sample: what goes in (inputs, then state), and what must come out
+    (outputs, then the next state)."""
+
+    given: Float[np.ndarray, "n given"]
+    expected: Float[np.ndarray, "n expected"]
+
+
+class _Heard(NamedTuple):
+    """The memory of an estimator or a law, and what it was given last."""
+
+    memory: PyTree
+    given: PyTree
+
+
+class _RecordingLaw(AbstractSampledController):
+    """A law that also remembers time and state of its last sample."""
+
+    law: AbstractSampledController
+    period: Float[Array, ""]
+
+    def init(self, state: PlantState) -> _Heard:
+        return _Heard(self.law.init(state), (jnp.zeros_like(state.omega[0]), state))
+
+    def step(self, t, state, memory):
+        command, following = self.law.step(t, state, memory.memory)
+        return command, _Heard(following, (t, state))
+
+
+class _RecordingEstimator(AbstractEstimator):
+    """An estimator that also remembers its last measurement."""
+
+    estimator: AbstractEstimator
+
+    def init(self, attitude: Quaternion, sigma: Array) -> _Heard:
+        first = Measurement(jnp.zeros_like(attitude.q[:3]), attitude, jnp.array(False))
+        return _Heard(self.estimator.init(attitude, sigma), first)
+
+    def step(self, sample, period, measurement, memory) -> tuple[Estimate, _Heard]:
+        estimate, following = self.estimator.step(sample, period, measurement, memory.memory)
+        return estimate, _Heard(following, measurement)
+
+
+def vectors(
+    program: FlightProgram, loop: SampledLoop, start: PlantState, duration: float, seed: int = 0
+) -> Vectors:
+    """At least ten thousand samples of closed loops from starts of all attitudes, and edge cases.
+
+    What is expected is what the compiled engine makes of them without fused operations.
+    """
+    with jax.enable_x64(True):
+        now, state = _closed_loops(loop, start, duration, seed)
+        rng = np.random.default_rng(seed)
+        count = len(now.time)
+        instants: Any = rng.choice(BEGINS, count), rng.integers(0, 2**20, count, np.int32)
+        begin = Begin(*instants)
+        now = now._replace(time=begin.time + now.time, sample=begin.sample + now.sample)
+        state = state._replace(begin=begin)
+        now, state = _with_edges(rng, now), _with_edges(rng, state)
+    return Vectors(_rows((now, state)), expected(program, now, state))
+
+
+def expected(program: FlightProgram, now: Input, state: State) -> Float[np.ndarray, "n expected"]:
+    """Outputs and next states of these samples (with a leading axis), as rows."""
+    begin: Any = state.begin
+    with jax.enable_x64(not program.single), np.errstate(all="ignore"):
+        since = now.time - begin.time, now.sample - begin.sample
+        now, state = now._replace(time=since[0], sample=since[1]), state._replace(begin=None)
+        now, state = (
+            jax.tree.map(lambda x, like: np.asarray(x).astype(like.dtype), tree, example)
+            for tree, example in ((now, program.now), (state, program.begun))
+        )
+        examples = jax.tree.map(lambda x: np.zeros(x.shape, x.dtype), (program.now, program.begun))
+
+        def step(case, shared):
+            return program.whole(shared, *case)
+
+        reference = Mapped(step, examples, program.parameters, contract=False)
+        out, after = reference((now, state), [np.asarray(x) for x in program.parameters])
+    return _rows((out, after._replace(begin=begin)))
+
+
+def _rows(tree: PyTree) -> Float[np.ndarray, "n numbers"]:
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
+    return np.concatenate([leaf.reshape(len(leaf), -1).astype(float) for leaf in leaves], axis=1)
+
+
+def _recording(loop: SampledLoop) -> SampledLoop:
+    law = _RecordingLaw(law=loop.controller, period=loop.controller.period)
+    loop = eqx.tree_at(lambda x: x.controller, loop, law)
+    if loop.navigation is None:
+        return loop
+    estimator = _RecordingEstimator(loop.navigation.estimator)
+    return eqx.tree_at(lambda x: x.navigation.estimator, loop, estimator)
+
+
+def _modulation(loop: SampledLoop, actuators: Any) -> PyTree:
+    thrusters = loop.actuators
+    if isinstance(thrusters, PulsedActuatorsWithWheels):
+        thrusters = thrusters.thrusters
+    return actuators.modulation if isinstance(thrusters, PulsedThrusters) else None
+
+
+def _closed_loops(
+    loop: SampledLoop, start: PlantState, duration: float, seed: int
+) -> tuple[Input, State]:
+    """Inputs and states before them at samples of several runs, one after the other."""
+    recording = _recording(loop)
+    period = float(np.asarray(loop.controller.period))
+    total = max(SAMPLES, min(LONGEST, round(duration / period)))
+    stride = total // SAMPLES
+
+    def run(key):
+        first = recording.start(_start(start, key))
+
+        def block(state, begin):
+            def one(i, before_and_now):
+                return before_and_now[1], _after(recording, begin + i, period, before_and_now[1])
+
+            before, following = jax.lax.fori_loop(0, stride, one, (state, state))
+            return following, _observed(loop, begin + stride - 1, before, following)
+
+        return jax.lax.scan(block, first, jnp.arange(SAMPLES, dtype=jnp.int32) * stride)[1]
+
+    keys = jax.random.split(jax.random.key(seed), CASES)
+    found = jax.jit(jax.vmap(run))(keys)
+    return jax.tree.map(lambda x: np.asarray(x).reshape(-1, *x.shape[2:]), found)
+
+
+def _start(start: PlantState, key: Array) -> PlantState:
+    """A start of any attitude; rates are those of the scenario, turned and scaled."""
+    one, two = jax.random.split(key)
+    quaternion = Quaternion(jax.random.normal(one, (4,))).normalised()
+    attitude = quaternion if isinstance(start.attitude, Quaternion) else quaternion.as_wz()
+    size = jnp.sqrt(jnp.sum(start.omega**2)) + 1e-3
+    omega = size * jax.random.normal(two, (3,))
+    return PlantState(attitude, omega, start.wheel_momentum)
+
+
+def _after(loop: SampledLoop, number, period: float, state):
+    """The state one period later."""
+
+    def integrate(t, hold, plant, carry):
+        def rate(instant, plant):
+            return loop.plant_rate(instant, plant, hold, instant - t)
+
+        return explicit_step(tableau_of(NamedSolver("bosh3")), rate, t, hold.length, plant), carry
+
+    return loop.period(number, number * period, state, integrate, None)[0]
+
+
+def _observed(loop: SampledLoop, number, before: Any, following: Any) -> tuple[Input, State]:
+    """Input and state of one sample, from the loop's states before and after its period."""
+    time, told = following.memory.given
+    state = State(before.memory.memory, None, _modulation(loop, before.actuators))
+    measured: Any = Seen(told.attitude, told.omega, told.wheel_momentum)
+    if before.navigation is not None:
+        rate, attitude, seen = following.navigation.memory.given
+        measured = Measured(rate, attitude.q, seen, told.wheel_momentum)
+        state = state._replace(estimator=before.navigation.memory.memory)
+    return Input(time, jnp.asarray(number, jnp.int32), measured), state
+
+
+def _with_edges(rng: np.random.Generator, tree: PyTree) -> PyTree:
+    """The rows, and more: some of them again with extreme numbers in places."""
+    count = len(jax.tree.leaves(tree)[0]) if jax.tree.leaves(tree) else 0
+    chosen = rng.integers(0, max(count, 1), EDGES)
+
+    def more(leaf: np.ndarray) -> np.ndarray:
+        again = leaf[chosen].copy()
+        struck = rng.random(again.shape) < 0.05
+        if leaf.dtype.kind == "f":
+            again = np.where(struck, rng.choice(EXTREMES, again.shape), again)
+        elif leaf.dtype.kind == "b":
+            again = again ^ struck
+        return np.concatenate([leaf, again.astype(leaf.dtype)])
+
+    return jax.tree.map(more, tree)

@@ -1,5 +1,0 @@
-"""Plans: from any state to rest at the target with two torques, in least time or effort."""
-
-from jaxsat.planning.planner import Plan, Planner, PlanStatus
-
-__all__ = ["Plan", "PlanStatus", "Planner"]

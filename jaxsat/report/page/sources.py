@@ -1,0 +1,75 @@
+"""Sections of a page from paths: recognises the kind of each result."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from jaxsat.report.page.batches import comparison_section, reproduction_section, tuning_section
+from jaxsat.report.page.content import Replay, Section, Verdict
+from jaxsat.report.page.controllability import controllability_section
+from jaxsat.report.page.design import design_section
+from jaxsat.report.page.run import run_section
+from jaxsat.report.page.study import study_section
+from jaxsat.scenario.plugins import without_imports
+from jaxsat.store import OutputError, open_trajectory
+from jaxsat.store.files import parse_json
+from jaxsat.store.marker import read_unchanged
+
+MOST_TOGETHER = 6
+"""Spacecraft that are replayed side by side."""
+
+
+MADE_BY: Mapping[str, Callable[[Path], Section]] = {
+    "zarr.json": study_section,
+    "verdict.json": tuning_section,
+    "comparison.json": comparison_section,
+    "design.json": design_section,
+    "failures.nc": controllability_section,
+    "verdicts.md": reproduction_section,
+}
+"""What makes the section of a folder, by a file that only its kind of result has."""
+
+
+def sections_of(paths: Sequence[Path]) -> list[Section]:
+    """A section for each path; with several runs one more before them, which replays all at once.
+
+    No module that a result names is imported.
+    Raises `OutputError` for what is no result of jaxsat or is damaged.
+    """
+    with without_imports():
+        sections = [_section(path) for path in paths]
+    crafts = [
+        craft
+        for section in sections
+        for block in section.blocks
+        if isinstance(block, Replay)
+        for craft in block.crafts
+    ]
+    if not 1 < len(crafts) <= MOST_TOGETHER:
+        return sections
+    told = Verdict(None, f"{len(crafts)} runs on a common time axis.")
+    return [Section("Side by side", "Replay", told, [Replay("3-D replay", crafts)]), *sections]
+
+
+def _section(path: Path) -> Section:
+    """The section of one path, made by what is there."""
+    if not path.exists():
+        raise OutputError(f"{path} does not exist.")
+    if path.is_file() or (path / "trajectory.nc").is_file():
+        return _run(path)
+    for name, section_of in MADE_BY.items():
+        if (path / name).is_file():
+            return section_of(path)
+    raise OutputError(
+        f"{path} is no result of jaxsat; give the folder of a run, a tuning, a comparison, a "
+        "design, a reproduction or an analysis of controllability, or the store of a study."
+    )
+
+
+def _run(path: Path) -> Section:
+    """The section of a run: of its folder, or of its netCDF file alone."""
+    dataset = open_trajectory(path)
+    if not {"time", "quaternion", "pointing_error_total", "omega"} <= set(dataset.variables):
+        raise OutputError(f"{path} contains no trajectory.")
+    record = parse_json(read_unchanged(path / "run.json")) if path.is_dir() else None
+    command = record.get("command", "") if isinstance(record, Mapping) else ""
+    return run_section(dataset, path.name, str(command))

@@ -1,0 +1,13 @@
+"""The paper's section 5 run again, and each of its claims held against what comes out.
+
+Wang, Jia, Jin, Xu, Control analysis of an underactuated spacecraft under disturbance,
+Acta Astronautica 83 (2013) 44-53.
+"""
+
+from jaxsat.report.reproduction.claim import Claim, ClaimVerdict
+from jaxsat.report.reproduction.claims import judge
+from jaxsat.report.reproduction.figures import paper_figures
+from jaxsat.report.reproduction.runs import RUNS, Run
+from jaxsat.report.reproduction.table import markdown_table
+
+__all__ = ["RUNS", "Claim", "ClaimVerdict", "Run", "judge", "markdown_table", "paper_figures"]

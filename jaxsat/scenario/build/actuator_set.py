@@ -1,0 +1,85 @@
+"""From a scenario to what its thrusters and wheels can do, whatever law it has."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.controllability import ActuatorSet, actuator_set, thruster_torques
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.thruster_tables import ThrusterTable
+from jaxsat.spacecraft import Spacecraft
+
+
+def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
+    """All actuators of a scenario, failed ones too, and the places of those that work.
+
+    Tables [[thruster]] and [[wheel]], or thrusters of `spacecraft.thruster_torque_axes`, whose
+    torques have both signs. Net forces are known where every thruster has a position. The momentum
+    is that of body and all wheels at the start; a failed wheel coasts with its own.
+    """
+    wheels = scenario.wheel
+    axes = np.array([one.axis for one in wheels], float).reshape(-1, 3).T
+    axes = axes / np.linalg.norm(axes, axis=0)
+    inertia = np.asarray(Spacecraft(scenario.spacecraft.inertia_kg_m2).inertia)
+    omega = np.array(scenario.initial.omega_rad_s)
+    relative = np.array([one.momentum_N_m_s for one in wheels], float)
+    rotors = np.array([one.rotor_inertia_kg_m2 or 0.0 for one in wheels])
+    torques, forces, signs, failed = _thrusters(scenario)
+    names = [one.name for one in scenario.thruster] or [None] * len(failed)
+    jets, spun = _names(names, [one.name for one in wheels])
+    found = actuator_set(
+        torques,
+        two_sided=signs,
+        forces=forces,
+        names=jets,
+        wheel_axes=axes,
+        wheel_names=spun,
+        stored=relative + rotors * (axes.T @ omega),
+        rotors=rotors,
+        momentum=inertia @ omega + axes @ relative,
+    )
+    failed = [*failed, *(one.failed for one in wheels)]
+    return found, [place for place, gone in enumerate(failed) if not gone]
+
+
+def _thrusters(
+    scenario: Scenario,
+) -> tuple[Float[np.ndarray, "3 m"], Float[np.ndarray, "3 m"] | None, list[bool], list[bool]]:
+    """Torques (N m), forces (N) if all are known, which have both signs, which have failed."""
+    tables, spacecraft = scenario.thruster, scenario.spacecraft
+    if not tables:
+        rows = spacecraft.thruster_torque_axes or ()
+        failed = [number in spacecraft.failed_thrusters for number in range(1, len(rows) + 1)]
+        # As given: exact numbers stay exact.
+        return np.array(rows, float).reshape(-1, 3).T, None, [True] * len(rows), failed
+    torques = np.array([_torque(one) for one in tables]).T
+    forces = np.array([one.force() for one in tables]).T
+    known = all(one.position_m is not None for one in tables)
+    signs, failed = [one.two_sided for one in tables], [one.failed for one in tables]
+    return torques, forces if known else None, signs, failed
+
+
+def _torque(thruster: ThrusterTable) -> Float[np.ndarray, "3"]:
+    """Torque at full thrust, N m; zero where the force points at the centre but for rounding."""
+    if thruster.position_m is None:
+        return thruster.torque()
+    position = np.array(thruster.position_m)
+    return thruster_torques(position[:, None], thruster.force()[:, None])[:, 0]
+
+
+def _names(
+    thrusters: Sequence[str | None], wheels: Sequence[str | None]
+) -> tuple[list[str], list[str]]:
+    """Names in one word; g1, g2, … and w1, w2, … where there are none."""
+
+    def words(given: Sequence[str | None], letter: str) -> list[str]:
+        named = [name and re.sub(r"[^\w.+-]+", "-", name.strip()) for name in given]
+        return [name or f"{letter}{number}" for number, name in enumerate(named, 1)]
+
+    jets, spun = words(thrusters, "g"), words(wheels, "w")
+    if len({*jets, *spun}) < len(jets) + len(spun):
+        jets = [f"{name}-g{number}" for number, name in enumerate(jets, 1)]
+        spun = [f"{name}-w{number}" for number, name in enumerate(spun, 1)]
+    return jets, spun

@@ -1,0 +1,100 @@
+"""From a scenario to its actuators."""
+
+import dataclasses
+import math
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsat.scenario.build.failures import failing
+from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
+from jaxsat.scenario.build.pulsed_thrusters import pulsed_thrusters
+from jaxsat.scenario.build.wheels import limits_of
+from jaxsat.core.allocation import (
+    direction_matrix,
+    least_squares_map,
+    torque_directions,
+    unit_columns,
+)
+from jaxsat.core.checks import as_array, as_float
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.plugins import ACTUATORS, find_part
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.thruster_tables import working_torques
+from jaxsat.scenario.wheel_tables import failed_wheels, wheel_axes, wheels_make_all
+from jaxsat.spacecraft import (
+    AbstractActuators,
+    AbstractPulsedActuators,
+    ActuatorContext,
+    Actuators,
+    ActuatorsWithWheels,
+    NoThrusters,
+    PulsedActuatorsWithWheels,
+    Thrusters,
+    WheelDrives,
+)
+
+
+def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedActuators:
+    """The thrusters left, and how they share the torque that the law commands.
+
+    Or what the scenario has in place of thrusters that make that torque exactly.
+    """
+    declaration = find_law(scenario.control.law).declaration
+    torques = declaration.torques
+    if declaration.commands_wheels:
+        return WheelDrives()
+    if scenario.wheel and torques:
+        return _with_wheels(scenario, torques)
+    if scenario.thruster:
+        return pulsed_thrusters(scenario, torques)
+    if scenario.magnetorquer and not scenario.spacecraft.thruster_torque_axes:
+        return NoThrusters()
+    ideal, table = ideal_thrusters(scenario, torques), scenario.actuators
+    if table is None:
+        return failing(scenario, ideal)
+    part, location = find_part(ACTUATORS, table.kind), ("actuators", "kind")
+    made = made_part(part, location, table, ActuatorContext(ideal, torques))
+    require_torque(part, location, made, jnp.zeros(torques or 2))
+    require_events(part, location, made, jnp.zeros(torques or 2))
+    return made
+
+
+def _with_wheels(
+    scenario: Scenario, torques: int
+) -> ActuatorsWithWheels | PulsedActuatorsWithWheels:
+    """Wheels that make what they can of the law's command, and thrusters for the rest."""
+    tables = scenario.wheel
+    axes, failed = wheel_axes(tables), failed_wheels(tables)
+    limit = limits_of(tables, "torque_limit_N_m")
+    if wheels_make_all(tables, torques):
+        return ActuatorsWithWheels.of(axes, torques, limit, failed=failed)
+    thrusters = bool(scenario.thruster or scenario.spacecraft.thruster_torque_axes)
+    ideal = failing(scenario, ideal_thrusters(scenario, torques)) if thrusters else NoThrusters()
+    mixed = ActuatorsWithWheels.of(axes, torques, limit, ideal, failed)
+    if not scenario.thruster or mixed.rest is None:
+        return mixed
+    alone = dataclasses.replace(mixed, thrusters=None, rest=None)
+    return PulsedActuatorsWithWheels(alone, pulsed_thrusters(scenario, torques), mixed.rest)
+
+
+def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
+    """The thrusters left as makers of torques; any will do where no torque is commanded."""
+    table = scenario.spacecraft
+    limit = math.inf if table.torque_limit_N_m is None else table.torque_limit_N_m
+    if scenario.thruster:
+        axes = unit_columns(working_torques(scenario.thruster))
+        return Actuators(axes, jnp.zeros((axes.shape[1], torques or 2)), as_float(limit))
+    axes = np.array(table.thruster_torque_axes or (), dtype=float).reshape(-1, 3).T
+    thrusters = Thrusters(axes).without(table.failed_thrusters)
+    any_plane = find_law(scenario.control.law).declaration.any_plane
+    if torques and (scenario.wheel or scenario.magnetorquer):
+        left = np.asarray(thrusters.torque_axes)
+        return Actuators(left, least_squares_map(left, torques), as_float(limit))
+    if not torques:
+        return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
+    if any_plane:
+        known = np.asarray(thrusters.torque_axes)
+        shared = as_array(direction_matrix(known, torque_directions(known)))
+        return Actuators(thrusters.torque_axes, shared, as_float(limit))
+    return Actuators.of(thrusters, limit, torques)

@@ -1,0 +1,111 @@
+"""From a scenario to its control law, with the law's own model of the plant."""
+
+from typing import Any, cast
+
+import numpy as np
+
+from jaxsat.scenario.build.errors import BuildError
+from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
+from jaxsat.scenario.build.plugin_trial import broken
+from jaxsat.scenario.build.pulsed_thrusters import thruster_context
+from jaxsat.scenario.build.wheels import wheel_context
+from jaxsat.control import (
+    AbstractController,
+    AbstractSampledController,
+)
+from jaxsat.control.context import LawContext, UnsuitableModel
+from jaxsat.core.checks import as_float
+from jaxsat.core.errors import FOREIGN
+from jaxsat.core.declaration.laws import Law
+from jaxsat.spacecraft.dynamics import RigidBody
+from jaxsat.spacecraft.environment import (
+    AbstractDisturbance,
+    NoDisturbance,
+)
+from jaxsat.scenario.control_tables import ModelTable
+from jaxsat.scenario.coordinates import free_inertia
+from jaxsat.scenario.declared import values_of
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.laws import find_law, is_plugin
+from jaxsat.scenario.layout import believed_axes, torque_limit
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.wheel_tables import left_by_wheels, rotors
+from jaxsat.spacecraft import Spacecraft
+
+
+def build_controller(scenario: Scenario) -> AbstractController | AbstractSampledController:
+    """The control law with its own model of the plant.
+
+    Raises `BuildError` where the law cannot be built for its model.
+    """
+    law, control = find_law(scenario.control.law), scenario.control
+    values = values_of(law.declaration.keys, control)
+    table = getattr(control, "model", ModelTable())
+    disturbance = scenario.disturbance
+    context = LawContext(
+        _model(scenario, table, getattr(control, "measured_disturbance", ())),
+        torque_limit(scenario),
+        disturbance.amplitude_N_m,
+        disturbance.frequency_rad_s,
+        believed_axes(scenario),
+        thruster_context(scenario),
+        wheel_context(scenario),
+        disturbance.gravity_gradient,
+    )
+    try:
+        made = law.from_table(values, context)
+    except UnsuitableModel as error:
+        raise BuildError(_unsuitable(law, table, error)) from error
+    except FOREIGN as error:
+        if not is_plugin(law.name):
+            raise
+        raise BuildError(
+            broken(law, ("control", "law"), law.controller, error, "can be built")
+        ) from error
+    if not isinstance(made, law.controller):
+        message = f'must be such that `from_table` of the law "{law.name}" gives the law, got '
+        raise BuildError(Issue(("control", "law"), message + type(made).__name__))
+    if isinstance(made, AbstractSampledController):
+        period = cast(Any, control).period_s
+        if float(np.asarray(made.period)) != float(np.asarray(as_float(period))):
+            message = f"must be the attribute `period` of the law, {made.period}, got {period}"
+            raise BuildError(Issue(("control", "period_s"), message))
+    return made
+
+
+def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) -> RigidBody:
+    """What the controller believes, with the periodic torques that it measures.
+
+    Its inertia is that which turns under a torque: without rotors, which wheels leave behind.
+    """
+    inertia = table.inertia_kg_m2 or scenario.spacecraft.inertia_kg_m2
+    relation = table.orbit_relation or scenario.orbit.relation
+    rate = orbit_rate(scenario) if table.orbit_rate_rad_s is None else table.orbit_rate_rad_s
+    known: AbstractDisturbance = NoDisturbance()
+    if any(measured):
+        amplitude = np.where(measured, scenario.disturbance.amplitude_N_m, 0.0)
+        known = periodic_torque(amplitude, scenario.disturbance)
+    held = scenario.spacecraft.third_rate == "held" or _wheels_hold_the_third_rate(scenario)
+    if rotors(scenario.wheel).any():
+        inertia = free_inertia(inertia, scenario.wheel)
+    return RigidBody(Spacecraft(as_float(inertia)), orbit_of(relation, rate), known, held)
+
+
+def _wheels_hold_the_third_rate(scenario: Scenario) -> bool:
+    """Whether wheels alone make the two torques: without momentum they turn nothing about z."""
+    if not scenario.wheel or find_law(scenario.control.law).declaration.torques != 2:
+        return False
+    return not left_by_wheels(scenario.wheel, 2).any()
+
+
+def _unsuitable(law: Law, table: ModelTable, error: UnsuitableModel) -> Issue:
+    """The key that what the law cannot be built for comes from."""
+    if error.about == "inertia":
+        own = table.inertia_kg_m2 is not None
+        key = "control.model.inertia_kg_m2" if own else "spacecraft.inertia_kg_m2"
+    else:
+        own = table.orbit_rate_rad_s is not None
+        key = "control.model.orbit_rate_rad_s" if own else "orbit.rate_rad_s"
+    message = f'must be such that the law "{law.name}" {error}'
+    involved = (("control", "law"), ("orbit", "altitude_km"), ("control",))
+    return Issue(tuple(key.split(".")), message, involved)

@@ -1,0 +1,66 @@
+"""What of a `[dispersion]` table cannot be drawn, found out by making its distributions."""
+
+from collections.abc import Iterator
+
+from jaxsat.scenario.build.errors import at_key
+from jaxsat.scenario.build.run import Run
+from jaxsat.scenario.build.study import distribution_of, study_program
+from jaxsat.core.errors import ArgumentError
+from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
+from jaxsat.studies import AbstractDistribution
+from jaxsat.studies.dispersion_problems import dispersion_problems
+from jaxsat.scenario.coordinates import is_upside_down
+from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.rules import at
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.wording import refusal_text, shown
+
+
+def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue]:
+    """Every distribution that is none, or gives numbers that its quantity cannot be.
+
+    With `all_fit` also those of quantities that the loop does not have, and what else a study
+    cannot be made of. Raises `BuildError` where its program cannot be built.
+    """
+    table = scenario.dispersion
+    assert table is not None
+    distributions: dict[str, AbstractDistribution] = {}
+    issues = list(_excluded(table))
+    for name, entry in table.distributions.items():
+        try:
+            distributions[name] = distribution_of(entry)
+        except ArgumentError as error:
+            place = (error.argument,) if error.argument in PARAMETERS[entry.distribution] else ()
+            message = refusal_text(error, entry.distribution)
+            issues.append(Issue(("dispersion", DISPERSIBLE[name].key, *place), message))
+    for problem in dispersion_problems(distributions, table.frequency_known, run.loop, run.start):
+        if all_fit or not problem.lacking:
+            key = f"{DISPERSIBLE[problem.quantity].key}.{problem.parameter or ''}".rstrip(".")
+            if problem.parameter == "frequency_known":
+                key = "frequency_known"
+            found = "" if problem.got is None else f", got {problem.got}"
+            issues.append(at(f"dispersion.{key}", f"{problem.rule}{found}"))
+    if all_fit and not issues:
+        issues += _start_of_a_study(scenario, set(distributions))
+        with at_key("simulation.duration_s"):
+            study_program(scenario, run, scenario.simulation.seed)
+    return issues
+
+
+def _excluded(table: DispersionTable) -> Iterator[Issue]:
+    for one, other in EXCLUSIVE:
+        if {one, other} <= table.distributions.keys():
+            first, second = DISPERSIBLE[one].key, DISPERSIBLE[other].key
+            yield at(f"dispersion.{second}", f"must be omitted with dispersion.{first}, got both")
+
+
+def _start_of_a_study(scenario: Scenario, names: set[str]) -> Iterator[Issue]:
+    quaternion = scenario.initial.quaternion
+    turns = any(DISPERSIBLE[name].turns for name in names)
+    if quaternion is not None and not turns and is_upside_down(quaternion):
+        yield at(
+            "initial.quaternion",
+            "must not be upside down in a study that does not draw attitudes: its cost weighs the "
+            f"(w, z), which are singular there, got {shown(quaternion)}",
+        )

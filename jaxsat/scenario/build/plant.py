@@ -1,0 +1,125 @@
+"""From a scenario to the plant."""
+
+import pkgutil
+from typing import Any
+
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat.scenario.build.magnetorquers import build_magnetorquers
+from jaxsat.scenario.build.plugin_trial import made_part, require_torque
+from jaxsat.scenario.build.wheels import build_wheels
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float
+from jaxsat.core.declaration.disturbances import AERODYNAMIC, DISTURBANCES, SOLAR
+from jaxsat.spacecraft.dynamics import RigidBody
+from jaxsat.spacecraft.environment import (
+    AbstractDisturbance,
+    AbstractOrbit,
+    CircularOrbit,
+    DipoleField,
+    DisturbanceContext,
+    ExactOrbit,
+    PanelDrag,
+    Panels,
+    PanelSolarPressure,
+    PeriodicTorque,
+    SmallAngleOrbit,
+    SumOfDisturbances,
+    Sunlight,
+)
+from jaxsat.scenario.declared import values_of
+from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
+from jaxsat.scenario.plugins import DISTURBANCE, find_part
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import OrbitTable
+from jaxsat.spacecraft import Spacecraft
+
+
+def build_plant(scenario: Scenario) -> RigidBody:
+    """The rigid body in its orbit under its disturbances."""
+    table = scenario.spacecraft
+    spacecraft = Spacecraft(as_float(table.inertia_kg_m2))
+    orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
+    held = table.third_rate == "held"
+    disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
+    torquers = build_magnetorquers(scenario)
+    field = None if torquers is None else DipoleField(place_of(scenario.orbit))
+    wheels = build_wheels(scenario)
+    return RigidBody(spacecraft, orbit, disturbance, held, wheels, torquers, field)
+
+
+def orbit_rate(scenario: Scenario) -> float:
+    """ω0, rad/s, given or by the altitude."""
+    return scenario.orbit.rate()
+
+
+def orbit_of(relation: str, rate: float) -> AbstractOrbit:
+    """The orbit of the scenario or of a model of it."""
+    return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
+
+
+def place_of(table: OrbitTable) -> CircularOrbit:
+    """Where an orbit is."""
+    angles = (
+        table.inclination_rad,
+        table.ascending_node_rad,
+        table.argument_of_latitude_rad,
+        table.sidereal_angle_rad,
+    )
+    return CircularOrbit(table.rate(), *angles)
+
+
+def periodic_torque(
+    amplitude: tuple[float, ...] | np.ndarray, table: DisturbanceTable
+) -> PeriodicTorque:
+    """A periodic torque of these amplitudes (N m), the rest as the table says."""
+    return PeriodicTorque(
+        as_float(amplitude), as_float(table.frequency_rad_s), as_float(table.phase_rad)
+    )
+
+
+def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
+    """All torques that are asked for; that of (2) is always there."""
+    table = scenario.disturbance
+    context = DisturbanceContext(inertia, orbit_rate(scenario), place_of(scenario.orbit))
+    terms: list[AbstractDisturbance] = []
+    for place, declaration in DISTURBANCES.items():
+        if scenario.panel and declaration in (AERODYNAMIC, SOLAR):
+            continue
+        made = pkgutil.resolve_name(place).from_table(values_of(declaration.keys, table), context)
+        terms += [] if made is None else [made]
+    terms += _on_panels(scenario, context.place)
+    in_wz = scenario.simulation.attitude == "wz"
+    terms += [_other(name, other, context, in_wz) for name, other in table.torques.items()]
+    return terms[0] if len(terms) == 1 else SumOfDisturbances(tuple(terms))
+
+
+def _on_panels(scenario: Scenario, orbit: CircularOrbit) -> list[AbstractDisturbance]:
+    """Light, and air where there is some, on the panels of a scenario."""
+    tables, table = scenario.panel, scenario.disturbance
+    if not tables:
+        return []
+    names = ("area_m2", "normal", "centre_m", "drag_coefficient", "specular", "diffuse")
+    panels = Panels(*(np.array([getattr(one, name) for one in tables]) for name in names))
+    values = values_of((*AERODYNAMIC.keys, *SOLAR.keys), table)
+    light = Sunlight(values["sun_direction"], orbit, values["eclipses"])
+    found: list[AbstractDisturbance] = [PanelSolarPressure(panels, light)]
+    density = values["drag_density_kg_m3"]
+    return [PanelDrag(density, panels, orbit), *found] if density else found
+
+
+def _other(
+    name: str, table: PartTable, context: DisturbanceContext, in_wz: bool
+) -> AbstractDisturbance:
+    """A disturbance that does not come with jaxsat."""
+    part = find_part(DISTURBANCE, table.kind)
+    location = ("disturbance", "torques", name, "kind")
+    made = made_part(part, location, table, context)
+
+    def torque(t: Float[Array, ""], inertia: Float[Array, "3 3"]) -> Any:
+        attitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))
+        return made(t, attitude.as_wz() if in_wz else attitude, inertia)
+
+    require_torque(part, location, torque, as_float(0.0), as_float(context.inertia))
+    return made

@@ -1,0 +1,249 @@
+"""Whether parts that do not come with jaxsat give what a loop needs, found out by tracing them."""
+
+import inspect
+from collections.abc import Callable
+from operator import attrgetter
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.scenario.build.errors import BuildError
+from jaxsat.control import AbstractController, AbstractFeedbackLaw, AbstractSampledController
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.errors import FOREIGN
+from jaxsat.core.declaration.laws import Law
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.control.navigation import AbstractEstimator, Estimate, Measurement
+from jaxsat.scenario.declared import values_of
+from jaxsat.scenario.errors import Issue, Location
+from jaxsat.scenario.part_tables import PartTable
+from jaxsat.scenario.plugins import Part, place_in
+from jaxsat.spacecraft import AbstractActuators
+
+Controller = AbstractController | AbstractSampledController
+LAW = ("control", "law")
+
+
+def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
+    """Raise `BuildError` where the law, run once, raises or gives arrays of other shapes.
+
+    Nothing is computed: JAX traces the law with the shapes of the start.
+    """
+    _require_arrays(law, LAW, controller)
+    _require_tunable(law, controller)
+    try:
+        memory = eqx.filter_eval_shape(controller.init, start)
+        given = eqx.filter_eval_shape(_run, controller, start)
+        told = eqx.filter_eval_shape(_what_is_told, controller, start)
+    except FOREIGN as error:
+        raise BuildError(broken(law, LAW, law.controller, error)) from error
+    method = _method(controller)
+    if not (isinstance(given, tuple) and len(given) == 2):
+        what = "its next memory" if law.declaration.sampled else "the rate of its memory"
+        _refuse(law, LAW, f"gives two things from `{method}`, the torque and {what}", given)
+    place = _defined(law.controller, method)
+    _require_shape(law, LAW, given[0], (law.declaration.torques or 2,), f"commands {{}}{place}")
+    for name, (found, shape) in told.items():
+        place = _defined(law.controller, name)
+        _require_shape(law, LAW, found, shape, f"gives {{}} from `{name}`{place}")
+    _require_same_memory(law, LAW, memory, given[1], method)
+
+
+def broken(
+    part: Law | Part,
+    location: Location,
+    made: type,
+    error: BaseException,
+    wanted: str = "can be run",
+) -> Issue:
+    """What an exception of a part's own code is told as."""
+    text = str(error).strip().split("\n", 1)[0]
+    hint = ""
+    if isinstance(error, jax.errors.ConcretizationTypeError):
+        hint = "; use jnp.where in place of `if`, and functions of jnp in place of those of math"
+    elif isinstance(error, jax.errors.TracerArrayConversionError):
+        hint = "; use functions of jnp in place of those of numpy"
+    elif isinstance(error, KeyError):
+        hint = f"; the declared keys are {', '.join(key.name for key in part.declaration.keys)}"
+    place = place_in(inspect.getfile(made), error)
+    return _issue(part, location, f"{wanted}, got {type(error).__name__}: {text}{hint}{place}")
+
+
+def made_part(part: Part, location: Location, table: PartTable, context: Any) -> Any:
+    """What a part's `from_table` makes of a checked table; raises `BuildError` otherwise."""
+    try:
+        made = part.made.from_table(values_of(part.declaration.keys, table), context)
+    except FOREIGN as error:
+        raise BuildError(broken(part, location, part.made, error, "can be built")) from error
+    if not isinstance(made, part.made):
+        _refuse(part, location, "is made by its `from_table`", made)
+    _require_arrays(part, location, made)
+    return made
+
+
+def require_torque(part: Part, location: Location, torque: Callable[..., Any], *given: Any) -> None:
+    """Raise `BuildError` where a part, called once, raises or gives no torque of shape (3,)."""
+    try:
+        found = eqx.filter_eval_shape(torque, *given)
+    except FOREIGN as error:
+        raise BuildError(broken(part, location, part.made, error)) from error
+    place = _defined(part.made, "__call__")
+    _require_shape(part, location, found, (3,), f"gives {{}}, a torque in N m{place}")
+
+
+def require_estimates(
+    part: Part, location: Location, estimator: AbstractEstimator, period: Float[Array, ""]
+) -> None:
+    """Raise `BuildError` where an estimator, called once, raises or gives no estimate.
+
+    Its memory must be of the same shapes and types after a step.
+    """
+    zero = jnp.zeros_like(period)
+    upright, rate = Quaternion(jnp.eye(4, dtype=zero.dtype)[0]), jnp.zeros(3, zero.dtype)
+    measurement = Measurement(rate, upright, jnp.array(True))
+    try:
+        memory = eqx.filter_eval_shape(estimator.init, upright, zero)
+        found = eqx.filter_eval_shape(estimator.step, jnp.array(0), period, measurement, memory)
+    except FOREIGN as error:
+        raise BuildError(broken(part, location, part.made, error)) from error
+    place = _defined(part.made, "step")
+    if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[0], Estimate)):
+        _refuse(part, location, f"gives an `Estimate` and the memory from `step`{place}", found)
+    estimate, after = found
+    attitude = estimate.attitude
+    if not isinstance(attitude, Quaternion):
+        _refuse(part, location, f"estimates an attitude that is a `Quaternion`{place}", attitude)
+    told = {"attitude": (attitude.q, (4,)), "omega": (estimate.omega, (3,))}
+    others = {name: getattr(estimate, name) for name in Estimate._fields[2:]}
+    told |= {name: (value, (3,)) for name, value in others.items() if value is not None}
+    for name, (value, shape) in told.items():
+        _require_shape(part, location, value, shape, f"estimates {{}} as `{name}`{place}")
+    _require_same_memory(part, location, memory, after, "step")
+
+
+def require_events(
+    part: Part, location: Location, actuators: AbstractActuators, *given: Any
+) -> None:
+    """Raise `BuildError` where actuators have another number of event functions than they say."""
+    try:
+        count = actuators.event_count
+        found = eqx.filter_eval_shape(actuators.event_functions, *given)
+        piece = actuators.smooth_piece(jnp.ones(count, bool))
+    except FOREIGN as error:
+        raise BuildError(broken(part, location, part.made, error)) from error
+    wanted = "gives {} from `event_functions`, as `event_count` says"
+    _require_shape(part, location, found, (count,), wanted + _defined(part.made, "event_functions"))
+    require_torque(part, location, piece, *given)
+
+
+def _run(controller: Controller, start: PlantState) -> Any:
+    t, memory = jnp.zeros(()), controller.init(start)
+    if isinstance(controller, AbstractSampledController):
+        return controller.step(t, start, memory)
+    return controller(t, start, memory)
+
+
+def _method(controller: Controller) -> str:
+    if isinstance(controller, AbstractSampledController):
+        return "step"
+    return "torque" if isinstance(controller, AbstractFeedbackLaw) else "__call__"
+
+
+def _what_is_told(controller: Controller, start: PlantState) -> dict[str, tuple[Any, tuple]]:
+    """What a loop asks of a law besides its torque, by the method, and of which shape it must be.
+
+    The number of event functions is the law's own.
+    """
+    memory = controller.init(start)
+    if isinstance(controller, AbstractSampledController):
+        return {
+            "rate_error": (controller.rate_error(start, memory), (2,)),
+            "mode": (controller.mode(memory), ()),
+        }
+    none = jnp.zeros(2)
+    events = controller.event_functions(start)
+    controller.smooth_piece(jnp.ones(jnp.shape(events), bool))(jnp.zeros(()), start, memory)
+    return {
+        "rate_error": (controller.rate_error(start), (2,)),
+        "lyapunov": (controller.lyapunov(start, memory, none, none), ()),
+        "event_functions": (events, jnp.shape(events)[:1] or (0,)),
+    }
+
+
+def _require_arrays(part: Law | Part, location: Location, made: Any) -> None:
+    """Refuse attributes that are neither numbers nor told apart as what they are not."""
+    for path, leaf in jax.tree_util.tree_flatten_with_path(made)[0]:
+        if not eqx.is_array_like(leaf):
+            name = jax.tree_util.keystr(path).lstrip(".")
+            message = f"holds arrays and numbers, got {leaf!r} in `{name}`"
+            cure = "; declare the attribute with `= equinox.field(static=True)`"
+            raise BuildError(_issue(part, location, message[:200] + cure))
+
+
+def _require_same_memory(
+    part: Law | Part, location: Location, first: Any, after: Any, method: str
+) -> None:
+    if _kinds(first) != _kinds(after):
+        message = "keeps a memory of arrays of the same shapes and types, "
+        message += f"got {_shapes(first)} from `init` and {_shapes(after)} from `{method}`"
+        raise BuildError(_issue(part, location, message))
+
+
+def _require_tunable(law: Law, controller: Controller) -> None:
+    for key, place in law.declaration.tunable.items():
+        try:
+            attrgetter(place)(controller)
+        except AttributeError:
+            message = (
+                f'has an attribute `{place}`, as its key {key} is tunable (tunable="name" tells of '
+                "another name), got none"
+            )
+            raise BuildError(_issue(law, LAW, message)) from None
+
+
+def _require_shape(
+    part: Law | Part, location: Location, found: Any, shape: tuple[int, ...], wanted: str
+) -> None:
+    if getattr(found, "shape", None) != shape:
+        _refuse(part, location, wanted.format(f"an array of shape {shape}"), found)
+
+
+def _refuse(part: Law | Part, location: Location, wanted: str, found: Any) -> None:
+    shape = getattr(found, "shape", None)
+    got = f"one of shape {shape}" if shape is not None else type(found).__name__
+    raise BuildError(_issue(part, location, f"{wanted}, got {got}"))
+
+
+def _defined(made: type, method: str) -> str:
+    """Where a method of a part stands, " (file:12)", or nothing."""
+    try:
+        function = inspect.unwrap(getattr(made, method))
+        return f" ({inspect.getfile(function)}:{inspect.getsourcelines(function)[1]})"
+    except (OSError, TypeError):
+        return ""
+
+
+def _kinds(tree: Any) -> Any:
+    shapes = [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves(tree) if _is_array(leaf)]
+    return shapes, jax.tree.structure(tree)
+
+
+def _is_array(leaf: Any) -> bool:
+    return isinstance(leaf, jax.Array | jax.ShapeDtypeStruct)
+
+
+def _shapes(tree: Any) -> str:
+    """What a memory is made of, in few words."""
+    leaves = [
+        f"{leaf.dtype} {leaf.shape}" if _is_array(leaf) else f"the number {leaf!r}"
+        for leaf in jax.tree.leaves(tree)
+    ]
+    return (" and ".join(leaves) or "nothing")[:200]
+
+
+def _issue(part: Law | Part, location: Location, message: str) -> Issue:
+    what = f'the law "{part.name}"' if isinstance(part, Law) else f'"{part.name}"'
+    return Issue(location, f"must be such that {what} {message}")

@@ -1,0 +1,44 @@
+"""The trajectory of one case of a study, as that of a single run."""
+
+from typing import TYPE_CHECKING
+
+import jax
+import jax.numpy as jnp
+
+from jaxsat.studies import Study
+from jaxsat.store import trajectory_dataset
+from jaxsat.scenario import Scenario, dump
+from jaxsat.scenario.laws import find_law, known_law
+from jaxsat.simulation import Assessment, Trajectory
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def replay_case(scenario: Scenario, study: Study, number: int) -> "xr.Dataset":
+    """Case `number` of the study of a scenario with its complete history.
+
+    The dataset is that of `jaxsat simulate`. Its attributes hold the number of the case (`case`)
+    and the values drawn for it (`drawn_NAME`). It has every observed instant.
+    """
+    replay = study.replay(number)
+    steps = jnp.array(len(replay.times) - 1)
+    signals = jax.tree.map(jnp.asarray, replay.signals)
+    code = jnp.asarray(replay.outputs.code)
+    settled, unknown = jnp.asarray(replay.outputs.settling_time), jnp.asarray(jnp.nan)
+    law = known_law(scenario.control.law)
+    attitude = law is None or law.declaration.regulates_attitude
+    assessment = Assessment(settled, unknown) if attitude else Assessment(unknown, settled)
+    error = replay.outputs.integration_error
+    times, ranges = jnp.asarray(replay.times), signals.torque_range
+    dataset = trajectory_dataset(
+        Trajectory(times, signals, None, code, steps, assessment, ranges, error),
+        title=scenario.title,
+        scenario=dump(scenario),
+        modes=getattr(find_law(scenario.control.law).controller, "modes", None),
+        seed=study.design.seed,
+    )
+    dataset.attrs["case"] = number
+    for name, values in replay.outputs.drawn.items():
+        dataset.attrs[f"drawn_{name}"] = [float(value) for value in values]
+    return dataset

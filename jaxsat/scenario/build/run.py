@@ -1,0 +1,251 @@
+"""From a scenario to the objects of the core."""
+
+import dataclasses
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat.scenario.build.actuators import build_actuators, ideal_thrusters
+from jaxsat.scenario.build.controller import build_controller
+from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
+from jaxsat.scenario.build.magnetorquers import build_steering
+from jaxsat.scenario.build.navigation import build_navigation
+from jaxsat.scenario.build.plant import build_plant
+from jaxsat.scenario.build.plugin_trial import require_runs
+from jaxsat.scenario.build.wheels import build_tachometers, wheel_momentum
+from jaxsat.control import (
+    AbstractBacksteppingLaw,
+    AbstractController,
+    AbstractSampledController,
+    Coast,
+)
+from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
+from jaxsat.core.checks import as_array, as_float
+from jaxsat.core.errors import PrecisionError
+from jaxsat.core.noise import key_of_seed
+from jaxsat.core.ranges import MAX_FIXED_STEPS
+from jaxsat.core.solvers import NamedSolver
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.core.declaration import Key
+from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.simulation.engine import fly
+from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.dispersion_tables import SamplingTable
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.laws import find_law, is_plugin
+from jaxsat.scenario.resolution import substeps_of
+from jaxsat.scenario.schema import Scenario, flattened
+from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable
+from jaxsat.simulation import (
+    AbstractLoop,
+    ContinuousLoop,
+    ErrorCoordinateLoop,
+    Method,
+    SampledLoop,
+    Trajectory,
+    adaptive,
+    default_method,
+    fixed,
+)
+from jaxsat.simulation.methods import MIN_STEP
+from jaxsat.spacecraft import AbstractActuators, Sensors
+
+
+@dataclass(frozen=True)
+class Run:
+    """All that `jaxsat.simulation.engine.fly` and `jaxsat.simulation.simulate` take, made from a scenario."""
+
+    loop: AbstractLoop
+    start: PlantState
+    times: Float[Array, " times"]
+    method: Method
+    tolerances: Tolerances = field(default_factory=Tolerances)
+
+    @property
+    def modes(self) -> type[enum.IntEnum] | None:
+        """What the numbers of `mode` mean, for sampled laws; else None."""
+        return self.loop.controller.modes if isinstance(self.loop, SampledLoop) else None
+
+    def simulate(self, tell: Callable[[str], None] = lambda obstacle: None) -> Trajectory:
+        """Run the loop, see `jaxsat.simulation.engine.fly`, which tells why where diffrax has to."""
+        return fly(self.loop, self.start, self.times, self.method, tell, self.tolerances)
+
+
+def build(scenario: Scenario) -> Run:
+    """The closed loop of a scenario, its start, the times to save and the way to integrate.
+
+    Raises `PrecisionError` where JAX is set to 32-bit floats, and `BuildError`, which names the
+    key, where the numbers of the scenario make no such loop.
+    """
+    if not jax.config.read("jax_enable_x64"):
+        raise PrecisionError(
+            "Scenarios need 64-bit floats, but JAX is set to 32-bit ones: call "
+            '`jax.config.update("jax_enable_x64", True)` first.'
+        )
+    loop = build_loop(scenario)
+    with at_key("initial"):
+        start = made_of_numbers(build_start(scenario))
+    law = find_law(scenario.control.law)
+    if is_plugin(law.name):
+        controller = (
+            loop.law if isinstance(loop, ErrorCoordinateLoop) else cast(Any, loop).controller
+        )
+        require_runs(law, controller, start)
+    method, tolerances = build_method(scenario, loop), build_tolerances(scenario)
+    return Run(loop, start, build_times(scenario), method, tolerances)
+
+
+def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
+    """Plant and thrusters without the control law, whatever that is, and the start.
+
+    Coulomb friction and failures of wheels, which have no part in what can be done, are left out.
+    Raises `BuildError` as `build` does.
+    """
+    with at_key("spacecraft"):
+        plant = build_plant(scenario)
+        if plant.wheels is not None:
+            plant = dataclasses.replace(plant, wheels=plant.wheels.without_corners())
+        loop = ContinuousLoop(plant, Coast(), ideal_thrusters(scenario, torques=0))
+    simulation = scenario.simulation.model_copy(update={"attitude": "quaternion"})
+    with at_key("initial"):
+        start = build_start(scenario.model_copy(update={"simulation": simulation}))
+    return made_of_numbers(loop), made_of_numbers(start)
+
+
+def build_loop(scenario: Scenario) -> AbstractLoop:
+    """Plant, controller and thrusters in the coordinates that the scenario asks for.
+
+    Raises `BuildError` as `build` does.
+    """
+    with at_key("spacecraft"):
+        plant = made_of_numbers(build_plant(scenario))
+    with at_key("control"):
+        controller = made_of_numbers(build_controller(scenario))
+        return _closed(scenario, plant, controller)
+
+
+def _closed(
+    scenario: Scenario,
+    plant: RigidBody,
+    controller: AbstractController | AbstractSampledController,
+) -> AbstractLoop:
+    if isinstance(controller, AbstractSampledController):
+        substeps = substeps_of(scenario)
+        sensors, delay = build_sampling(scenario)
+        navigation = build_navigation(scenario)
+        actuators = build_actuators(scenario)
+        magnetic = None if plant.field is None else build_steering(scenario, plant.field)
+        tachometers = build_tachometers(scenario)
+        return SampledLoop(
+            plant,
+            controller,
+            actuators,
+            substeps,
+            sensors,
+            delay,
+            navigation,
+            magnetic,
+            tachometers,
+        )
+    if uses_error_coordinates(flattened(scenario)):
+        return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
+    return ContinuousLoop(plant, controller, cast(AbstractActuators, build_actuators(scenario)))
+
+
+def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
+    """Sensors and delay; None for those that are perfect in every case.
+
+    None of these sensors beside a gyro and a star tracker, see `build_navigation`.
+    """
+    values = (scenario.sampling or SamplingTable()).model_dump()
+
+    def is_there(key: Key) -> bool:
+        return values[key.name] > 0 or getattr(scenario.dispersion, key.name, None) is not None
+
+    sensors = Sensors.from_table(values, key_of_seed(scenario.simulation.seed))
+    return (
+        sensors if scenario.gyro is None and any(map(is_there, SENSOR_KEYS)) else None,
+        as_float(values[DELAY.name]) if is_there(DELAY) else None,
+    )
+
+
+def build_start(scenario: Scenario) -> PlantState:
+    """The state at time zero in the attitude parameters that are integrated."""
+    table = scenario.initial
+    if table.quaternion is None:
+        w, z = cast(tuple[float, ...], table.w), cast(float, table.z_rad)
+        attitude: AbstractAttitude = WZ(as_float(w), as_float(z))
+    else:
+        attitude = Quaternion(as_float(table.quaternion))
+    wanted = scenario.simulation.attitude == "wz"
+    attitude = attitude.as_wz() if wanted else attitude.as_quaternion()
+    return PlantState(attitude, as_float(table.omega_rad_s), wheel_momentum(scenario))
+
+
+def build_tolerances(scenario: Scenario) -> Tolerances:
+    """Within what the scenario counts as settled."""
+    return Tolerances.of_keys(**scenario.settled.model_dump())
+
+
+def build_times(scenario: Scenario) -> Float[Array, " times"]:
+    """Times to save at from zero to the end, s; on the samples of a sampled law."""
+    table = scenario.simulation
+    unit, count = table.save_every_s, round(table.duration_s / table.save_every_s)
+    if not find_law(scenario.control.law).declaration.sampled:
+        return as_array(np.arange(count + 1) * unit)
+    period = cast(Any, scenario.control).period_s
+    return as_array(np.arange(count + 1) * round(unit / period) * period)
+
+
+def build_method(scenario: Scenario, loop: AbstractLoop) -> Method:
+    """Solver and steps: those of `[simulation.solver]`, or what suits the loop.
+
+    Raises `BuildError` for more steps than a run may have.
+    """
+    method = _method(scenario.simulation.solver, loop)
+    _require_few_steps(scenario, loop, method)
+    return method
+
+
+def _method(table: SolverTable, loop: AbstractLoop) -> Method:
+    solver = NamedSolver(table.name) if table.name else None
+    if table.steps == "fixed" or table.step_s is not None:
+        return fixed(cast(float, table.step_s), solver)
+    given = {
+        "rtol": table.rtol,
+        "atol": table.atol,
+        "min_step": table.min_step_s,
+        "max_steps": table.max_steps,
+    }
+    given = {name: value for name, value in given.items() if value is not None}
+    if table.steps is None and not given:
+        return default_method(loop, solver)
+    return adaptive(solver=solver, **{"min_step": MIN_STEP, **given})
+
+
+def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -> None:
+    table, most = scenario.simulation, MAX_FIXED_STEPS
+    if isinstance(loop, SampledLoop):
+        most = MAX_SAMPLED_STEPS
+        step = cast(Any, scenario.control).period_s / loop.substeps
+        key = "control.period_s" if table.solver.substeps is None else "simulation.solver.substeps"
+    elif method.first_step is None:
+        return  # adaptive steps, which have a number of their own
+    else:
+        step = float(method.first_step)
+        key = "simulation.duration_s" if table.solver.step_s is None else "simulation.solver.step_s"
+    count = table.duration_s / step
+    if count > most:
+        message = (
+            f"must leave at most {most} steps in a run, got {count:.3g} of {step:.3g} s in "
+            f"{table.duration_s:g} s"
+        )
+        involved = ("simulation.duration_s", "simulation.solver.step_s", "control.period_s")
+        involved = tuple(tuple(other.split(".")) for other in involved)
+        raise BuildError(Issue(tuple(key.split(".")), message, involved))

@@ -1,0 +1,253 @@
+"""From a scenario with a `[dispersion]` table to a Monte-Carlo study."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import jax
+import numpy as np
+
+from jaxsat.scenario.build.plant import orbit_rate
+from jaxsat.scenario.build.run import Run, build, build_tolerances
+from jaxsat.core.checks import as_float, require_counts
+from jaxsat.core.solvers import NamedSolver
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.simulation.engine import (
+    AbstractEngine,
+    AdaptiveStepper,
+    FixedStepper,
+    NativeEngine,
+    Program,
+    ReferenceEngine,
+    RunningCost,
+    ScanEngine,
+    Tolerance,
+    native_obstacle,
+    program_of,
+)
+from jaxsat.studies import (
+    AbstractDesign,
+    AbstractDistribution,
+    Discrete,
+    Dispersed,
+    Dispersions,
+    Independent,
+    LatinHypercube,
+    Normal,
+    RandomAttitude,
+    Sobol,
+    Study,
+    StudyCase,
+    TruncatedNormal,
+    Uniform,
+)
+from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import SolverTable
+from jaxsat.scenario.thruster_tables import names_of, signs
+from jaxsat.simulation import ContinuousLoop, SampledLoop
+from jaxsat.simulation.methods import SMOOTH_STEP
+
+ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
+"""Those with a dense output of their own, on which switches are located; and what the tolerance,
+relative and absolute, is where a scenario names none."""
+
+EngineName = Literal["auto", "native", "scan", "diffrax"]
+CHUNK, NATIVE_CHUNKS = 256, (1024, 4096)
+"""Cases computed and written together: by XLA, and fewest and most by the native engine."""
+
+ERROR_EVERY = 64
+"""Intervals, in one of which the error of equal steps is estimated: a few percent of the time."""
+
+_KINDS = {
+    "uniform": Uniform,
+    "normal": Normal,
+    "truncated-normal": TruncatedNormal,
+    "discrete": Discrete,
+    "random-attitude": RandomAttitude,
+}
+
+
+def build_study(
+    scenario: Scenario,
+    count: int,
+    *,
+    seed: int | None = None,
+    engine: EngineName = "auto",
+    batch_size: int = 64,
+    chunk: int | None = None,
+    history: int | None = None,
+    controller: Path | None = None,
+) -> Study:
+    """The study of `count` cases that a scenario describes, with its own seed unless given.
+
+    `engine` "native" and "scan" take fixed steps for sampled and smooth loops and adaptive ones,
+    ended by the law's switches, for laws with corners, "native" as machine code made for the
+    program; "diffrax" takes the method of a single run. "auto" is "native" on a processor; where
+    that cannot be, the study's `remark` says why, and it is "scan", or "diffrax" if the scenario
+    names a solver that the adaptive steps cannot take. Raises `ValueError` where the scenario
+    disperses nothing or something that its loop does not have, and for "native" where that cannot
+    be. `batch_size` cases are in memory together; `chunk` are written together, by default what
+    suits the engine; `history` is the number of instants at which signals of every case are kept.
+    `controller` is the library of an export, which then runs in the place of law and estimator;
+    raises `LibraryError` for one that is not of this scenario's controller.
+    """
+    if scenario.dispersion is None:
+        raise ValueError("The scenario must have a [dispersion] table, but got none.")
+    require_counts(count=count, batch_size=batch_size, chunk=1 if chunk is None else chunk)
+    run = build(scenario)
+    if controller is not None:
+        run = _with_library(run, controller)
+        engine = "scan" if engine == "auto" else engine  # machine code calls nothing back
+    seed = scenario.simulation.seed if seed is None else seed
+    copies, program = study_program(scenario, run, seed)
+    if engine != "diffrax" and not _adaptive(scenario, run):
+        program = dataclasses.replace(program, error_every=ERROR_EVERY)
+    design = _design(scenario.dispersion, seed, count)
+    example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
+    chosen, remark = _engine(scenario, run, (program, example), engine, batch_size)
+    description = {"scenario": _numbers(scenario)}
+    chunk = _suitable_chunk(chosen, count) if chunk is None else chunk
+    return Study(
+        program,
+        design,
+        chosen,
+        count,
+        chunk,
+        description=description,
+        remark=remark,
+        history=history,
+        names=_names(scenario),
+    )
+
+
+def _names(scenario: Scenario) -> tuple[str, ...]:
+    """Of thrusters that work at the start, two-sided ones twice, of wheels and magnetorquers."""
+    tables = scenario.thruster
+    named = zip(tables, names_of(tables), strict=True)
+    jets = [name for one, name in named if not one.failed for _ in signs(one)]
+    if not tables:
+        numbers = range(1, 1 + len(scenario.spacecraft.thruster_torque_axes or ()))
+        jets = [str(n) for n in numbers if n not in scenario.spacecraft.failed_thrusters]
+    kinds = {
+        "thruster": jets,
+        "wheel": names_of(scenario.wheel),
+        "magnetorquer": names_of(scenario.magnetorquer),
+    }
+    return tuple(f"{kind} {name}" for kind, names in kinds.items() for name in names)
+
+
+def _with_library(run: Run, path: Path) -> Run:
+    if not isinstance(run.loop, SampledLoop):
+        raise ValueError("--controller: must be given with a sampled law.")
+    from jaxsat.flight import Library, with_library  # whose imports take their time
+
+    library = Library(path, run.loop, run.start)
+    return dataclasses.replace(run, loop=with_library(run.loop, library))
+
+
+def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, Program]:
+    """The dispersed copies of a run, and the program that runs them.
+
+    Raises `ValueError` where the `[dispersion]` table has something that the loop does not have.
+    """
+    dispersions = build_dispersions(cast(DispersionTable, scenario.dispersion))
+    copies = Dispersed(run.loop, run.start, dispersions, seed)
+    table = scenario.simulation
+    cost = RunningCost(attitude=table.attitude_cost)
+    program = program_of(copies, run.loop, table.duration_s, table.save_every_s, cost=cost)
+    return copies, dataclasses.replace(program, tolerances=tolerances_of(scenario))
+
+
+def tolerances_of(scenario: Scenario) -> Tolerances:
+    """When a case counts as settled: under a law that has no attitude to go to by its rate alone,
+    which at rest is that of the orbit."""
+    own = build_tolerances(scenario)
+    if find_law(scenario.control.law).declaration.regulates_attitude:
+        return own
+    return own.of_rate(orbit_rate(scenario))
+
+
+def _suitable_chunk(engine: AbstractEngine, count: int) -> int:
+    """Cases of a chunk: some seconds of work for the engine, and some chunks to show progress."""
+    if not isinstance(engine, NativeEngine):
+        return CHUNK
+    fewest, most = NATIVE_CHUNKS
+    return max(fewest, min(most, count // 16))
+
+
+def _numbers(scenario: Scenario) -> dict[str, Any]:
+    """The scenario without what no number depends on, and without the seed, which a study has."""
+    data = scenario.model_dump(mode="json", exclude={"title", "description", "tuning"})
+    del data["simulation"]["seed"]
+    return data
+
+
+def build_dispersions(table: DispersionTable) -> Dispersions:
+    """The distributions of a `[dispersion]` table by name."""
+    given = {name: distribution_of(entry) for name, entry in table.distributions.items()}
+    return Dispersions(given, table.frequency_known)
+
+
+def distribution_of(table: DistributionTable) -> AbstractDistribution:
+    """The distribution that a table describes; raises `ValueError` where it is none."""
+    kind = table.distribution
+    parameters = [as_float(np.asarray(getattr(table, name))) for name in PARAMETERS[kind]]
+    return _KINDS[kind](*parameters)
+
+
+def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
+    if table.design == "sobol":
+        return Sobol(seed)
+    return LatinHypercube(seed, count) if table.design == "latin-hypercube" else Independent(seed)
+
+
+def _engine(
+    scenario: Scenario,
+    run: Run,
+    work: tuple[Program, StudyCase],
+    name: EngineName,
+    batch_size: int,
+) -> tuple[AbstractEngine, str | None]:
+    """The engine, and why it is not the native one if that was wanted."""
+    solver, adaptive = scenario.simulation.solver, _adaptive(scenario, run)
+    suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)
+    if name == "diffrax" or (name == "auto" and not suits):
+        return ReferenceEngine(method=run.method, batch_size=batch_size), None
+    method = solver.name or ("dopri8" if adaptive else "tsit5")
+    if adaptive:
+        tolerance = _tolerance(solver, ADAPTIVE_SOLVERS.get(method))
+        stepper = AdaptiveStepper(NamedSolver(method), tolerance)
+    else:
+        substeps = round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP))
+        stepper = FixedStepper(NamedSolver(method), max(1, substeps))
+    remark = None
+    if name == "native" or (name == "auto" and jax.default_backend() == "cpu"):
+        obstacle = native_obstacle(stepper, *work)
+        if obstacle is None:
+            return NativeEngine(stepper=stepper, batch_size=batch_size), None
+        if name == "native":
+            raise ValueError(f"The native engine cannot run this: {obstacle}")
+        remark = f"not the native engine: {obstacle}"
+    return ScanEngine(stepper=stepper, batch_size=batch_size), remark
+
+
+def _adaptive(scenario: Scenario, run: Run) -> bool:
+    """Whether the engines of jaxsat take steps that meet a tolerance."""
+    loop, solver = run.loop, scenario.simulation.solver
+    if isinstance(loop, SampledLoop) or solver.steps is not None or solver.step_s is not None:
+        return solver.steps == "adaptive" and not isinstance(loop, SampledLoop)
+    smooth = isinstance(loop, ContinuousLoop) and loop.is_smooth()
+    return not smooth or solver.name in (None, *ADAPTIVE_SOLVERS)
+
+
+def _tolerance(solver: SolverTable, usual: float | None) -> Tolerance:
+    """The scenario's own numbers, and what they are in studies where it names none."""
+    given = {
+        "rtol": solver.rtol or usual,
+        "atol": solver.atol or usual,
+        "min_step": solver.min_step_s,
+        "max_steps": solver.max_steps,
+    }
+    return Tolerance(**{name: value for name, value in given.items() if value is not None})

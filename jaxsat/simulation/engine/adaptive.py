@@ -1,0 +1,311 @@
+"""Adaptive steps through a loop in smooth pieces, each trajectory at its own pace.
+
+During a step the loop is held in one of its smooth pieces (`loop.smooth_piece`). Where an event
+function has changed its sign at the end of one of a step's equal parts, the event is located on the
+step's dense output, the step ends there, and the next one is taken in the other piece. Nothing else
+ends a step: the instants that are observed lie on the dense output, and the state at the end of the
+run, or where a replay stops, is that of a shorter step from where the last one began. When a
+trajectory settles is judged on the dense output of a step that is left behind, whatever instants
+are observed.
+
+Derivatives by forward mode are those of the law with its corners. The step length until an event
+carries one differentiable step of Newton's method, so the instant moves with the parameters as it
+should, and so does all that follows; which steps are taken is held fixed.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.solvers import NamedSolver, Solver, class_name, solver_of
+from jaxsat.simulation import Outcome, Signals
+from jaxsat.simulation.assessment import stop_gradient
+from jaxsat.simulation.engine.dense_output import require_dense_output
+from jaxsat.simulation.engine.details import details_of, with_details
+from jaxsat.simulation.engine.events import StepEnd, until_event
+from jaxsat.simulation.engine.flat_ode import DenseStep, FlatODE, initial_state
+from jaxsat.simulation.engine.program import Case, Program
+from jaxsat.simulation.engine.progress import (
+    Integrals,
+    Outputs,
+    Progress,
+    initial_progress,
+    outputs_of,
+    with_peaks,
+)
+from jaxsat.simulation.engine.root_finding import sign_changes
+from jaxsat.simulation.engine.runge_kutta import require_explicit, stage_rates, tableau_of, weighted
+from jaxsat.simulation.engine.settling import excess_at, rest_excess_at, settled_along_step
+from jaxsat.simulation.engine.stepper import AbstractStepper
+from jaxsat.simulation.solve import within_limit
+
+SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
+
+
+class Tolerance(eqx.Module):
+    """What adaptive steps are held to: the error of a step below atol + rtol |state|.
+
+    `atol` is in the unit of each state, for momenta of wheels `Spacecraft.momentum_unit`.
+    The norm is the root mean square over the loop's state and the cost; the effort goes along
+    unjudged. Steps begin at `first_step` (s) and are never below `min_step` (s), which passes
+    points where a law has no derivative and surfaces on which it slides; a case has at most
+    `max_steps` of them.
+    """
+
+    rtol: Float[Array, ""] = eqx.field(converter=as_float, default=1e-9)
+    atol: Float[Array, ""] = eqx.field(converter=as_float, default=1e-9)
+    first_step: Float[Array, ""] = eqx.field(converter=as_float, default=1e-2)
+    min_step: Float[Array, ""] = eqx.field(converter=as_float, default=1e-9)
+    max_steps: int = eqx.field(static=True, default=2**17)
+
+    def __check_init__(self):
+        for name in ("rtol", "atol", "first_step", "min_step"):
+            require_positive(name, getattr(self, name))
+        if self.max_steps < 1:
+            raise ValueError(f"Argument `max_steps` must be at least 1, but got {self.max_steps}.")
+
+
+class AdaptiveState(NamedTuple):
+    """Where a trajectory is: time (s), next instant to be observed by number, flat state with its
+    rate, the event functions with their signs (true where positive), how far outside the tolerances
+    it is, and its last step."""
+
+    t: Float[Array, ""]
+    number: Int[Array, ""]
+    state: Float[Array, " n"]
+    rate: Float[Array, " n"]
+    signs: Bool[Array, " m"]
+    events: Float[Array, " m"]
+    excess: Float[Array, " conditions"]
+    last_step: DenseStep
+
+
+class AdaptiveStepper(AbstractStepper):
+    """Steps of whatever length meets the `tolerance`, for continuous loops.
+
+    `advance` is `attempt` while `unfinished`.
+    """
+
+    solver: Solver = NamedSolver("tsit5")
+    tolerance: Tolerance = eqx.field(default_factory=Tolerance)
+
+    def __check_init__(self):
+        require_explicit(self.solver)
+        require_dense_output(self.solver)
+
+    def identity(self) -> dict[str, Any]:
+        """Solver and tolerance."""
+        numbers = [float(x) for x in jax.tree.leaves(self.tolerance)]
+        tolerance = [*numbers, self.tolerance.max_steps]
+        return {"solver": class_name(self.solver), "tolerance": tolerance}
+
+    def begin(self, program: Program, case: Case) -> Progress:
+        """The progress at time zero."""
+        ode, flat = FlatODE.of(self.solver, program, case), initial_state(program, case)
+        zero = jnp.zeros((), flat.dtype)
+        events = ode.loop.event_functions(zero, ode.state(zero, flat))
+        nowhere = jnp.zeros((ode.output.sign_checks, ode.torque_count), flat.dtype)
+        increments = jnp.zeros((ode.output.rows, flat.size), flat.dtype)
+        effort = jnp.zeros(ode.torque_count, flat.dtype) if program.detailed else zero
+        last_step = DenseStep(zero, zero + 1.0, flat, increments, nowhere, effort, events > 0)
+        rate = ode.rate(events > 0)(zero, flat)
+        excess = excess_at(ode, zero, flat)
+        state = AdaptiveState(zero, jnp.array(0), flat, rate, events > 0, events, excess, last_step)
+        first_step = self.tolerance.first_step
+        plant = ode.loop.plant_state(zero, ode.state(zero, flat))
+        begun = initial_progress(state, plant, case.possible, first_step)
+        if not program.detailed:
+            return begun
+        kept = with_details(begun, ode.loop, ode.loop.torque_count)
+        return kept._replace(forced=jnp.array(0))
+
+    def unfinished(
+        self, program: Program, progress: Progress, bound: Int[Array, ""]
+    ) -> Bool[Array, ""]:
+        """Whether instant `bound` is still ahead, or an earlier one still to be observed."""
+        state: AdaptiveState = progress.state
+        ahead = (state.t < bound * program.interval) | (state.number < bound)
+        return ahead & (progress.code == int(Outcome.SUCCESS))
+
+    def attempt(
+        self,
+        program: Program,
+        case: Case,
+        progress: Progress,
+        bound: Int[Array, ""],
+        axis_name: str | None = None,
+    ) -> Progress:
+        """One step tried, and all instants before number `bound` that it has passed observed."""
+        ode, state = FlatODE.of(self.solver, program, case, axis_name), progress.state
+        up_to_date = state.t < state.number * program.interval
+        needed = up_to_date & (state.t < bound * program.interval)
+        needed &= progress.code == int(Outcome.SUCCESS)
+        return _observed(ode, bound, _attempted(self, ode, needed, progress))
+
+    def advance(self, program, case, progress, first, count, axis_name=None):
+        """The progress up to instant number `first + count`, while any of a batch goes on.
+
+        An attempt leaves a trajectory that has ended as it is.
+        """
+        bound = jnp.asarray(first + count)
+        ode = FlatODE.of(self.solver, program, case, axis_name)
+        return jax.lax.while_loop(
+            lambda progress: ode.in_any_case(self.unfinished(program, progress, bound)),
+            lambda progress: self.attempt(program, case, progress, bound, axis_name),
+            progress,
+        )
+
+    def finish(
+        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+    ) -> Outputs:
+        """Outputs at instant `number`, within the last step.
+
+        State and cost there are those of a step of their own from where the last one began, as the
+        dense output is of lower order.
+        """
+        ode, last_step = FlatODE.of(self.solver, program, case), progress.state.last_step
+        t = number * program.interval
+        end = last_step.fraction(t)
+        flat = self._shortened(ode, last_step, t)
+        plant = ode.loop.plant_state(t, ode.state(t, flat))
+        progress = with_peaks(progress, plant)
+        excess = excess_at(ode, t, ode.interpolated(last_step, end))
+        always = jnp.array(True)
+        settled = settled_along_step(ode, last_step, end, progress.settled, excess, always)
+        rest = _rest_along_step(ode, last_step, end, progress.rest, t, always)
+        success = progress.code == int(Outcome.SUCCESS)
+        cost = ode.restore(jnp.where(success, flat, progress.state.state))[1]
+        progress = progress._replace(
+            integrals=Integrals(cost, ode.effort(last_step, end)),
+            settled=settled,
+            rest=rest,
+            ended_at=jnp.where(success, t, progress.ended_at),
+        )
+        final, dwell = ode.state(t, flat), program.tolerances.dwell
+        told = details_of(progress, ode.loop, final, t, progress.steps, dwell)
+        return outputs_of(
+            progress, plant, t, case.drawn, program.running_cost, details=told, dwell=dwell
+        )
+
+    def _shortened(
+        self, ode: FlatODE, last_step: DenseStep, t: Float[Array, ""]
+    ) -> Float[Array, " n"]:
+        """The flat state after a step from the begin of `last_step` to the time `t` (s)."""
+        tableau, rate = tableau_of(self.solver), ode.rate(last_step.signs)
+        begin, flat, step = last_step.begin, last_step.state, t - last_step.begin
+        rates = stage_rates(tableau, rate, begin, step, flat, rate(begin, flat))
+        return flat + step * weighted(tableau.b_sol, rates)
+
+    def signals(
+        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+    ) -> Signals:
+        """Signals at instant `number`, which the last step must have reached or passed.
+
+        The state is that of `finish`.
+        """
+        ode = FlatODE.of(self.solver, program, case)
+        t = number * program.interval
+        flat = self._shortened(ode, progress.state.last_step, t)
+        return ode.loop.signals(t, ode.state(t, flat))
+
+
+def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progress) -> Progress:
+    """Progress after one step, accepted or not; as it was unless that is `needed`."""
+    solver, tolerance = stepper.solver, stepper.tolerance
+    tableau, state, step = tableau_of(solver), progress.state, progress.step
+    begin = ode.at_step_begin(state.state)
+    rates = stage_rates(tableau, ode.rate(state.signs), state.t, step, begin, state.rate)
+    increment = step * weighted(tableau.b_sol, rates)
+    after = begin + increment
+    error = step * weighted(tableau.b_error, rates)
+    norm = stop_gradient(_error_norm(tolerance, *map(ode.error_controlled, (begin, after, error))))
+    accepted = needed & ((norm <= 1) | (step <= tolerance.min_step))
+    increments = ode.increments(step, rates, increment)
+    zeros = jnp.zeros((ode.output.sign_checks, ode.torque_count), increments.dtype)
+    effort = progress.integrals.effort
+    dense = DenseStep(state.t, step, begin, increments, zeros, effort, state.signs)
+    end = StepEnd(step, after, rates[-1], state.signs, state.events)
+    end = until_event(ode, state.signs, state.events, dense, end, accepted, tolerance.min_step)
+    fraction = end.length / step
+    coefficients = ode.torque_coefficients(increments)
+    zeros = sign_changes(coefficients, ode.output.sign_checks, fraction, accepted, ode.cold_branch)
+    dense = dense._replace(torque_zeros=stop_gradient(zeros))
+    t = state.t + end.length
+    excess = excess_at(ode, t, end.state)
+    found = (end.state, end.rate, end.signs, end.events, excess, dense)
+    further = AdaptiveState(t, state.number, *found)
+    last_step = state.last_step
+    until = last_step.fraction(state.t)
+    moved = progress._replace(
+        state=further,
+        integrals=progress.integrals._replace(effort=ode.effort(dense, fraction)),
+        settled=settled_along_step(ode, last_step, until, progress.settled, state.excess, accepted),
+        rest=_rest_along_step(ode, last_step, until, progress.rest, state.t, accepted),
+        ended_at=t,
+    )
+    following = _accepted(tolerance, ode, progress, moved, needed, accepted, norm)
+    # no longer step after one that met an event: a law that slides would lose its way
+    largest = jnp.where(fraction < 1, 1.0, MAX_FACTOR)
+    factor = jnp.minimum(_step_factor(norm, solver_of(solver).order(None)), largest)
+    proposal = jnp.maximum(step * stop_gradient(factor), tolerance.min_step)
+    return following._replace(step=jnp.where(needed, proposal, step))
+
+
+def _rest_along_step(ode: FlatODE, step: DenseStep, until, rest, t, needed):
+    """Since when a trajectory is at rest, see `settled_along_step`; `t` (s) is at `until`."""
+    if rest is None:
+        return None
+    at_end = rest_excess_at(ode, t, ode.interpolated(step, until))
+    return settled_along_step(ode, step, until, rest, at_end, needed, rest_excess_at)
+
+
+def _accepted(tolerance, ode, before: Progress, moved: Progress, needed, accepted, norm):
+    """Further on, where it was, or ended."""
+    limit = ode.program.state_limit
+    good = within_limit(ode.restore(moved.state.state)[0], limit)
+    steps = before.steps + needed
+    code = jnp.where(accepted & ~good, int(Outcome.STATE_LIMIT), before.code)
+    out = needed & (code == int(Outcome.SUCCESS)) & (steps >= tolerance.max_steps)
+    code = jnp.where(out, int(Outcome.MAX_STEPS), code)
+    kept = jax.tree.map(lambda new, old: jnp.where(accepted & good, new, old), moved, before)
+    if before.forced is not None:
+        kept = kept._replace(forced=before.forced + (accepted & (norm > 1)))
+    return kept._replace(code=code, steps=steps)
+
+
+def _observed(ode: FlatODE, bound, progress: Progress) -> Progress:
+    """With all instants before number `bound` observed that the last step has passed."""
+    program = ode.program
+
+    def pending(progress: Progress):
+        state: AdaptiveState = progress.state
+        passed = (state.number < bound) & (state.number * program.interval <= state.t)
+        return passed & (progress.code == int(Outcome.SUCCESS))
+
+    def observe(progress: Progress) -> Progress:
+        state: AdaptiveState = progress.state
+        t = state.number * program.interval
+        flat = ode.interpolated(state.last_step, state.last_step.fraction(t))
+        plant = ode.loop.plant_state(t, ode.state(t, flat))
+        seen = with_peaks(progress, plant)
+        return seen._replace(state=state._replace(number=state.number + 1))
+
+    return jax.lax.while_loop(pending, observe, progress)
+
+
+def _error_norm(tolerance, before, after, error) -> Float[Array, ""]:
+    """The error relative to the tolerance; NaN where it is NaN, which is never accepted."""
+    scale = tolerance.atol + tolerance.rtol * jnp.maximum(jnp.abs(before), jnp.abs(after))
+    return jnp.sqrt(jnp.mean((error / scale) ** 2))
+
+
+def _step_factor(norm: Float[Array, ""], order: int | None) -> Float[Array, ""]:
+    """How much longer the next step may be; much shorter where the error is NaN."""
+    assert order is not None
+    wanted = SAFETY * jnp.exp(-(1 / order) * jnp.log(jnp.maximum(norm, 1e-12)))
+    known = jnp.where(jnp.isfinite(norm), wanted, MIN_FACTOR)
+    return jnp.clip(known, MIN_FACTOR, MAX_FACTOR)

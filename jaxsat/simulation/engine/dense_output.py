@@ -1,0 +1,163 @@
+"""The state within a step, from the stages of its method."""
+
+import abc
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat.core.solvers import Solver, class_name, known_class, solver_of
+from jaxsat.simulation.engine.root_finding import polynomial
+from jaxsat.simulation.engine.runge_kutta import weighted
+
+
+class AbstractDenseOutput(eqx.Module):
+    """A polynomial in the fraction of a step that has gone by, given by rows that the step leaves.
+
+    Whether an event has been passed is checked at the ends of `event_checks` equal parts of a step,
+    and whether a torque has changed its sign at those of `sign_checks`.
+    """
+
+    rows: ClassVar[int]
+    event_checks: ClassVar[int]
+    sign_checks: ClassVar[int]
+
+    @abc.abstractmethod
+    def increments(
+        self, step: Float[Array, ""], rates: list[Float[Array, " n"]], increment: Float[Array, " n"]
+    ) -> Float[Array, "rows n"]:
+        """The rows of a step (s) from the rates at its stages and the step's own increment."""
+
+    @abc.abstractmethod
+    def at(
+        self,
+        begin: Float[Array, " n"],
+        increments: Float[Array, "rows n"],
+        fraction: Float[Array, ""],
+    ) -> Float[Array, " n"]:
+        """The state after a fraction of the step that began in `begin`."""
+
+    @abc.abstractmethod
+    def coefficients(self, increments: Float[Array, "rows n"]) -> Float[Array, "degree n"]:
+        """The coefficients of the powers of the fraction, from the first one on."""
+
+
+class Quartic(AbstractDenseOutput):
+    """Fourth degree, through the increments until middle and end, and the rates at both ends.
+
+    `middle` has the weights of the stages in the first. The rows are the increments at the rate of
+    the begin, until the middle, until the end, and at the rate of the end.
+    """
+
+    middle: tuple[float, ...] = eqx.field(static=True)
+    rows: ClassVar[int] = 4
+    event_checks: ClassVar[int] = 2
+    sign_checks: ClassVar[int] = 1
+
+    def increments(self, step, rates, increment):
+        """One sum over the stages."""
+        middle = step * weighted(np.array(self.middle), rates)
+        return jnp.stack([step * rates[0], middle, increment, step * rates[-1]])
+
+    def at(self, begin, increments, fraction):
+        """By the polynomials that are one for a row and nothing for the others."""
+        at_begin, middle, whole, at_end = increments
+        x = fraction
+        rest, square = 1 - x, x * x
+        bend = rest * (1 - 2 * x)
+        return (
+            begin
+            + (x * rest * bend) * at_begin
+            + (16 * square * rest * rest) * middle
+            + (square * (14 * x - 5 - 8 * square)) * whole
+            + (square * bend) * at_end
+        )
+
+    def coefficients(self, increments):
+        """The same polynomial."""
+        at_begin, middle, whole, at_end = increments
+        return jnp.stack(
+            [
+                at_begin,
+                at_end - 4 * at_begin - 5 * whole + 16 * middle,
+                5 * at_begin - 3 * at_end + 14 * whole - 32 * middle,
+                2 * (at_end - at_begin) - 8 * whole + 16 * middle,
+            ]
+        )
+
+
+class Sextic(AbstractDenseOutput):
+    """Sixth degree: `weights` of the stages in the coefficient of each power, from the first on."""
+
+    weights: tuple[tuple[float, ...], ...] = eqx.field(static=True)
+    rows: ClassVar[int] = 6
+    event_checks: ClassVar[int] = 4
+    sign_checks: ClassVar[int] = 2
+
+    def increments(self, step, rates, increment):
+        """One sum over the stages for each power."""
+        return jnp.stack([step * weighted(np.array(row), rates) for row in self.weights])
+
+    def at(self, begin, increments, fraction):
+        """By Horner's rule."""
+        return begin + polynomial(list(increments), fraction)
+
+    def coefficients(self, increments):
+        """The rows themselves."""
+        return increments
+
+
+def require_dense_output(solver: Solver) -> None:
+    """Raise `ValueError` for a solver other than Tsit5, Dopri5 and Dopri8."""
+    if known_class(solver) not in ("Tsit5", "Dopri5", "Dopri8"):
+        raise ValueError(
+            "Argument `solver` must be Tsit5, Dopri5 or Dopri8 where steps are adaptive, "
+            f"but got {class_name(solver)}."
+        )
+
+
+def dense_output(solver: Solver) -> AbstractDenseOutput:
+    """The own dense output of one of the solvers that `require_dense_output` takes.
+
+    The last stage of all three is at the end of the step, in the state there.
+    """
+    name, own = known_class(solver), solver_of(solver).interpolation_cls
+    if name == "Tsit5":
+        return Quartic(_tsit5_middle())
+    # (classes, typed as functions)
+    if name == "Dopri5":
+        return Quartic(tuple(getattr(own, "c_mid").tolist()))  # noqa: B009
+    falling = np.asarray(getattr(own, "eval_coeffs"))  # noqa: B009
+    return Sextic(tuple(map(tuple, falling.T[::-1].tolist())))
+
+
+def _tsit5_middle() -> tuple[float, ...]:
+    """Weights of the stages in the middle of a step.
+
+    From the factored polynomials in section 5 of Tsitouras, Comput. Math. Appl. 62 (2011).
+    """
+    half = 0.5
+
+    def quadratic(linear, constant):
+        return (half - linear) * half + constant
+
+    return (
+        -1.0530884977290216
+        * half
+        * (half - 1.3299890189751412)
+        * quadratic(1.4364028541716351, 0.7139816917074209),
+        0.1017 * half**2 * quadratic(2.1966568338249754, 1.2949852507374631),
+        2.490627285651252793 * half**2 * quadratic(2.38535645472061657, 1.57803468208092486),
+        -16.54810288924490272
+        * half**2
+        * (half - 1.21712927295533244)
+        * (half - 0.61620406037800089),
+        47.37952196281928122
+        * half**2
+        * (half - 1.203071208372362603)
+        * (half - 0.658047292653547382),
+        -34.87065786149660974 * half**2 * (half - 1.2) * (half - 2 / 3),
+        2.5 * half**2 * (half - 1.0) * (half - 0.6),
+    )

@@ -1,0 +1,92 @@
+"""What is told of a single run beside the outputs that every case of a study has."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PyTree
+
+from jaxsat.core.tolerances import SettlingTracker, Tolerances
+from jaxsat.simulation import AbstractLoop, Outcome
+from jaxsat.simulation.assessment import Observation, stop_gradient
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+
+if TYPE_CHECKING:
+    from jaxsat.simulation.engine.progress import Progress
+
+
+class Details(NamedTuple):
+    """The loop's own state at the end of the run, the number of its steps, from when its inertial
+    rate alone was within the tolerance (s, infinite if never), and ∫|T_i| dt by body axis and of
+    the ideal torque that holds the third rate, None where that is free (N m s); NaN where the run
+    did not reach its end. Of adaptive steps `forced` have been taken in spite of their error."""
+
+    final: PyTree
+    steps: Int[Array, "*n"]
+    at_rest_from: Float[Array, "*n"]
+    effort: Float[Array, "*n 3"]
+    constraint_effort: Float[Array, "*n"] | None
+    forced: Int[Array, "*n"] | None = None
+
+
+def with_details(progress: "Progress", loop: AbstractLoop, torques: int) -> "Progress":
+    """Progress at time zero that also keeps what `Details` needs, of so many torques."""
+    zero = progress.integrals.cost
+    count = torques + loop.plant.third_rate_held
+    return progress._replace(
+        rest=SettlingTracker.initial(zero, 1),
+        integrals=progress.integrals._replace(effort=jnp.zeros(count, zero.dtype)),
+    )
+
+
+def details_of(
+    progress: "Progress",
+    loop: AbstractLoop,
+    final: PyTree,
+    end: Float[Array, ""],
+    steps: Int[Array, ""],
+    dwell: Float[Array, ""] | None,
+) -> Details | None:
+    """Those of a trajectory that has come to its `end` (s), in the loop's state `final`.
+
+    It must have been at rest for `dwell` seconds, see `SettlingTracker.settling_time`.
+    """
+    if progress.rest is None:
+        return None
+    success = progress.code == int(Outcome.SUCCESS)
+    effort = jnp.where(success, progress.integrals.effort, jnp.nan)
+    held = loop.plant.third_rate_held
+    of_axes = effort[:-1] if held else effort
+    idle = jnp.zeros(3 - of_axes.size, effort.dtype)
+    rest = jnp.where(success, progress.rest.settling_time(end, dwell=dwell), jnp.inf)
+    by_axis = jnp.concatenate([of_axes, jnp.where(success, idle, jnp.nan)])
+    return Details(final, steps, rest, by_axis, effort[-1] if held else None, progress.forced)
+
+
+def rest_at(
+    rest: SettlingTracker | None,
+    t: Float[Array, ""],
+    observed: Observation,
+    tolerances: Tolerances,
+) -> SettlingTracker | None:
+    """Since when the case is at rest, with the end of one more of equal steps; None if not kept."""
+    if rest is None:
+        return None
+    return rest.observe(*stop_gradient((t, observed.rest_excess(tolerances))))
+
+
+def effort_rates(
+    detailed: bool,
+    plant: RigidBody,
+    t: Float[Array, ""],
+    state: PlantState,
+    torque: Float[Array, " m"],
+    size: Float[Array, " m"],
+) -> Float[Array, "*effort"]:
+    """What the effort grows by a second (N m): Σ `size`, that of each torque.
+
+    In a `detailed` program one by one, and where the third rate is held with that of what holds it.
+    """
+    if not detailed:
+        return jnp.sum(size)
+    held = plant.constraint_torque(t, state, torque)
+    return size if held is None else jnp.append(size, jnp.abs(held))

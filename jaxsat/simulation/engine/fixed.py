@@ -1,0 +1,276 @@
+"""Equal steps, interval by interval: through a continuous loop, and between samples."""
+
+import dataclasses
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxsat.core.checks import require_counts
+from jaxsat.core.solvers import NamedSolver, Solver, class_name
+from jaxsat.core.symmetric import halved, restored
+from jaxsat.core.tolerances import SettlingTracker
+from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
+from jaxsat.simulation.assessment import Observation, stop_gradient
+from jaxsat.simulation.engine.details import details_of, rest_at, with_details
+from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
+from jaxsat.simulation.engine.failure_record import initial_record
+from jaxsat.simulation.engine.program import Case, Program
+from jaxsat.simulation.engine.progress import (
+    Outputs,
+    Progress,
+    initial_progress,
+    outputs_of,
+    settled_at,
+    with_peaks,
+)
+from jaxsat.simulation.engine.rates import (
+    augmented_rate,
+    consumption,
+    continuous_loop,
+    held_rate,
+    plant_state,
+)
+from jaxsat.simulation.engine.runge_kutta import explicit_step, require_explicit, tableau_of
+from jaxsat.simulation.engine.stepper import AbstractStepper
+from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.integration_error import IntegrationError
+from jaxsat.simulation.solve import within_limit
+from jaxsat.spacecraft import Sensors
+
+Since = tuple[SettlingTracker, SettlingTracker | None]
+"""Since when a case is settled, and at rest; None where that is not kept."""
+
+NOISE_BLOCK = 16
+"""Samples whose noise is drawn together. More gain little, and a replay, which stops at every
+sample, draws all but one of them in vain."""
+
+
+class FixedStepper(AbstractStepper):
+    """`substeps` equal steps of a continuous loop in each interval of the program."""
+
+    solver: Solver = NamedSolver("tsit5")
+    substeps: int = eqx.field(static=True, default=20)
+
+    def __check_init__(self):
+        require_explicit(self.solver)
+        require_counts(substeps=self.substeps)
+
+    def identity(self):
+        """Solver and substeps."""
+        return {"solver": class_name(self.solver), "substeps": self.substeps}
+
+    def begin(self, program, case):
+        """The progress at time zero."""
+        return _initial(program, case)
+
+    def advance(self, program, case, progress, first, count, axis_name=None):
+        """The progress after so many intervals."""
+        del axis_name
+        loop = continuous_loop(case)
+        rate, judged = augmented_rate(program, loop), _judge(program, loop)
+        tableau, plant_at = tableau_of(self.solver), stop_gradient(loop).plant_state
+        estimate = HalvedSteps(program, tableau, self.substeps, loop.plant, plant_at)
+
+        def interval(i, progress):
+            t = (first + i) * program.interval
+            seen = with_peaks(progress, loop.signals(t, progress.state))
+            both, since = (progress.state, progress.integrals), (progress.settled, progress.rest)
+            (state, integrals), since = _equal_steps(
+                tableau, rate, t, program.interval, self.substeps, (both, since), judged
+            )
+            span = Span(t, program.interval, progress.state, state)
+            error = estimate.after(progress.error, first + i, stop_gradient(loop), span)
+            carry = (integrals, since, None, error)
+            return _unless_ended(program, progress, seen, state, (state,), carry, t)
+
+        return jax.lax.fori_loop(0, count, interval, progress)
+
+    def finish(self, program, case, progress, number):
+        """Outputs at the end."""
+        return _finished(program, case, progress, number, self.substeps)
+
+    def signals(self, program, case, progress, number):
+        """Those of the loop."""
+        return continuous_loop(case).signals(number * program.interval, progress.state)
+
+
+class SampledStepper(AbstractStepper):
+    """The own substeps of a sampled loop in each of its periods."""
+
+    solver: Solver = NamedSolver("tsit5")
+
+    def __check_init__(self):
+        require_explicit(self.solver)
+
+    def identity(self):
+        """The solver."""
+        return {"solver": class_name(self.solver)}
+
+    def begin(self, program, case):
+        """The progress at time zero."""
+        found = _initial(program, case)
+        return found._replace(held=HeldTorque.none(found.state.plant.omega))
+
+    def advance(self, program, case, progress, first, count, axis_name=None):
+        """The progress after so many periods, of which alone it keeps what the torque was.
+
+        In a batch the noise of sensors is drawn for `NOISE_BLOCK` samples at a time, which takes
+        less time than one after the other. The numbers are the same.
+        """
+        loop = _sampled_loop(case)
+        sensors = loop.sensors
+        progress = progress._replace(held=HeldTorque.none(progress.state.plant.omega))
+        if axis_name is None or not isinstance(sensors, Sensors):
+            return self._periods(program, loop, progress, first, count)
+
+        def block(number, progress):
+            begin = first + number * NOISE_BLOCK
+            drawn = sensors.drawn(begin, NOISE_BLOCK, progress.state.plant.omega.dtype)
+            told = dataclasses.replace(loop, sensors=drawn)
+            left = jnp.minimum(NOISE_BLOCK, count - number * NOISE_BLOCK)
+            return self._periods(program, told, progress, begin, left)
+
+        blocks = (count + NOISE_BLOCK - 1) // NOISE_BLOCK
+        return jax.lax.fori_loop(0, blocks, block, progress)
+
+    def _periods(self, program: Program, loop: SampledLoop, progress, first, count) -> Progress:
+        tableau, judged = tableau_of(self.solver), _judge(program, loop)
+
+        estimate = HalvedSteps(program, tableau, loop.substeps, loop.plant, lambda t, plant: plant)
+
+        def integrate(number, t, hold, plant, carry):
+            integrals, since, held, error = carry
+            rate, both = held_rate(program, loop, hold, t), (plant, integrals)
+            begun = plant
+            first = loop.torque(t, plant, hold, jnp.zeros_like(hold.length))
+            (plant, integrals), since = _equal_steps(
+                tableau, rate, t, hold.length, loop.substeps, (both, since), judged
+            )
+            last = loop.torque(t + hold.length, plant, hold, hold.length)
+            held = held.with_hold(*stop_gradient((hold.length, first, last)))
+            same, still = stop_gradient((loop, hold))
+            error = estimate.after(
+                error,
+                number,
+                lambda now, plant: same.plant_rate(now, plant, still, now - t),
+                Span(t, hold.length, begun, plant),
+            )
+            return plant, (integrals, since, held, error)
+
+        def period(i, progress):
+            progress, number = restored(progress), first + i
+            t = number * program.interval
+            since = (progress.settled, progress.rest)
+            carry = (progress.integrals, since, progress.held, progress.error)
+            through = partial(integrate, number)
+            state, carry, signals = loop.period(number, t, progress.state, through, carry)
+            seen = with_peaks(progress, signals)
+            if progress.failures is not None:
+                known = progress.failures.observe(t, signals, program.tolerances)
+                seen = seen._replace(failures=known)
+            checked = (state.plant, loop.controller.judged(state.memory))
+            after = _unless_ended(program, progress, seen, state, halved(checked), carry, t)
+            return halved(after)
+
+        return restored(jax.lax.fori_loop(0, count, period, halved(progress)))
+
+    def finish(self, program, case, progress, number):
+        """Outputs at the last sample."""
+        return _finished(program, case, progress, number, _sampled_loop(case).substeps)
+
+    def signals(self, program, case, progress, number):
+        """Those of the sample, and the range of the torque since the last ones."""
+        t = number * program.interval
+        assert progress.held is not None
+        found = _sampled_loop(case).signals(number, t, progress.state)
+        return dataclasses.replace(found, torque_range=progress.held.range())
+
+
+def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper:
+    """The stepper itself; for a sampled loop, which has steps of its own, one with its solver."""
+    return SampledStepper(stepper.solver) if isinstance(loop, SampledLoop) else stepper
+
+
+def _initial(program: Program, case: Case) -> Progress:
+    state = case.loop.start(case.start)
+    begin = initial_progress(state, plant_state(case.loop, 0.0, state), case.possible)
+    begin = begin._replace(failures=initial_record(case.loop, state))
+    if program.error_every:
+        begin = begin._replace(error=IntegrationError.none(begin.peak_square))
+    return with_details(begin, case.loop, 3) if program.detailed else begin
+
+
+def _sampled_loop(case: Case) -> SampledLoop:
+    assert isinstance(case.loop, SampledLoop)
+    return case.loop
+
+
+def _judge(program: Program, loop: AbstractLoop):
+    """How a step's begin is judged: since when the case is settled, and at rest."""
+
+    def judged(since: Since, t, both) -> Since:
+        state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, t, both[0])
+        return _judged_at(program, since, t, Observation.of(loop.plant, state))
+
+    return judged
+
+
+def _judged_at(program: Program, since: Since, t, observed: Observation) -> Since:
+    settled, rest = since
+    tolerances = program.tolerances
+    return settled_at(settled, t, observed, tolerances), rest_at(rest, t, observed, tolerances)
+
+
+def _equal_steps(tableau, rate, t, length, count: int, carry, judged):
+    """The state after equal steps, and since when the case is settled and at rest, judged where
+    each begins."""
+    step = length / count
+
+    def one(number, carry):
+        state, since = carry
+        begin = t + number * step
+        after = explicit_step(tableau, rate, begin, step, state)
+        return after, judged(since, begin, state)
+
+    return one(0, carry) if count == 1 else jax.lax.fori_loop(0, count, one, carry)
+
+
+def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
+    """The next progress, or the last good one where the case has ended or now ends.
+
+    It ends where what is `checked` of the state, see `within_limit`, passes the limit.
+    """
+    integrals, (settled, rest), held, error = carry
+    moves, *finite = checked
+    good = within_limit(moves, program.state_limit, *finite, integrals.cost)
+    running = before.code == int(Outcome.SUCCESS)
+    code = jnp.where(running & ~good, int(Outcome.STATE_LIMIT), before.code)
+    after = seen._replace(
+        state=state,
+        integrals=integrals,
+        settled=settled,
+        rest=rest,
+        held=held,
+        error=error,
+        ended_at=t + program.interval,
+        code=code,
+    )
+    kept = before._replace(code=code)
+    return jax.tree.map(lambda new, old: jnp.where(running & good, new, old), after, kept)
+
+
+def _finished(program: Program, case: Case, progress: Progress, number, steps: int) -> Outputs:
+    """Outputs after `number` intervals of so many steps each."""
+    end = number * program.interval
+    plant = plant_state(case.loop, end, progress.state)
+    observed = Observation.of(case.loop.plant, plant)
+    settled, rest = _judged_at(program, (progress.settled, progress.rest), end, observed)
+    seen = with_peaks(progress, plant)._replace(settled=settled, rest=rest)
+    used = consumption(case.loop, progress.state)
+    dwell = program.tolerances.dwell
+    told = details_of(seen, case.loop, progress.state, end, number * steps, dwell)
+    return outputs_of(
+        seen, plant, end, case.drawn, program.running_cost, used, program.interval, told, dwell
+    )

@@ -1,0 +1,162 @@
+"""What every engine offers."""
+
+import abc
+from typing import Any, Literal, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Float, PyTree
+
+from jaxsat.core.jaxprs import Jaxpr
+from jaxsat.simulation import Signals
+from jaxsat.simulation.engine.program import Program
+from jaxsat.simulation.engine.progress import Outputs
+
+
+class Replay(NamedTuple):
+    """One case again: its outputs, and its signals at the instants `times` (s)."""
+
+    outputs: Outputs
+    times: Float[np.ndarray, " times"]
+    signals: Signals
+
+
+class CostGradient(NamedTuple):
+    """Outputs of cases, and the derivatives of their costs, shaped like the gains after the cases'
+    axis."""
+
+    outputs: Outputs
+    derivatives: PyTree
+
+
+Mode = Literal["forward", "reverse"]
+"""Forward mode costs as many runs as there are gains; reverse mode a few, and memory."""
+
+
+class AbstractEngine(eqx.Module):
+    """Runs a program for many cases; the bits of a case do not depend on its companions.
+
+    Cases are the entries of arrays along their leading axis. Outputs are NumPy arrays, and nothing
+    is raised where a case fails: see `Outputs.code`. At most `batch_size` cases are in memory with
+    their histories.
+    """
+
+    batch_size: eqx.AbstractVar[int]
+
+    @abc.abstractmethod
+    def identity(self) -> dict[str, Any]:
+        """What of the engine the bits of a case depend on, as plain data."""
+
+    @abc.abstractmethod
+    def traced(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> dict[str, Jaxpr]:
+        """The operations that are compiled for such cases, part by part; see `fingerprint`.
+
+        With a `mode` they are those of `gradient`. The numbers of the program are inputs.
+        """
+
+    @abc.abstractmethod
+    def operations(
+        self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
+    ) -> str:
+        """The `fingerprint` of what `traced` gives."""
+
+    @abc.abstractmethod
+    def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
+        """Outputs of all cases."""
+
+    @abc.abstractmethod
+    def gradient(
+        self, program: Program, cases: PyTree, gains: PyTree, mode: Mode = "forward"
+    ) -> CostGradient:
+        """Outputs of all cases, and the derivative of each case's cost by `gains`.
+
+        Adaptive steps of the scan and native engines end on a law's corners, and theirs is the
+        derivative of the cost; steps that do not, fixed ones or those of diffrax, give that of the
+        smooth pieces, which misses how the corners move. Raises `ValueError` for reverse mode where
+        the engine has none.
+        """
+
+    @abc.abstractmethod
+    def observed(
+        self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
+    ) -> tuple[Outputs, Signals]:
+        """`evaluate`, to the same bits, and signals (cases, times) at `instants`.
+
+        These are numbers of intervals, ascending from 0 to the end, such as `program.evenly` gives.
+        """
+
+    def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
+        """One case (no leading axis) again, with its history and the same bits as before."""
+        cases = jax.tree.map(lambda x: np.asarray(x)[None], case)
+        found = self.observed(program, cases, gains, program.instants())
+        outputs, signals = jax.tree.map(lambda x: np.asarray(x[0]), found)
+        times = np.arange(program.intervals + 1) * float(program.interval)
+        return Replay(outputs, times, signals)
+
+    def histories(
+        self, program: Program, cases: PyTree, gains: PyTree = None, every: int = 1
+    ) -> Signals:
+        """Signals (cases, times) of at most `batch_size` cases, at `program.instants(every)`."""
+        count = count_of(cases)
+        if count > self.batch_size:
+            raise ValueError(f"There must be 1 to {self.batch_size} cases, but got {count}.")
+        return self.observed(program, cases, gains, program.instants(every))[1]
+
+
+def with_ranges_ahead(signals: Signals) -> Signals:
+    """Histories (cases, times) whose ranges of the torque go to the next instant, not from before.
+
+    At the last instant they are the torque there.
+    """
+    told = signals.torque_range
+    if told is None:
+        return signals
+    ahead = jax.tree.map(lambda x: np.concatenate([x[:, 1:], signals.torque[:, -1:]], 1), told)
+    return eqx.tree_at(lambda one: one.torque_range, signals, ahead)
+
+
+def count_of(cases: PyTree) -> int:
+    """How many cases there are along the leading axis of all arrays.
+
+    Raises `ValueError` where there is none, or the arrays differ.
+    """
+    leaves = [
+        ("cases" + jax.tree_util.keystr(path), np.shape(leaf))
+        for path, leaf in jax.tree_util.tree_leaves_with_path(cases)
+    ]
+    if not leaves:
+        raise ValueError("Argument `cases` must hold at least one array, but got none.")
+    for name, shape in leaves:
+        if not shape:
+            raise ValueError(f"Argument `{name}` must have an axis of cases, but got a number.")
+        if not shape[0]:
+            raise ValueError(f"Argument `{name}` must hold at least one case, but got none.")
+        if shape[0] != leaves[0][1][0]:
+            raise ValueError(
+                f"Argument `{name}` must have {leaves[0][1][0]} cases, as `{leaves[0][0]}` has, "
+                f"but got {shape[0]}."
+            )
+    return leaves[0][1][0]
+
+
+def program_identity(
+    engine: AbstractEngine,
+    program: Program,
+    cases: PyTree,
+    gains: PyTree = None,
+    mode: Mode | None = None,
+) -> dict[str, Any]:
+    """What tells programs apart, as plain data: numbers, length, and a hash of the operations.
+
+    `cases` are examples; with a `mode` the operations are those of the costs' derivatives by
+    `gains`.
+    """
+    numbers = [leaf for leaf in jax.tree.leaves(program) if eqx.is_array_like(leaf)]
+    return {
+        "numbers": [np.asarray(number).tolist() for number in numbers],
+        "intervals": program.intervals,
+        "operations": engine.operations(program, cases, gains, mode),
+    }

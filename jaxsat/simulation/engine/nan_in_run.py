@@ -1,0 +1,157 @@
+"""Where in a run the derivative of its cost becomes NaN: at what time, by which operation.
+
+A run is pushed forward interval by interval with its derivative along one direction of the gains.
+In the interval in which the derivative of the cost becomes NaN its operations are computed one
+after the other (see `nan_origin`); a NaN that came with the state is followed to where it arose.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from jaxsat.simulation.engine.fixed import stepper_for
+from jaxsat.simulation.engine.nan_origin import Origin, nan_origins
+from jaxsat.simulation.engine.program import Program
+from jaxsat.simulation.engine.stepper import AbstractStepper
+
+
+class NanInRun(NamedTuple):
+    """The operation that makes the NaN, and the time (s) at which its interval begins."""
+
+    origin: Origin
+    time: float
+
+
+class _Pushed(NamedTuple):
+    """The leaves of a progress that are real numbers, their derivatives, and the other leaves."""
+
+    numbers: PyTree
+    slopes: PyTree
+    rest: PyTree
+
+
+class _Run(NamedTuple):
+    """A case of a program, and the direction in the gains (both trees) of its derivative."""
+
+    stepper: AbstractStepper
+    program: Program
+    case: PyTree
+    gains: PyTree
+    direction: PyTree
+
+    def begin(self) -> _Pushed:
+        """At time zero."""
+        return self._pushed(self._begin, (self.gains,), (self.direction,))
+
+    def after(self, before: _Pushed, number: Any) -> _Pushed:
+        """After interval `number`."""
+
+        def advanced(gains, numbers):
+            steps, made = self._made(gains)
+            progress = eqx.combine(numbers, before.rest)
+            return steps.advance(self.program, made, progress, number, 1)
+
+        given = (self.gains, before.numbers), (self.direction, before.slopes)
+        return self._pushed(advanced, *given)
+
+    def cost(self, end: _Pushed) -> tuple[Any, Any]:
+        """The cost and its derivative."""
+
+        def finished(gains, numbers):
+            steps, made = self._made(gains)
+            progress = eqx.combine(numbers, end.rest)
+            count = jnp.array(self.program.intervals)
+            return steps.finish(self.program, made, progress, count).cost
+
+        given = (self.gains, end.numbers), (self.direction, end.slopes)
+        return jax.jvp(finished, *given)
+
+    def _begin(self, gains):
+        steps, made = self._made(gains)
+        return steps.begin(self.program, made)
+
+    def _made(self, gains):
+        made = self.program.case_factory(self.case, gains)
+        return stepper_for(self.stepper, made.loop), made
+
+    @staticmethod
+    def _pushed(function: Callable, given: tuple, slopes: tuple) -> _Pushed:
+        def split(*given):
+            return eqx.partition(function(*given), eqx.is_inexact_array)
+
+        return _Pushed(*jax.jvp(split, given, slopes, has_aux=True))
+
+
+def nan_in_run(
+    stepper: AbstractStepper, program: Program, case: PyTree, gains: PyTree, direction: PyTree
+) -> NanInRun | None:
+    """Where the derivative of a case's cost along a `direction` of the gains becomes NaN.
+
+    None where it does not, as for one that is infinite.
+    """
+    run = _Run(stepper, program, case, gains, direction)
+    states = [run.begin()]
+    found = nan_origins(run.after, states[0], jnp.array(0))
+    cost = _place_of_cost(states[0])
+    early = found[cost]
+    if early is not None and early.argument is None:
+        return NanInRun(early, 0.0)
+    after = jax.jit(run.after)
+    for number in range(program.intervals):
+        states.append(after(states[-1], jnp.array(number)))
+        if _is_nan(states[-1])[cost]:
+            return _followed(run, states, number, cost)
+    return _at_the_end(run, states)
+
+
+def _at_the_end(run: _Run, states: list[_Pushed]) -> NanInRun | None:
+    """In what is made of the last state."""
+    origin = nan_origins(run.cost, states[-1])[1]
+    if origin is not None and origin.argument is not None:
+        return _followed(run, states, _first(states, origin.argument) - 1, origin.argument)
+    end = float(np.asarray(run.program.duration))
+    return None if origin is None else NanInRun(origin, end)
+
+
+def _followed(run: _Run, states: list[_Pushed], number: int, leaf: int) -> NanInRun | None:
+    """Back from a leaf that is NaN after interval `number`."""
+    while number >= 0:
+        origin = nan_origins(run.after, states[number], jnp.array(number))[leaf]
+        if origin is None:
+            return None
+        if origin.argument is None:
+            return NanInRun(origin, number * float(np.asarray(run.program.interval)))
+        leaf = origin.argument
+        number = _first(states[: number + 1], leaf) - 1
+    origin = nan_origins(run.begin)[leaf]
+    return None if origin is None else NanInRun(origin, 0.0)
+
+
+def _place_of_cost(state: _Pushed) -> int:
+    """The number of the leaf that is the derivative of the cost."""
+    leaves = jax.tree.leaves(state._replace(slopes=None, rest=None))
+    numbered = jax.tree.unflatten(
+        jax.tree.structure(state.slopes), range(len(jax.tree.leaves(state.slopes)))
+    )
+    return len(leaves) + numbered.integrals.cost
+
+
+def _first(states: list[_Pushed], leaf: int) -> int:
+    """The first of the states from which on a leaf is NaN up to the last of them."""
+    number = len(states) - 1
+    while number > 0 and _is_nan(states[number - 1])[leaf]:
+        number -= 1
+    return number
+
+
+def _is_nan(state: _Pushed) -> list[bool]:
+    """Of every leaf whether it has a NaN; those that are no real numbers have none."""
+    return [
+        bool(jnp.issubdtype(x.dtype, jnp.inexact) and np.isnan(np.asarray(x)).any())
+        for x in map(jnp.asarray, jax.tree.leaves(state))
+    ]

@@ -1,0 +1,5 @@
+"""The compiled engine: programs for one trajectory as vector code, a lane for each."""
+
+from jaxsat.simulation.engine.native.engine import NativeEngine, native_obstacle, process_obstacle
+
+__all__ = ["NativeEngine", "native_obstacle", "process_obstacle"]

@@ -1,0 +1,223 @@
+"""The machine code of a trajectory's entry points, and how it is called."""
+
+import ctypes
+import operator
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, cast
+
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from jaxsat.compiler.llvm import cache, target
+from jaxsat.compiler.llvm.arguments import Memory, addresses
+from jaxsat.compiler.llvm.drivers import (
+    HISTORY,
+    RUN,
+    advance_lanes,
+    history,
+    run_blocks,
+    run_lanes,
+)
+from jaxsat.compiler.llvm.emitter import Module
+from jaxsat.compiler.llvm.entry_points import emit_entry_point
+from jaxsat.compiler.llvm.threads import in_own_thread, in_threads
+from jaxsat.core.fingerprint import fingerprint
+from jaxsat.core.once import once_property
+from jaxsat.simulation.engine.native.kept import MadeKernel, MadeObserver, kept_or_made
+from jaxsat.simulation.engine.native.trajectory import LoweredTrajectory
+
+PIECE = 4
+"""Vectors of cases that a thread takes at a time."""
+
+REFILLED = 64
+"""The same at most, where a lane that has ended takes the next case."""
+
+WATCHED = 4096
+"""Instants of a history between two looks whether it is to be stopped."""
+
+OBSERVE = "observe"
+
+ENTRY_POINT = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 2)
+
+Trees = Mapping[str, PyTree]
+"""Cases (with their axis), a list of the numbers, and gains, by these names."""
+
+
+class Kernel:
+    """A program's entry points as machine code for vectors of `lanes` cases.
+
+    `lower` gives them; where the kernel is `kept` under a name, only when they are looked into.
+    """
+
+    def __init__(self, lower: Callable[[], LoweredTrajectory], lanes: int, name: str | None = None):
+        self._lower, self.lanes, self._name = lower, lanes, name
+        self._made = kept_or_made(name, MadeKernel, lambda: self._make(name is not None))
+        entries = dict.fromkeys(["begin", "advance", "finish"], ENTRY_POINT)
+        self._functions = _linked(self._made.code, {"run": RUN, **entries})
+
+    @once_property
+    def trajectory(self) -> LoweredTrajectory:
+        """The entry points, lowered."""
+        return self._lower()
+
+    @once_property
+    def operations(self) -> str:
+        """The `fingerprint` of what was traced."""
+        return self._made.operations or fingerprint(self.trajectory.jaxprs)
+
+    @property
+    def text(self) -> str:
+        """The LLVM code."""
+        return self._module.text(target.host().attributes())
+
+    @once_property
+    def _module(self) -> Module:
+        return module_of(self.trajectory, self.lanes, target.host())
+
+    def _make(self, whole: bool) -> MadeKernel:
+        """What is kept, without the fingerprint unless it is to be `whole`."""
+        lowered = self.trajectory
+        return MadeKernel(
+            in_own_thread(lambda stopped: cache.object_code(self.text)),
+            self._module.arena,
+            lowered.state_size,
+            lowered.arguments,
+            lowered.outputs,
+            lowered.signals,
+            lowered.going,
+            fingerprint(lowered.jaxprs) if whole else "",
+        )
+
+    @once_property
+    def _observing(self) -> tuple[Callable[..., None], int]:
+        """What only a replay needs, made for the first (and kept): the driver, its arena's size."""
+        made = kept_or_made(_observer(self._name), MadeObserver, self._make_observer)
+        return _linked(made.code, {"history": HISTORY})["history"], made.arena
+
+    def _make_observer(self) -> MadeObserver:
+        module = Module(self.lanes, target.host().masks)
+        for entry in self.trajectory.entry_points:
+            if entry.function.name == OBSERVE:
+                emit_entry_point(module, entry)
+        module.functions["history"] = history(self.lanes)
+        text = module.text(target.host().attributes())
+        code = in_own_thread(lambda stopped: cache.object_code(text))
+        return MadeObserver(code, module.arena)
+
+    def run(self, trees: Trees, intervals: int, workers: int) -> Any:
+        """Outputs of all cases.
+
+        At most `workers` of the threads work for this call. An exception of the caller's thread
+        (Ctrl-C) ends the call after the pieces under way. Raises `TypeError` and `ValueError` for
+        arrays that are not of the kind the machine code was made for.
+        """
+        inputs, count = self._taken(trees, intervals)
+        outputs, leaves = _room(self._made.outputs, count)
+        run = self._functions["run"]
+        piece = self._piece(count, workers)
+        pieces = iter(range(0, count, piece))
+
+        def work(stopped: threading.Event) -> None:
+            arena, state = Memory(self._made.arena), Memory(self._made.state_size)
+            pointers = addresses(arena, [*inputs, *leaves])  # which live as long as this needs them
+            for begin in pieces:  # next() of a range iterator is atomic
+                if stopped.is_set():
+                    return
+                end = min(begin + piece, count)
+                run(pointers, state.address, begin, end, 0, intervals)
+
+        in_threads(work, min(workers, -(-count // piece)))
+        return outputs
+
+    def _taken(self, trees: Trees, intervals: int) -> tuple[list[np.ndarray], int]:
+        if not 0 < operator.index(intervals) < 1 << 63:
+            raise ValueError(f"Argument `intervals` must be at least 1, but got {intervals}.")
+        return self._made.arguments.taken(trees)
+
+    def _piece(self, count: int, workers: int) -> int:
+        """Cases that a thread takes at a time: more where lanes are refilled."""
+        vectors = PIECE
+        if self._made.going is not None:
+            vectors = min(max(PIECE, count // (2 * self.lanes * workers)), REFILLED)
+        return vectors * self.lanes
+
+    def replay(self, trees: Trees, instants: Sequence[int]) -> tuple[PyTree, PyTree]:
+        """Outputs and signals (cases, times) of all cases, stopped at some of the intervals.
+
+        `instants` are their numbers, ascending from 0 to that of the end. The entry
+        points are those of `run`, so the bits are, too, and so are the errors.
+        """
+        inputs, count = self._taken(trees, instants[-1])
+        outputs, leaves = _room(self._made.outputs, count)
+        seen, rows = _room(self._made.signals, len(instants) * count)
+        begin, advance, finish = (self._functions[name] for name in ("begin", "advance", "finish"))
+        history, arena_size = self._observing
+        numbers = np.array(instants, np.int64)
+
+        def work(stopped: threading.Event) -> None:
+            arena = Memory(max(self._made.arena, arena_size))
+            pointers = addresses(arena, [*inputs, *leaves, *rows])
+            for first in range(0, count, self.lanes):
+                state, cases, wanted = self._block(first, count)
+                where = (pointers, state.address, cases.ctypes.data, wanted.ctypes.data)
+                places = Memory(8 * self.lanes).bytes.view(np.int64)
+                places[:] = cases
+                begin(*where, 0, 0)
+                for piece in range(0, len(numbers), WATCHED):
+                    if stopped.is_set():
+                        return
+                    if piece:
+                        advance(*where, numbers[piece - 1], numbers[piece] - numbers[piece - 1])
+                    there = numbers[piece : piece + WATCHED]
+                    driven = (places.ctypes.data, there.ctypes.data, _address(advance))
+                    history(*where, *driven, len(there), count)
+                finish(*where, 0, numbers[-1])
+
+        in_own_thread(work)
+
+        def by_case(leaf: np.ndarray) -> np.ndarray:
+            return np.moveaxis(leaf.reshape(len(numbers), count, *leaf.shape[1:]), 0, 1)
+
+        return outputs, jax.tree.map(by_case, seen)
+
+    def _block(self, first: int, count: int):
+        numbers = first + np.arange(self.lanes)
+        cases = Memory(8 * self.lanes).bytes.view(np.int64)
+        cases[:] = np.minimum(numbers, count - 1)
+        return Memory(self._made.state_size), cases, (numbers < count).astype(np.uint8)
+
+
+def module_of(trajectory: LoweredTrajectory, lanes: int, cpu: target.Host) -> Module:
+    """All entry points but that of replays, and `run`, for a processor."""
+    module = Module(lanes, cpu.masks)
+    for entry in trajectory.entry_points:
+        if entry.function.name != OBSERVE:
+            emit_entry_point(module, entry)
+    if trajectory.going is None:
+        module.functions["run"] = run_blocks(lanes, ["begin", "advance", "finish"])
+    else:
+        module.functions["advance"] = advance_lanes(lanes, trajectory.going)
+        module.functions["run"] = run_lanes(lanes, trajectory.going)
+    return module
+
+
+def _linked(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
+    """Machine code in memory."""
+    return in_own_thread(lambda stopped: target.loaded(code, types))
+
+
+def _address(function: Any) -> int:
+    """Where the machine code of a function of `ctypes` begins."""
+    return cast(int, ctypes.cast(function, ctypes.c_void_p).value)
+
+
+def _observer(name: str | None) -> str | None:
+    """The name of the entry that goes with the kernel of that name."""
+    return None if name is None else name.replace(".kernel", ".observer.kernel")
+
+
+def _room(shapes: PyTree, count: int) -> tuple[PyTree, list[np.ndarray]]:
+    arrays = jax.tree.map(lambda leaf: np.zeros((count, *leaf.shape), leaf.dtype), shapes)
+    return arrays, jax.tree.leaves(arrays)

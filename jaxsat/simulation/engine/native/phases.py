@@ -1,0 +1,222 @@
+"""A trajectory cut into functions of one case: begin, advance (or attempt), finish, observe.
+
+What makes a case (its dispersed loop) is computed once, by `begin`, and is *fixed* from then on;
+the progress of its trajectory is *moving*. `ForwardModePhases` carries the derivatives by the gains
+along beside both.
+"""
+
+import abc
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, PyTree
+
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper
+from jaxsat.simulation.engine.fixed import stepper_for
+from jaxsat.simulation.engine.interface import CostGradient
+from jaxsat.simulation.engine.program import Case, Program
+from jaxsat.simulation.engine.stepper import AbstractStepper
+
+
+class AbstractPhases(abc.ABC):
+    """The functions of which a trajectory is made; `numbers` are those of stepper and program."""
+
+    @abc.abstractmethod
+    def begin(self, case: PyTree, numbers: PyTree, gains: PyTree) -> tuple[PyTree, PyTree]:
+        """What is fixed, and what moves, at time zero. Called before all others."""
+
+    @abc.abstractmethod
+    def advance(self, fixed, moving, numbers, first, count) -> PyTree:
+        """What moves, `count` intervals after number `first`."""
+
+    @property
+    @abc.abstractmethod
+    def paced(self) -> bool:
+        """Whether every trajectory has its own pace: then it advances by `attempt` while `going`.
+
+        Known after `begin`.
+        """
+
+    @abc.abstractmethod
+    def attempt(self, fixed, moving, numbers, first, count) -> PyTree:
+        """What moves, after one step tried; `count` intervals after number `first` is the end."""
+
+    @abc.abstractmethod
+    def going(self, fixed, moving, numbers, first, count) -> Bool[Array, ""]:
+        """Whether that end is still ahead."""
+
+    @abc.abstractmethod
+    def finish(self, fixed, moving, numbers, first, count) -> PyTree:
+        """What is told of the trajectory at its end, `count` intervals after number `first`."""
+
+    @abc.abstractmethod
+    def observe(self, fixed, moving, numbers, number) -> PyTree:
+        """What is seen at the beginning of interval `number`."""
+
+    @abc.abstractmethod
+    def learn(self, zero: list[bool]) -> None:
+        """Told, after `begin`, which leaves of what is fixed are nothing but zeros."""
+
+
+class PrimalPhases(AbstractPhases):
+    """A program by a stepper."""
+
+    def __init__(self, stepper: AbstractStepper, program: Program):
+        self.static = eqx.partition((stepper, program.of_any_length()), eqx.is_array)[1]
+        self._rest: Any = None
+
+    def begin(self, case, numbers, gains):
+        """The case's arrays and the progress."""
+        made = eqx.combine(numbers, self.static)[1].case_factory(case, gains)
+        arrays, self._rest = eqx.partition(made, eqx.is_array)
+        stepper, program, case = self._with(arrays, numbers)
+        return arrays, stepper.begin(program, case)
+
+    def advance(self, fixed, moving, numbers, first, count):
+        """The progress further on."""
+        stepper, program, case = self._with(fixed, numbers)
+        return stepper.advance(program, case, moving, first, count)
+
+    @property
+    def paced(self) -> bool:
+        """Whether steps are adaptive."""
+        return isinstance(stepper_for(self.static[0], self._rest.loop), AdaptiveStepper)
+
+    def attempt(self, fixed, moving, numbers, first, count):
+        """The progress after one step tried."""
+        stepper, program, case = self._with(fixed, numbers)
+        assert isinstance(stepper, AdaptiveStepper)
+        return stepper.attempt(program, case, moving, first + count)
+
+    def going(self, fixed, moving, numbers, first, count):
+        """Whether the trajectory is to go on."""
+        stepper, program, _ = self._with(fixed, numbers)
+        assert isinstance(stepper, AdaptiveStepper)
+        return stepper.unfinished(program, moving, first + count)
+
+    def finish(self, fixed, moving, numbers, first, count):
+        """Outputs."""
+        stepper, program, case = self._with(fixed, numbers)
+        return stepper.finish(program, case, moving, first + count)
+
+    def observe(self, fixed, moving, numbers, number):
+        """Signals."""
+        stepper, program, case = self._with(fixed, numbers)
+        return stepper.observe(program, case, moving, number)
+
+    def learn(self, zero: list[bool]) -> None:
+        """All the same to it."""
+
+    def _with(self, arrays, numbers) -> tuple[AbstractStepper, Program, Case]:
+        stepper, program = eqx.combine(numbers, self.static)
+        case = eqx.combine(arrays, self._rest)
+        return stepper_for(stepper, case.loop), program, case
+
+
+class ForwardModePhases(AbstractPhases):
+    """A program together with the derivatives by every gain, in forward mode.
+
+    A derivative has the gains' numbers along its leading axis. Leaves of what is fixed that no gain
+    moves have none.
+    """
+
+    def __init__(self, plain: PrimalPhases):
+        self._plain = plain
+        self._moved: list[bool] = []
+
+    def begin(self, case, numbers, gains):
+        """Values and derivatives of what is fixed and of what moves."""
+        flat, restore = ravel_pytree(gains)
+        directions = jnp.eye(flat.size, dtype=flat.dtype)
+
+        def values(flat):
+            return self._plain.begin(case, numbers, restore(flat))
+
+        (fixed, moving), (d_fixed, d_moving) = _pushed(values, flat, directions)
+        return (fixed, d_fixed), (moving, d_moving)
+
+    def learn(self, zero: list[bool]) -> None:
+        """Leaves: first values, then derivatives."""
+        self._moved = [not is_zero for is_zero in zero]
+
+    def advance(self, fixed, moving, numbers, first, count):
+        """Values and derivatives further on."""
+
+        def values(both):
+            return self._plain.advance(both[0], both[1], numbers, first, count)
+
+        return self._along(values, fixed, moving)
+
+    @property
+    def paced(self) -> bool:
+        """As the program itself."""
+        return self._plain.paced
+
+    def attempt(self, fixed, moving, numbers, first, count):
+        """Values and derivatives after one step tried."""
+
+        def values(both):
+            return self._plain.attempt(both[0], both[1], numbers, first, count)
+
+        return self._along(values, fixed, moving)
+
+    def going(self, fixed, moving, numbers, first, count):
+        """Whether the trajectory is to go on."""
+        return self._plain.going(fixed[0], moving[0], numbers, first, count)
+
+    def finish(self, fixed, moving, numbers, first, count):
+        """Outputs, and the derivatives of the cost."""
+
+        def values(both):
+            return self._plain.finish(both[0], both[1], numbers, first, count)
+
+        outputs, derivatives = self._along(values, fixed, moving)
+        return CostGradient(outputs, derivatives.cost)
+
+    def observe(self, fixed, moving, numbers, number):
+        """Signals."""
+        return self._plain.observe(fixed[0], moving[0], numbers, number)
+
+    def _along(self, values: Callable, fixed, moving):
+        (x, d_x), (y, d_y) = fixed, moving
+        leaves = jax.tree.leaves(d_x)
+        moved = iter(self._moved[-len(leaves) :] if leaves else [])
+        d_x = jax.tree.map(lambda d: d if next(moved) else None, d_x)
+        return _pushed(values, (x, y), (d_x, d_y))
+
+
+def _pushed(function: Callable, x: PyTree, directions: PyTree) -> tuple[PyTree, PyTree]:
+    """A function's value, and its derivatives along directions stacked before the leaves of `x`.
+
+    None in place of a direction's leaf is one along which that leaf stays. Derivatives of what is
+    no real number are None.
+    """
+    whole = jax.tree.structure(x).flatten_up_to(directions)
+    leaves, structure = jax.tree.flatten(x)
+    chosen = [i for i, direction in enumerate(whole) if direction is not None]
+
+    def of_chosen(values):
+        now = list(leaves)
+        for i, value in zip(chosen, values, strict=True):
+            now[i] = value
+        return function(jax.tree.unflatten(structure, now))
+
+    def one(direction):
+        value, derivative = jax.jvp(of_chosen, ([leaves[i] for i in chosen],), (direction,))
+        real = jax.tree.map(lambda d: None if d.dtype == jax.dtypes.float0 else d, derivative)
+        return value, real
+
+    return jax.vmap(one, out_axes=(None, 0))([whole[i] for i in chosen])
+
+
+def zero_leaves(constants: list[list[Any]]) -> list[bool]:
+    """Which leaves, given as lists of scalars, are known to be nothing but zeros."""
+    return [
+        all(isinstance(x, np.generic) and x.dtype.kind == "f" and x == 0 for x in leaf)
+        for leaf in constants
+    ]

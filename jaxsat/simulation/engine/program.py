@@ -1,0 +1,117 @@
+"""What an engine runs: a program for one trajectory, made anew for every case."""
+
+import abc
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Bool, Float, PyTree
+
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.ranges import STATE_LIMIT
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.simulation.engine.progress import RunningCost
+from jaxsat.spacecraft.dynamics import PlantState
+
+
+class Case(NamedTuple):
+    """One case: closed loop and start, what was drawn for it by name, and whether it can exist."""
+
+    loop: AbstractLoop
+    start: PlantState
+    drawn: dict[str, Array]
+    possible: Bool[Array, ""]
+
+
+class AbstractCaseFactory(eqx.Module):
+    """Makes the cases of a program: closed loops that differ in some of their numbers."""
+
+    @abc.abstractmethod
+    def __call__(self, case: PyTree, gains: PyTree) -> Case:
+        """The case of the numbers `case`, with `gains` in place of some of its controller's."""
+
+
+class Program(eqx.Module):
+    """One trajectory from zero to the end, and what is to be known of it.
+
+    The state is observed every `interval` seconds, `intervals` times after the start: that is
+    where settling, the peak rate and divergence (a norm of `state_limit`) are judged.
+    A sampled loop is observed at its samples. A `detailed` program tells the `Details` of each case
+    in place of its cost, which is NaN. The error of equal steps is estimated in one of
+    `error_every` intervals; never, if that is 0.
+    """
+
+    case_factory: AbstractCaseFactory
+    interval: Float[Array, ""] = eqx.field(converter=as_float)
+    intervals: int = eqx.field(static=True)
+    tolerances: Tolerances = eqx.field(default_factory=Tolerances)
+    cost: RunningCost = eqx.field(default_factory=RunningCost)
+    state_limit: Float[Array, ""] = eqx.field(converter=as_float, default=STATE_LIMIT)
+    detailed: bool = eqx.field(static=True, default=False)
+    error_every: int = eqx.field(static=True, default=0)
+
+    def __check_init__(self):
+        require_positive("interval", self.interval)
+        if self.error_every < 0:
+            raise ValueError(
+                f"Argument `error_every` must not be negative, but got {self.error_every}."
+            )
+        if self.intervals < 1:
+            raise ValueError(f"Argument `intervals` must be at least 1, but got {self.intervals}.")
+
+    def instants(self, every: int = 1) -> np.ndarray:
+        """Numbers of the intervals that begin at every so many intervals, and of the end."""
+        return np.unique(np.append(np.arange(0, self.intervals, every), self.intervals))
+
+    def evenly(self, count: int) -> np.ndarray:
+        """Numbers of `count` intervals, evenly from the first to the end, each the nearest.
+
+        Raises `ValueError` for fewer than two, or for more than there are.
+        """
+        if not 2 <= count <= self.intervals + 1:
+            raise ValueError(
+                f"A history must have 2 to {self.intervals + 1} instants, as the state is "
+                f"observed so often, but got {count}."
+            )
+        return np.round(np.linspace(0, self.intervals, count)).astype(int)
+
+    def of_any_length(self) -> "Program":
+        """The program with a length that says nothing: compiled loops take it as an input."""
+        return dataclasses.replace(self, intervals=1)
+
+    @property
+    def running_cost(self) -> RunningCost | None:
+        """What is integrated as the cost; None in a detailed program."""
+        return None if self.detailed else self.cost
+
+    @property
+    def duration(self) -> Float[Array, ""]:
+        """The time of the whole trajectory, s."""
+        return self.interval * self.intervals
+
+
+def program_of(
+    case_factory: AbstractCaseFactory,
+    loop: AbstractLoop,
+    duration: float,
+    interval: float = 1.0,
+    *,
+    tolerances: Tolerances | None = None,
+    cost: RunningCost | None = None,
+) -> Program:
+    """The program that runs cases of a loop like `loop` for `duration` seconds.
+
+    A sampled loop is observed at its own samples, any other every `interval` seconds. Raises
+    `ValueError` where the duration is not a whole number of these.
+    """
+    if isinstance(loop, SampledLoop):
+        interval = float(np.asarray(loop.controller.period))
+    count = round(duration / interval)
+    if count < 1 or abs(count * interval - duration) > 1e-6 * interval:
+        raise ValueError(
+            f"Argument `duration` must be a whole number of intervals of {interval} s, "
+            f"but got {duration} s."
+        )
+    return Program(case_factory, interval, count, tolerances or Tolerances(), cost or RunningCost())

@@ -1,0 +1,279 @@
+"""What is kept of a trajectory while it runs and what is told of it at the end."""
+
+from typing import Literal, NamedTuple, get_args
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
+from jaxsat.core.quotients import reciprocal
+from jaxsat.core.tolerances import SettlingTracker, Tolerances
+from jaxsat.core.trigonometry import cos
+from jaxsat.simulation import Outcome, Signals
+from jaxsat.simulation.assessment import Observation, stop_gradient
+from jaxsat.simulation.engine.details import Details
+from jaxsat.simulation.engine.failure_record import FailureRecord
+from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.integration_error import IntegrationError
+from jaxsat.spacecraft import Consumption
+from jaxsat.spacecraft.dynamics import PlantState
+
+
+class Unsettled(eqx.Module):
+    """A smooth stand-in for "not settled": near 1 outside the tolerances, near 0 inside.
+
+    With s = |w|²/w_tol² + 4 sin²(z/2)/z_tol² + |ω_r|²/ω_tol² it is s²/(1 + s²); its integral is a
+    smooth settling time, in seconds, which also counts leaving the tolerances again.
+    """
+
+    tolerances: Tolerances = eqx.field(default_factory=Tolerances)
+
+    def __call__(
+        self, w: Float[Array, "2"], z: Float[Array, ""], relative_rate: Float[Array, "3"]
+    ) -> Float[Array, ""]:
+        """Its value at one instant."""
+        limits = self.tolerances
+        size = (
+            jnp.sum(w**2) / limits.w**2
+            + 4 * jnp.sin(z / 2) ** 2 / limits.z**2
+            + jnp.sum(relative_rate**2) / limits.relative_rate**2
+        )
+        return 1 - 1 / (1 + size**2)
+
+
+AttitudeCost = Literal["rotation", "wz"]
+
+
+class RunningCost(eqx.Module):
+    """w A + z B + relative_rate |ω_r|² + torque Σ T_i² + settling U, integrated over time.
+
+    With `attitude` "rotation" A = sin²(tilt/2) = q1² + q2² and B = 4 q3² of the unit quaternion:
+    smooth over all rotations, zero at the target alone and at most 1 and 4. With "wz" they are |w|²
+    and z², to which the others are equal to second order near the target; |w|² has no bound upside
+    down, and z counts as it is integrated, unwrapped in (w, z) parameters. U is that of
+    `unsettled`, which a positive `settling` needs.
+
+    With a `limit` c_max the cost a second c saturates as c / (1 + c/c_max), and a run that ends
+    early is charged c_max for every second that it lacks, so that the cost of any run is at most
+    c_max times its horizon. Without one, None, the cost of such a run is NaN.
+    """
+
+    w: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
+    z: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
+    relative_rate: Float[Array, ""] = eqx.field(converter=as_float, default=100.0)
+    torque: Float[Array, ""] = eqx.field(converter=as_float, default=1e-3)
+    settling: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    unsettled: Unsettled | None = None
+    limit: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+    attitude: AttitudeCost = eqx.field(static=True, default="rotation")
+
+    def __check_init__(self):
+        for name in ("w", "z", "relative_rate", "torque", "settling"):
+            require_positive(name, getattr(self, name), zero_allowed=True)
+        if self.limit is not None:
+            require_positive("limit", self.limit)
+        settling = concrete(self.settling)
+        if self.unsettled is None and settling is not None and settling.any():
+            raise ValueError(
+                "Argument `settling` must be zero unless `unsettled` says when a case counts as "
+                f"settled, but got {settling.tolist()}."
+            )
+        if self.attitude not in get_args(AttitudeCost):
+            raise ValueError(
+                f'Argument `attitude` must be "rotation" or "wz", but got {self.attitude!r}.'
+            )
+
+    def __call__(
+        self,
+        w: Float[Array, "2"],
+        z: Float[Array, ""],
+        relative_rate: Float[Array, "3"],
+        torque: Float[Array, "3"],
+    ) -> Float[Array, ""]:
+        """The cost a second."""
+        cost = (
+            self._of_attitude(w, z)
+            + self.relative_rate * jnp.sum(relative_rate**2)
+            + self.torque * jnp.sum(torque**2)
+        )
+        if self.unsettled is not None:
+            cost = cost + self.settling * self.unsettled(w, z, relative_rate)
+        return cost if self.limit is None else cost / (1 + cost / self.limit)
+
+    def _of_attitude(self, w: Float[Array, "2"], z: Float[Array, ""]) -> Float[Array, ""]:
+        """w A + z B."""
+        square = jnp.sum(w**2)
+        if self.attitude == "wz":
+            return self.w * square + self.z * z**2
+        upright = reciprocal(1 + square)  # cos²(tilt/2); 2 - 2 cos z = 4 sin²(z/2)
+        return self.w * (1 - upright) + self.z * (2 - 2 * cos(z)) * upright
+
+    def whole(
+        self,
+        integral: Float[Array, ""],
+        success: Bool[Array, ""],
+        missing: Float[Array, ""],
+    ) -> Float[Array, ""]:
+        """The cost of a run from its integral; `missing` seconds were not computed if it failed."""
+        charged = jnp.nan if self.limit is None else integral + self.limit * missing
+        return jnp.where(success, integral, charged)
+
+
+class Integrals(NamedTuple):
+    """The running cost and Σ|T_i| (N m s), or in a detailed program each of them, integrated."""
+
+    cost: Float[Array, ""]
+    effort: Float[Array, "*effort"]
+
+
+class Progress(NamedTuple):
+    """A trajectory that is under way.
+
+    `peak_square` is the largest |ω|² (rad²/s²) at the instants observed. `settled` tells since
+    when the tolerances have been met, judged at every step; `ended_at` is the time (s) up to which
+    the state is good. `step` (s) is the next to be tried and `steps` the number of those tried,
+    where steps are adaptive. `peak_momentum` is the largest |h| of each wheel (N m s) at the
+    instants observed, None without wheels. `failures` is kept of sampled loops that have some.
+    `error` is the estimate of equal steps, where the program has one.
+    `held` is what the torque of a sampled loop was since it was last observed, None for others.
+    `rest` tells since when the inertial rate has been small, and `forced` counts the smallest steps
+    taken in spite of their error, where steps are adaptive; both in a detailed program alone.
+    """
+
+    state: PyTree
+    integrals: Integrals
+    peak_square: Float[Array, ""]
+    settled: SettlingTracker
+    ended_at: Float[Array, ""]
+    code: Int[Array, ""]
+    step: Float[Array, ""]
+    steps: Int[Array, ""]
+    peak_momentum: Float[Array, " wheels"] | None = None
+    failures: FailureRecord | None = None
+    held: HeldTorque | None = None
+    error: IntegrationError | None = None
+    rest: SettlingTracker | None = None
+    forced: Int[Array, ""] | None = None
+
+
+class Outputs(NamedTuple):
+    """What is told of a case; NaN (never settled: infinite) where it did not reach its end.
+
+    Code (see `Outcome`), settling time (s), effort (N m s), cost (of a run that failed as well
+    where the running cost has a limit), peak |ω| at the instants observed (rad/s), end of the good
+    part (s); attitude and ω (rad/s) at the end of the horizon; and what was drawn, by name. Of
+    thrusters that push also the propellant (kg) and how often each valve opened, and of wheels the
+    peak |h| of each at the instants observed (N m s); None without them. `failures` is what
+    `FailureRecord` tells, of sampled loops with failures in flight, and `details` are told by a
+    detailed program. `integration_error`, up to the end of the good part, is told by a program that
+    estimates it. With a leading axis these are the outputs of many cases.
+    """
+
+    code: Int[Array, "*n"]
+    settling_time: Float[Array, "*n"]
+    effort: Float[Array, "*n"]
+    cost: Float[Array, "*n"]
+    peak_rate: Float[Array, "*n"]
+    ended_at: Float[Array, "*n"]
+    w: Float[Array, "*n 2"]
+    z: Float[Array, "*n"]
+    quaternion: Float[Array, "*n 4"]
+    omega: Float[Array, "*n 3"]
+    drawn: dict[str, Array]
+    propellant: Float[Array, "*n"] | None = None
+    valve_openings: Float[Array, "*n thrusters"] | None = None
+    peak_wheel_momentum: Float[Array, "*n wheels"] | None = None
+    failures: dict[str, Array] | None = None
+    details: Details | None = None
+    integration_error: IntegrationError | None = None
+
+
+def initial_progress(
+    state: PyTree, plant: PlantState, possible, step: float | Array = 0.0
+) -> Progress:
+    """Progress at time zero, where the plant is in its state with the momenta of all wheels.
+
+    A case that cannot exist has ended there.
+    """
+    zero, momentum = jnp.zeros((), plant.omega.dtype), plant.wheel_momentum
+    peak = None if momentum is None else jnp.zeros_like(momentum)
+    code = jnp.where(possible, int(Outcome.SUCCESS), int(Outcome.IMPOSSIBLE_CASE))
+    integrals = Integrals(zero, zero)
+    nothing = jnp.array(0)
+    settled = SettlingTracker.initial(zero, 3)
+    return Progress(state, integrals, zero, settled, zero, code, zero + step, nothing, peak)
+
+
+def with_peaks(progress: Progress, observed: Signals | PlantState) -> Progress:
+    """With one more instant taken into account in the peaks of rate and wheel momentum."""
+    square, momentum = jnp.sum(observed.omega**2), observed.wheel_momentum
+    peak = progress.peak_momentum
+    if peak is not None and momentum is not None:
+        peak = jnp.maximum(peak, jnp.abs(momentum))
+    return progress._replace(
+        peak_square=jnp.maximum(progress.peak_square, square), peak_momentum=peak
+    )
+
+
+def settled_at(
+    settled: SettlingTracker, t: Float[Array, ""], observed: Observation, tolerances: Tolerances
+) -> SettlingTracker:
+    """Since when the case is settled, with the end of one more of equal steps taken into account.
+
+    Nothing of it is differentiated.
+    """
+    return settled.observe(*stop_gradient((t, observed.excess(tolerances))))
+
+
+def outputs_of(
+    progress: Progress,
+    plant: PlantState,
+    duration: Float[Array, ""],
+    drawn: dict[str, Array],
+    cost: RunningCost | None,
+    consumption: Consumption | None = None,
+    interval: float | Array = 1.0,
+    details: Details | None = None,
+    dwell: Float[Array, ""] | None = None,
+) -> Outputs:
+    """Outputs of a trajectory whose last instant has been observed, one every `interval` (s).
+
+    It must have been settled for `dwell` seconds, see `SettlingTracker.settling_time`.
+
+    `consumption` is that of the whole run, None for actuators that have none.
+    """
+    effort = progress.integrals.effort if details is None else jnp.sum(details.effort)
+    success = progress.code == int(Outcome.SUCCESS)
+
+    def kept(value):
+        return jnp.where(success, value, jnp.nan)
+
+    possible = progress.code != int(Outcome.IMPOSSIBLE_CASE)
+    whole, missing = jnp.full_like(progress.integrals.cost, jnp.nan), duration - progress.ended_at
+    if cost is not None:
+        whole = cost.whole(progress.integrals.cost, success, missing)
+    wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
+    momentum, used = progress.peak_momentum, consumption
+    failures, error = progress.failures, progress.error
+    return Outputs(
+        code=progress.code,
+        settling_time=jnp.where(
+            success, progress.settled.settling_time(duration, dwell=dwell), jnp.inf
+        ),
+        effort=kept(effort),
+        cost=jnp.where(possible, whole, jnp.nan),
+        peak_rate=kept(jnp.sqrt(progress.peak_square)),
+        ended_at=progress.ended_at,
+        w=kept(wz.w),
+        z=kept(wz.z),
+        quaternion=kept(quaternion.q),
+        omega=kept(plant.omega),
+        drawn=drawn,
+        propellant=None if used is None else kept(used.propellant),
+        valve_openings=None if used is None else kept(used.openings),
+        peak_wheel_momentum=None if momentum is None else kept(momentum),
+        failures=None if failures is None else failures.outputs(jnp.asarray(interval)),
+        details=details,
+        integration_error=error,
+    )

@@ -1,0 +1,78 @@
+"""What an integrator sees of a loop whose cost and effort are integrated along with it."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from jaxsat.simulation import (
+    AbstractContinuousLoop,
+    AbstractLoop,
+    SampledLoop,
+)
+from jaxsat.simulation.engine.details import effort_rates
+from jaxsat.simulation.engine.program import Case, Program
+from jaxsat.simulation.engine.progress import Integrals, RunningCost
+from jaxsat.spacecraft import AbstractPulsedActuators, Consumption, Hold
+from jaxsat.spacecraft.dynamics import PlantState
+
+
+def continuous_loop(case: Case) -> AbstractContinuousLoop:
+    """The case's loop; raises `TypeError` unless it is an ordinary differential equation."""
+    if not isinstance(case.loop, AbstractContinuousLoop):
+        raise TypeError(f"A loop must be one of jaxsat.simulation, but got {type(case.loop)}.")
+    return case.loop
+
+
+def plant_state(loop: AbstractLoop, t: float | Float[Array, ""], state: PyTree) -> PlantState:
+    """The plant in any loop's state at time `t` (s)."""
+    if isinstance(loop, AbstractContinuousLoop):
+        return loop.plant_state(jnp.asarray(t), state)
+    return state.plant
+
+
+def consumption(loop: AbstractLoop, state: PyTree) -> Consumption | None:
+    """What actuators that pulse have used up to a state of the loop; None for others."""
+    if not isinstance(loop, SampledLoop) or not isinstance(loop.actuators, AbstractPulsedActuators):
+        return None
+    return loop.actuators.consumption(state.actuators)
+
+
+def augmented_rate(program: Program, loop: AbstractContinuousLoop):
+    """Right-hand side for a loop's state together with its integrals."""
+
+    def rate(t, both):
+        motion = loop.motion(t, both[0])
+        size = jnp.abs(motion.torque)
+        moved = (loop.plant, t, motion.plant, motion.torque, size)
+        effort = effort_rates(program.detailed, *moved)
+        cost = running_cost(program.running_cost, motion.plant, motion.relative_rate, motion.torque)
+        return motion.rate, Integrals(cost, effort)
+
+    return rate
+
+
+def running_cost(
+    cost: RunningCost | None,
+    plant: PlantState,
+    relative_rate: Float[Array, "3"],
+    torque: Float[Array, "3"],
+) -> Float[Array, ""]:
+    """The cost a second; zero where there is none."""
+    if cost is None:
+        return jnp.zeros((), torque.dtype)
+    wz = plant.attitude.as_wz()
+    return cost(wz.w, wz.z, relative_rate, torque)
+
+
+def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Array, ""]):
+    """Right-hand side for the plant and its integrals in a hold that begins at `begin` (s)."""
+
+    def rate(t, both):
+        state, _ = both
+        torque = loop.torque(t, state, hold, t - begin)
+        cost = running_cost(program.running_cost, state, loop.plant.relative_rate(state), torque)
+        steady = hold.wheels is None and hold.dipole is None
+        size = hold.mean_size() if steady else jnp.abs(torque)
+        effort = effort_rates(program.detailed, loop.plant, t, state, torque, size)
+        return loop.plant_rate(t, state, hold, t - begin), Integrals(cost, effort)
+
+    return rate

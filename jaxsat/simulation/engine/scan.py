@@ -1,0 +1,162 @@
+"""A plain loop over intervals, compiled once for any horizon.
+
+Runs of any length are pieces of one compiled loop with the number of intervals as an input, so a
+replay that stops at every interval goes through the same machine code as the run did.
+"""
+
+import itertools
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from jaxsat.core.checks import require_counts
+from jaxsat.simulation import Signals
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper
+from jaxsat.simulation.engine.batches import AbstractBatchEngine
+from jaxsat.simulation.engine.fixed import FixedStepper, stepper_for
+from jaxsat.simulation.engine.interface import CostGradient, Mode, with_ranges_ahead
+from jaxsat.simulation.engine.program import Program
+from jaxsat.simulation.engine.progress import Outputs, Progress
+from jaxsat.simulation.engine.stepper import AbstractStepper
+
+CASES = "cases"
+"""The name of a batch's axis."""
+
+
+class ScanEngine(AbstractBatchEngine):
+    """Steps by an explicit Runge-Kutta solver of diffrax, compiled by XLA, over batches of cases.
+
+    `batch_size` cases go through one compiled program at a time. A sampled loop takes its own
+    substeps in each period, with the stepper's solver.
+    """
+
+    stepper: AbstractStepper = eqx.field(default_factory=FixedStepper)
+    batch_size: int = eqx.field(static=True, default=64)
+
+    def __check_init__(self):
+        require_counts(batch_size=self.batch_size)
+
+    def identity(self) -> dict[str, Any]:
+        """Steps and batch size."""
+        return {"name": "scan", **self.stepper.identity(), "batch_size": self.batch_size}
+
+    def run_batch(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
+        """Outputs of one batch."""
+        work = (self.stepper, program.of_any_length(), cases, gains)
+        number = jnp.array(program.intervals)
+        progress = _advance(*work, _begin(*work), jnp.array(0), number)
+        return _finish(*work, progress, number)
+
+    def observe_batch(
+        self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
+    ) -> tuple[Outputs, Signals]:
+        """Outputs of one batch, stopped at some intervals to be observed."""
+        work = (self.stepper, program.of_any_length(), cases, gains)
+        progress = _begin(*work)
+        history = []
+        for number, following in itertools.pairwise([*instants.tolist(), program.intervals]):
+            first, count = jnp.array(number), jnp.array(following - number)
+            history.append(_to_host(_observe(*work, progress, first)))
+            if following > number:
+                progress = _advance(*work, progress, first, count)
+        signals = jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
+        outputs = _finish(*work, progress, jnp.array(program.intervals))
+        return outputs, with_ranges_ahead(signals)
+
+    def differentiate_batch(
+        self, program: Program, cases: PyTree, gains: PyTree, mode: Mode
+    ) -> CostGradient:
+        """Outputs of one batch and the derivatives of its costs."""
+        if mode == "reverse" and isinstance(self.stepper, AdaptiveStepper):
+            raise ValueError(
+                'Argument `mode` must be "forward" with adaptive steps of the scan engine, '
+                'but got "reverse"; the diffrax engine has both.'
+            )
+        return _gradient(self.stepper, program, cases, gains, mode)
+
+
+def _to_host(signals: Signals) -> Signals:
+    """NumPy arrays: thousands of instants are not to be stacked by a compiled program."""
+    return jax.tree.map(np.asarray, signals)
+
+
+def _mapped(method, stepper, program, cases, gains, *progress):
+    """A stepper's method over the cases of a batch."""
+
+    def one(case, *progress):
+        made = program.case_factory(case, gains)
+        return method(stepper_for(stepper, made.loop), program, made, *progress)
+
+    return jax.vmap(one, axis_name=CASES)(cases, *progress)
+
+
+@eqx.filter_jit
+def _begin(*work):
+    return _mapped(lambda stepper, *rest: stepper.begin(*rest), *work)
+
+
+@eqx.filter_jit
+def _advance(*work_and_bounds):
+    *work, first, count = work_and_bounds
+    return _mapped(lambda stepper, *rest: stepper.advance(*rest, first, count, CASES), *work)
+
+
+@eqx.filter_jit
+def _finish(*work_and_number):
+    *work, number = work_and_number
+    return _mapped(lambda stepper, *rest: stepper.finish(*rest, number), *work)
+
+
+@eqx.filter_jit
+def _observe(*work_and_number):
+    *work, number = work_and_number
+    return _mapped(lambda stepper, *rest: stepper.observe(*rest, number), *work)
+
+
+@eqx.filter_jit
+def _gradient(stepper, program, cases, gains, mode):
+    reverse = mode == "reverse"
+    differentiate = jax.jacrev if reverse else jax.jacfwd
+
+    def cost(gains, case):
+        made = program.case_factory(case, gains)
+        steps = stepper_for(stepper, made.loop)
+        work, progress = (program, made), steps.begin(program, made)
+        if reverse:
+            progress = _checkpointed(steps, *work, progress, program.intervals)
+        else:
+            progress = steps.advance(*work, progress, 0, program.intervals, CASES)
+        outputs = steps.finish(*work, progress, jnp.array(program.intervals))
+        return outputs.cost, outputs
+
+    def one(case):
+        derivatives, outputs = differentiate(cost, has_aux=True)(gains, case)
+        return CostGradient(outputs, derivatives)
+
+    return jax.vmap(one, axis_name=CASES)(cases)
+
+
+def _checkpointed(stepper: AbstractStepper, program, case, progress, count: int) -> Progress:
+    """All intervals, for reverse mode: about 2 √count states are kept instead of every step.
+
+    Blocks of intervals are computed again on the way back, and in them every interval.
+    """
+    size = max(1, math.isqrt(count))
+
+    @jax.checkpoint
+    def one(progress, number):
+        return stepper.advance(program, case, progress, number, 1), None
+
+    @jax.checkpoint
+    def block(progress, numbers):
+        return jax.lax.scan(one, progress, numbers)[0], None
+
+    numbers = jnp.arange(count)
+    whole = count - count % size
+    progress = jax.lax.scan(block, progress, numbers[:whole].reshape(-1, size))[0]
+    return jax.lax.scan(one, progress, numbers[whole:])[0]

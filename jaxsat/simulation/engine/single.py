@@ -1,0 +1,197 @@
+"""A single run as one case of a detailed program, flown by machine code and observed densely."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PyTree
+
+from jaxsat.core.jax_internals import Tracer
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.core.trees import strong
+from jaxsat.simulation import (
+    AbstractLoop,
+    Assessment,
+    Method,
+    SampledLoop,
+    Signals,
+    Trajectory,
+    simulate,
+)
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.dense_output import require_dense_output
+from jaxsat.simulation.engine.fixed import FixedStepper, SampledStepper
+from jaxsat.simulation.engine.native import NativeEngine, native_obstacle
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program
+from jaxsat.simulation.engine.progress import Outputs
+from jaxsat.simulation.engine.runge_kutta import require_explicit
+from jaxsat.simulation.engine.stepper import AbstractStepper
+from jaxsat.simulation.methods import AdaptiveSteps
+from jaxsat.simulation.solve import sample_numbers
+from jaxsat.spacecraft import AbstractPulsedActuators
+from jaxsat.spacecraft.dynamics import PlantState
+
+
+def fly(
+    loop: AbstractLoop,
+    start: PlantState,
+    times: Float[Array, " times"],
+    method: Method,
+    tell: Callable[[str], None] = lambda obstacle: None,
+    tolerances: Tolerances | None = None,
+) -> Trajectory:
+    """Run a closed loop from `start` and save its signals at `times` (s), evenly from zero on.
+
+    What `simulate` gives, to the accuracy of the method, from machine code that is made in seconds
+    and serves all numbers: equal steps of the method's length or somewhat less, so that the times
+    fall on them, and adaptive ones that end on the corners of a law. `simulate` runs what the
+    compiled engine cannot, also what JAX traces (to differentiate it) and what passes a point where
+    the law has no derivative, and `tell` is told why.
+    """
+    loop, start = strong((loop, start))
+    tolerances = Tolerances() if tolerances is None else tolerances
+    obstacle, planned = _planned(loop, start, times, method, tolerances)
+    found = None if planned is None else planned.fly(times)
+    if found is None:
+        tell(obstacle or FORCED)
+        return simulate(loop, start, times, method=method, tolerances=tolerances)
+    return found
+
+
+FORCED = "steps of the smallest length miss the tolerance: the law has no derivative there"
+
+
+class _OneCase(AbstractCaseFactory):
+    """The case whose numbers are the arrays of a loop and of its start, as a list.
+
+    (A kernel that is kept compares the structure of its arguments, and one of a loop need not equal
+    itself once it has been written and read. `places` has the numbers of the arrays in that list.)
+    """
+
+    rest: PyTree
+    places: PyTree
+
+    def __call__(self, case, gains):
+        del gains
+        arrays = jax.tree.map(lambda place: case[place], self.places)
+        loop, start = eqx.combine(arrays, self.rest)
+        return Case(loop, start, {}, jnp.array(True))
+
+
+class _Flight(eqx.Module):
+    """A program of one case, how it is stepped, and every how many intervals it is saved."""
+
+    program: Program
+    stepper: AbstractStepper
+    case: PyTree
+    every: int = eqx.field(static=True)
+    pulsed: bool = eqx.field(static=True)
+
+    @property
+    def cases(self) -> PyTree:
+        """The case with a leading axis."""
+        return jax.tree.map(lambda x: np.asarray(x)[None], self.case)
+
+    def fly(self, times: Float[Array, " times"]) -> Trajectory | None:
+        """The run; None where steps of the smallest length have missed the tolerance."""
+        engine = NativeEngine(stepper=self.stepper, simd_lanes=1)
+        between = self.every if self.pulsed else 1  # samples of which the mean level is told
+        instants = self.program.instants(self.every // between)
+        found = engine.observed(self.program, self.cases, None, instants)
+        outputs, signals = jax.tree.map(lambda x: x[0], found)
+        if outputs.details.forced:
+            return None
+        if between > 1:
+            signals = _thinned(signals, between)
+        return _trajectory(times, outputs, signals)
+
+
+def _planned(
+    loop: AbstractLoop,
+    start: PlantState,
+    times: Float[Array, " times"],
+    method: Method,
+    tolerances: Tolerances,
+) -> tuple[str | None, _Flight | None]:
+    """The flight, or what stands in its way."""
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((loop, start, method))):
+        return "JAX traces its numbers", None
+    gaps = np.diff(np.asarray(times))
+    if times[0] != 0 or np.ptp(gaps) > 1e-9 * times[-1]:
+        return "the times to save are not even, from zero on", None
+    save_every = float(times[-1]) / len(gaps)
+    stepper = _stepper(loop, method, save_every)
+    if isinstance(stepper, str):
+        return stepper, None
+    interval, every, pulsed = save_every, 1, False
+    if isinstance(loop, SampledLoop):
+        interval, every = loop.controller.period, int(sample_numbers(loop, jnp.asarray(times))[1])
+        pulsed = isinstance(loop.actuators, AbstractPulsedActuators)
+    arrays, rest = eqx.partition((loop, start), eqx.is_array)
+    case, structure = jax.tree.flatten(arrays)
+    places = jax.tree.unflatten(structure, range(len(case)))
+    count = every * len(gaps)
+    made = _OneCase(rest, places)
+    program = Program(made, interval, count, tolerances, detailed=True, error_every=1)
+    flight = _Flight(program, stepper, case, every, pulsed)
+    obstacle = native_obstacle(stepper, program, flight.cases, lanes=1)
+    return (None, flight) if obstacle is None else (obstacle, None)
+
+
+def _stepper(loop: AbstractLoop, method: Method, save_every: float) -> AbstractStepper | str:
+    """The method as a stepper of the engines, or why there is none."""
+    try:
+        require_explicit(method.solver)
+    except ValueError as error:
+        return str(error)
+    if isinstance(loop, SampledLoop):
+        return SampledStepper(method.solver)
+    steps: Any = method.step_size
+    if steps is None:
+        length = float(cast(Array, method.first_step))
+        return FixedStepper(method.solver, int(np.ceil(save_every / length - 1e-9)))
+    if not isinstance(steps, AdaptiveSteps) or steps.min_step is None:
+        return "the steps must be equal, or adaptive ones of jaxsat with a smallest step"
+    try:
+        require_dense_output(method.solver)
+    except ValueError as error:
+        return str(error)
+    tolerance = Tolerance(
+        steps.rtol, steps.atol, min_step=steps.min_step, max_steps=method.max_steps
+    )
+    return AdaptiveStepper(method.solver, tolerance)
+
+
+def _thinned(signals: Signals, every: int) -> Signals:
+    """Of a history at all samples every so many, with thrust levels and torques of all between."""
+    levels, ranges = signals.thrust_level, signals.torque_range
+    assert ranges is not None
+    kept = jax.tree.map(lambda x: x[::every], signals)
+
+    def each(combine: Callable, values) -> Any:
+        between = values[:-1].reshape(-1, every, *values.shape[1:])
+        return np.concatenate([combine(between, axis=1), values[-1:]])
+
+    if levels is not None:
+        kept = eqx.tree_at(lambda one: one.thrust_level, kept, each(np.mean, levels))
+    least, largest, mean = ranges.least, ranges.largest, ranges.mean
+    found = (each(np.min, least), each(np.max, largest), each(np.mean, mean))
+    where = lambda one: (one.least, one.largest, one.mean)  # noqa: E731
+    ranges = eqx.tree_at(where, ranges, found)
+    return eqx.tree_at(lambda one: one.torque_range, kept, ranges)
+
+
+def _trajectory(times, outputs: Outputs, signals: Signals) -> Trajectory:
+    outputs, signals = jax.tree.map(jnp.asarray, (outputs, signals))
+    details, ranges = outputs.details, signals.torque_range
+    assert details is not None
+    found = Assessment(
+        outputs.settling_time, details.at_rest_from, details.effort, details.constraint_effort
+    )
+    signals = dataclasses.replace(signals, torque_range=None)
+    steps, error = details.steps, outputs.integration_error
+    return Trajectory(times, signals, details.final, outputs.code, steps, found, ranges, error)

@@ -1,0 +1,70 @@
+"""How one trajectory is integrated: what fixed, adaptive and sampled steps have in common."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int
+
+from jaxsat.core.solvers import Solver
+from jaxsat.simulation import Outcome, Signals
+from jaxsat.simulation.engine.program import Case, Program
+from jaxsat.simulation.engine.progress import Outputs, Progress
+
+Number = int | Int[Array, ""]
+"""Known when tracing, or not."""
+
+
+class AbstractStepper(eqx.Module):
+    """Integrates one case of a program, from a `Progress` of fixed size to the next.
+
+    Instants are numbers of the program's intervals. An engine decides how cases are mapped over
+    these functions.
+    """
+
+    solver: eqx.AbstractVar[Solver]
+
+    @abc.abstractmethod
+    def identity(self) -> dict[str, Any]:
+        """What of the steps the bits of a case depend on, as plain data."""
+
+    @abc.abstractmethod
+    def begin(self, program: Program, case: Case) -> Progress:
+        """The progress at time zero."""
+
+    @abc.abstractmethod
+    def advance(
+        self,
+        program: Program,
+        case: Case,
+        progress: Progress,
+        first: Number,
+        count: Number,
+        axis_name: str | None = None,
+    ) -> Progress:
+        """The progress after `count` intervals from number `first` on.
+
+        Under `vmap` over an axis of the name `axis_name` work is shared by the cases of a batch.
+        """
+
+    @abc.abstractmethod
+    def finish(
+        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+    ) -> Outputs:
+        """Outputs of a trajectory that has gone through all its intervals, `number` of them."""
+
+    @abc.abstractmethod
+    def signals(
+        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+    ) -> Signals:
+        """Signals at the beginning of interval `number`, up to which a trajectory has come."""
+
+    def observe(
+        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+    ) -> Signals:
+        """The same; NaN after the end of a failed run."""
+        signals = self.signals(program, case, progress, number)
+        ended = progress.code != int(Outcome.SUCCESS)
+        return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), signals)

@@ -1,0 +1,97 @@
+"""The spacecraft: inertia, thrusters and what is left of them after failures, wheels,
+magnetorquers, sensors."""
+
+from jaxsat.spacecraft.actuators import (
+    AbstractActuators,
+    AbstractSmoothActuators,
+    ActuatorContext,
+    Actuators,
+    NoThrusters,
+)
+from jaxsat.spacecraft.allocation import LeastPropellant
+from jaxsat.spacecraft.bounded_least_squares import nearest_within
+from jaxsat.spacecraft.failures import (
+    AbstractFailures,
+    FailureEvents,
+    FailureKind,
+    MagnetorquerFailures,
+)
+from jaxsat.spacecraft.gyro import Gyro
+from jaxsat.spacecraft.holds import AbstractPulsedActuators, Consumption, Hold, Usage
+from jaxsat.spacecraft.magnetorquers import Magnetorquers
+from jaxsat.spacecraft.modulation import (
+    AbstractModulation,
+    DeltaSigma,
+    IdealThrottle,
+    Pulses,
+    PulseWidth,
+    PulseWidthPulseFrequency,
+)
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.sensors import DrawnSensors, Sensors
+from jaxsat.spacecraft.spacecraft import Spacecraft, inverse_of
+from jaxsat.spacecraft.star_tracker import StarTracker
+from jaxsat.spacecraft.tachometers import Tachometers
+from jaxsat.spacecraft.thruster_set import ThrusterSet
+from jaxsat.spacecraft.thrusters import (
+    Thrusters,
+    allocation,
+    one_thruster_coupling,
+    two_thruster_coupling,
+)
+from jaxsat.spacecraft.wheel_actuators import (
+    ActuatorsWithWheels,
+    PulsedActuatorsWithWheels,
+    WheelDrives,
+)
+from jaxsat.spacecraft.wheel_failures import WheelFailureKind, WheelFailures
+from jaxsat.spacecraft.wheel_piece import WheelPiece
+from jaxsat.spacecraft.wheel_states import WheelStates, first_states
+from jaxsat.spacecraft.wheels import Wheels
+
+__all__ = [
+    "AbstractActuators",
+    "AbstractFailures",
+    "AbstractModulation",
+    "AbstractPulsedActuators",
+    "AbstractSmoothActuators",
+    "ActuatorContext",
+    "Actuators",
+    "ActuatorsWithWheels",
+    "Consumption",
+    "DeltaSigma",
+    "DrawnSensors",
+    "FailureEvents",
+    "FailureKind",
+    "Gyro",
+    "Hold",
+    "IdealThrottle",
+    "LeastPropellant",
+    "MagnetorquerFailures",
+    "Magnetorquers",
+    "NoThrusters",
+    "PulseWidth",
+    "PulseWidthPulseFrequency",
+    "PulsedActuatorsWithWheels",
+    "PulsedThrusters",
+    "Pulses",
+    "Sensors",
+    "Spacecraft",
+    "StarTracker",
+    "Tachometers",
+    "ThrusterSet",
+    "Thrusters",
+    "Usage",
+    "WheelDrives",
+    "WheelFailureKind",
+    "WheelFailures",
+    "WheelPiece",
+    "WheelStates",
+    "Wheels",
+    "allocation",
+    "first_states",
+    "inverse_of",
+    "nearest_within",
+    "one_thruster_coupling",
+    "two_thruster_coupling",
+]

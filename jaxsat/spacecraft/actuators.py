@@ -1,0 +1,170 @@
+"""From the torque a law commands to the torque the body feels."""
+
+import abc
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.smooth import sat
+from jaxsat.spacecraft.axes import turned_axes
+from jaxsat.spacecraft.failures import FailureEvents
+from jaxsat.spacecraft.thrusters import Thrusters, allocation
+
+
+class AbstractActuators(eqx.Module):
+    """What turns the torque that a law commands into a torque on the body.
+
+    Actuators that a scenario can name also have a `declaration`, a `PartDeclaration`, and a class
+    method `from_table(values, context)`: `values` has every declared key, `context` is an
+    `ActuatorContext`.
+    """
+
+    @property
+    @abc.abstractmethod
+    def event_count(self) -> int:
+        """How many corners the torque has as a function of the command."""
+
+    @abc.abstractmethod
+    def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+        """The body torque, N m, for a command of two or three torques, N m."""
+
+    @abc.abstractmethod
+    def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+        """Functions of the command whose zeros are the corners."""
+
+    @abc.abstractmethod
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractActuators":
+        """These actuators held on the side of each corner that `signs` tells."""
+
+    @property
+    def failure_times(self) -> Float[Array, " f"]:
+        """When something of them fails under a continuous law, s; here never."""
+        return jnp.zeros(0)
+
+    def after_failures(self, struck: Bool[Array, " f"]) -> "AbstractActuators":
+        """These actuators once those failures have struck; here themselves."""
+        del struck
+        return self
+
+    def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"] | None:
+        """The torque that each wheel is to put on the body, N m; here None: there are no wheels."""
+        del command
+
+
+class AbstractSmoothActuators(AbstractActuators):
+    """Actuators without corners, or under a sampled law, which needs none of them told."""
+
+    @property
+    def event_count(self) -> int:
+        """None."""
+        return 0
+
+    def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+        """None."""
+        return jnp.zeros(0, command.dtype)
+
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractSmoothActuators":
+        """Themselves."""
+        del signs
+        return self
+
+
+class Actuators(AbstractActuators):
+    """Thrusters that turn a commanded torque into a body torque.
+
+    The command is (u1, u2) about body x and y, or a torque about each body axis. `torque_axes`
+    (3, m) are the directions of the working thrusters' torques, `thrust_map` (m, 2) or (m, 3)
+    shares the command among them, and `limit` (N m, may be infinite) bounds each thruster. The
+    map belongs to whoever allocates: `misaligned` changes the true axes and leaves it as it is.
+    `saturated` holds each thruster on one side of its limit, see `smooth_piece`. `failures` strike
+    in flight; what they leave is `gain` times the thrust and `level` of the limit, None for sound.
+    """
+
+    torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
+    thrust_map: Float[Array, "m torques"] = eqx.field(converter=as_float)
+    limit: Float[Array, ""] = eqx.field(converter=as_float, default=jnp.inf)
+    saturated: Bool[Array, " m"] | None = None
+    failures: FailureEvents | None = None
+    gain: Float[Array, " m"] | None = None
+    level: Float[Array, " m"] | None = None
+
+    def __check_init__(self):
+        require_positive("limit", self.limit)
+
+    @staticmethod
+    def of(
+        thrusters: Thrusters, limit: float | Float[Array, ""] = jnp.inf, torques: int = 2
+    ) -> "Actuators":
+        """Actuators made of working thrusters, each limited to `limit` N m.
+
+        Raises `ValueError` where they cannot make the first `torques` torques independently.
+        """
+        return Actuators(thrusters.torque_axes, allocation(thrusters, torques), limit)
+
+    def misaligned(
+        self, angles: Float[Array, "m 2"], gain_errors: Float[Array, " m"]
+    ) -> "Actuators":
+        """These thrusters as they are mounted, while the command is shared as if they were ideal.
+
+        `angles` (rad) turn each torque axis towards two fixed directions across it (their tangents
+        are taken as small), and thruster j makes 1 + `gain_errors`[j] of the torque it should.
+        """
+        axes = turned_axes(self.torque_axes, angles) * (1 + gain_errors[None])
+        return dataclasses.replace(self, torque_axes=axes)
+
+    @property
+    def event_count(self) -> int:
+        """One for each thruster."""
+        return self.torque_axes.shape[1]
+
+    def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+        """The body torque, N m, each thruster clipped at its limit: T of equation (5)."""
+        thrust = sat(self.thrust_map @ command, self.limit, None, self.saturated)
+        if self.gain is not None and self.level is not None:
+            full = jnp.where(jnp.isfinite(self.limit), self.limit, 0.0)
+            thrust = self.gain * thrust + self.level * full
+        return self.torque_axes @ thrust
+
+    @property
+    def failure_times(self) -> Float[Array, " f"]:
+        """When each failure strikes, s."""
+        return jnp.zeros(0) if self.failures is None else self.failures.at
+
+    def after_failures(self, struck: Bool[Array, " f"]) -> "Actuators":
+        """These thrusters once those failures have struck."""
+        if self.failures is None:
+            return self
+        gain, level, axes = self.failures.two_signed(struck, self.torque_axes)
+        return dataclasses.replace(self, torque_axes=axes, gain=gain, level=level, failures=None)
+
+    def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+        """Positive for each thruster of which more than its limit is asked."""
+        return ((self.thrust_map @ command) / self.limit) ** 2 - 1
+
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "Actuators":
+        """These thrusters, at their limits or not as told."""
+        return dataclasses.replace(self, saturated=signs)
+
+
+class NoThrusters(AbstractSmoothActuators):
+    """What wheels and magnetorquers do not make stays unmade."""
+
+    def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+        """Zero."""
+        return jnp.zeros(3, command.dtype)
+
+
+class ActuatorContext(NamedTuple):
+    """What a scenario tells actuators besides their own keys.
+
+    `ideal` are the working thrusters as jaxsat has them without actuators of another kind: torque
+    axes, how the command is shared among them, and their limit. The law commands `torques` torques,
+    2 or 3, or 0 for none.
+    """
+
+    ideal: Actuators
+    torques: int

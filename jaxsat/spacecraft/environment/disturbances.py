@@ -1,0 +1,158 @@
+"""Torques on the body that no thruster makes, in body axes, N m."""
+
+import abc
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.checks import as_float, require_finite
+from jaxsat.core.declaration import PartDeclaration
+from jaxsat.core.declaration.disturbances import CONSTANT, GRAVITY_GRADIENT, PERIODIC
+from jaxsat.core.trigonometry import sin
+from jaxsat.spacecraft.environment.orbit import CircularOrbit
+
+RealScalar = Float[Array, ""]
+
+
+class DisturbanceContext(NamedTuple):
+    """What a scenario tells a disturbance besides its own keys.
+
+    The nominal `inertia` (kg m²) and `orbit_rate` (rad/s), and the `place` of the orbit.
+    """
+
+    inertia: Float[np.ndarray, "3 3"]
+    orbit_rate: float
+    place: CircularOrbit
+
+
+class AbstractDisturbance(eqx.Module):
+    """A disturbance torque T_d in body axes.
+
+    One that a scenario can name also has a `declaration`, a `PartDeclaration`, and a class method
+    `from_table(values, context)`: `values` has every declared key, `context` is a
+    `DisturbanceContext`. An array that it holds is a number that may change without compiling anew.
+    """
+
+    @abc.abstractmethod
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """The torque at time `t` (s), N m; `inertia` is the body's true inertia, kg m²."""
+
+
+class NoDisturbance(AbstractDisturbance):
+    """No torque at all."""
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """Zero."""
+        del t, attitude
+        return jnp.zeros(3, inertia.dtype)
+
+
+class PeriodicTorque(AbstractDisturbance):
+    """Equation (2): d_i = amplitude_i sin(frequency_i t + phase_i).
+
+    `amplitude` in N m, `frequency` in rad/s, `phase` in rad, each of shape (3,). The paper has no
+    phase and prints Ω3 where it means Ω2 in d2.
+    """
+
+    declaration: ClassVar[PartDeclaration] = PERIODIC
+
+    amplitude: Float[Array, "3"] = eqx.field(converter=as_float)
+    frequency: Float[Array, "3"] = eqx.field(converter=as_float)
+    phase: Float[Array, "3"] = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
+
+    def __check_init__(self):
+        for name in ("amplitude", "frequency", "phase"):
+            require_finite(name, getattr(self, name))
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], context: DisturbanceContext) -> "PeriodicTorque":
+        """The torque of a table of a scenario, of zeros where it has none."""
+        del context
+        return cls(values["amplitude_N_m"], values["frequency_rad_s"], values["phase_rad"])
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """Equation (2)."""
+        del attitude, inertia
+        return self.at(t)
+
+    def at(self, t: RealScalar) -> Float[Array, "3"]:
+        """Equation (2) at time `t` (s), N m."""
+        return self.amplitude * sin(self.frequency * t + self.phase)
+
+
+class ConstantTorque(AbstractDisturbance):
+    """A torque fixed in body axes (shape (3,), N m), such as that of a leaking valve."""
+
+    declaration: ClassVar[PartDeclaration] = CONSTANT
+
+    torque: Float[Array, "3"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_finite("torque", self.torque)
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "ConstantTorque | None":
+        """The torque of a table of a scenario; None where it is zero."""
+        del context
+        return cls(values["constant_N_m"]) if any(values["constant_N_m"]) else None
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """The same torque always."""
+        del t, attitude, inertia
+        return self.torque
+
+
+class GravityGradient(AbstractDisturbance):
+    """Gravity-gradient torque 3 ω0² n × J n, n the direction to the Earth's centre.
+
+    `orbit_rate` is ω0 in rad/s. Hughes, Spacecraft Attitude Dynamics, 1986, section 8.1.
+    """
+
+    declaration: ClassVar[PartDeclaration] = GRAVITY_GRADIENT
+
+    orbit_rate: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_finite("orbit_rate", self.orbit_rate)
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "GravityGradient | None":
+        """The torque of a table of a scenario; None where it does not act."""
+        return cls(context.orbit_rate) if values["gravity_gradient"] else None
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """3 ω0² n × J n with n = C (0, 0, 1)ᵀ."""
+        del t
+        nadir = attitude.as_dcm().matrix[:, 2]
+        return 3 * self.orbit_rate**2 * jnp.cross(nadir, inertia @ nadir)
+
+
+class SumOfDisturbances(AbstractDisturbance):
+    """Several disturbances at once."""
+
+    terms: tuple[AbstractDisturbance, ...]
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """The sum of the terms."""
+        return sum((term(t, attitude, inertia) for term in self.terms), jnp.zeros(3, inertia.dtype))

@@ -1,0 +1,179 @@
+"""Disturbances by the place in the orbit: residual dipole, drag and solar pressure.
+
+Wertz, Spacecraft Attitude Determination and Control, 1978, sections 5.1, 17.2 and appendix H.
+"""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.checks import as_float, require_finite, require_positive
+from jaxsat.core.declaration import PartDeclaration
+from jaxsat.core.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
+from jaxsat.core.earth import EARTH_RADIUS
+from jaxsat.spacecraft.environment.disturbances import (
+    AbstractDisturbance,
+    DisturbanceContext,
+    RealScalar,
+)
+from jaxsat.spacecraft.environment.magnetic_field import DipoleField
+from jaxsat.spacecraft.environment.orbit import CircularOrbit
+
+SOLAR_PRESSURE = 4.56e-6
+"""At the Earth's mean distance from the Sun on a surface that absorbs all light, N/m²."""
+
+
+class MagneticTorque(AbstractDisturbance):
+    """A dipole fixed in the body (A m²), in the Earth's magnetic `field`."""
+
+    declaration: ClassVar[PartDeclaration] = MAGNETIC
+
+    dipole: Float[Array, "3"] = eqx.field(converter=as_float)
+    field: DipoleField
+
+    def __check_init__(self):
+        require_finite("dipole", self.dipole)
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "MagneticTorque | None":
+        """The torque of a table of a scenario; None for no dipole."""
+        dipole = values["residual_dipole_A_m2"]
+        return cls(dipole, DipoleField(context.place)) if any(dipole) else None
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """m × B in body axes."""
+        del inertia
+        return jnp.cross(self.dipole, self.field.in_body(t, attitude))
+
+
+class AerodynamicTorque(AbstractDisturbance):
+    """Drag of one coefficient: the force ½ ρ v² `coefficient` `area` against the velocity.
+
+    `density` ρ in kg/m³ is constant, `area` in m², v the speed of the circular `orbit` (the air's
+    own is left out). It acts at the `centre` of pressure (m) from the centre of mass, body axes.
+    """
+
+    declaration: ClassVar[PartDeclaration] = AERODYNAMIC
+
+    density: Float[Array, ""] = eqx.field(converter=as_float)
+    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    area: Float[Array, ""] = eqx.field(converter=as_float)
+    centre: Float[Array, "3"] = eqx.field(converter=as_float)
+    orbit: CircularOrbit
+
+    def __check_init__(self):
+        for name in ("density", "coefficient", "area"):
+            require_positive(name, getattr(self, name), zero_allowed=True)
+        require_finite("centre", self.centre)
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "AerodynamicTorque | None":
+        """The torque of a table of a scenario; None where there is no air."""
+        if not values["drag_density_kg_m3"]:
+            return None
+        return cls(
+            values["drag_density_kg_m3"],
+            values["drag_coefficient"],
+            values["drag_area_m2"],
+            values["drag_centre_m"],
+            context.place,
+        )
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """centre × force in body axes."""
+        del t, inertia
+        forward = attitude.as_dcm().matrix[:, 0]
+        speed = self.orbit.rate * self.orbit.radius
+        force = -0.5 * self.density * speed**2 * self.coefficient * self.area * forward
+        return jnp.cross(self.centre, force)
+
+
+class Sunlight(eqx.Module):
+    """Where light comes from along an orbit: the Sun's direction is fixed in inertial axes.
+
+    `sun` is of any length but zero. With `eclipses` the Earth has a shadow, a cylinder as wide as
+    its equator, into which no light comes.
+    """
+
+    sun: Float[Array, "3"] = eqx.field(converter=as_float)
+    orbit: CircularOrbit
+    eclipses: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self):
+        require_finite("sun", self.sun)
+        require_positive("sun", jnp.sum(self.sun**2))
+
+    def __call__(self, t: RealScalar) -> tuple[Float[Array, "3"], Float[Array, ""]]:
+        """Unit vector to the Sun in orbit axes at time `t` (s), and the light there, 0 or 1."""
+        towards = self.orbit.axes(t) @ (self.sun / jnp.sqrt(jnp.sum(self.sun**2)))
+        if not self.eclipses:
+            return towards, jnp.ones_like(towards[2])
+        across = self.orbit.radius**2 * (1 - towards[2] ** 2)
+        dark = (towards[2] > 0) & (across < EARTH_RADIUS**2)  # z is down
+        return towards, jnp.where(dark, 0.0, 1.0)
+
+
+class SolarPressureTorque(AbstractDisturbance):
+    """Light of one coefficient: the force P `coefficient` `area` away from the Sun.
+
+    `coefficient` is 1 for a surface that absorbs all light and 2 for a mirror across it; `area` in
+    m². It acts at the `centre` of pressure (m) from the centre of mass, body axes. `sun` is the
+    direction to the Sun, fixed in inertial axes, of any length but zero; see `Sunlight` for
+    `eclipses`.
+    """
+
+    declaration: ClassVar[PartDeclaration] = SOLAR
+
+    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    area: Float[Array, ""] = eqx.field(converter=as_float)
+    centre: Float[Array, "3"] = eqx.field(converter=as_float)
+    sun: Float[Array, "3"] = eqx.field(converter=as_float)
+    orbit: CircularOrbit
+    eclipses: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self):
+        for name in ("coefficient", "area"):
+            require_positive(name, getattr(self, name), zero_allowed=True)
+        require_finite("centre", self.centre)
+        self.light()
+
+    def light(self) -> Sunlight:
+        """Where the light comes from."""
+        return Sunlight(self.sun, self.orbit, self.eclipses)
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "SolarPressureTorque | None":
+        """The torque of a table of a scenario; None where nothing is lit."""
+        if not values["solar_area_m2"]:
+            return None
+        return cls(
+            values["solar_coefficient"],
+            values["solar_area_m2"],
+            values["solar_centre_m"],
+            values["sun_direction"],
+            context.place,
+            values["eclipses"],
+        )
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """centre × force in body axes."""
+        del inertia
+        towards, light = self.light()(t)
+        push = -light * SOLAR_PRESSURE * self.coefficient * self.area
+        return jnp.cross(self.centre, push * (attitude.as_dcm().matrix @ towards))

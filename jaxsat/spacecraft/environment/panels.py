@@ -1,0 +1,96 @@
+"""Drag and solar pressure on flat plates.
+
+Wertz, Spacecraft Attitude Determination and Control, 1978, section 17.2.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.core.checks import as_float, require_finite, require_positive
+from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, RealScalar
+from jaxsat.spacecraft.environment.orbit import CircularOrbit
+from jaxsat.spacecraft.environment.orbital_torques import SOLAR_PRESSURE, Sunlight
+
+
+class Panels(eqx.Module):
+    """P flat plates that air and light strike on the side of their normals, in body axes.
+
+    `area` in m²; `normal` outwards, of any length but zero; `centre` of each in m from the centre
+    of mass; its `drag_coefficient`; and the shares of light that it reflects, `specular` as a
+    mirror and `diffuse` evenly, of which the rest is absorbed. None shadows another. Raises
+    `ValueError` for numbers that no plate has.
+    """
+
+    area: Float[Array, " p"] = eqx.field(converter=as_float)
+    normal: Float[Array, "p 3"] = eqx.field(converter=as_float)
+    centre: Float[Array, "p 3"] = eqx.field(converter=as_float)
+    drag_coefficient: Float[Array, " p"] = eqx.field(converter=as_float)
+    specular: Float[Array, " p"] = eqx.field(converter=as_float)
+    diffuse: Float[Array, " p"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        for name in ("area", "drag_coefficient", "specular", "diffuse"):
+            require_positive(name, getattr(self, name), zero_allowed=True)
+        require_finite("centre", self.centre)
+        require_positive("normal", jnp.sum(self.normal**2, axis=1))
+
+    def unit_normals(self) -> Float[Array, "p 3"]:
+        """The normals, of length 1."""
+        return self.normal / jnp.sqrt(jnp.sum(self.normal**2, axis=1, keepdims=True))
+
+    def torque(self, force: Float[Array, "p 3"]) -> Float[Array, "3"]:
+        """The torque of a force on the centre of each, N m."""
+        return jnp.sum(jnp.cross(self.centre, force), axis=0)
+
+
+class PanelDrag(AbstractDisturbance):
+    """Drag on `panels`: -½ ρ v² C_d A (n·v̂) v̂ on each that faces the velocity.
+
+    `density` ρ in kg/m³ is constant, v the speed of the circular `orbit` (the air's own is left
+    out).
+    """
+
+    density: Float[Array, ""] = eqx.field(converter=as_float)
+    panels: Panels
+    orbit: CircularOrbit
+
+    def __check_init__(self):
+        require_positive("density", self.density, zero_allowed=True)
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """Σ centre × force in body axes."""
+        del t, inertia
+        panels, forward = self.panels, attitude.as_dcm().matrix[:, 0]
+        speed = self.orbit.rate * self.orbit.radius
+        facing = jnp.maximum(panels.unit_normals() @ forward, 0.0)
+        size = 0.5 * self.density * speed**2 * panels.drag_coefficient * panels.area * facing
+        return panels.torque(-size[:, None] * forward[None])
+
+
+class PanelSolarPressure(AbstractDisturbance):
+    """Light on `panels`: -P A cosθ ((1 - C_s) ŝ + 2 (C_s cosθ + C_d / 3) n) on each that is lit.
+
+    ŝ points to the Sun, cosθ = n·ŝ, C_s and C_d are the shares of light that are reflected as by
+    a mirror and evenly.
+    """
+
+    panels: Panels
+    light: Sunlight
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """Σ centre × force in body axes."""
+        del inertia
+        panels, normal = self.panels, self.panels.unit_normals()
+        towards, pressure = self.light(t)
+        sun = attitude.as_dcm().matrix @ towards
+        cosine = jnp.maximum(normal @ sun, 0.0)
+        along_normal = 2 * (panels.specular * cosine + panels.diffuse / 3)
+        push = (1 - panels.specular)[:, None] * sun[None] + along_normal[:, None] * normal
+        size = pressure * SOLAR_PRESSURE * panels.area * cosine
+        return panels.torque(-size[:, None] * push)

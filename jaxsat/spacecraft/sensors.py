@@ -1,0 +1,99 @@
+"""What a sampled controller is told of the state."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, UInt32
+from numpy.typing import DTypeLike
+
+from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.declaration.sensors import SENSOR_KEYS
+from jaxsat.core.noise import sample_noise
+
+
+def as_key(value) -> UInt32[Array, "2"]:
+    """Key data as two 32-bit words."""
+    return jnp.asarray(value, jnp.uint32)
+
+
+class Sensors(eqx.Module):
+    """White Gaussian noise on what is measured, independent on each axis and at each sample.
+
+    `rate_noise` (rad/s) is the standard deviation on each component of ω. `attitude_noise` (rad) is
+    that of each component of a small rotation, in body axes, between the true attitude and the
+    measured one. The noise is a function of `key` (two 32-bit words) and of the sample's number.
+    """
+
+    rate_noise: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    attitude_noise: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
+
+    def __check_init__(self):
+        for name in ("rate_noise", "attitude_noise"):
+            require_positive(name, getattr(self, name), zero_allowed=True)
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], key: UInt32[Array, "2"]) -> "Sensors":
+        """Those of a checked table with the keys `jaxsat.core.declaration.sensors.SENSOR_KEYS`."""
+        rate_noise, attitude_noise = (values[own.name] for own in SENSOR_KEYS)
+        return cls(rate_noise, attitude_noise, key)
+
+    def __call__(
+        self, sample: Int[Array, ""], attitude: AbstractAttitude, omega: Float[Array, "3"]
+    ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
+        """The measured attitude, in the parameters of the true one, and the measured ω, rad/s."""
+        return self.with_noise(self.noise(sample, omega.dtype), attitude, omega)
+
+    def noise(self, sample: Int[Array, ""], dtype: DTypeLike) -> Float[Array, "6"]:
+        """Standard normal numbers of a sample, three for the rate and three for the attitude."""
+        return sample_noise(self.key, sample, 6, dtype)
+
+    def with_noise(
+        self, noise: Float[Array, "6"], attitude: AbstractAttitude, omega: Float[Array, "3"]
+    ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
+        """What is measured with this noise."""
+        turned = turned_slightly(attitude, self.attitude_noise * noise[3:])
+        return turned, omega + self.rate_noise * noise[:3]
+
+    def drawn(self, first: Int[Array, ""], count: int, dtype: DTypeLike) -> "DrawnSensors":
+        """The same for `count` samples from number `first` on, with all their noise drawn now."""
+        noise = jax.vmap(lambda sample: self.noise(sample, dtype))(first + jnp.arange(count))
+        return DrawnSensors(self, noise, first)
+
+
+class DrawnSensors(eqx.Module):
+    """Sensors for some samples whose noise has been drawn, the first of them number `first`."""
+
+    sensors: Sensors
+    noise: Float[Array, "samples 6"]
+    first: Int[Array, ""]
+
+    def __call__(
+        self, sample: Int[Array, ""], attitude: AbstractAttitude, omega: Float[Array, "3"]
+    ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
+        """As the sensors themselves."""
+        return self.sensors.with_noise(self.noise[sample - self.first], attitude, omega)
+
+
+def turned_slightly(attitude: AbstractAttitude, rotation: Float[Array, "3"]) -> AbstractAttitude:
+    """The attitude after a small rotation of the body (rad, body axes), in the same parameters.
+
+    The angle turned is 2 arctan(|rotation| / 2), |rotation| to third order. A turn z stays within
+    π of what it was.
+    """
+    return in_parameters_of(attitude, attitude.as_quaternion().turned(rotation))
+
+
+def in_parameters_of(attitude: AbstractAttitude, other: Quaternion) -> AbstractAttitude:
+    """Another attitude in the parameters of the first; a turn z stays within π of the first's."""
+    if isinstance(attitude, Quaternion):
+        return other
+    if isinstance(attitude, WZ):
+        wz = other.as_wz()
+        change = jnp.mod(wz.z - attitude.z + jnp.pi, 2 * jnp.pi) - jnp.pi
+        return WZ(wz.w, attitude.z + change)
+    return other.as_dcm()

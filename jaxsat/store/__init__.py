@@ -1,0 +1,77 @@
+"""Results as labelled arrays with units, and the folders that hold them.
+
+What needs xarray, which takes its time, is imported when first used.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from jaxsat.store.errors import OutputError, system_failure
+from jaxsat.store.files import refuse_existing, save_file
+from jaxsat.store.folder import OutputFolder
+from jaxsat.store.provenance import machine, provenance
+from jaxsat.store.resumable import ResumableFolder
+
+if TYPE_CHECKING:
+    from jaxsat.store.chunks import Column
+    from jaxsat.store.dataset import (
+        dataset_bytes,
+        open_trajectory,
+        save_dataset,
+        trajectory_dataset,
+    )
+    from jaxsat.store.opening import open_study
+    from jaxsat.store.reading import study_columns
+    from jaxsat.store.settling import is_within, time_at_rest, time_to_settle
+    from jaxsat.store.store import StudyStore
+    from jaxsat.store.tables import case_table, save_case_table
+
+_LATER = {
+    "Column": "chunks",
+    "StudyStore": "store",
+    "case_table": "tables",
+    "dataset_bytes": "dataset",
+    "is_within": "settling",
+    "open_study": "opening",
+    "open_trajectory": "dataset",
+    "save_case_table": "tables",
+    "save_dataset": "dataset",
+    "study_columns": "reading",
+    "time_at_rest": "settling",
+    "time_to_settle": "settling",
+    "trajectory_dataset": "dataset",
+}
+
+__all__ = [
+    "Column",
+    "OutputError",
+    "OutputFolder",
+    "ResumableFolder",
+    "StudyStore",
+    "case_table",
+    "dataset_bytes",
+    "is_within",
+    "machine",
+    "open_study",
+    "open_trajectory",
+    "provenance",
+    "refuse_existing",
+    "save_case_table",
+    "save_dataset",
+    "save_file",
+    "study_columns",
+    "system_failure",
+    "time_at_rest",
+    "time_to_settle",
+    "trajectory_dataset",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module 'jaxsat.store' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"jaxsat.store.{_LATER[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,160 @@
+"""The arrays of a store on the disk: chunks written whole, metadata with room for the cases."""
+
+import contextlib
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from jaxsat.store.chunks import (
+    CASE,
+    CASE_COLUMN,
+    DONE,
+    METADATA,
+    STATUS,
+    STATUS_COLUMN,
+    as_json,
+    chunk_file,
+    differs_in_rows_alone,
+    encoded,
+)
+from jaxsat.store.errors import OutputError
+from jaxsat.store.files import (
+    WRITERS,
+    new_token,
+    parse_json,
+    partial_name,
+    read_file,
+    write_file,
+)
+from jaxsat.store.header import Header
+from jaxsat.store.ledger import Ledger
+
+
+class StoreArrays:
+    """What other programs read of a store, written by this process alone.
+
+    Nothing here decides what is done: that is the ledger's. `repairs` gets a line for all that was
+    found damaged. What the system refuses raises `OSError`.
+    """
+
+    def __init__(self, path: Path, header: Header, ledger: Ledger, repairs: list[str]):
+        self._path, self._header, self._ledger, self._repairs = path, header, ledger, repairs
+        self._rows: int | None = None
+        self._token: str | None = None
+        self._pool = ThreadPoolExecutor(WRITERS, thread_name_prefix="jaxsat-store")
+
+    def begin(self) -> None:
+        """Have all folders, and nothing that a killed process was about to write."""
+        names = (*self._header.arrays, *self._header.coordinates)
+        for name in names:
+            self._make_folder(name)
+        for token in self._ledger.tokens:
+            for name in names:
+                with contextlib.suppress(FileNotFoundError):
+                    (self._path / name / partial_name(token)).unlink()
+        self._ledger.clean()
+
+    def repair(self) -> None:
+        """Have coordinates and metadata be what they should for the cases done."""
+        for place, data in self._header.coordinate_files().items():
+            if read_file(self._path / place) != data:
+                self._repairs.append(f"{place} was damaged and is written again")
+                self._write_all({place: data})
+        self._fit()
+
+    def close(self) -> None:
+        """Have no more room than cases; at last put the metadata of all arrays in one place.
+
+        Readers go by that alone once it is there, so it comes when nothing is to change, and goes
+        before anything does.
+        """
+        try:
+            self._fit()
+            self._write_header(self._header.content(self._ledger.end))
+            self._ledger.clean()
+        finally:
+            self._pool.shutdown()
+
+    def grow(self, cases: int, most: int) -> None:
+        """Make room for so many cases; for more at once, so that it need not be done often."""
+        room = self._rows or 0
+        if cases > room:
+            self._make_room(min(most, max(cases, 2 * room)))
+
+    def write_chunk(self, chunk: int, files: Mapping[str, bytes]) -> None:
+        """Write the files of a chunk's columns, and the numbers of its cases."""
+        columns = self._header.columns
+        places = {chunk_file(name, columns[name], chunk): data for name, data in files.items()}
+        self._write_all({**places, **self._numbers(chunk)})
+
+    def write_status(self, chunk: int, cases: int) -> None:
+        """Say that so many cases of a chunk are done, if that is not what is said."""
+        place = chunk_file(STATUS, STATUS_COLUMN, chunk)
+        wanted = encoded(STATUS_COLUMN, np.full(cases, DONE), self._header.chunk)
+        found = read_file(self._path / place)
+        if found != wanted and (cases or found is not None):
+            self._write_all({place: wanted})
+
+    def _fit(self) -> None:
+        """Room for the cases up to the last one done, all of them numbered."""
+        rows = self._ledger.end
+        for chunk in range(-(-rows // self._header.chunk)):
+            for place, data in self._numbers(chunk).items():
+                if read_file(self._path / place) != data:
+                    self._write_all({place: data})
+        self._make_room(rows)
+
+    def _numbers(self, chunk: int) -> dict[str, bytes]:
+        size = self._header.chunk
+        numbers = np.arange(chunk * size, (chunk + 1) * size)
+        return {chunk_file(CASE, CASE_COLUMN, chunk): encoded(CASE_COLUMN, numbers, size)}
+
+    def _make_room(self, rows: int) -> None:
+        """Have every array's metadata say what it should; other programs go by it."""
+        if rows == self._rows:
+            return
+        stale = {}
+        for name, wanted in self._header.metadata(rows).items():
+            place = f"{name}/{METADATA}"
+            found = read_file(self._path / place)
+            if found == as_json(wanted):
+                continue
+            stale[place] = as_json(wanted)
+            if not differs_in_rows_alone(parse_json(found), wanted):
+                self._repairs.append(f"{place} was damaged and is written again")
+        self._rows = None  # what it is while some say one thing and some another
+        if read_file(self._path / METADATA) != self._header.content(rows):
+            self._write_header(self._header.content())
+        if stale:
+            self._write_all(stale)
+        self._rows = rows
+
+    def _write_header(self, content: bytes) -> None:
+        if read_file(self._path / METADATA) != content:
+            write_file(self._path / METADATA, content)
+
+    def _write_all(self, files: Mapping[str, bytes]) -> None:
+        """Write files, no two of one array, and wait until all are on the disk."""
+        if self._token is None:
+            self._token = new_token()
+            self._ledger.add_token(self._token)
+        partial = partial_name(self._token)
+
+        def write(item: tuple[str, bytes]) -> None:
+            path = Path(item[0])
+            self._make_folder(path.parent)
+            write_file(self._path / path, item[1], partial=self._path / path.parts[0] / partial)
+
+        list(self._pool.map(write, files.items()))
+
+    def _make_folder(self, name: str | Path) -> None:
+        """Make a folder of the store; a link in its place might lead anywhere."""
+        path = self._path
+        for part in Path(name).parts:
+            path /= part
+            with contextlib.suppress(FileExistsError):
+                path.mkdir()
+            if path.is_symlink() or not path.is_dir():
+                raise OutputError(f"{path} is no folder of jaxsat's; move it away.")

@@ -1,0 +1,200 @@
+"""The files of a study's store in Zarr 3: what they are called, what is in them, how it is checked.
+
+They are written here and not by the zarr library because every file must be whole, checked and on
+the disk before the ledger says so; that library, and xarray, read them.
+"""
+
+import json
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import google_crc32c
+import numpy as np
+from numcodecs.vlen import VLenUTF8
+from numcodecs.zstd import Zstd
+
+from jaxsat.store.files import content_hash
+
+CASE = "case"
+METADATA = "zarr.json"
+_ZSTD = Zstd(level=0)
+_CHECKSUM_BYTES = 4
+
+
+class Column(NamedTuple):
+    """How one result of a case is stored: shape and type of one case's value, and its label.
+
+    `dims` are the names of the axes of `shape`; columns share an axis by its name. A column of
+    codes has in `flags` what each code from 0 on stands for.
+    """
+
+    shape: tuple[int, ...]
+    dtype: str
+    units: str
+    long_name: str
+    dims: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Units and name; of codes what they stand for, as the CF conventions have it."""
+        told: dict[str, Any] = {"units": self.units, "long_name": self.long_name}
+        if self.flags:
+            told["flag_values"] = list(range(len(self.flags)))
+            told["flag_meanings"] = " ".join(flag.replace(" ", "_") for flag in self.flags)
+        return told
+
+    @property
+    def fill(self) -> float:
+        """What stands for a case that is not done."""
+        return np.nan if np.issubdtype(np.dtype(self.dtype), np.floating) else 0.0
+
+
+class Coordinate(NamedTuple):
+    """The labels of an axis that columns share: texts, or numbers with units."""
+
+    values: tuple[str, ...] | tuple[float, ...]
+    units: str = "1"
+    long_name: str = ""
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Units and name where they say something."""
+        told = {"units": self.units if self.units != "1" else "", "long_name": self.long_name}
+        return {name: text for name, text in told.items() if text}
+
+
+STATUS = "status"
+STATUS_COLUMN = Column((), "uint8", "1", "1 where the case is done")
+DONE = 1
+"""The status of a case that is; 0 before."""
+
+CASE_COLUMN = Column((), "int64", "1", "number of the case")
+"""The coordinate along the cases, which has chunks like a column."""
+
+
+def chunk_numbers(chunk: int, size: int, count: int) -> np.ndarray:
+    """The cases of one of the chunks of `size` cases, `count` in all."""
+    return np.arange(chunk * size, min((chunk + 1) * size, count))
+
+
+def chunk_file(name: str, column: Column, chunk: int) -> str:
+    """Where a column's chunk lies in the store."""
+    return "/".join([name, "c", str(chunk), *("0" for _ in column.shape)])
+
+
+def chunk_hash(name: str, chunk: int, data: bytes) -> str:
+    """The hash by which a chunk's file is known, and known to be in its place."""
+    return content_hash(data, f"{name}/{chunk}")
+
+
+def encoded(column: Column, values: np.ndarray, size: int) -> bytes:
+    """The file of a chunk of `size` cases; values (cases, ...) of fewer are filled up."""
+    whole = np.full((size, *column.shape), column.fill, _stored_type(column))
+    whole[: len(values)] = values
+    return _packed(whole.tobytes())
+
+
+def _packed(plain: bytes) -> bytes:
+    packed = bytes(_ZSTD.encode(plain))
+    return packed + google_crc32c.value(packed).to_bytes(_CHECKSUM_BYTES, "little")
+
+
+def decoded(column: Column, data: bytes, size: int) -> np.ndarray:
+    """The values (size, ...) in a chunk's file; raises `ValueError` for what is none."""
+    packed, checksum = data[:-_CHECKSUM_BYTES], data[-_CHECKSUM_BYTES:]
+    if google_crc32c.value(packed).to_bytes(_CHECKSUM_BYTES, "little") != checksum:
+        raise ValueError("the checksum is another one")
+    try:
+        plain = _ZSTD.decode(packed)
+    except RuntimeError as error:
+        raise ValueError(str(error)) from error
+    values = np.frombuffer(plain, _stored_type(column)).reshape(size, *column.shape)
+    return values.astype(column.dtype)
+
+
+def array_metadata(column: Column, rows: int, size: int) -> dict[str, Any]:
+    """The `zarr.json` of a column with room for `rows` cases."""
+    return _array_metadata(
+        [rows, *column.shape],
+        column.dtype,
+        "NaN" if np.isnan(column.fill) else 0,
+        [size, *column.shape],
+        [CASE, *column.dims],
+        column.attributes,
+    )
+
+
+def coordinate_files(name: str, coordinate: Coordinate) -> dict[str, bytes]:
+    """The files of the array of a coordinate: its `zarr.json` and one chunk."""
+    texts = isinstance(coordinate.values[0], str)
+    count = len(coordinate.values)
+    values = np.array(coordinate.values, object if texts else "<f8")
+    plain = bytes(VLenUTF8().encode(values)) if texts else values.tobytes()
+    metadata = _array_metadata(
+        [count],
+        "string" if texts else "float64",
+        "" if texts else "NaN",
+        [count],
+        [name],
+        coordinate.attributes,
+    )
+    return {f"{name}/{METADATA}": as_json(metadata), f"{name}/c/0": _packed(plain)}
+
+
+def _array_metadata(
+    shape: list[int],
+    data_type: str,
+    fill: Any,
+    chunk_shape: list[int],
+    dimensions: list[str],
+    attributes: Mapping[str, Any],
+) -> dict[str, Any]:
+    serializer: dict[str, Any] = {"name": "vlen-utf8" if data_type == "string" else "bytes"}
+    if data_type != "string" and np.dtype(data_type).itemsize > 1:
+        serializer["configuration"] = {"endian": "little"}
+    return {
+        "zarr_format": 3,
+        "node_type": "array",
+        "shape": shape,
+        "data_type": data_type,
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": chunk_shape}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
+        "fill_value": fill,
+        "codecs": [
+            serializer,
+            {"name": "zstd", "configuration": {"level": 0, "checksum": False}},
+            {"name": "crc32c"},
+        ],
+        "attributes": dict(attributes),
+        "dimension_names": dimensions,
+        "storage_transformers": [],
+    }
+
+
+def differs_in_rows_alone(found: Any, wanted: Mapping[str, Any]) -> bool:
+    """Whether array metadata is that of the same array with room for more or fewer cases."""
+    shape = found.get("shape") if isinstance(found, dict) else None
+    if not isinstance(shape, list) or not shape or not isinstance(shape[0], int):
+        return False
+    return found == {**wanted, "shape": [shape[0], *wanted["shape"][1:]]}
+
+
+def group_metadata(
+    attributes: Mapping[str, Any], arrays: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The `zarr.json` of the store itself, with the metadata of its `arrays` if they are given."""
+    group = {"zarr_format": 3, "node_type": "group", "attributes": dict(attributes)}
+    if arrays is None:
+        return group
+    inline = {"kind": "inline", "must_understand": False, "metadata": dict(arrays)}
+    return {**group, "consolidated_metadata": inline}
+
+
+def as_json(data: Any) -> bytes:
+    """Plain data as it stands in a `zarr.json`."""
+    return (json.dumps(data, indent=1) + "\n").encode()
+
+
+def _stored_type(column: Column) -> np.dtype:
+    return np.dtype(column.dtype).newbyteorder("<")

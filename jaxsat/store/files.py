@@ -1,0 +1,184 @@
+"""Single files: written whole or not at all, on the disk when it is said, no link followed.
+
+Everything that jaxsat writes goes through `write_file`.
+"""
+
+import contextlib
+import errno
+import hashlib
+import json
+import os
+import secrets
+import stat
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from jaxsat.store.errors import OutputError, reason, system_failure
+
+WRITERS = 8
+"""Files that are written at once: most of the time goes into waiting for the disk."""
+
+_PLAIN = getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _PLAIN
+_READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _PLAIN  # a pipe does not hold us up
+_ABSENT = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.EISDIR, errno.ENXIO)
+_NO_HARD_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)
+
+
+def new_token() -> str:
+    """What makes a partial file's name its own; nobody can know it beforehand."""
+    return secrets.token_hex(8)
+
+
+def partial_name(token: str) -> str:
+    """The name of a file while it is written, beside the file that it is to be."""
+    return f".jaxsat-{token}.partial"
+
+
+def content_hash(data: bytes, place: str = "") -> str:
+    """A hash of a content and, if one is given, of the place where it belongs."""
+    return hashlib.blake2b(place.encode() + b"\0" + data, digest_size=16).hexdigest()
+
+
+Content = str | bytes | Iterable[bytes]
+"""Of a file; pieces are written as they come."""
+
+
+def write_file(
+    path: Path,
+    content: Content,
+    *,
+    replace: bool = True,
+    durable: bool = True,
+    partial: Path | None = None,
+) -> None:
+    """Write a file in one step: a new one, beside it unless `partial` says where, takes its name.
+
+    Without `replace` a file that is there is kept and `FileExistsError` raised. `durable` waits
+    until file and folder are on the disk. A symbolic link is replaced, never followed. Raises
+    `OSError`, and then leaves what there was.
+    """
+    data = content.encode() if isinstance(content, str) else content
+    pieces = (data,) if isinstance(data, bytes) else data
+    if partial is None:
+        partial = path.with_name(partial_name(new_token()))
+    handle = os.open(partial, _NEW, 0o666)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.writelines(pieces)
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
+        if replace:
+            partial.replace(path)
+        else:
+            _put_beside(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+    if durable:
+        sync_folder(path.parent)
+
+
+def read_file(path: Path) -> bytes | None:
+    """The content of a plain file; None where there is none, or a link, a folder, a pipe."""
+    try:
+        handle = os.open(path, _READ)
+    except OSError as error:
+        if error.errno in _ABSENT:
+            return None
+        raise
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        return None
+    with os.fdopen(handle, "rb") as file:
+        return file.read()
+
+
+def read_or_explain(path: Path) -> bytes | None:
+    """The same; raises `OutputError` where the system will not read it."""
+    try:
+        return read_file(path)
+    except OSError as error:
+        raise system_failure(f"{path} cannot be read: {reason(error)}.", error) from error
+
+
+def save_file(
+    path: str | Path, content: Content, *, overwrite: bool = False, option: str = "--out"
+) -> None:
+    """Write a file that a user named; raises `OutputError`, also for one that is there already.
+
+    `overwrite` replaces it, through symbolic links, if it is a file. Messages name the `option`
+    that takes another file.
+    """
+    refuse_existing(path, overwrite=overwrite, option=option)
+    target = Path(os.path.realpath(path))
+    try:
+        write_file(target, content, replace=overwrite)
+    except FileExistsError:
+        raise OutputError(_already_there(path, option)) from None
+    except OSError as error:
+        raise system_failure(f"{path} cannot be written: {reason(error)}.", error) from error
+
+
+def refuse_existing(path: str | Path, *, overwrite: bool, option: str = "--out") -> None:
+    """Raise `OutputError` where `save_file` would, as far as that can be known beforehand."""
+    target = Path(os.path.realpath(path))
+    if os.path.lexists(target):
+        if not target.is_file():
+            raise OutputError(f"{path} is not a file; give another one with {option}.")
+        if not overwrite:
+            raise OutputError(_already_there(path, option))
+    elif not target.parent.is_dir():
+        raise OutputError(f"{path} cannot be written: {target.parent} is not a folder.")
+
+
+def parse_json(content: bytes | None) -> Any:
+    """What a file of JSON holds; None for anything else."""
+    try:
+        return None if content is None else json.loads(content)
+    except (ValueError, RecursionError):
+        return None
+
+
+def sync_file(path: Path) -> None:
+    """Wait until a file or folder is on the disk."""
+    handle = os.open(path, os.O_RDONLY | _PLAIN)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def sync_files(paths: Sequence[Path]) -> None:
+    """Wait until some files, and their names in their folders, are on the disk, all at once."""
+    with ThreadPoolExecutor(WRITERS, thread_name_prefix="jaxsat-sync") as pool:
+        list(pool.map(sync_file, paths))
+        list(pool.map(sync_folder, {path.parent for path in paths}))
+
+
+def sync_folder(path: Path) -> None:
+    """Wait until the names in a folder are on the disk, where the system can do that."""
+    if os.name == "posix":
+        with contextlib.suppress(PermissionError):  # a folder may be written to but not read
+            sync_file(path)
+
+
+def _put_beside(partial: Path, path: Path) -> None:
+    """Give a new file its name unless there is one of that name."""
+    try:
+        os.link(partial, path)
+    except OSError as error:
+        if error.errno not in _NO_HARD_LINKS:
+            raise
+        if os.path.lexists(path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from None
+        partial.rename(path)
+    else:
+        partial.unlink()
+
+
+def _already_there(path: str | Path, option: str) -> str:
+    return f"{path} already exists; give --overwrite to replace it, or another file with {option}."

@@ -1,0 +1,208 @@
+"""An output folder that appears complete or not at all."""
+
+import contextlib
+import ctypes
+import os
+import stat
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+
+from jaxsat.store.errors import OutputError, reason, system_failure
+from jaxsat.store.files import sync_file, sync_folder
+from jaxsat.store.marker import MARKER, Made, Marker, abbreviated, foreign_files_in, nothing, walk
+from jaxsat.store.temporary import TemporaryFolder, temporary_folder
+
+
+class OutputFolder:
+    """A context manager that gives a temporary folder and renames it to its target at the end.
+
+    Inside the `with` block call `write`, or write into `folder.path`. When the block ends the
+    folder takes its name in one step; when it ends by an exception nothing is left. An existing
+    target is refused unless `overwrite` is set, and replaced only if it holds the same `kind` of
+    result and every file in it is as jaxsat wrote it, or was made of that by a build, as
+    `is_made_of_it` tells of a name. `option` is what names the target on the command line. Raises
+    `OutputError`, on construction for what can be known by then.
+    """
+
+    target: Path
+    overwrite: bool
+    path: Path
+    _made: TemporaryFolder
+
+    def __init__(
+        self,
+        target: str | Path,
+        *,
+        kind: str = "result",
+        overwrite: bool = False,
+        option: str = "--out",
+        is_made_of_it: Made = nothing,
+    ):
+        self.target = Path(os.path.realpath(target))
+        self.overwrite = overwrite
+        self._kind, self._option, self._is_made_of_it = kind, option, is_made_of_it
+        self._else = f"give another folder with {option}"
+        self._new_parents: list[Path] = []
+        _explain(target, self._refuse_what_is_there)
+
+    def __enter__(self) -> "OutputFolder":
+        """Make the temporary folder beside the target."""
+        try:
+            _explain(self.target, self._make_temporary)
+        except BaseException:
+            self._remove_new_parents()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Put the folder in its place, or remove it."""
+        try:
+            if kind is None:
+                _explain(self.target, self._finish)
+            else:
+                self._made.remove()
+        finally:
+            self._made.lock.close()
+            self._remove_new_parents()
+        if isinstance(error, OSError):
+            raise system_failure(_reason(self.target, error), error) from error
+
+    def write(self, name: str, content: str | bytes) -> None:
+        """Write a file into the folder; raises `OSError`, which the end of the block explains."""
+        data = content.encode() if isinstance(content, str) else content
+        self._made.marker.write(name, data, durable=False)  # all of it is, at the end
+
+    @property
+    def names(self) -> list[str]:
+        """The files that `write` has written."""
+        return self._made.marker.names
+
+    def _refuse_what_is_there(self) -> None:
+        if not os.path.lexists(self.target):
+            return
+        if not self.target.is_dir():
+            raise OutputError(f"{self.target} is a file; {self._else}.")
+        if not self.overwrite:
+            raise OutputError(
+                f"{self.target} already exists; give --overwrite to replace it, or another folder "
+                f"with {self._option}."
+            )
+        foreign_files = foreign_files_in(self.target, self._is_made_of_it)
+        if foreign_files:
+            raise OutputError(
+                f"{self.target} holds what jaxsat did not write, or what was changed since "
+                f"({abbreviated(foreign_files)}), so it is not replaced; {self._else}."
+            )
+        marker = Marker.read(self.target)
+        if marker is not None and marker.kind != self._kind:
+            raise OutputError(
+                f"{self.target} holds another kind of result ({marker.kind}, not {self._kind}), "
+                f"so it is not replaced; {self._else}."
+            )
+
+    def _make_temporary(self) -> None:
+        parent = self.target.parent
+        while not parent.exists():
+            self._new_parents.append(parent)
+            parent = parent.parent
+        if not parent.is_dir():
+            raise OutputError(f"{parent} is a file; {self._else}.")
+        self.target.parent.mkdir(parents=True, exist_ok=True)
+        self._made = temporary_folder(self.target, self._kind)
+        self.path = self._made.path
+
+    def _remove_new_parents(self) -> None:
+        """Remove the parents that were made for a result which did not come."""
+        for parent in self._new_parents:
+            with contextlib.suppress(OSError):  # not empty, and then it stays
+                parent.rmdir()
+
+    def _finish(self) -> None:
+        try:
+            self._make_durable()
+            self._refuse_what_is_there()
+            replaced = self.target.exists()
+            if replaced:
+                _swap(self.path, self.target)
+            else:
+                self.path.rename(self.target)
+        except BaseException:
+            self._made.remove()
+            raise
+        sync_folder(self.target.parent)
+        if replaced:
+            self._remove_replaced()
+
+    def _make_durable(self) -> None:
+        for name, mode in walk(self.path):
+            if stat.S_ISREG(mode):
+                if name != MARKER:
+                    self._made.marker.adopt(name)
+                sync_file(self.path / name)
+            elif stat.S_ISDIR(mode):
+                sync_folder(self.path / name)
+        self._made.marker.finish()
+        sync_folder(self.path)
+
+    def _remove_replaced(self) -> None:
+        """Remove what was in the target, unless something has come to it at the last moment."""
+        marker = Marker.read(self.path)
+        if marker is None:
+            with contextlib.suppress(OSError):  # it was empty
+                self.path.rmdir()
+                return
+        foreign_files = (
+            sorted(os.listdir(self.path))
+            if marker is None
+            else marker.remove_folder(self._is_made_of_it)
+        )
+        if foreign_files:
+            raise OutputError(
+                f"{self.target} is written, but what came to the folder that it replaced "
+                f"({abbreviated(foreign_files)}) was kept in {self.path}."
+            )
+
+
+def _swap(one: Path, other: Path) -> None:
+    """Exchange two folders: in one step where the system can, else by way of a third name."""
+    if sys.platform == "linux" and _exchange(one, other):
+        return
+    aside = one.with_name(one.name + "-old")
+    other.rename(aside)
+    try:
+        one.rename(other)
+    except BaseException:
+        aside.rename(other)
+        raise
+    aside.rename(one)
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """`renameat2` with RENAME_EXCHANGE; False where the C library or file system lacks it."""
+    at_working_directory, exchange = -100, 2
+    try:
+        renameat2 = ctypes.CDLL(None).renameat2
+    except (OSError, AttributeError):
+        return False
+    status = renameat2(
+        at_working_directory, os.fsencode(one), at_working_directory, os.fsencode(other), exchange
+    )
+    return status == 0
+
+
+def _explain(target: str | Path, action: Callable[[], object]) -> None:
+    try:
+        action()
+    except OSError as error:
+        raise system_failure(_reason(target, error), error) from error
+
+
+def _reason(target: str | Path, error: OSError) -> str:
+    return f"{target} cannot be written: {reason(error)}."

@@ -1,0 +1,162 @@
+"""What a store says of itself: which study, on which machines, with which columns."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxsat.store.chunks import (
+    CASE,
+    CASE_COLUMN,
+    METADATA,
+    STATUS,
+    STATUS_COLUMN,
+    Column,
+    Coordinate,
+    array_metadata,
+    as_json,
+    coordinate_files,
+    group_metadata,
+)
+from jaxsat.store.errors import OutputError
+from jaxsat.store.files import content_hash, parse_json, read_or_explain
+from jaxsat.store.provenance import provenance
+
+FORMAT = 3
+
+
+class Header(NamedTuple):
+    """The attributes of a store: `identity` and `runs` are plain data, `chunk` is in cases."""
+
+    identity: Mapping[str, Any]
+    runs: list[dict[str, Any]]
+    columns: dict[str, Column]
+    coordinates: dict[str, Coordinate]
+    chunk: int
+
+    @property
+    def tag(self) -> str:
+        """What the ledger of this study is known by."""
+        return _hash({"identity": self.identity, **self.layout()})
+
+    @property
+    def arrays(self) -> dict[str, Column]:
+        """All arrays that have a chunk for every chunk of cases."""
+        return {**self.columns, STATUS: STATUS_COLUMN, CASE: CASE_COLUMN}
+
+    def metadata(self, rows: int) -> dict[str, Any]:
+        """The metadata of these arrays with room for `rows` cases."""
+        return {
+            name: array_metadata(column, rows, self.chunk) for name, column in self.arrays.items()
+        }
+
+    def coordinate_files(self) -> dict[str, bytes]:
+        """The files of the coordinates of columns; they are the same for any number of cases."""
+        files: dict[str, bytes] = {}
+        for name, coordinate in self.coordinates.items():
+            files |= coordinate_files(name, coordinate)
+        return files
+
+    def content(self, rows: int | None = None) -> bytes:
+        """The store's own `zarr.json`; with `rows` the metadata of all arrays is in it.
+
+        That is what Zarr calls consolidated: true only while there is room for so many cases.
+        """
+        told = {"identity": self.identity, "runs": self.runs, **self.layout()}
+        kept = {"Conventions": "CF-1.11", "jaxsat_format": FORMAT, **told}
+        return as_json(self._group({**kept, "check": _hash(kept)}, rows))
+
+    def layout(self) -> dict[str, Any]:
+        """Columns, their coordinates and the size of a chunk, as plain data."""
+        columns = {name: list(column) for name, column in self.columns.items()}
+        coordinates = {name: list(entry) for name, entry in self.coordinates.items()}
+        return {"chunk": self.chunk, "columns": columns, "coordinates": coordinates}
+
+    def is_group(self, data: Any, attributes: Mapping[str, Any]) -> bool:
+        """Whether `data` is a `zarr.json` of the store with these attributes."""
+        return data == self._group(attributes, _consolidated_rows(data))
+
+    def _group(self, attributes: Mapping[str, Any], rows: int | None) -> dict[str, Any]:
+        if rows is None:
+            return group_metadata(attributes)
+        files = self.coordinate_files()
+        fixed = {name: parse_json(files[f"{name}/{METADATA}"]) for name in self.coordinates}
+        return group_metadata(attributes, dict(sorted({**self.metadata(rows), **fixed}.items())))
+
+
+def _consolidated_rows(data: Any) -> int | None:
+    """For how many cases the metadata of the arrays is in a `zarr.json`; None where it is not."""
+    try:
+        rows = data["consolidated_metadata"]["metadata"][STATUS]["shape"][0]
+    except (KeyError, TypeError, IndexError):
+        return None
+    return rows if isinstance(rows, int) else None
+
+
+def run_record(here: Mapping[str, Any], remark: str | None) -> dict[str, Any]:
+    """What is kept of a run: its machine, versions and time, and a remark if there is one."""
+    told = {} if remark is None else {"remark": remark}
+    return {"machine": dict(here), **provenance(), **told}
+
+
+def read_header(path: Path) -> Header:
+    """The header of the store in a folder; raises `OutputError` for one that is none."""
+    content = read_or_explain(path / METADATA)
+    none = OutputError(f"{path} is no store of jaxsat; give another folder.")
+    if content is None:
+        raise none
+    damaged = OutputError(
+        f"{path / METADATA} is damaged, or not jaxsat's: what study the store holds cannot be "
+        "told; put a copy of the file back, or give another folder."
+    )
+    data = parse_json(content)
+    kept = data.get("attributes") if isinstance(data, dict) else None
+    if not isinstance(kept, dict):
+        raise damaged
+    if "jaxsat_format" not in kept:
+        raise none
+    if kept["jaxsat_format"] != FORMAT:
+        raise OutputError(
+            f"{path} is a store of another version of jaxsat (format {kept['jaxsat_format']}, not "
+            f"{FORMAT}), which this one neither reads nor continues; give another folder. "
+            "xarray.open_zarr(path, consolidated=False) reads what is in it."
+        )
+    check = kept.pop("check", None)
+    if check != _hash(kept):
+        raise damaged
+    try:
+        columns = {name: _column(entry) for name, entry in kept["columns"].items()}
+        coordinates = {
+            name: Coordinate(tuple(values), *label)
+            for name, (values, *label) in kept["coordinates"].items()
+        }
+        header = Header(kept["identity"], kept["runs"], columns, coordinates, kept["chunk"])
+        sound = _is_sound(header) and header.is_group(data, kept)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError):
+        raise damaged from None
+    if not sound:
+        raise damaged
+    return header
+
+
+def _is_sound(header: Header) -> bool:
+    return (
+        isinstance(header.identity, dict)
+        and isinstance(header.runs, list)
+        and bool(header.runs)
+        and all(isinstance(run, dict) and "machine" in run for run in header.runs)
+        and isinstance(header.chunk, int)
+        and header.chunk >= 1
+    )
+
+
+def _column(entry: list[Any]) -> Column:
+    shape, dtype, units, long_name, dims, *flags = entry
+    np.dtype(dtype)  # which raises a TypeError for what is none
+    return Column(tuple(shape), dtype, units, long_name, tuple(dims), *map(tuple, flags))
+
+
+def _hash(data: Any) -> str:
+    return content_hash(json.dumps(data, sort_keys=True).encode())

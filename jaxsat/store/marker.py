@@ -1,0 +1,248 @@
+"""How jaxsat knows its own: a marker in every folder says what the folder is and what was written.
+
+An entry for a file is made before the file is: its hash, and the name it bears until it is whole.
+So even what a killed process left can be told from what a user put there, and only what is
+unchanged since jaxsat wrote it is ever replaced or removed.
+"""
+
+import contextlib
+import os
+import stat
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxsat.store.errors import OutputError, reason, system_failure
+from jaxsat.store.files import (
+    content_hash,
+    new_token,
+    partial_name,
+    read_file,
+    read_or_explain,
+    write_file,
+)
+from jaxsat.store.journal import Journal
+
+MARKER = ".jaxsat"
+"""File by which jaxsat knows a folder as its own."""
+
+FORMAT = 1
+
+COMPLETE = {"complete": True}
+
+OF_SYSTEMS = frozenset({".DS_Store", "Thumbs.db", "desktop.ini", ".directory"})
+"""Files that file managers leave wherever they look, and that hold nothing of anybody's."""
+
+
+Made = Callable[[str], bool]
+"""Whether a file or folder is one that a build makes of what jaxsat wrote, by its name within."""
+
+
+def nothing(name: str) -> bool:
+    """No name."""
+    del name
+    return False
+
+
+def _is_plain(mode: int) -> bool:
+    """Whether it is a file or a folder, and no link."""
+    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
+
+
+class Marker:
+    """What a folder's marker says, and the hashes of all that was written since.
+
+    `kind` is the type of the result, such as "run"; `about` is plain data kept with it.
+    """
+
+    folder: Path
+    kind: str
+    about: Mapping[str, Any]
+    complete: bool
+
+    def __init__(self, folder: Path, journal: Journal, entries: list[dict[str, Any]], sound: bool):
+        header = entries[0]
+        self.folder = folder
+        self.kind = header["kind"]
+        self.about = header["about"]
+        self.complete = COMPLETE in entries[1:]
+        self._journal = journal
+        self._sound = sound
+        self._hashes: dict[str, set[str]] = {}
+        self._partials: set[str] = set()
+        for entry in entries[1:]:
+            if "file" in entry:
+                self._remember(entry)
+
+    @staticmethod
+    def make(folder: Path, kind: str, about: Mapping[str, Any]) -> "Marker":
+        """The marker of a folder that this process has just made; raises `OSError`."""
+        journal = Journal(folder / MARKER)
+        header = {"written_by": "jaxsat", "format": FORMAT, "kind": kind, "about": dict(about)}
+        journal.write([header])
+        return Marker(folder, journal, [header], sound=True)
+
+    @staticmethod
+    def read(folder: Path) -> "Marker | None":
+        """The marker that a folder has, if it has one that can be read; raises `OSError`."""
+        journal = Journal(folder / MARKER)
+        found = journal.read()
+        if found is None or not found.good:
+            return None
+        header, *entries = found.good
+        if not _is_header(header):
+            return None
+        valid = [entry for entry in entries if entry == COMPLETE or _is_file(entry)]
+        sound = found.damaged == 0 and len(valid) == len(entries)
+        return Marker(folder, journal, [header, *valid], sound)
+
+    @property
+    def names(self) -> list[str]:
+        """The files that were written, by their paths in the folder."""
+        return sorted(self._hashes)
+
+    def write(self, name: str, data: bytes, *, durable: bool = True) -> None:
+        """Write a file of the folder, or replace it, once the marker knows it; raises `OSError`."""
+        path = self.folder / name
+        partial = path.with_name(partial_name(new_token()))
+        self._note(name, data, durable, partial=partial.relative_to(self.folder).as_posix())
+        write_file(path, data, durable=durable, partial=partial)
+
+    def adopt(self, name: str) -> None:
+        """Know a file that is in the folder as written for it; raises `OSError`."""
+        data = read_file(self.folder / name)
+        if data is not None and not self.is_unchanged(name, data):
+            self._note(name, data, durable=False)
+
+    def finish(self) -> None:
+        """Say that nothing is to come; raises `OSError`."""
+        self._journal.append(COMPLETE)
+        self.complete = True
+
+    def has_written(self, name: str, data: bytes) -> bool:
+        """Whether this is what jaxsat wrote to a file."""
+        return content_hash(data) in self._hashes.get(name, ())
+
+    def is_unchanged(self, name: str, data: bytes | None = None) -> bool:
+        """Whether a file is as jaxsat wrote it, or not there."""
+        path = self.folder / name
+        if not os.path.lexists(path):
+            return True
+        data = read_file(path) if data is None else data
+        return data is not None and self.has_written(name, data)
+
+    def remove_partials(self) -> None:
+        """Remove the files that a killed process was about to write."""
+        for name in self._partials:
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+                (self.folder / name).unlink()
+
+    def foreign_files(self, is_made_of_it: Made = nothing) -> list[str]:
+        """What is in the folder and not proven to be as jaxsat wrote it, nor what a build makes of
+        that, as `is_made_of_it` tells of a name; raises `OSError`."""
+        folders = {parent.as_posix() for name in self._hashes for parent in Path(name).parents}
+        found = [] if self._sound else [MARKER]
+        for name, mode in walk(self.folder):
+            if name == MARKER and stat.S_ISREG(mode):
+                continue
+            if stat.S_ISDIR(mode):
+                known = name in folders
+            elif not stat.S_ISREG(mode):
+                known = False
+            else:
+                known = name in self._partials or Path(name).name in OF_SYSTEMS
+                known = known or (name in self._hashes and self.is_unchanged(name))
+            if not known and not (_is_plain(mode) and is_made_of_it(name)):
+                found.append(name)
+        return sorted(found)
+
+    def remove_folder(self, is_made_of_it: Made = nothing) -> list[str]:
+        """Remove the folder if all of it is jaxsat's; else nothing, and say what is not."""
+        foreign_files = self.foreign_files(is_made_of_it)
+        if foreign_files:
+            return foreign_files
+        entries = list(walk(self.folder))
+        for name, mode in reversed(entries):  # what is in a folder comes after it
+            place = self.folder / name
+            if name != MARKER:
+                place.rmdir() if stat.S_ISDIR(mode) else place.unlink()
+        (self.folder / MARKER).unlink()
+        self.folder.rmdir()  # which fails if something has come meanwhile
+        return []
+
+    def _note(self, name: str, data: bytes, durable: bool, **more: str) -> None:
+        entry = {"file": name, "hash": content_hash(data), **more}
+        self._journal.append(entry, durable=durable)
+        self._remember(entry)
+
+    def _remember(self, entry: Mapping[str, Any]) -> None:
+        self._hashes.setdefault(entry["file"], set()).add(entry["hash"])
+        if "partial" in entry:
+            self._partials.add(entry["partial"])
+
+
+def _is_header(entry: Mapping[str, Any]) -> bool:
+    return (
+        entry.get("written_by") == "jaxsat"
+        and entry.get("format") == FORMAT
+        and isinstance(entry.get("kind"), str)
+        and isinstance(entry.get("about"), dict)
+    )
+
+
+def _is_file(entry: Mapping[str, Any]) -> bool:
+    texts = [entry.get("file"), entry.get("hash"), entry.get("partial", "")]
+    if not all(isinstance(text, str) for text in texts):
+        return False
+    inside = [Path(text) for text in (texts[0], texts[2])]  # the folder, whoever wrote the marker
+    return not any(path.is_absolute() or ".." in path.parts for path in inside)
+
+
+def read_unchanged(path: Path) -> bytes | None:
+    """The content of a plain file, None where there is none.
+
+    Raises `OutputError` where the system will not read it, and for a file that jaxsat wrote to its
+    folder and that is not there any longer or is not as jaxsat wrote it.
+    """
+    data = read_or_explain(Path(os.path.realpath(path)))
+    try:
+        marker = Marker.read(path.parent)
+    except OSError as error:
+        message = f"{path.parent} cannot be read: {reason(error)}."
+        raise system_failure(message, error) from error
+    if marker is None or path.name not in marker.names:
+        return data
+    if data is None:
+        raise OutputError(f"{path} was removed, or replaced, since jaxsat wrote it.")
+    if not marker.has_written(path.name, data):
+        raise OutputError(f"{path} was damaged, or changed, since jaxsat wrote it.")
+    return data
+
+
+def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
+    """Path and mode of everything in a folder, each folder before what is in it; no link followed.
+
+    Raises `OSError`.
+    """
+    with os.scandir(folder / within) as entries:
+        found = sorted(entries, key=lambda entry: entry.name)
+    for entry in found:
+        name = f"{within}{entry.name}"
+        mode = entry.stat(follow_symlinks=False).st_mode
+        yield name, mode
+        if stat.S_ISDIR(mode):
+            yield from walk(folder, f"{name}/")
+
+
+def foreign_files_in(folder: Path, is_made_of_it: Made = nothing) -> list[str]:
+    """What is in a folder and not proven to be jaxsat's: all of it if there is no marker.
+
+    Raises `OSError`.
+    """
+    marker = Marker.read(folder)
+    return sorted(os.listdir(folder)) if marker is None else marker.foreign_files(is_made_of_it)
+
+
+def abbreviated(names: list[str]) -> str:
+    """The first of some names, for a message."""
+    return ", ".join(names[:3]) + (", …" if len(names) > 3 else "")

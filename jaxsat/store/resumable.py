@@ -1,0 +1,141 @@
+"""A folder that a command resumes; files are replaced whole and only if they are ours."""
+
+import contextlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxsat.store.errors import OutputError, reason, system_failure
+from jaxsat.store.files import read_or_explain
+from jaxsat.store.locking import lock_folder
+from jaxsat.store.marker import Marker, abbreviated
+from jaxsat.store.temporary import is_absent_or_empty, make_folder
+
+
+class ResumableFolder:
+    """A folder of one kind of result, open for writing by this process alone.
+
+    A folder that is not there, or empty, is made, with `about`, plain data, in its marker; one of
+    the same kind is continued. What a user puts beside the results stays. Raises `OutputError` for
+    a folder of anything else, one that another process writes to, and one in which a file of ours
+    is not as it was written.
+    """
+
+    path: Path
+    about: Mapping[str, Any]
+
+    def __init__(self, path: str | Path, kind: str, about: Mapping[str, Any]):
+        self.path = Path(os.path.realpath(path))
+        self._kind = kind
+        self._new = False
+        try:
+            if is_absent_or_empty(self.path):
+                self._new = True
+                make_folder(self.path, kind, {}, lambda made: Marker.make(made, kind, about))
+        except OSError as error:
+            raise system_failure(f"{path} cannot be made: {reason(error)}.", error) from error
+        if not self.path.is_dir():
+            raise OutputError(f"{path} is a file; give another folder with --out.")
+        self._lock = lock_folder(self.path)
+        try:
+            self._marker = self._known()
+            self.about = self._marker.about
+        except OSError as error:
+            self.close()
+            raise system_failure(f"{path} cannot be read: {reason(error)}.", error) from error
+        except BaseException:
+            self.close()
+            raise
+
+    @staticmethod
+    def of_any_kind(path: str | Path) -> "ResumableFolder":
+        """A folder of results that is there, whatever they are, to add to it."""
+        marker = Marker.read(Path(path))
+        return ResumableFolder(path, "result" if marker is None else marker.kind, {})
+
+    def __enter__(self) -> "ResumableFolder":
+        """The folder itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
+        """Let other processes write; a new folder in which nothing came to be is removed."""
+        if kind is not None and self._new and not self._marker.names:
+            with contextlib.suppress(OSError):
+                self._marker.remove_folder()
+        self.close()
+
+    def close(self) -> None:
+        """Let other processes write."""
+        self._lock.close()
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether a file was ever written."""
+        return bool(self._marker.names)
+
+    def is_complete(self, name: str) -> bool:
+        """Whether a file is there, and every other one that was ever written."""
+        names = self._marker.names
+        return name in names and all((self.path / one).is_file() for one in names)
+
+    def read(self, name: str) -> bytes | None:
+        """What was written to a file; None if it is not there.
+
+        Raises `OutputError` for one that is not as it was written.
+        """
+        data = read_or_explain(self.path / name)
+        if data is None or not self._marker.has_written(name, data):
+            self._refuse(name)
+        return data
+
+    def write(self, name: str, content: str | bytes) -> None:
+        """Write a file, or replace it, in one step.
+
+        Raises `OutputError` for one that is not as it was written, and then leaves it.
+        """
+        data = content.encode() if isinstance(content, str) else content
+        self._refuse(name)
+        try:
+            (self.path / name).parent.mkdir(exist_ok=True)
+            self._marker.write(name, data)
+        except OSError as error:
+            raise system_failure(
+                f"{self.path / name} cannot be written: {reason(error)}. What was kept before is "
+                "good; the same command resumes.",
+                error,
+            ) from error
+
+    def _known(self) -> Marker:
+        marker = Marker.read(self.path)
+        if marker is None:
+            found = abbreviated(sorted(os.listdir(self.path)))
+            raise OutputError(
+                f"{self.path} holds what jaxsat did not write ({found}), "
+                "or what another version of it wrote; give another folder with --out."
+            )
+        if marker.kind != self._kind:
+            raise OutputError(
+                f"{self.path} holds another kind of result ({marker.kind}, not {self._kind}); "
+                "give another folder with --out."
+            )
+        marker.remove_partials()
+        for name in marker.names:
+            if not marker.is_unchanged(name):
+                self._refuse_changed(name)
+        return marker
+
+    def _refuse(self, name: str) -> None:
+        try:
+            owned = self._marker.is_unchanged(name)
+        except OSError as error:
+            message = f"{self.path / name} cannot be read: {reason(error)}."
+            raise system_failure(message, error) from error
+        if not owned:
+            self._refuse_changed(name)
+
+    def _refuse_changed(self, name: str) -> None:
+        raise OutputError(
+            f"{self.path / name} was damaged, or changed, since jaxsat wrote it; move it away, and "
+            "the same command writes it again."
+        )

@@ -1,0 +1,272 @@
+"""The results of a study on disk: a Zarr store that grows chunk by chunk.
+
+A chunk's files are written first, then its line in the ledger, from which a broken-off study goes
+on, and at last its status. Files are replaced whole, so killing a run loses at most the chunks that
+it was working on. Every file of a chunk is checked against the ledger when the store is continued;
+what is damaged counts as not done.
+"""
+
+import contextlib
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxsat.store.arrays import StoreArrays
+from jaxsat.store.chunks import (
+    METADATA,
+    Column,
+    Coordinate,
+    as_json,
+    chunk_hash,
+    chunk_numbers,
+    encoded,
+)
+from jaxsat.store.differences import OTHER_PROGRAM, differences
+from jaxsat.store.errors import OutputError, reason, system_failure
+from jaxsat.store.files import write_file
+from jaxsat.store.header import Header, read_header, run_record
+from jaxsat.store.ledger import (
+    LEDGER,
+    ChunkRecord,
+    Ledger,
+    read_chunk,
+    read_chunk_file,
+    status_chunks,
+)
+from jaxsat.store.locking import lock_folder
+from jaxsat.store.provenance import machine
+from jaxsat.store.temporary import is_absent_or_empty, make_folder
+
+
+class StudyStore:
+    """A study's results, open for writing by this process alone.
+
+    `identity` is all that the numbers depend on, as plain data; `columns` says what a case has, and
+    `coordinates` label axes of theirs by name.
+    A folder that is not there is made; one that holds the same study is continued, if need be
+    with more cases. Raises `OutputError` for a folder that holds another study or anything else,
+    that another process writes to, or (unless `elsewhere`) that was begun with other versions or
+    on another processor, where the bits may differ. A `remark` is kept with the versions. `repairs`
+    tells what was found damaged, a line each; the chunks concerned are not done.
+    """
+
+    count: int
+    repairs: list[str]
+
+    def __init__(
+        self,
+        path: str | Path,
+        identity: Mapping[str, Any],
+        columns: Mapping[str, Column],
+        count: int,
+        chunk: int,
+        *,
+        coordinates: Mapping[str, Coordinate] | None = None,
+        elsewhere: bool = False,
+        remark: str | None = None,
+    ):
+        if count < 1 or chunk < 1:
+            raise ValueError(f"Cases and chunk must be at least 1, but got {count} and {chunk}.")
+        coordinates = dict(coordinates or {})
+        _require_fitting(columns, coordinates)
+        self.path = Path(path)
+        self.repairs = []
+        plain = json.loads(json.dumps(identity))
+        runs = [run_record(machine(), remark)]
+        wanted = Header(plain, runs, dict(columns), coordinates, chunk)
+        self._make(wanted)
+        self._lock = lock_folder(self.path)
+        try:
+            self._header = self._continued(wanted, elsewhere)
+            self._ledger = Ledger(self.path, self._header)
+            self._arrays = StoreArrays(self.path, self._header, self._ledger, self.repairs)
+            with self._writing():
+                self._repair()
+            self.count = max(count, self._ledger.end)
+        except BaseException:
+            self._lock.close()
+            raise
+
+    def __enter__(self) -> "StudyStore":
+        """The store itself."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Let other processes write."""
+        self.close()
+
+    def close(self) -> None:
+        """Leave what other programs read without complaint, and let other processes write."""
+        try:
+            with contextlib.suppress(OSError, OutputError):  # else the next process does it
+                self._arrays.close()
+        finally:
+            self._lock.close()
+
+    @property
+    def chunk(self) -> int:
+        """Cases in a chunk; the last may have fewer."""
+        return self._header.chunk
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+        return -(-self.count // self.chunk)
+
+    def numbers(self, chunk: int) -> np.ndarray:
+        """The cases of a chunk."""
+        return chunk_numbers(chunk, self.chunk, self.count)
+
+    def is_done(self, chunk: int) -> bool:
+        """Whether all cases of a chunk are done."""
+        record = self._ledger.done.get(chunk)
+        return record is not None and record.cases >= len(self.numbers(chunk))
+
+    def done(self) -> list[int]:
+        """The chunks that are done, in order."""
+        return sorted(filter(self.is_done, self._ledger.done))
+
+    def pending(self) -> Iterator[int]:
+        """The chunks that are not done, in order."""
+        return (chunk for chunk in range(self.chunks) if not self.is_done(chunk))
+
+    def write(self, chunk: int, values: Mapping[str, np.ndarray]) -> None:
+        """Keep the results of a chunk, column by column, then mark it done."""
+        numbers, columns = self.numbers(chunk), self._header.columns
+        if set(values) != set(columns):
+            missing = sorted(set(values) ^ set(columns))
+            raise ValueError(f"Argument `values` must have the store's columns; see {missing}.")
+        files = {}
+        for name, column in columns.items():
+            given = np.asarray(values[name], column.dtype)
+            if given.shape != (len(numbers), *column.shape):
+                raise ValueError(
+                    f"Column {name} must have shape {(len(numbers), *column.shape)}, "
+                    f"but got {given.shape}."
+                )
+            files[name] = encoded(column, given, self.chunk)
+        hashes = {name: chunk_hash(name, chunk, data) for name, data in files.items()}
+        with self._writing():
+            if chunk in self._ledger.done:  # fewer cases of it, and its files will be others
+                self._ledger.remove(chunk)
+            self._arrays.grow(int(numbers[-1]) + 1, self.count)
+            self._arrays.write_chunk(chunk, files)
+            self._ledger.add(chunk, ChunkRecord(len(numbers), hashes))
+            self._arrays.write_status(chunk, len(numbers))
+
+    def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
+        """Some columns of a chunk, as stored."""
+        record = self._ledger.done[chunk]
+        found = {}
+        for name in names:
+            data = read_chunk(self.path, self._header, chunk, name, record)
+            if data is None:
+                raise OutputError(
+                    f"{self.path} is damaged while it is used (chunk {chunk}, {name}); run the "
+                    "same study again.",
+                    failure=True,
+                )
+            found[name] = data[: len(self.numbers(chunk))]
+        return found
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Tell what the system has against a change of the store."""
+        try:
+            yield
+        except OSError as error:
+            raise OutputError(
+                f"{self.path} cannot be written: {reason(error)}. What is in it is good; "
+                "make room and run the same study again to go on.",
+                failure=True,
+            ) from error
+
+    def _make(self, header: Header) -> None:
+        """Beside the target, then in its place at once: there is never half a store."""
+        try:
+            if not is_absent_or_empty(self.path):
+                return
+            files = {METADATA: header.content(), LEDGER: Ledger.empty(header)}
+            files |= header.coordinate_files()
+            for name, metadata in header.metadata(0).items():
+                files[f"{name}/{METADATA}"] = as_json(metadata)
+            make_folder(self.path, "study", files)
+        except OSError as error:
+            message = f"{self.path} cannot be made: {reason(error)}."
+            raise system_failure(message, error) from error
+
+    def _continued(self, wanted: Header, elsewhere: bool) -> Header:
+        """The header that the store goes on with."""
+        if not self.path.is_dir():
+            raise OutputError(f"{self.path} is a file; give another folder.")
+        header = read_header(self.path)
+        other = differences(header.identity, wanted.identity)
+        layouts = ({**one.layout(), "chunk": None} for one in (header, wanted))
+        other += differences(*(json.loads(json.dumps(layout)) for layout in layouts))
+        if other == [OTHER_PROGRAM]:  # versions may tell why
+            other += differences(header.runs[-1]["machine"], machine())
+        if other:
+            raise OutputError(
+                f"{self.path} holds another study ({'; '.join(other)}); give another folder."
+            )
+        other = differences(header.runs[-1]["machine"], machine())
+        if not other:
+            return header
+        if not elsewhere:
+            raise OutputError(
+                f"{self.path} was written under other conditions ({'; '.join(other)}), so its "
+                "results may differ in their last bits from those to come; allow that explicitly "
+                "or give another folder.",
+                elsewhere=True,
+            )
+        header = header._replace(runs=[*header.runs, *wanted.runs])
+        with self._writing():
+            write_file(self.path / METADATA, header.content())
+        return header
+
+    def _repair(self) -> None:
+        """Find what is damaged, and make the rest what it should be."""
+        self._arrays.begin()
+        if self._ledger.damaged:
+            lost = self._ledger.damaged
+            what = "was missing" if lost < 0 else f"had {lost} lines that cannot be read"
+            self.repairs.append(f"the ledger {what}; what they told of is computed again")
+            self._ledger.rewrite()
+        for chunk, record in sorted(self._ledger.done.items()):
+            bad = [
+                name
+                for name in self._header.columns
+                if read_chunk_file(self.path, self._header, chunk, name, record) is None
+            ]
+            if bad:
+                self._withdraw_damaged(chunk, f"was damaged ({', '.join(bad)})")
+        self._check_status()
+        self._arrays.repair()
+
+    def _withdraw_damaged(self, chunk: int, what: str) -> None:
+        self.repairs.append(f"chunk {chunk} {what} and is computed again")
+        self._ledger.remove(chunk)
+
+    def _check_status(self) -> None:
+        """Have the status say what the ledger does; it may know of chunks that the ledger lost."""
+        for chunk in sorted(self._ledger.known | status_chunks(self.path)):
+            if chunk not in self._ledger.known:
+                self._withdraw_damaged(chunk, "was lost from the ledger")
+            record = self._ledger.done.get(chunk)
+            self._arrays.write_status(chunk, 0 if record is None else record.cases)
+
+
+def _require_fitting(columns: Mapping[str, Column], coordinates: Mapping[str, Coordinate]) -> None:
+    """Raise `ValueError` where axes and coordinates of columns do not suit one another."""
+    sizes = {name: len(coordinate.values) for name, coordinate in coordinates.items()}
+    for name, column in columns.items():
+        if len(column.dims) != len(column.shape):
+            raise ValueError(f"Column {name} must have a name for every axis, but got {column}.")
+        for axis, size in zip(column.dims, column.shape, strict=True):
+            if sizes.setdefault(axis, size) != size:
+                raise ValueError(
+                    f"Axis {axis} of column {name} must have length {sizes[axis]}, but got {size}."
+                )

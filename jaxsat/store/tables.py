@@ -1,0 +1,91 @@
+"""A study as a table: one row a case, one column a number."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from jaxsat.simulation import Outcome
+from jaxsat.store.chunks import CASE, DONE, STATUS
+from jaxsat.store.files import save_file
+from jaxsat.store.labels import SETTLED, UNSETTLED, flags_of
+from jaxsat.store.opening import open_study
+
+ROWS = 10_000
+"""Rows of a table that are made into text at once."""
+
+
+def case_table(study: xr.Dataset) -> pd.DataFrame:
+    """The cases of a study that are done, one row each, indexed by `case`.
+
+    `study` is the dataset of `open_study`, or of `xarray.open_zarr`. Vectors have a column for
+    each component, names end with the unit, as in `omega_x_rad_s`, and `outcome` is a text:
+    "settled", "unsettled", or how the case failed. What was drawn comes last, as `drawn_...`.
+    Histories are left out, and codes stand as the texts that they stand for.
+    """
+    kept = study[[name for name in study.data_vars if not _is_history(study[name])]]
+    kept = kept.isel({CASE: np.flatnonzero(np.asarray(study[STATUS]) == DONE)}).load()
+    columns: dict[str, np.ndarray] = {}
+    for name in sorted(map(str, kept), key=lambda name: (name.startswith("drawn_"), name)):
+        variable = kept[name]
+        if name == "code":
+            columns["outcome"] = _outcomes(variable.values, kept["settling_time"].values)
+        elif name != STATUS:
+            columns |= _case_columns(name, variable)
+    return pd.DataFrame(columns, index=pd.Index(kept[CASE].values, name=CASE))
+
+
+def save_case_table(
+    store: str | Path, path: str | Path, *, count: int | None = None, overwrite: bool = False
+) -> None:
+    """Write the `case_table` of a store, of its first `count` cases, as CSV, whole or not at all.
+
+    Numbers have all their digits, and NaN is left empty. Raises `OutputError`, also
+    for a file that exists unless `overwrite` replaces it.
+    """
+    study = open_study(store)
+    size = study.sizes[CASE] if count is None else min(count, study.sizes[CASE])
+
+    def lines() -> Iterator[bytes]:
+        for first in range(0, size, ROWS):
+            part = case_table(study.isel({CASE: slice(first, min(first + ROWS, size))}))
+            yield part.to_csv(header=first == 0, lineterminator="\n").encode()
+
+    save_file(path, lines(), overwrite=overwrite, option="--csv")
+
+
+def _outcomes(code: np.ndarray, settling_time: np.ndarray) -> np.ndarray:
+    """How cases ended, as texts: settled, unsettled, or the failure."""
+    names = {int(one): one.name.lower() for one in Outcome} | {int(Outcome.SUCCESS): UNSETTLED}
+    found = np.array([names[int(one)] for one in code], object)
+    found[np.isfinite(settling_time)] = SETTLED
+    return found
+
+
+def _is_history(variable: xr.DataArray) -> bool:
+    return any(variable[axis].dtype.kind == "f" for axis in variable.dims)
+
+
+def _case_columns(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
+    """The columns of a variable over the cases, its flags as texts."""
+    flags = flags_of(variable)
+    if flags:
+        variable = variable.copy(data=np.array(flags, object)[variable.values.astype(int)])
+    return columns_of(name, variable)
+
+
+def columns_of(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
+    """The columns of a variable over cases or times, by their names with units."""
+    unit = variable.attrs.get("units", "1").replace("degree", "deg")
+    unit = re.sub(r"[ /]", "_", re.sub(r"-\d+\b", "", unit))
+    suffix = "" if unit == "1" else f"_{unit}"
+    if variable.ndim == 1:
+        return {f"{name}{suffix}": variable.values}
+    labels = [str(label) for label in variable[variable.dims[1]].values]
+    return {
+        f"{name if label.startswith(name) else f'{name}_'}{label.removeprefix(name)}{suffix}": part
+        for label, part in zip(labels, variable.values.T, strict=True)
+    }

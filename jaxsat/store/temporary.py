@@ -1,0 +1,117 @@
+"""Folders that are made beside their target and take its name when they are whole."""
+
+import contextlib
+import errno
+import glob
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from jaxsat.store.errors import OutputError
+from jaxsat.store.files import sync_files, sync_folder
+from jaxsat.store.locking import FolderLock, lock_folder
+from jaxsat.store.marker import MARKER, Marker
+
+LOCKED_BY = 10.0
+"""Seconds. A folder of this age that nobody holds a lock on has nobody who writes to it."""
+
+
+class TemporaryFolder(NamedTuple):
+    """A new folder beside a target, marked with its own name and locked by this process."""
+
+    path: Path
+    marker: Marker
+    lock: FolderLock
+
+    def remove(self) -> None:
+        """Remove what is left of it, and let go."""
+        shutil.rmtree(self.path, ignore_errors=True)
+        self.lock.close()
+
+
+def temporary_folder(target: Path, kind: str) -> TemporaryFolder:
+    """A new folder beside `target`, whose stale ones are removed first; raises `OSError`."""
+    prefix = f".{target.name}.partial-"
+    remove_stale(target.parent, prefix)
+    path = Path(tempfile.mkdtemp(prefix=prefix, dir=target.parent))
+    lock = lock_folder(path)
+    try:
+        path.chmod(0o777 & ~_umask())  # mkdtemp keeps others out, which a result need not
+        return TemporaryFolder(path, Marker.make(path, kind, {"folder": path.name}), lock)
+    except BaseException:
+        shutil.rmtree(path, ignore_errors=True)
+        lock.close()
+        raise
+
+
+def remove_stale(parent: Path, prefix: str) -> None:
+    """Remove the folders of that prefix whose writers, which hold locks on them, have died.
+
+    Only those that `temporary_folder` made and that hold nothing else; one too young to be locked
+    yet is left alone, and so is all where there are no locks.
+    """
+    if sys.platform == "win32":
+        return
+    for folder in parent.glob(f"{glob.escape(prefix)}*"):
+        with contextlib.suppress(OutputError, OSError):
+            old = time.time() - folder.lstat().st_mtime > LOCKED_BY
+            if old and folder.is_dir() and not folder.is_symlink():
+                lock = lock_folder(folder)
+                try:
+                    marker = Marker.read(folder)
+                    if marker is None or marker.complete:
+                        continue
+                    if marker.about.get("folder") == folder.name:
+                        marker.remove_folder()
+                finally:
+                    lock.close()
+
+
+def make_folder(
+    target: Path,
+    kind: str,
+    files: Mapping[str, bytes],
+    mark: Callable[[Path], object] | None = None,
+) -> None:
+    """A folder with these files, which takes the name of an empty one or of none; raises `OSError`.
+
+    `mark` gives it a marker of its own; without one it has none. If another process was faster, its
+    folder stays.
+    """
+    target.parent.mkdir(parents=True, exist_ok=True)
+    made = temporary_folder(target, kind)
+    try:
+        for name, data in files.items():
+            (made.path / name).parent.mkdir(parents=True, exist_ok=True)
+            made.marker.write(name, data, durable=False)
+        sync_files([made.path / name for name in files])
+        (made.path / MARKER).unlink()
+        if mark is not None:
+            mark(made.path)
+        sync_folder(made.path)
+        try:
+            made.path.rename(target)
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+        sync_folder(target.parent)
+    finally:
+        made.remove()
+
+
+def is_absent_or_empty(target: Path) -> bool:
+    """Whether there is nothing of that name, or an empty folder; raises `OSError`."""
+    if not os.path.lexists(target):
+        return True
+    return target.is_dir() and not any(target.iterdir())
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

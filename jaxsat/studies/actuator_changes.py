@@ -1,0 +1,97 @@
+"""How dispersed numbers go into thrusters, magnetorquers and failures."""
+
+from collections.abc import Callable
+from typing import cast
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsat.simulation import AbstractLoop
+from jaxsat.simulation.parts import failures_of, parts_of
+from jaxsat.spacecraft import Actuators, Magnetorquers, ThrusterSet
+from jaxsat.studies.perturbed import PerturbedLoop, Values, in_loop, map_parts, with_thrusters
+
+
+def thrusters_of(loop: AbstractLoop) -> list[Actuators | ThrusterSet]:
+    """All that the loop has of thrusters."""
+    actuators = with_thrusters(loop).actuators
+    return [*parts_of(Actuators, actuators), *parts_of(ThrusterSet, actuators)]
+
+
+def thruster_count(thrusters: Actuators | ThrusterSet) -> int:
+    """How many thrusters there are; a two-sided one that pushes either way counts as two."""
+    if isinstance(thrusters, ThrusterSet):
+        return thrusters.count
+    return thrusters.torque_axes.shape[1]
+
+
+def torquers_of(loop: AbstractLoop) -> Magnetorquers:
+    """The magnetorquers, which `obstacle` has made sure of."""
+    return cast(Magnetorquers, loop.plant.magnetorquers)
+
+
+def set_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
+    """Torque axes turned; how the command is shared stays the nominal one."""
+
+    def turned(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
+        pairs = angles.reshape(thruster_count(thrusters), 2)
+        if isinstance(thrusters, ThrusterSet):
+            return thrusters.misaligned(pairs)
+        return thrusters.misaligned(pairs, jnp.zeros(len(pairs), angles.dtype))
+
+    return _with_thrusters_changed(perturbed, turned)
+
+
+def set_torque_gain(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
+    """Torques made larger by relative changes."""
+
+    def stronger(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
+        if isinstance(thrusters, ThrusterSet):
+            return thrusters.stronger(change)
+        axes = thrusters.torque_axes * (1 + change)[None, :]
+        return eqx.tree_at(lambda one: one.torque_axes, thrusters, axes)
+
+    return _with_thrusters_changed(perturbed, stronger)
+
+
+def _with_thrusters_changed(
+    perturbed: PerturbedLoop,
+    change: Callable[[Actuators | ThrusterSet], Actuators | ThrusterSet],
+) -> PerturbedLoop:
+    kinds = (Actuators, ThrusterSet)
+
+    def changed(part):
+        return change(part) if isinstance(part, kinds) else part
+
+    actuators = map_parts(changed, kinds, with_thrusters(perturbed.loop).actuators)
+    return in_loop(perturbed, lambda loop: loop.actuators, actuators)
+
+
+def set_dipole_limit(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
+    """Other dipole limits, which the law is not told."""
+    return in_loop(
+        perturbed,
+        lambda loop: loop.plant.magnetorquers.dipole_limit,
+        torquers_of(perturbed.loop).dipole_limit * (1 + change),
+    )
+
+
+def set_torquer_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
+    """Magnetorquers turned, which the law is not told."""
+    one = torquers_of(perturbed.loop)
+    turned = one.misaligned(angles.reshape(one.count, 2))
+    return in_loop(perturbed, lambda loop: loop.plant.magnetorquers, turned)
+
+
+def set_failure(field: str):
+    """Other numbers in one field of all failures that have it."""
+
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        def fields(loop: AbstractLoop) -> list:
+            return [getattr(one, field) for one in failures_of(loop) if hasattr(one, field)]
+
+        ends = np.cumsum([one.size for one in fields(perturbed.loop)])[:-1]
+        return in_loop(perturbed, fields, jnp.split(values, ends))
+
+    return apply

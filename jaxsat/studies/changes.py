@@ -1,0 +1,242 @@
+"""How dispersed numbers go into body, environment, the law's model and the start."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, cast
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.control import (
+    AbstractBacksteppingLaw,
+    InternalModel,
+    NormalForm,
+    RippleFilter,
+    RippleObserver,
+)
+from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
+from jaxsat.simulation import AbstractLoop
+from jaxsat.simulation.parts import parts_of
+from jaxsat.spacecraft import Spacecraft, Wheels
+from jaxsat.spacecraft.environment import (
+    AbstractOrbit,
+    ConstantTorque,
+    PeriodicTorque,
+    SumOfDisturbances,
+)
+from jaxsat.spacecraft.sensors import turned_slightly
+from jaxsat.studies.perturbed import (
+    PerturbedLoop,
+    Values,
+    controller_of,
+    in_loop,
+    map_parts,
+    with_controller,
+)
+
+LEAST_TORQUE = 1e-30
+"""N m: tells frequencies apart where no torque does."""
+
+
+def possible_inertia(inertia: Float[Array, "3 3"]) -> Bool[Array, ""]:
+    """Whether a body of positive mass density can have this inertia: ½ tr(J) I - J > 0.
+
+    The triangle inequality of the principal moments in the form that products of inertia leave
+    simple; it implies J > 0.
+    """
+    return _positive(jnp.trace(inertia) / 2 * jnp.eye(3, dtype=inertia.dtype) - inertia)
+
+
+def possible_body(loop: AbstractLoop) -> Bool[Array, ""]:
+    """Whether a body can have the plant's inertia, and the rotors of its wheels are part of it."""
+    return _with_rotors(loop.plant.spacecraft.inertia, loop.plant.wheels)
+
+
+def possible_belief(loop: AbstractLoop) -> Bool[Array, ""]:
+    """The same of the inertia that the controller believes, which is without the rotors."""
+    parts = parts_of(Spacecraft, controller_of(loop))
+    return _with_rotors(parts[0].inertia + rotors_of(loop), loop.plant.wheels)
+
+
+def _with_rotors(inertia: Float[Array, "3 3"], wheels: Wheels | None) -> Bool[Array, ""]:
+    possible = possible_inertia(inertia)
+    if wheels is None or wheels.rotor_inertia is None:
+        return possible
+    return possible & _positive(inertia - wheels.rotors()) & jnp.all(wheels.rotor_inertia >= 0)
+
+
+def _positive(matrix: Float[Array, "3 3"]) -> Bool[Array, ""]:
+    """Whether a symmetric matrix is positive definite, by its leading minors."""
+    two = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
+    three = jnp.dot(matrix[0], jnp.cross(matrix[1], matrix[2]))
+    return (matrix[0, 0] > 0) & (two > 0) & (three > 0)
+
+
+def rotors_of(loop: AbstractLoop) -> Float[Array, "3 3"] | float:
+    """Σ J_w a aᵀ of the plant's wheels, kg m²."""
+    wheels = loop.plant.wheels
+    return 0.0 if wheels is None or wheels.rotor_inertia is None else wheels.rotors()
+
+
+def scaled_inertia(inertia: Float[Array, "3 3"], change: Values) -> Float[Array, "3 3"]:
+    """J_ij √((1 + change_i)(1 + change_j)), NaN where a factor is negative."""
+    root = jnp.sqrt(1 + change)
+    return inertia * root[:, None] * root[None, :]
+
+
+def set_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
+    """Moments and products scaled by relative changes of J1, J2, J3."""
+    return in_loop(
+        perturbed,
+        lambda loop: loop.plant.spacecraft.inertia,
+        scaled_inertia(perturbed.loop.plant.spacecraft.inertia, change),
+    )
+
+
+def set_products(perturbed: PerturbedLoop, share: Values) -> PerturbedLoop:
+    """Products of inertia added, in parts of the least nominal moment."""
+    smallest = jnp.min(perturbed.nominal.plant.spacecraft.moments)
+    xy, xz, yz = share * smallest
+    zero = jnp.zeros_like(xy)
+    extra = jnp.stack(
+        [jnp.stack([zero, xy, xz]), jnp.stack([xy, zero, yz]), jnp.stack([xz, yz, zero])]
+    )
+    return in_loop(
+        perturbed,
+        lambda loop: loop.plant.spacecraft.inertia,
+        perturbed.loop.plant.spacecraft.inertia + extra,
+    )
+
+
+def set_periodic(field: str, new: Callable[[Array, Values], Array]):
+    """A change of one field of the periodic torque: `new` of the old one and the numbers."""
+
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        def change(term):
+            if not isinstance(term, PeriodicTorque):
+                return term
+            return eqx.tree_at(lambda t: getattr(t, field), term, new(getattr(term, field), values))
+
+        disturbance = map_parts(change, PeriodicTorque, perturbed.loop.plant.disturbance)
+        return in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
+
+    return apply
+
+
+def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
+    """The loop whose law knows the frequencies of the plant's periodic torque.
+
+    That is its internal model about the first two axes and its ripple estimator about the axis
+    without a torque, for the frequency that makes the most ripple about it.
+    """
+    (torque,) = parts_of(PeriodicTorque, loop.plant.disturbance)
+    forms = parts_of(NormalForm, controller_of(loop))
+    normal = jnp.abs(forms[0].axes[2]) if forms else jnp.array([0.0, 0.0, 1.0])
+    ripple = normal * (jnp.abs(torque.amplitude) + LEAST_TORQUE) / jnp.abs(torque.frequency)
+    frequency = torque.frequency[jnp.argmax(ripple)]
+
+    def change(part):
+        if isinstance(part, InternalModel):
+            return InternalModel(torque.frequency[:2])
+        if isinstance(part, RippleFilter | RippleObserver):
+            return eqx.tree_at(lambda estimator: estimator.frequency, part, frequency)
+        return part
+
+    kinds = (InternalModel, RippleFilter, RippleObserver)
+    return with_controller(loop, map_parts(change, kinds, controller_of(loop)))
+
+
+def set_constant_torque(perturbed: PerturbedLoop, torque: Values) -> PerturbedLoop:
+    """A constant torque (N m) beside the disturbances that there are."""
+    disturbance = SumOfDisturbances((perturbed.loop.plant.disturbance, ConstantTorque(torque)))
+    return in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
+
+
+def set_model_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
+    """Relative changes of the inertia that the controller believes, with the wheels locked."""
+    rotors = rotors_of(perturbed.nominal)
+
+    def changed(part):
+        if not isinstance(part, Spacecraft):
+            return part
+        return Spacecraft(scaled_inertia(part.inertia + rotors, change) - rotors)
+
+    controller = map_parts(changed, Spacecraft, controller_of(perturbed.loop))
+    return perturbed._replace(loop=with_controller(perturbed.loop, controller))
+
+
+def set_model_orbit_rate(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
+    """A relative change of the orbit rate that the controller believes."""
+
+    def changed(part):
+        known = isinstance(part, AbstractOrbit)
+        return eqx.tree_at(lambda o: o.rate, part, part.rate * (1 + change[0])) if known else part
+
+    controller = map_parts(changed, AbstractOrbit, controller_of(perturbed.loop))
+    return perturbed._replace(loop=with_controller(perturbed.loop, controller))
+
+
+def set_attitude(perturbed: PerturbedLoop, q: Values) -> PerturbedLoop:
+    """Another initial attitude, a unit quaternion."""
+    return _with_attitude(perturbed, Quaternion(q))
+
+
+def set_tilt_by(change: Callable[[WZ, Values], WZ]):
+    """A change of the initial (w, z) parameters."""
+
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        return _with_attitude(perturbed, change(perturbed.start.attitude.as_wz(), values))
+
+    return apply
+
+
+def resized(wz: WZ, size: Values) -> WZ:
+    """The same direction of w with another length."""
+    return WZ(wz.w * (size[0] / jnp.sqrt(jnp.sum(wz.w**2))), wz.z)
+
+
+def redirected(wz: WZ, angle: Values) -> WZ:
+    """The same length of w in another direction, rad."""
+    size = jnp.sqrt(jnp.sum(wz.w**2))
+    return WZ(size * jnp.stack([jnp.cos(angle[0]), jnp.sin(angle[0])]), wz.z)
+
+
+def set_attitude_error(perturbed: PerturbedLoop, rotation: Values) -> PerturbedLoop:
+    """The initial attitude turned by a rotation vector in body axes, rad."""
+    half = jnp.sqrt(jnp.sum(rotation**2)) / 2
+    stretch = jnp.where(half > 0, jnp.tan(half) / jnp.where(half > 0, half, 1.0), 1.0)
+    return _with_attitude(perturbed, turned_slightly(perturbed.start.attitude, stretch * rotation))
+
+
+def set_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
+    """Another initial angular velocity, rad/s."""
+    return perturbed._replace(start=dataclasses.replace(perturbed.start, omega=omega))
+
+
+def set_wheel_momentum(perturbed: PerturbedLoop, momentum: Values) -> PerturbedLoop:
+    """Other initial momenta of the wheels relative to the body, N m s."""
+    return perturbed._replace(start=dataclasses.replace(perturbed.start, wheel_momentum=momentum))
+
+
+def set_rotor_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
+    """Relative changes of the inertia of each rotor; that of body and wheels stays."""
+
+    def inertia(loop) -> Any:
+        return cast(Wheels, loop.plant.wheels).rotor_inertia
+
+    return in_loop(perturbed, inertia, inertia(perturbed.loop) * (1 + change))
+
+
+def set_rate_error(perturbed: PerturbedLoop, error: Values) -> PerturbedLoop:
+    """Initial (ω1, ω2) off the reference of the nominal law, rad/s."""
+    law = cast(AbstractBacksteppingLaw, controller_of(perturbed.nominal))
+    reference = law.reference_rate(perturbed.start)
+    omega = jnp.concatenate([reference + error, perturbed.start.omega[2:]])
+    return set_omega(perturbed, omega)
+
+
+def _with_attitude(perturbed: PerturbedLoop, attitude: AbstractAttitude) -> PerturbedLoop:
+    forms = {WZ: "as_wz", Quaternion: "as_quaternion", DCM: "as_dcm"}
+    same = getattr(attitude, forms[type(perturbed.start.attitude)])()
+    return perturbed._replace(start=dataclasses.replace(perturbed.start, attitude=same))

@@ -1,0 +1,231 @@
+"""Chunks computed by the workers of a dask scheduler, on other machines perhaps.
+
+Needs the extra `cluster`. Only this process writes to the study's store. Whoever can reach a
+scheduler can run code as those who use it; see `scheduler_at`.
+"""
+
+import logging
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Any, TypeVar, cast
+
+from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker, wait
+from distributed.utils import silence_logging_cmgr
+
+from jaxsat.studies.addresses import scheduler_address
+from jaxsat.studies.connection import ANSWER_S, PARTING_S, connected, in_time, reason
+from jaxsat.studies.executors import POLL_S, AbstractExecutor, ClusterError, Stop, Work
+from jaxsat.studies.shipping import Done, Failed, PickledWork, computed, packed
+
+AHEAD = 2
+"""Chunks that are given out for every thread of a worker: one being computed, one waiting."""
+
+CONNECT_S = 10.0
+"""How long a scheduler is waited for."""
+
+WITHOUT_WORKERS_S = 3600.0
+"""How long a scheduler may have no workers."""
+
+SHIPPED_S = 300.0
+"""How long the workers that are there may take to import what a study needs."""
+
+LOOK_S = 5.0
+"""How often a run asks whether the scheduler and its workers are still there."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Scheduler(AbstractExecutor):
+    """The workers of the dask scheduler at an address, which may come and go while a study runs.
+
+    What is to be computed is sent to every worker once, so that it compiles once there, and to
+    those that come later. The chunks of a worker that died are computed again. `tell` is told that
+    there are no workers yet, or no longer. Raises `ClusterError` where no scheduler answers within
+    `timeout` seconds, or no longer does, or is of another version; where there are no workers for
+    `patience` seconds; where they cannot import jaxsat; and where one chunk's workers die again
+    and again.
+    """
+
+    address: str
+    timeout: float = CONNECT_S
+    patience: float = WITHOUT_WORKERS_S
+    tell: Callable[[str], None] = field(default=lambda _: None, repr=False, compare=False)
+    _stop: Stop = field(default_factory=Stop, init=False, repr=False, compare=False)
+
+    def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
+        """The results as they are ready; raises `ClusterError` where `stop` was called."""
+        with self._stop.run(), _Link.to(self) as link:
+            yield from link.results(packed(work), iter(chunks), self._stop)
+
+    def stop(self) -> None:
+        """Take back what is given out and let the workers go; waits until they are."""
+        self._stop.ask()
+
+
+def scheduler_at(
+    place: str,
+    timeout: float = CONNECT_S,
+    patience: float = WITHOUT_WORKERS_S,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Scheduler:
+    """The scheduler at an address such as tcp://host:8786, or named in the JSON file it wrote.
+
+    The connection is as dask's configuration says: with a tls:// address and
+    `distributed.comm.tls` encrypted and authenticated, else open to all who reach the address.
+    Raises `ValueError` for what is neither an address nor a scheduler's file.
+    """
+    return Scheduler(scheduler_address(place, timeout), timeout, patience, tell)
+
+
+class _Link:
+    """A connection to a scheduler, each of whose answers has a time limit."""
+
+    def __init__(self, to: Scheduler, client: Client):
+        self._to, self._client = to, client
+        self._name = f"jaxsat-{uuid.uuid4().hex}"
+        self._running: dict[Future, int] = {}
+        self._threads = 0
+        self._looked = float("-inf")
+        self._alone_since: float | None = None
+
+    @staticmethod
+    @contextmanager
+    def to(scheduler: Scheduler) -> Iterator["_Link"]:
+        with silence_logging_cmgr(logging.CRITICAL):  # what counts is raised here
+            link = _Link(scheduler, connected(scheduler.address, scheduler.timeout))
+            try:
+                yield link
+            finally:
+                link._leave()
+
+    def results(
+        self, work: PickledWork, remaining: Iterator[int], stop: Stop
+    ) -> Iterator[tuple[int, Any]]:
+        plugin = _Shipped(work)
+        self._ask(lambda: self._client.register_plugin(plugin, name=self._name), SHIPPED_S)
+        while True:
+            self._look()
+            room = AHEAD * max(1, self._threads)
+            while len(self._running) < room and (chunk := next(remaining, None)) is not None:
+                self._running[self._submitted(chunk)] = chunk
+            if not self._running:
+                return
+            for future in self._first_done(stop):
+                chunk = self._running.pop(future)
+                yield chunk, self._result(future, chunk, stop)
+
+    def _submitted(self, chunk: int) -> Future:
+        key = f"{self._name}-{chunk}"
+        return self._client.submit(_compute, self._name, chunk, key=key, pure=False)
+
+    def _first_done(self, stop: Stop) -> Iterable[Future]:
+        while True:
+            stop.check()
+            self._look()
+            with suppress(TimeoutError), self._lasting(), self._client.as_current():
+                return cast(Any, wait(list(self._running), POLL_S, "FIRST_COMPLETED")).done
+
+    def _result(self, future: Future, chunk: int, stop: Stop) -> Any:
+        while True:
+            stop.check()
+            self._look()
+            try:
+                with suppress(TimeoutError), self._lasting():
+                    outcome: Done | Failed = future.result(ANSWER_S)
+                    break
+            except KilledWorker as error:
+                raise ClusterError(
+                    f"{error.allowed_failures + 1} workers died on chunk {chunk}, the last at "
+                    f"{error.last_worker.address}"
+                ) from error
+        if isinstance(outcome, Failed):
+            raise outcome.error
+        return outcome.result
+
+    def _look(self) -> None:
+        """Ask from time to time who is there."""
+        now = time.monotonic()
+        if now - self._looked < LOOK_S:
+            return
+        self._threads = sum(self._ask(self._workers_there, ANSWER_S).values())
+        self._looked = time.monotonic()
+        if self._threads:
+            self._alone_since = None
+        elif self._alone_since is None:
+            self._alone_since = now
+            self._to.tell(
+                f"the scheduler at {self._to.address} has no workers; "
+                f"waiting {self._to.patience:g} s for one"
+            )
+        elif now - self._alone_since > self._to.patience:
+            raise ClusterError(
+                f"the scheduler at {self._to.address} had no workers for {self._to.patience:g} s"
+            )
+
+    def _workers_there(self) -> dict[str, int]:
+        """The threads of every worker; a busy scheduler may turn the question away once."""
+        until = time.monotonic() + ANSWER_S
+        while True:
+            try:
+                return cast(dict[str, int], self._client.nthreads())
+            except OSError:
+                if self._client.status != "running" or time.monotonic() > until:
+                    raise
+            time.sleep(POLL_S)
+
+    def _ask(self, question: Callable[[], T], limit: float) -> T:
+        with self._lasting():
+            try:
+                return in_time(question, limit)
+            except TimeoutError:
+                raise OSError(f"no answer within {limit:g} s") from None
+
+    @contextmanager
+    def _lasting(self) -> Iterator[None]:
+        """Tell in words what goes wrong between here and the workers."""
+        try:
+            yield
+        except (ClusterError, KilledWorker, TimeoutError):
+            raise
+        except (OSError, CancelledError) as error:
+            raise ClusterError(f"the scheduler is gone: {reason(error)}") from error
+        except Exception as error:  # their own are sent as `Failed`
+            raise ClusterError(f"the workers cannot compute: {reason(error)}") from error
+
+    def _leave(self) -> None:
+        for parting in (self._take_back, self._client.close):
+            with suppress(Exception):  # of a scheduler that is gone
+                in_time(parting, PARTING_S)
+
+    def _take_back(self) -> None:
+        if self._client.status == "running":
+            self._client.cancel(list(self._running))
+            self._client.unregister_worker_plugin(self._name)
+
+
+class _Shipped(WorkerPlugin):
+    """What a worker keeps of a study: the work, unpacked once."""
+
+    def __init__(self, work: PickledWork):
+        self._packed = work
+
+    def setup(self, worker) -> None:
+        del worker
+        self._lock = threading.Lock()
+        self._work: Work | None = None
+
+    def compute(self, chunk: int) -> Done | Failed:
+        with self._lock:
+            if self._work is None:
+                self._work = self._packed.unpacked()
+        return computed(self._work, chunk)
+
+
+def _compute(name: str, chunk: int) -> Done | Failed:
+    return cast(_Shipped, get_worker().plugins[name]).compute(chunk)

@@ -1,0 +1,144 @@
+"""What stands between distributions and the closed loop whose numbers they are to disperse."""
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+import jaxsat.core.ranges as ranges
+from jaxsat.control import InternalModel
+from jaxsat.core.checks import concrete
+from jaxsat.core.declaration.quantities import DISPERSIBLE
+from jaxsat.simulation import AbstractLoop
+from jaxsat.simulation.parts import parts_of
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.studies.distributions import AbstractDistribution, Discrete, RandomAttitude
+from jaxsat.studies.limits import Limits, limits_of_change, periodic_of
+from jaxsat.studies.perturbed import controller_of
+from jaxsat.studies.quantities import QUANTITIES
+
+Distributions = Mapping[str, AbstractDistribution]
+
+
+class DispersionProblem(NamedTuple):
+    """Why a quantity cannot be dispersed so: `rule` is "must …", `got` what it is instead.
+
+    `parameter` is the parameter of the distribution that is to blame, if it is one. `lacking` is
+    whether the loop has no such quantity, whatever its distribution.
+    """
+
+    quantity: str
+    rule: str
+    got: str | None = None
+    parameter: str | None = None
+    lacking: bool = False
+
+
+def dispersion_problems(
+    distributions: Distributions,
+    frequency_known: bool,
+    loop: AbstractLoop,
+    start: PlantState | None = None,
+) -> Iterator[DispersionProblem]:
+    """Everything that stands against dispersing a nominal loop and start, quantity by quantity.
+
+    A quantity that the loop lacks, a distribution that is not for it, another number of components,
+    or one that gives numbers out of the quantity's limits. Of a normal distribution only the mean
+    is looked at: its tails are told from each draw. Numbers that are traced are not looked at.
+    """
+    for name, distribution in distributions.items():
+        obstacle = QUANTITIES[name].obstacle(loop)
+        if obstacle is not None:
+            yield DispersionProblem(name, f"must not be dispersed here: {obstacle}", lacking=True)
+            continue
+        own = _of_the_kind(name, distribution, loop) or _singular(name, start)
+        if own is not None:
+            yield own
+        else:
+            yield from _outside(name, distribution, limits_of(name, frequency_known, loop), loop)
+    if frequency_known:
+        yield from _unknowable(loop)
+
+
+def limits_of(name: str, frequency_known: bool, loop: AbstractLoop) -> Limits:
+    """What may be drawn for a quantity; an internal model knows no frequencies of zero or less."""
+    found = QUANTITIES[name].limits(loop)
+    if name != "disturbance_frequency" or not frequency_known:
+        return found
+    known = limits_of_change(ranges.KNOWN_FREQUENCY, periodic_of(loop).frequency)
+    about_xy = np.array([True, True, False])
+    xp = np if isinstance(known.low, np.ndarray) else jnp
+    return Limits(
+        xp.where(about_xy, xp.maximum(found.low, known.low), found.low),
+        xp.where(about_xy, xp.minimum(found.high, known.high), found.high),
+    )
+
+
+def _of_the_kind(
+    name: str, distribution: AbstractDistribution, loop: AbstractLoop
+) -> DispersionProblem | None:
+    if DISPERSIBLE[name].random_attitude != isinstance(distribution, RandomAttitude):
+        kind = type(distribution).__name__
+        rule = "must have RandomAttitude if it is `attitude` and only then"
+        return DispersionProblem(name, rule, kind, "distribution")
+    size, given = QUANTITIES[name].size(loop), distribution.components()
+    if given not in (None, size):
+        return DispersionProblem(name, f"must have {size} components", str(given))
+    return None
+
+
+def _singular(name: str, start: PlantState | None) -> DispersionProblem | None:
+    """Changes of (w, z) have a start from which they can be made."""
+    if start is None or name not in ("tilt", "tilt_direction", "turn"):
+        return None
+    w = concrete(start.attitude.as_wz().w)
+    if w is None:
+        return None
+    if not np.isfinite(w).all():
+        rule = "must have a start that is not upside down, where (w, z) are singular"
+        return DispersionProblem(name, rule)
+    if name == "tilt" and not w.any():
+        rule = "must have a start that is tilted, whose direction it keeps"
+        return DispersionProblem(name, rule)
+    return None
+
+
+def _outside(
+    name: str, distribution: AbstractDistribution, limits: Limits, loop: AbstractLoop
+) -> Iterator[DispersionProblem]:
+    size, unit = QUANTITIES[name].size(loop), DISPERSIBLE[name].unit.removesuffix("1")
+    low, high = concrete(limits.low), concrete(limits.high)
+    if low is None or high is None:
+        return
+    if isinstance(distribution, Discrete):  # each component may be any of the values
+        low, high = np.max(low), np.min(high)
+    for parameter, values in distribution.ends().items():
+        known = concrete(values)
+        if known is None:
+            continue
+        shape = known.shape if isinstance(distribution, Discrete) else (size,)
+        numbers, least, most = (np.broadcast_to(x, shape) for x in (known, low, high))
+        bad = np.flatnonzero((numbers < least) | (numbers > most))
+        if bad.size:
+            first = bad[0]
+            below = numbers[first] < least[first]
+            limit = f"at least {least[first]:.6g}" if below else f"at most {most[first]:.6g}"
+            which = f" (component {first + 1})" if known.ndim == 0 and size > 1 else ""
+            entry = f" as entry {first + 1}" if known.ndim else ""
+            rule = f"must be {f'{limit} {unit}'.strip()}{which}"
+            yield DispersionProblem(name, rule, f"{numbers[first]:.6g}{entry}", parameter)
+
+
+def _unknowable(loop: AbstractLoop) -> Iterator[DispersionProblem]:
+    name = "disturbance_frequency"
+    obstacle = QUANTITIES[name].obstacle(loop)
+    if obstacle is not None:
+        rule = f"must not be known to the law: {obstacle}"
+        yield DispersionProblem(name, rule, parameter="frequency_known", lacking=True)
+    elif parts_of(InternalModel, controller_of(loop)):
+        frequency = concrete(periodic_of(loop).frequency)
+        if frequency is not None and not np.all(frequency[:2] > 0):
+            rule = "must be above zero about x and y for the law to know it"
+            found = f"{frequency[:2].tolist()} rad/s"
+            yield DispersionProblem(name, rule, found, "frequency_known")

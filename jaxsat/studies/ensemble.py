@@ -1,0 +1,356 @@
+"""A study: n dispersed copies of a closed loop, computed in chunks into a store."""
+
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsat.core.checks import require_counts
+from jaxsat.core.declaration.quantities import DISPERSIBLE
+from jaxsat.core.once import once_property
+from jaxsat.core.pointing import pointing_error
+from jaxsat.simulation.engine import AbstractEngine, Outputs, Program, Replay, program_identity
+from jaxsat.store import Column, OutputError, StudyStore, machine
+from jaxsat.store.chunks import Coordinate, chunk_numbers
+from jaxsat.store.differences import differences
+from jaxsat.store.labels import components
+from jaxsat.studies.columns import (
+    DRAWN,
+    ERRORS,
+    HISTORY,
+    HISTORY_TIME,
+    columns_of,
+    histories_of,
+    history_of,
+)
+from jaxsat.studies.designs import AbstractDesign, LatinHypercube
+from jaxsat.studies.dispersions import Dispersed, StudyCase
+from jaxsat.studies.executors import AbstractExecutor, Serial
+from jaxsat.studies.quantities import QUANTITIES
+from jaxsat.studies.recovery import FailureRecovery
+from jaxsat.studies.statistics import AbstractStopRule
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is computed: a program over dispersed copies, a design, an engine, n cases.
+
+    `description` is plain data that, with seed, design, engine and program, tells studies apart in
+    a store: the scenario and its dispersions. `remark` is to be told with the results, such as why
+    an engine was not taken. `history` is the number of instants, evenly over the horizon, at which
+    signals of every case are kept; None keeps none. `names` are those of all thrusters, a two-sided
+    one twice, and wheels; they have numbers without. Raises `ValueError` where the design has
+    another size than the study, or `history` does not suit the program.
+    """
+
+    program: Program
+    design: AbstractDesign
+    engine: AbstractEngine
+    count: int
+    chunk: int = 256
+    gains: Mapping[str, Any] | None = None
+    description: Mapping[str, Any] = field(default_factory=dict)
+    remark: str | None = None
+    history: int | None = None
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        if not isinstance(self.program.case_factory, Dispersed):
+            raise TypeError("Argument `program` must run dispersed copies.")
+        require_counts(count=self.count, chunk=self.chunk)
+        if self.history is not None:
+            self.program.evenly(self.history)
+        if isinstance(self.design, LatinHypercube) and self.design.size != self.count:
+            raise ValueError(
+                f"A Latin hypercube must have the study's size {self.count}, "
+                f"but got {self.design.size}."
+            )
+
+    @property
+    def case_factory(self) -> Dispersed:
+        """How a case is made."""
+        return self.program.case_factory  # pyright: ignore[reportReturnType]
+
+    @once_property
+    def failures(self) -> FailureRecovery | None:
+        """What tells of failures in flight; None where there are none."""
+        program, copies, dwell = self.program, self.case_factory, self.program.tolerances.dwell
+        attitude = bool(np.isfinite(np.asarray(program.tolerances.w)))
+        duration = float(np.asarray(program.interval)) * program.intervals  # nothing to compile
+        return FailureRecovery.of(
+            copies.loop,
+            copies.start,
+            duration,
+            attitude=attitude,
+            dwell=None if dwell is None else float(np.asarray(dwell)),
+            names=self.names,
+        )
+
+    @property
+    def has_fixed_size(self) -> bool:
+        """Whether the cases depend on how many there are, so that none may be left out."""
+        return isinstance(self.design, LatinHypercube)
+
+    def cases(self, numbers: np.ndarray) -> StudyCase:
+        """The cases of these numbers, as the engine takes them."""
+        points = self.design.points(numbers, self.case_factory.dimensions())
+        return StudyCase(np.asarray(numbers).astype(np.uint32), points)
+
+    def evaluate(self, numbers: np.ndarray) -> Outputs:
+        """Outputs of these cases."""
+        return self.engine.evaluate(self.program, self.cases(numbers), self.gains)
+
+    def values(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """What these cases have in a store, by column. Histories change no bit of the rest."""
+        if self.history is None:
+            return self._by_column(self.evaluate(numbers))
+        instants = self.program.evenly(self.history)
+        outputs, signals = self.engine.observed(
+            self.program, self.cases(numbers), self.gains, instants
+        )
+        names = histories_of(self.case_factory.loop)
+        kept = {HISTORY + name: np.asarray(history_of(signals, name)) for name in names}
+        return self._by_column(outputs) | kept
+
+    def _by_column(self, outputs: Outputs) -> dict[str, np.ndarray]:
+        """What the outputs have of every column, and what they say of failures."""
+        found = _by_column(outputs)
+        if self.failures is None:
+            return found
+        drawn = {name: np.asarray(values) for name, values in outputs.drawn.items()}
+        return found | self.failures.values(found, drawn)
+
+    def replay(self, number: int) -> Replay:
+        """One case again, with its history and the bits that it has in any study."""
+        case = jax.tree.map(lambda x: jnp.asarray(x[0]), self.cases(np.array([number])))
+        return self.engine.replay(self.program, case, self.gains)
+
+    def columns(self) -> dict[str, Column]:
+        """What a case has in a store."""
+        drawn = {DRAWN + name: self._drawn(name) for name in self._dispersed}
+        columns = columns_of(self.case_factory.loop)
+        if self.program.error_every:
+            columns = columns | {name: column for name, (_, column) in ERRORS.items()}
+        if self.failures is not None:
+            columns = columns | self.failures.columns()
+        columns = columns | drawn
+        if self.history is not None:
+            for name, column in histories_of(self.case_factory.loop).items():
+                shape, dims = (self.history, *column.shape), (HISTORY_TIME, *column.dims)
+                columns[HISTORY + name] = column._replace(shape=shape, dims=dims)
+        return columns
+
+    def coordinates(self) -> dict[str, Coordinate]:
+        """The labels of the axes that columns have."""
+        sizes = {
+            axis: size
+            for column in self.columns().values()
+            for axis, size in zip(column.dims, column.shape, strict=True)
+        }
+        found = {axis: Coordinate(components(axis, size)) for axis, size in sizes.items()}
+        if HISTORY_TIME in found:
+            times = tuple(self._history_times or ())
+            found[HISTORY_TIME] = Coordinate(times, "s", "time since the start")
+        return found
+
+    @property
+    def _dispersed(self) -> Sequence[str]:
+        return self.case_factory.dispersions.names
+
+    def _drawn(self, name: str) -> Column:
+        """The column of what was drawn for a quantity."""
+        quantity = DISPERSIBLE[name]
+        size = QUANTITIES[name].size(self.case_factory.loop)
+        if size == 1:
+            return Column((), "float64", quantity.unit, quantity.meaning)
+        axis = quantity.axis or f"{name}_component"
+        return Column((size,), "float64", quantity.unit, quantity.meaning, (axis,))
+
+    @property
+    def _history_times(self) -> list[float] | None:
+        if self.history is None:
+            return None
+        interval = float(np.asarray(self.program.interval))
+        return (self.program.evenly(self.history) * interval).tolist()
+
+    def program_identity(self) -> dict[str, Any]:
+        """What tells the program that computes the cases from others.
+
+        It is traced for that, once for this and the first chunk.
+        """
+        return program_identity(self.engine, self.program, self.cases(np.arange(1)), self.gains)
+
+    def identity(self) -> dict[str, Any]:
+        """All that the numbers of a case depend on. The count is part of it only where it must."""
+        return {
+            **self.description,
+            "history": self._history_times,
+            "design": type(self.design).__name__,
+            "seed": self.design.seed,
+            "size": self.count if self.has_fixed_size else None,
+            "engine": self.engine.identity(),
+            "program": self.program_identity(),
+            "gains": {name: np.asarray(g).tolist() for name, g in (self.gains or {}).items()},
+        }
+
+
+@dataclass(frozen=True)
+class StudyProgress:
+    """How far a study is: cases done and to do, those settled, and the pace of this run."""
+
+    done: int
+    count: int
+    settled: int
+    rate: float
+
+    @property
+    def seconds_left(self) -> float:
+        """At the pace so far."""
+        return (self.count - self.done) / self.rate if self.rate > 0 else float("inf")
+
+    @property
+    def fraction_settled(self) -> float:
+        """Of the cases done."""
+        return self.settled / self.done if self.done else float("nan")
+
+
+def run_study(
+    study: Study,
+    path: str | Path,
+    *,
+    executor: AbstractExecutor | None = None,
+    until: AbstractStopRule | None = None,
+    report: Callable[[StudyProgress], None] | None = None,
+    tell: Callable[[str], None] = warnings.warn,
+    elsewhere: bool = False,
+) -> int:
+    """Compute what a store at `path` lacks of a study; gives the number of cases that count.
+
+    With a stop rule these are the chunks from the first on up to where the rule is met, which does
+    not depend on the order in which they are computed. `elsewhere` lets a store be continued with
+    other versions or on another processor. `tell` is called with what was found damaged in the
+    store, and is computed again. Raises `OutputError` where the store cannot be used, and
+    `ValueError` for a stop rule over a Latin hypercube, whose size is fixed.
+    """
+    if until is not None and study.has_fixed_size:
+        raise ValueError("A stop rule must have independent or Sobol draws, not a Latin hypercube.")
+    executor = Serial() if executor is None else executor
+    identity, columns = study.identity(), study.columns()
+    with StudyStore(
+        path,
+        identity,
+        columns,
+        study.count,
+        study.chunk,
+        coordinates=study.coordinates(),
+        elsewhere=elsewhere,
+        remark=study.remark,
+    ) as store:
+        for repair in store.repairs:
+            tell(f"{path}: {repair}")
+        ledger = _StudyLedger(store, study.count, until)
+        begin, before = time.perf_counter(), ledger.done
+        here = None if elsewhere else machine()
+        work = _ChunkWork(study, store.chunk, store.count, here, identity["program"])
+        results = executor.run(work, ledger.wanted())
+        for chunk, values in results:
+            store.write(chunk, values)
+            ledger.add(chunk, values["settling_time"])
+            if report is not None:
+                pace = (ledger.done - before) / (time.perf_counter() - begin)
+                report(StudyProgress(ledger.done, study.count, ledger.settled, pace))
+        return ledger.counted
+
+
+@dataclass(frozen=True)
+class _ChunkWork:
+    """Computes the chunks of a study, in any process where the program is the same.
+
+    On the machine `where` if one is given.
+    """
+
+    study: Study
+    chunk: int
+    count: int
+    where: Mapping[str, Any] | None
+    program: Mapping[str, Any]
+
+    def __call__(self, chunk: int) -> dict[str, np.ndarray]:
+        if self.where is not None:
+            other = differences(self.where, machine())
+            if other:
+                raise OutputError(
+                    f"A worker computes under other conditions ({'; '.join(other)}), so its "
+                    "results may differ in their last bits; allow that explicitly.",
+                    elsewhere=True,
+                )
+        other = differences({"program": self.program}, {"program": self._program_here})
+        if other:
+            raise OutputError(f"A worker computes another study ({'; '.join(other)}).")
+        numbers = chunk_numbers(chunk, self.chunk, self.count)
+        return self.study.values(numbers)
+
+    @once_property
+    def _program_here(self) -> dict[str, Any]:
+        """What the program is in this process, whose law or libraries may be others."""
+        return self.study.program_identity()
+
+
+class _StudyLedger:
+    """Which chunks are done, and how many of the cases from the first on count."""
+
+    def __init__(self, store: StudyStore, count: int, until: AbstractStopRule | None):
+        self._store, self._until = store, until
+        self._limit = count
+        self._chunks = -(-count // store.chunk)
+        self._settled: dict[int, tuple[int, int]] = {}
+        self.done = self.settled = self.counted = 0
+        self._counted_settled = self._next = 0
+        self._met = False
+        for chunk in store.done():
+            if chunk < self._chunks:
+                self.add(chunk, store.values(chunk, ["settling_time"])["settling_time"])
+
+    def wanted(self) -> Iterator[int]:
+        """The chunks to compute, until the rule is met."""
+        for chunk in self._store.pending():
+            if self._met or chunk >= self._chunks:
+                return
+            yield chunk
+
+    def add(self, chunk: int, settling_time: np.ndarray) -> None:
+        """One more chunk is done."""
+        share = (len(settling_time), int(np.isfinite(settling_time).sum()))
+        self._settled[chunk] = share
+        self.done += share[0]
+        self.settled += share[1]
+        while not self._met and self._next in self._settled:
+            cases, settled = self._settled.pop(self._next)
+            self._next += 1
+            self.counted += cases
+            self._counted_settled += settled
+            if self._until is not None:
+                self._met = self._until.met(self._counted_settled, self.counted)
+        self.counted = min(self.counted, self._limit)
+
+
+def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
+    named = {name: values for name, values in outputs._asdict().items() if values is not None}
+    drawn = named.pop("drawn")
+    told = named.pop("failures", {})
+    estimated = named.pop("integration_error", None)
+    if estimated is not None:
+        told = told | {name: getattr(estimated, part) for name, (part, _) in ERRORS.items()}
+    error = pointing_error(np.asarray(outputs.quaternion))
+    named["pointing_error"] = np.linalg.norm(error, axis=-1)
+    columns = {
+        DRAWN + name: values[..., 0] if values.shape[-1] == 1 else values
+        for name, values in drawn.items()
+    }
+    return {**named, **told, **columns}

@@ -1,0 +1,133 @@
+"""Why a loop has no such quantity, as a clause; None where it has."""
+
+from collections.abc import Callable
+
+from jaxsat.control import AbstractBacksteppingLaw
+from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
+from jaxsat.simulation.parts import failures_of, parts_of
+from jaxsat.spacecraft import (
+    FailureEvents,
+    MagnetorquerFailures,
+    Sensors,
+    WheelFailures,
+)
+from jaxsat.spacecraft.environment import PeriodicTorque
+from jaxsat.studies.actuator_changes import thrusters_of
+from jaxsat.studies.perturbed import controller_of
+from jaxsat.studies.sensor_changes import navigation_of
+
+
+def always(loop: AbstractLoop) -> None:
+    """Every loop has it."""
+    del loop
+
+
+def needs_torque_level(loop: AbstractLoop) -> str | None:
+    """Of loops whose torques reach the plant through actuators."""
+    if isinstance(loop, ErrorCoordinateLoop):
+        return "a loop in error coordinates has ideal thrusters and the plant's own model"
+    return None
+
+
+def needs_periodic(loop: AbstractLoop) -> str | None:
+    """Of plants with one periodic disturbance torque."""
+    count = len(parts_of(PeriodicTorque, loop.plant.disturbance))
+    return None if count == 1 else f"the plant has {count} periodic disturbance torques, not one"
+
+
+def needs_model(kind: type) -> Callable[[AbstractLoop], str | None]:
+    """Of controllers that believe a model with such a part."""
+
+    def obstacle(loop: AbstractLoop) -> str | None:
+        if not parts_of(kind, controller_of(loop)):
+            return "the controller has no model of the plant"
+        return needs_torque_level(loop)
+
+    return obstacle
+
+
+def needs_sensors(loop: AbstractLoop) -> str | None:
+    """Of loops with noise on what is measured."""
+    if not isinstance(loop, SampledLoop):
+        return "only sampled loops have sensors"
+    return None if isinstance(loop.sensors, Sensors) else "the loop has no sensors"
+
+
+def needs_navigation(loop: AbstractLoop) -> str | None:
+    """Of loops with gyro and star tracker."""
+    there = isinstance(loop, SampledLoop) and loop.navigation is not None
+    return None if there else "the loop has no gyro and star tracker"
+
+
+def needs_latency(loop: AbstractLoop) -> str | None:
+    """Of loops whose star tracker is late."""
+    obstacle = needs_navigation(loop)
+    if obstacle is None and not navigation_of(loop).tracker.latency:
+        return "the star tracker has no latency"
+    return obstacle
+
+
+def needs_outage(loop: AbstractLoop) -> str | None:
+    """Of loops whose star tracker has outages."""
+    obstacle = needs_navigation(loop)
+    if obstacle is None and navigation_of(loop).tracker.outage is None:
+        return "the star tracker has no outage"
+    return obstacle
+
+
+def needs_delay(loop: AbstractLoop) -> str | None:
+    """Of loops with a computing delay."""
+    delayed = isinstance(loop, SampledLoop) and loop.delay is not None
+    return None if delayed else "the loop has no delay"
+
+
+def needs_reference(loop: AbstractLoop) -> str | None:
+    """Of laws with a reference rate of their own."""
+    law = isinstance(controller_of(loop), AbstractBacksteppingLaw)
+    return None if law else "the controller has no reference rate of its own"
+
+
+def needs_thrusters(loop: AbstractLoop) -> str | None:
+    """Of loops with one set of thrusters."""
+    obstacle = needs_torque_level(loop)
+    if obstacle is None and len(thrusters_of(loop)) != 1:
+        return "the actuators are no thrusters"
+    return obstacle
+
+
+def needs_failures(*kinds: type) -> Callable[[AbstractLoop], str | None]:
+    """Of loops in which such actuators fail in flight."""
+    what = {
+        FailureEvents: "thruster",
+        WheelFailures: "wheel",
+        MagnetorquerFailures: "magnetorquer",
+    }
+
+    def obstacle(loop: AbstractLoop) -> str | None:
+        if any(isinstance(one, kinds) for one in failures_of(loop)):
+            return None
+        which = f" of a {what[kinds[0]]}" if len(kinds) == 1 else ""
+        return f"the scenario has no failure{which} in flight"
+
+    return obstacle
+
+
+ANY_FAILURE = (FailureEvents, WheelFailures, MagnetorquerFailures)
+
+
+def needs_wheels(loop: AbstractLoop) -> str | None:
+    """Of spacecraft with wheels."""
+    return None if loop.plant.wheels is not None else "the spacecraft has no wheels"
+
+
+def needs_rotors(loop: AbstractLoop) -> str | None:
+    """Of spacecraft with wheels whose rotors have an inertia."""
+    wheels = loop.plant.wheels
+    known = wheels is not None and wheels.rotor_inertia is not None
+    return needs_wheels(loop) or (None if known else "no wheel has a rotor inertia")
+
+
+def needs_magnetorquers(loop: AbstractLoop) -> str | None:
+    """Of spacecraft with magnetorquers."""
+    there = loop.plant.magnetorquers is not None
+    return None if there else "the spacecraft has no magnetorquers"

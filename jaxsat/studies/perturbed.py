@@ -1,0 +1,46 @@
+"""A closed loop and its start while numbers are dispersed."""
+
+from typing import NamedTuple, cast
+
+import equinox as eqx
+import jax
+from jaxtyping import Array, Float
+
+from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
+from jaxsat.spacecraft.dynamics import PlantState
+
+
+class PerturbedLoop(NamedTuple):
+    """A closed loop and its start, as far as they have been dispersed, and the nominal loop."""
+
+    loop: AbstractLoop
+    start: PlantState
+    nominal: AbstractLoop
+
+
+Values = Float[Array, " size"]
+
+
+def controller_of(loop: AbstractLoop):
+    """The controller of any loop."""
+    return loop.law if isinstance(loop, ErrorCoordinateLoop) else with_thrusters(loop).controller
+
+
+def with_thrusters(loop: AbstractLoop) -> ContinuousLoop | SampledLoop:
+    """The loop as one of those that have actuators, which `obstacle` has made sure of."""
+    return cast(ContinuousLoop | SampledLoop, loop)
+
+
+def with_controller(loop: AbstractLoop, controller) -> AbstractLoop:
+    """The loop with another controller."""
+    return eqx.tree_at(controller_of, loop, controller)
+
+
+def in_loop(perturbed: PerturbedLoop, where, new) -> PerturbedLoop:
+    """With `new` at what `where` takes of the loop."""
+    return perturbed._replace(loop=eqx.tree_at(where, perturbed.loop, new))
+
+
+def map_parts(change, kind: type | tuple[type, ...], tree):
+    """The tree with every part of a kind changed."""
+    return jax.tree.map(change, tree, is_leaf=lambda part: isinstance(part, kind))

@@ -1,0 +1,252 @@
+"""Chunks computed by processes of this machine, connected to this one by pipes alone."""
+
+import contextlib
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+from typing import IO, Any, NamedTuple, cast
+
+from jaxsat.studies.executors import POLL_S, AbstractExecutor, ClusterError, Stop, Work
+from jaxsat.studies.shipping import Done, Failed, packed
+from jaxsat.studies.worker import Ready, WorkerTask
+
+ATTEMPTS = 3
+"""Workers that may die on one chunk, or one after the other before they are ready."""
+
+AHEAD = 1
+"""Chunks that a worker has in hand besides one for each of its threads."""
+
+PROGRAM = (
+    "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
+    "from jaxsat.studies.worker import serve; serve()"
+)
+"""What a worker runs. It finds modules where this process does, and nowhere else before."""
+
+
+@dataclass(frozen=True)
+class Processes(AbstractExecutor):
+    """`count` worker processes of this machine that compute `threads` chunks at once each.
+
+    They talk to this process through anonymous pipes: nothing listens, and no other process can
+    send them work. What is to be computed is sent to every worker once, so that it compiles once
+    there. A worker that dies is replaced, and its chunks are computed again, now one at a time, so
+    that a chunk is not blamed for another one. Raises `ClusterError` where `ATTEMPTS` workers
+    died on a chunk, or before they could compute any, or where none can be started.
+    """
+
+    count: int
+    threads: int = 1
+    _stop: Stop = field(default_factory=Stop, init=False, repr=False, compare=False)
+
+    def __post_init__(self):
+        for name in ("count", "threads"):
+            value = getattr(self, name)
+            if value < 1:
+                raise ValueError(f"Argument `{name}` must be at least 1, but got {value}.")
+
+    def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
+        """The results as they are ready; raises `ClusterError` where `stop` was called."""
+        with self._stop.run():
+            crew = _Crew(self, work)
+            try:
+                yield from crew.results(iter(chunks), self._stop)
+            finally:
+                crew.end()
+
+    def stop(self) -> None:
+        """End the workers; waits until they have."""
+        self._stop.ask()
+
+
+class _Ended(NamedTuple):
+    """A worker has ended, with this status, or killed by a signal if it is negative."""
+
+    status: int
+
+    def __str__(self) -> str:
+        if self.status >= 0:
+            return f"the last ended with status {self.status}"
+        try:
+            name = signal.Signals(-self.status).name
+        except ValueError:
+            name = f"signal {-self.status}"
+        likely = ", as the system does where memory runs out" if name == "SIGKILL" else ""
+        return f"the last was killed by {name}{likely}"
+
+
+class _Crew:
+    """The workers of a run, and the chunks that are to be computed again."""
+
+    def __init__(self, executor: Processes, work: Work):
+        self._count = executor.count
+        self._room = executor.threads + AHEAD
+        self._order = WorkerTask(packed(work), executor.threads)
+        self._workers: list[_Worker] = []
+        self._heard = SimpleQueue[tuple[_Worker, Any]]()
+        self._again = deque[int]()
+        self._deaths = Counter[int]()
+        self._false_starts = 0
+
+    def results(self, remaining: Iterator[int], stop: Stop) -> Iterator[tuple[int, Any]]:
+        while True:
+            self._give_out(remaining)
+            if not self._workers:
+                return
+            worker, message = self._next_message(stop)
+            if worker not in self._workers:  # it was let go
+                continue
+            match message:
+                case Ready():
+                    self._false_starts = 0
+                    worker.ready = True
+                case Done(chunk, result):
+                    worker.chunks.remove(chunk)
+                    worker.proven = True
+                    yield chunk, result
+                case Failed(error):
+                    raise error
+                case _Ended():
+                    self._bury(worker, message)
+
+    def end(self) -> None:
+        for worker in self._workers:
+            worker.kill()
+        for worker in self._workers:
+            worker.end()
+
+    def _give_out(self, remaining: Iterator[int]) -> None:
+        """Chunks to all who have room. Workers without any are let go, and started as needed."""
+        for worker in list(self._workers):
+            while self._has_room(worker):
+                chunk = self._next_chunk(remaining, alone=not worker.chunks)
+                if chunk is None:
+                    break
+                worker.give(chunk)
+            if not worker.chunks:
+                self._workers.remove(worker)
+                worker.end()
+        while len(self._workers) < self._count:
+            chunk = self._next_chunk(remaining, alone=True)
+            if chunk is None:
+                break
+            self._workers.append(_Worker(self._order, chunk, self._heard))
+
+    def _has_room(self, worker: "_Worker") -> bool:
+        """The first chunk goes alone, so that it compiles once; so does one that saw a death."""
+        if not worker.chunks:
+            return True
+        suspect = any(self._deaths[chunk] for chunk in worker.chunks)
+        return worker.proven and not suspect and len(worker.chunks) < self._room
+
+    def _next_chunk(self, remaining: Iterator[int], *, alone: bool) -> int | None:
+        if alone and self._again:
+            return self._again.popleft()
+        return next(remaining, None)
+
+    def _next_message(self, stop: Stop) -> tuple["_Worker", Any]:
+        while True:
+            stop.check()
+            with contextlib.suppress(Empty):
+                return self._heard.get(timeout=POLL_S)
+
+    def _bury(self, worker: "_Worker", ended: _Ended) -> None:
+        self._workers.remove(worker)
+        worker.end()
+        self._again.extend(sorted(worker.chunks))
+        if not worker.ready:
+            self._false_starts += 1
+            if self._false_starts == ATTEMPTS:
+                raise ClusterError(
+                    f"{ATTEMPTS} worker processes died before they could compute; {ended}"
+                )
+            return
+        for chunk in worker.chunks:
+            self._deaths[chunk] += 1
+            if self._deaths[chunk] == ATTEMPTS:
+                raise ClusterError(f"{ATTEMPTS} worker processes died on chunk {chunk}; {ended}")
+
+
+class _Worker:
+    """A worker process with the chunks that it was given, and a thread that hears its answers."""
+
+    def __init__(self, order: WorkerTask, chunk: int, heard: "SimpleQueue[tuple[_Worker, Any]]"):
+        self.chunks = {chunk}
+        self.ready = self.proven = False
+        first = b"".join(pickle.dumps(part) for part in (sys.path, order, chunk))
+        try:
+            self._process = _started()
+        except OSError as error:
+            raise _cannot_start(error.strerror or error) from error
+        self._to, self._from = cast(IO[bytes], self._process.stdin), self._process.stdout
+        self._hearing = threading.Thread(
+            target=self._read_replies, args=(first, heard), daemon=True
+        )
+        try:
+            self._hearing.start()
+        except RuntimeError as error:
+            self._process.kill()
+            self._process.communicate()
+            raise _cannot_start(error) from error
+
+    def give(self, chunk: int) -> None:
+        """One chunk more; one whose first chunk is done has read all before."""
+        self.chunks.add(chunk)
+        with contextlib.suppress(OSError):  # it died, which it is heard of
+            self._to.write(pickle.dumps(chunk))
+            self._to.flush()
+
+    def kill(self) -> None:
+        self._process.kill()
+
+    def end(self) -> None:
+        """Have it gone, with nothing left open."""
+        self._process.kill()
+        self._process.wait()
+        self._hearing.join()
+        for stream in (self._to, self._from):
+            with contextlib.suppress(OSError):  # what could not be sent
+                cast(IO[bytes], stream).close()
+
+    def _read_replies(self, first: bytes, heard: "SimpleQueue[tuple[_Worker, Any]]") -> None:
+        try:
+            self._to.write(first)
+            self._to.flush()
+            while True:
+                heard.put((self, pickle.load(cast(IO[bytes], self._from))))
+        except (EOFError, OSError, pickle.UnpicklingError):  # it ended, in the middle perhaps
+            pass
+        except Exception as error:  # an answer that this process has no use for
+            heard.put((self, Failed(error)))
+            return
+        heard.put((self, _Ended(self._process.wait())))
+
+
+def _cannot_start(reason: object) -> ClusterError:
+    return ClusterError(f"no worker process can be started: {reason}")
+
+
+def _started() -> subprocess.Popen[bytes]:
+    """A worker that Ctrl-C does not reach: who started it ends it, in good order."""
+    command = [sys.executable, *_interpreter_flags(), "-c", PROGRAM]
+    pipe = subprocess.PIPE
+    if sys.platform == "win32":
+        flags = subprocess.CREATE_NEW_PROCESS_GROUP
+        return subprocess.Popen(command, stdin=pipe, stdout=pipe, creationflags=flags)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return subprocess.Popen(command, stdin=pipe, stdout=pipe)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _interpreter_flags() -> list[str]:
+    """Never import from the current folder, and heed the environment as this process does."""
+    same = {"-I": sys.flags.isolated, "-E": sys.flags.ignore_environment}
+    same |= {"-s": sys.flags.no_user_site}
+    return ["-P", *(flag for flag, value in same.items() if value)]

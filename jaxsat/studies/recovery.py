@@ -1,0 +1,268 @@
+"""What failed in each case of a study, what torques that left, and why a case did not recover."""
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+
+from jaxsat.core.tolerances import SETTLED_BEFORE
+from jaxsat.simulation import AbstractLoop, Outcome
+from jaxsat.simulation.engine.failure_record import initial_record
+from jaxsat.simulation.parts import failures_of
+from jaxsat.spacecraft import AbstractFailures, FailureKind
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.failures import ONE_WAY
+from jaxsat.store import Column
+from jaxsat.studies.failure_codes import (
+    AMOUNTLESS,
+    DIAGNOSED,
+    FAILURES,
+    HYPOTHESES,
+    NEVER,
+    words,
+)
+from jaxsat.studies.torques_left import (
+    UNRECOVERABLE,
+    TorquesLeft,
+    thruster_torques_of,
+    torques_left,
+)
+
+STUCK = [1 + kind for kind in ONE_WAY]
+"""Codes of failures of one of the two ways of a two-sided thruster."""
+
+OF_RECORD = {
+    "longest_stay": Column(
+        (), "float64", "s", "longest time within the tolerances since the first failure"
+    ),
+    "false_alarms": Column((), "int32", "1", "alarms that began before any failure"),
+    "detection_time": Column((0,), "float64", "s", "first alarm after each failure", ("failure",)),
+    "isolation_time": Column(
+        (0,), "float64", "s", "when each thruster was first isolated", ("thruster",)
+    ),
+    "isolated_kind": Column(
+        (0,), "uint8", "1", "last verdict on each thruster", ("thruster",), DIAGNOSED
+    ),
+}
+"""What a sampled loop tells of its failures; of a diagnosis only where its law makes one."""
+
+
+class Recovery(enum.IntEnum):
+    """Whether a case settled for good and, if not, the first of these reasons that holds."""
+
+    RECOVERED = 0
+    UNRECOVERABLE = 1
+    ENDED_EARLY = 2
+    MISSED_DETECTION = 3
+    WRONG_THRUSTER_ISOLATED = 4
+    NOT_ISOLATED = 5
+    WRONG_KIND_ISOLATED = 6
+    SETTLED_THEN_LOST = 7
+    TOO_SLOW = 8
+
+
+@dataclass(frozen=True)
+class FailureRecovery:
+    """Tells of cases with failures in flight what struck, what that left, and what came of it.
+
+    `attitude` tells whether cases settle in attitude, or in rate alone, and `dwell` for how long
+    (s) one is settled at the end at least. `names` are those of all
+    thrusters, a two-sided one twice, and wheels; `momentum` (N m s) is that of body and wheels at
+    the start. `told` has the shapes of what the loop tells of its failures, by column.
+    """
+
+    loop: AbstractLoop
+    duration: float
+    attitude: bool
+    dwell: float
+    names: tuple[str, ...]
+    momentum: Float[np.ndarray, "3"]
+    told: Mapping[str, tuple[int, ...]]
+
+    @staticmethod
+    def of(
+        loop: AbstractLoop,
+        start: PlantState,
+        duration: float,
+        *,
+        attitude: bool = True,
+        dwell: float | None = None,
+        names: tuple[str, ...] = (),
+    ) -> "FailureRecovery | None":
+        """That of a loop and its start; None where nothing fails in flight.
+
+        `attitude` tells whether cases settle in attitude, or in rate alone, and `dwell` for how
+        long (s) one is settled at the end at least, by default a tenth of the duration. Without a
+        name for each thruster, wheel and magnetorquer they have numbers.
+        """
+        if not failures_of(loop):
+            return None
+        wheels = loop.plant.wheels
+        counts = _counts(loop)
+        if len(names) != sum(counts.values()):
+            names = tuple(f"{kind} {one + 1}" for kind in counts for one in range(counts[kind]))
+        momentum = np.asarray(loop.plant.spacecraft.inertia) @ np.asarray(start.omega)
+        if wheels is not None:
+            stored = loop.plant.with_wheel_momentum(start).wheel_momentum
+            momentum = momentum + np.asarray(wheels.axes) @ np.asarray(stored)
+        told = {name: one.shape for name, one in _told(loop, start).items()}
+        dwell = (1 - SETTLED_BEFORE) * duration if dwell is None else dwell
+        return FailureRecovery(loop, duration, attitude, dwell, names, momentum, told)
+
+    @property
+    def _events(self) -> list[AbstractFailures]:
+        return failures_of(self.loop)
+
+    def columns(self) -> dict[str, Column]:
+        """The columns of a store; those of `OF_RECORD` where the loop has them."""
+        count = sum(one.count for one in self._events)
+        events = ("failure",)
+
+        def of_failure(kind: str, unit: str, text: str, flags: tuple[str, ...] = ()) -> Column:
+            return Column((count,), kind, unit, text, events, flags)
+
+        kept = {name: OF_RECORD[name]._replace(shape=shape) for name, shape in self.told.items()}
+        if not _counts(self.loop)["thruster"]:
+            kept = {name: _of_wheels(column) for name, column in kept.items()}
+        return kept | {
+            "failure_time": of_failure("float64", "s", "when each failure strikes"),
+            "failed_part": of_failure("uint8", "1", "what each failure strikes", self.names),
+            "failure_kind": of_failure("uint8", "1", "kind of each failure", FAILURES),
+            "failure_amount": of_failure(
+                "float64", "1", "fraction (or delay, s; or factor or level, N m) of each failure"
+            ),
+            "torques_left": Column(
+                (), "uint8", "1", "what the failures leave", (), words(TorquesLeft)
+            ),
+            "recovery": Column(
+                (), "uint8", "1", "whether the case recovered, or why not", (), words(Recovery)
+            ),
+        }
+
+    def values(
+        self, found: Mapping[str, np.ndarray], drawn: Mapping[str, np.ndarray]
+    ) -> dict[str, np.ndarray]:
+        """These columns of cases of which the other columns and what was drawn are known."""
+        struck = self._struck(drawn, len(found["code"]))
+        left = torques_left(self.loop, self.momentum, struck, drawn.get("torque_gain"))
+        codes = {"torques_left": left, "recovery": self._recovery({**found, **struck}, left)}
+        return {name: struck[name] for name in self.columns() if name in struck} | codes
+
+    def _struck(self, drawn: Mapping[str, np.ndarray], cases: int) -> dict[str, np.ndarray]:
+        """Time, part, kind and amount (cases, failures) of every failure."""
+
+        def numbers(name: str, field: str) -> np.ndarray:
+            parts = [getattr(one, field) for one in self._events if hasattr(one, field)]
+            if name in drawn:
+                return np.asarray(drawn[name]).reshape(cases, -1)
+            nominal = np.concatenate([np.asarray(part) for part in parts] or [np.zeros(0)])
+            return np.tile(nominal, (cases, 1))
+
+        at, kind = numbers("failure_time", "at"), numbers("failure_kind", "kind")
+        parts, shifts, before = [], [], 0
+        for name, count in _counts(self.loop).items():
+            parts.append(numbers(f"failed_{name}", name) + before)
+            first = 1 + (len(FailureKind) if name == "wheel" else 0)
+            shifts.append(np.full(parts[-1].shape[1], first))
+            before += count
+        part, shift = np.rint(np.concatenate(parts, axis=1)).astype(int), np.concatenate(shifts)
+        part = np.clip(part, 0, len(self.names) - 1)  # what is beyond is an impossible case
+        kind = np.clip(np.rint(kind).astype(int) + shift, NEVER, len(FAILURES) - 1)
+        kind = np.where(at <= self.duration, kind, NEVER)
+        amount = numbers("failure_amount", "amount")
+        none = np.isin(kind, [FAILURES.index(name) for name in AMOUNTLESS])
+        return {
+            "failure_time": at,
+            "failed_part": part,
+            "failure_kind": kind,
+            "failure_amount": np.where(none, np.nan, amount),
+        }
+
+    def _recovery(
+        self, found: Mapping[str, np.ndarray], left: np.ndarray
+    ) -> Int[np.ndarray, " cases"]:
+        """The `Recovery` of every case."""
+        wrong = UNRECOVERABLE if self.attitude else (TorquesLeft.UNOPPOSED_TORQUE,)
+        lost = found["longest_stay"] >= self.dwell if "longest_stay" in found else False
+        reasons = {
+            Recovery.RECOVERED: np.isfinite(found["settling_time"]),
+            Recovery.UNRECOVERABLE: np.isin(left, wrong),
+            Recovery.ENDED_EARLY: found["code"] != int(Outcome.SUCCESS),
+        }
+        if "isolated_kind" in found:
+            reasons |= _errors(found, self.names)
+        reasons[Recovery.SETTLED_THEN_LOST] = np.broadcast_to(lost, left.shape)
+        return np.select(list(reasons.values()), list(map(int, reasons)), int(Recovery.TOO_SLOW))
+
+
+def _of_wheels(column: Column) -> Column:
+    """A column of a law that diagnoses wheels."""
+    dims = tuple("wheel" if axis == "thruster" else axis for axis in column.dims)
+    return column._replace(dims=dims, long_name=column.long_name.replace("thruster", "wheel"))
+
+
+def failed_thrusters(
+    found: Mapping[str, np.ndarray], names: tuple[str, ...]
+) -> Int[np.ndarray, "cases m"]:
+    """The code of the last failure that struck each thruster, `NEVER` where none did.
+
+    The two ways of a two-sided thruster have the same one of the `names`, and fail together but
+    for the kinds `ONE_WAY`.
+    """
+    verdict = found["isolated_kind"]
+    count, truth = verdict.shape[1], np.zeros(verdict.shape, int)
+    same = np.array([[one == other for other in names[:count]] for one in names])
+    order = np.argsort(found["failure_time"], axis=1, kind="stable")
+    kinds, parts = (
+        np.take_along_axis(np.asarray(found[name]), order, axis=1)
+        for name in ("failure_kind", "failed_part")
+    )
+    for kind, part in zip(kinds.T, parts.T, strict=True):
+        alone = (part[:, None] == np.arange(count)) | ~np.isin(kind, STUCK)[:, None]
+        hit = same[part] & alone & (kind > NEVER)[:, None]
+        truth = np.where(hit, kind[:, None], truth)
+    return truth
+
+
+def wrong_kind(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
+    """Which thrusters (cases, m) are isolated as what they are not, where they could be right."""
+    truth, verdict = failed_thrusters(found, names), found["isolated_kind"]
+    right = np.array([HYPOTHESES.get(code, NEVER) for code in range(len(FAILURES))])[truth]
+    return (right != NEVER) & (verdict > NEVER) & (verdict != right)
+
+
+def _errors(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> dict[Recovery, np.ndarray]:
+    """What a diagnosis got wrong of every case."""
+    truth, verdict = failed_thrusters(found, names), found["isolated_kind"]
+    of_thruster = (found["failure_kind"] > NEVER) & (found["failed_part"] < truth.shape[1])
+    wrong = {
+        Recovery.MISSED_DETECTION: of_thruster & np.isnan(found["detection_time"]),
+        Recovery.WRONG_THRUSTER_ISOLATED: (truth == NEVER) & (verdict > NEVER),
+        Recovery.NOT_ISOLATED: (truth > NEVER) & (verdict == NEVER),
+        Recovery.WRONG_KIND_ISOLATED: wrong_kind(found, names),
+    }
+    return {reason: np.asarray(one.any(axis=1)) for reason, one in wrong.items()}
+
+
+def _counts(loop: AbstractLoop) -> dict[str, int]:
+    """How many parts of each kind may fail, in the order of `failures_of`."""
+    plant = loop.plant
+    return {
+        "thruster": thruster_torques_of(loop)[0].shape[1],
+        "wheel": 0 if plant.wheels is None else plant.wheels.count,
+        "magnetorquer": 0 if plant.magnetorquers is None else plant.magnetorquers.count,
+    }
+
+
+def _told(loop: AbstractLoop, start: PlantState) -> Mapping[str, jax.ShapeDtypeStruct]:
+    """Shapes of what the loop tells of its failures, by column."""
+
+    def told():
+        record = initial_record(loop, loop.start(start))
+        return {} if record is None else record.outputs(jnp.ones(()))
+
+    return jax.eval_shape(told)

@@ -1,0 +1,268 @@
+"""What a study of failures in flight found: recovered fractions by kind, and every case explained.
+
+All of it comes from the columns of a store, so that it can be told of any store that has them.
+"""
+
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxsat.store.labels import flags_of
+from jaxsat.studies.failure_codes import AMOUNTLESS, DIAGNOSED, FAILURES, NEVER
+from jaxsat.studies.recovery import Recovery, failed_thrusters, wrong_kind
+from jaxsat.studies.statistics import Interval, percentile, wilson
+from jaxsat.studies.torques_left import TorquesLeft
+
+ALL, NONE = "all", "no failure"
+
+DELAY_PERCENTS = (50.0, 90.0)
+SETTLING_PERCENTS = (50.0, 90.0, 99.0)
+
+COLUMNS = ("failure_time", "failed_part", "failure_kind", "failure_amount", "torques_left",
+           "recovery", "settling_time", "ended_at")  # fmt: skip
+OF_DIAGNOSIS = ("false_alarms", "detection_time", "isolation_time", "isolated_kind")
+
+_REASONS = {
+    Recovery.RECOVERED: "recovered",
+    Recovery.ENDED_EARLY: "the run ended early",
+    Recovery.UNRECOVERABLE: "unrecoverable",
+    Recovery.MISSED_DETECTION: "missed detection",
+    Recovery.WRONG_THRUSTER_ISOLATED: "a working actuator isolated",
+    Recovery.NOT_ISOLATED: "detected, not isolated",
+    Recovery.WRONG_KIND_ISOLATED: "isolated as the wrong kind",
+    Recovery.SETTLED_THEN_LOST: "settled, then lost",
+    Recovery.TOO_SLOW: "too slow",
+}
+
+_LEFT = {
+    TorquesLeft.THREE_AXES: "torques about three axes are left",
+    TorquesLeft.TWO_TORQUES: "two torques are left, controllable",
+    TorquesLeft.BY_DRIFT: "controllable by drift alone, which no law uses",
+    TorquesLeft.SOME_ATTITUDES: "two wheels with momentum are left, which hold some attitudes",
+    TorquesLeft.TOO_FEW: "too few torques are left: not controllable",
+    TorquesLeft.UNOPPOSED_TORQUE: "nothing opposes the torque of a failed thruster with a margin",
+    TorquesLeft.NOT_DECIDED: "what is left is not decided",
+    TorquesLeft.UNHELD_MOMENTUM: "the others cannot hold the momentum of a runaway wheel",
+}
+
+
+class KindDiagnosis(NamedTuple):
+    """How the diagnosis of failures of one kind went.
+
+    `detected` cases had an alarm after every failure; in `isolated` ones exactly the failed
+    thrusters are at the end, in `as_kind` also as what they are. The delays (s) are those from the
+    failure to the alarm and from the alarm to the verdict, by percent.
+    """
+
+    detected: int
+    isolated: int
+    as_kind: int
+    detection_delay: dict[float, Interval]
+    isolation_delay: dict[float, Interval]
+
+
+class KindRecovery(NamedTuple):
+    """Cases of one kind of failure, by what became of them.
+
+    `recovered` is the fraction of all, `of_recoverable` that of those for which laws exist, by
+    controllability or because they recovered; None where there are none. `settling_delay` is the
+    time (s) from the last failure until recovered cases had settled, zero where they stayed so, by
+    percent. `reasons` counts the others by `Recovery`.
+    """
+
+    kind: str
+    cases: int
+    settled: int
+    recovered: Interval
+    recoverable: int
+    of_recoverable: Interval | None
+    settling_delay: dict[float, Interval]
+    reasons: dict[Recovery, int]
+    diagnosis: KindDiagnosis | None
+
+
+class UnrecoveredCase(NamedTuple):
+    """A case that did not recover, why, and all that is known of it in one line."""
+
+    case: int
+    reason: Recovery
+    text: str
+
+
+class RecoverySummary(NamedTuple):
+    """What a study of failures found: by kind, all kinds last, and the cases that did not recover.
+
+    `false_alarms` is the number of alarms in `healthy_time` (s), the time before any failure of all
+    cases together; None for a law that does not diagnose.
+    """
+
+    by_kind: list[KindRecovery]
+    unrecovered: list[UnrecoveredCase]
+    false_alarms: int | None
+    healthy_time: float
+
+
+def reason_words(reason: Recovery) -> str:
+    """A reason for a person."""
+    return _REASONS[reason]
+
+
+def summarise_recovery(dataset: Mapping[Any, Any], done: np.ndarray) -> RecoverySummary | None:
+    """What the cases at the places `done` say; None for a study without failures in flight.
+
+    `dataset` is that of `open_study`, or columns by name. Parts of a vehicle are numbered where the
+    columns are plain arrays, which lack their names.
+    """
+    if "recovery" not in dataset:
+        return None
+    told = [name for name in (*COLUMNS, *OF_DIAGNOSIS) if name in dataset]
+    found = {name: np.asarray(dataset[name])[done] for name in told}
+    kinds = _kind_names(found["failure_kind"])
+    names = flags_of(dataset["failed_part"]) or _numbered(found)
+    rows = [_of_kind(kind, _only(found, kinds == kind), names) for kind in _in_order(kinds)]
+    if len(rows) > 1:
+        rows.append(_of_kind(ALL, found, names))
+    healthy = np.minimum(found["failure_time"].min(axis=1), found["ended_at"])
+    lost = np.flatnonzero(found["recovery"] != Recovery.RECOVERED)
+    return RecoverySummary(
+        rows,
+        [
+            UnrecoveredCase(int(done[row]), Recovery(int(found["recovery"][row])), text)
+            for row, text in zip(lost, explanations(_only(found, lost), names), strict=True)
+        ],
+        int(found["false_alarms"].sum()) if "false_alarms" in found else None,
+        float(healthy.sum()),
+    )
+
+
+def _numbered(found: Mapping[str, np.ndarray]) -> tuple[str, ...]:
+    isolated = found.get("isolated_kind")
+    count = max(found["failed_part"].max() + 1, 0 if isolated is None else isolated.shape[1])
+    return tuple(f"part {number + 1}" for number in range(count))
+
+
+def explanations(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Iterator[str]:
+    """Of each case in a line: the reason, what failed, what is left, how it was diagnosed."""
+    for case in range(len(found["recovery"])):
+        row = {name: values[case] for name, values in found.items()}
+        parts = [
+            _REASONS[Recovery(int(row["recovery"]))],
+            *_struck(row, names),
+            _LEFT[TorquesLeft(int(row["torques_left"]))],
+            *_diagnosed(row, names),
+        ]
+        yield "; ".join(parts)
+
+
+def _struck(row: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[str]:
+    for at, part, code, amount in zip(
+        row["failure_time"],
+        row["failed_part"],
+        row["failure_kind"],
+        row["failure_amount"],
+        strict=True,
+    ):
+        if code == NEVER:
+            continue
+        kind = FAILURES[code].removeprefix("wheel ")
+        much = "" if FAILURES[code] in AMOUNTLESS else f" {amount:.3g}"
+        yield f"{names[part]} {kind}{much} at {at:.5g} s"
+
+
+def _diagnosed(row: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[str]:
+    if "isolated_kind" not in row:
+        return
+    for at, detected, code in zip(
+        row["failure_time"], row["detection_time"], row["failure_kind"], strict=True
+    ):
+        if code != NEVER:
+            late = "no alarm" if np.isnan(detected) else f"alarm {detected - at:.3g} s later"
+            yield late
+    verdicts = [
+        f"{names[place]} as {DIAGNOSED[code]} at {row['isolation_time'][place]:.5g} s"
+        for place, code in enumerate(row["isolated_kind"])
+        if code != NEVER
+    ]
+    yield f"isolated: {', '.join(verdicts) or 'nothing'}"
+
+
+def _only(found: Mapping[str, np.ndarray], kept: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: values[kept] for name, values in found.items()}
+
+
+def _kind_names(kinds: np.ndarray) -> np.ndarray:
+    """The kinds of all failures of each case, as one text."""
+    return np.array(
+        [" + ".join(FAILURES[code] for code in row if code != NEVER) or NONE for row in kinds],
+        object,
+    )
+
+
+def _in_order(kinds: np.ndarray) -> list[str]:
+    """As `FAILURES` has them, no failure last."""
+    there = sorted(set(kinds.tolist()))
+
+    def place(kind: str) -> tuple:
+        parts = [] if kind == NONE else kind.split(" + ")
+        return (kind == NONE, len(parts), [FAILURES.index(part) for part in parts])
+
+    return sorted(there, key=place)
+
+
+def _of_kind(kind: str, found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindRecovery:
+    codes = found["recovery"]
+    cases, settled = len(codes), int((codes == Recovery.RECOVERED).sum())
+    recoverable = cases - int((codes == Recovery.UNRECOVERABLE).sum())
+    return KindRecovery(
+        kind,
+        cases,
+        settled,
+        wilson(settled, cases),
+        recoverable,
+        wilson(settled, recoverable) if recoverable else None,
+        {} if kind == NONE else _percentiles(_settling_delays(found), SETTLING_PERCENTS),
+        {
+            reason: int((codes == reason).sum())
+            for reason in Recovery
+            if reason != Recovery.RECOVERED and (codes == reason).any()
+        },
+        _diagnosis(found, names) if "isolated_kind" in found and kind != NONE else None,
+    )
+
+
+def _diagnosis(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindDiagnosis:
+    truth, verdict = failed_thrusters(found, names), found["isolated_kind"]
+    at, alarm = found["failure_time"], found["detection_time"]
+    struck = (found["failure_kind"] != NEVER) & (found["failed_part"] < truth.shape[1])
+    delay = np.where(struck, alarm - at, np.nan)
+    exactly = ((truth != NEVER) == (verdict != NEVER)).all(axis=1) & (truth != NEVER).any(axis=1)
+    right = exactly & ~wrong_kind(found, names).any(axis=1)
+    isolated = [
+        found["isolation_time"][case, found["failed_part"][case, event]] - alarm[case, event]
+        for case, event in itertools.product(*map(range, struck.shape))
+        if struck[case, event]
+    ]
+    return KindDiagnosis(
+        int((struck.any(axis=1) & ~(struck & np.isnan(delay)).any(axis=1)).sum()),
+        int(exactly.sum()),
+        int(right.sum()),
+        _percentiles(delay[np.isfinite(delay)]),
+        _percentiles(np.array([late for late in isolated if late >= 0])),
+    )
+
+
+def _settling_delays(found: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Of recovered cases that had failures, from the last one until they had settled, s."""
+    struck = np.where(found["failure_kind"] != NEVER, found["failure_time"], -np.inf).max(axis=1)
+    delays = np.maximum(found["settling_time"] - struck, 0)
+    return delays[np.isfinite(struck) & (found["recovery"] == Recovery.RECOVERED)]
+
+
+def _percentiles(
+    values: np.ndarray, percents: tuple[float, ...] = DELAY_PERCENTS
+) -> dict[float, Interval]:
+    if not len(values):
+        return {}
+    return {percent: percentile(values, percent) for percent in percents}

@@ -1,0 +1,231 @@
+"""Which dispersed number matters for a result: first-order indices and rank correlations.
+
+Both come with intervals that hold for all numbers of a study together, so that a sample in which
+nothing matters shows something in one study of forty.
+"""
+
+from collections.abc import Iterable
+from statistics import NormalDist
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxsat.studies.statistics import LEVEL, Interval
+
+UNKNOWN = Interval(float("nan"), float("nan"), float("nan"))
+
+
+class Sensitivity(NamedTuple):
+    """How much one dispersed number tells of a result.
+
+    `rank_correlation` is Spearman's; `first_order` is the share of the result's variance that the
+    number explains alone, Sobol's first-order index; NaN where nothing varies.
+    """
+
+    name: str
+    first_order: Interval
+    rank_correlation: Interval
+
+    @property
+    def matters(self) -> bool:
+        """Whether the interval of the first-order index excludes zero."""
+        return self.first_order.low > 0
+
+
+def numbers_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    """What was drawn under a name, (cases, components), as numbers by the names they are told by.
+
+    A quantity of one number may have shape (cases,). Components are numbered from 1. A quaternion,
+    whose components depend on one another and whose sign means nothing, becomes the angle (rad, 0
+    to π) of the rotation and its axis.
+    """
+    values = np.asarray(values, dtype=float).reshape(len(values), -1)
+    if name == "attitude":
+        scalar, vector = values[:, 0], values[:, 1:]
+        size = np.linalg.norm(vector, axis=1)
+        axis = np.where(scalar < 0, -1.0, 1.0) / np.where(size > 0, size, 1.0)
+        parts = {"angle": 2 * np.arctan2(size, np.abs(scalar))}
+        parts |= {f"axis {i + 1}": vector[:, i] * axis for i in range(3)}
+        return {f"{name}[{part}]": column for part, column in parts.items()}
+    if values.shape[1] == 1:
+        return {name: values[:, 0]}
+    return {f"{name}[{i + 1}]": column for i, column in enumerate(values.T)}
+
+
+def sensitivity(
+    drawn: dict[str, np.ndarray], result: np.ndarray, level: float = LEVEL
+) -> list[Sensitivity]:
+    """Every dispersed number ranked by its first-order index, from the sample that there is.
+
+    `drawn` has arrays (cases, components), see `numbers_of`. Cases whose result is not finite are
+    left out. The intervals hold together with a probability of `level`. The draws must be
+    independent of one another; where they are not, as the components of an axis, an index counts
+    what a number shares with others.
+    """
+    measure = Sensitivities([result])
+    for name, values in drawn.items():
+        measure.add(name, values)
+    return measure.ranked(level)[0]
+
+
+class Sensitivities:
+    """The same of several results at once, the dispersed numbers told one name after the other.
+
+    Sorting is what takes long: every number and every result is sorted once.
+    """
+
+    def __init__(self, results: Iterable[np.ndarray]):
+        self._results = [_Result(np.asarray(result, dtype=float)) for result in results]
+        self._found: list[list[_Evidence]] = [[] for _ in self._results]
+
+    def add(self, name: str, values: np.ndarray) -> None:
+        """What was drawn under a name, as `numbers_of` takes it."""
+        for label, column in numbers_of(name, values).items():
+            order = np.argsort(column, kind="stable")
+            for found, result in zip(self._found, self._results, strict=True):
+                kept = order[result.fine[order]]
+                found.append(_evidence(label, column[kept], result.place[kept], result))
+
+    def ranked(self, level: float = LEVEL) -> list[list[Sensitivity]]:
+        """For every result all numbers, the largest index first, those that are not known last."""
+        return [
+            sorted(
+                (entry.judged((1 - level) / len(found)) for entry in found),
+                key=lambda entry: -np.nan_to_num(entry.first_order.value, nan=-2.0),
+            )
+            for found in self._found
+        ]
+
+
+class _Result:
+    """A result's finite values, their places among these, and their ranks less the mean rank."""
+
+    def __init__(self, values: np.ndarray):
+        self.fine = np.isfinite(values)
+        self.place = np.cumsum(self.fine) - 1
+        self.values = values[self.fine]
+        order = np.argsort(self.values, kind="stable")
+        self.ranks = np.empty(len(order))
+        self.ranks[order] = _ranks(self.values[order])
+
+
+class _Index(NamedTuple):
+    """A first-order index, the standard deviation of its estimate, and groups of the cases."""
+
+    value: float
+    deviation: float
+    groups: int
+    cases: int
+
+
+class _Evidence(NamedTuple):
+    """What the sample says of one number, before it is known how many there are."""
+
+    name: str
+    share: _Index | None
+    correlation: float
+    cases: int
+
+    def judged(self, tails: float) -> Sensitivity:
+        """With intervals that miss with a probability of `tails`."""
+        index = UNKNOWN if self.share is None else _index_interval(self.share, tails)
+        return Sensitivity(
+            self.name, index, _correlation_interval(self.correlation, self.cases, tails)
+        )
+
+
+def _evidence(name: str, x: np.ndarray, places: np.ndarray, result: _Result) -> _Evidence:
+    """Of ascending numbers and their places in a result."""
+    y = result.values[places]
+    if not len(x) or not x[-1] > x[0] or not np.ptp(y) > 0:  # NaN comes last
+        return _Evidence(name, None, float("nan"), len(x))
+    correlation = _correlation(_ranks(x), result.ranks[places])
+    return _Evidence(name, _explained(y, None), correlation, len(x))
+
+
+def _ranks(ascending: np.ndarray) -> np.ndarray:
+    """Ranks less their mean; equal numbers share the mean of theirs."""
+    new = np.flatnonzero(np.diff(ascending, prepend=np.nan) != 0)
+    counts = np.diff(new, append=len(ascending))
+    return np.repeat(new + (counts - len(ascending)) / 2, counts)
+
+
+def _correlation(x: np.ndarray, y: np.ndarray) -> float:
+    """Of numbers without mean; NaN for fewer than three."""
+    if len(x) < 3:
+        return float("nan")
+    return float(np.sum(x * y) / np.sqrt(np.sum(x**2) * np.sum(y**2)))
+
+
+def _correlation_interval(r: float, cases: int, tails: float) -> Interval:
+    """By Fisher's transformation: D. G. Bonett, T. A. Wright, Psychometrika 65, 2000."""
+    if np.isnan(r):
+        return UNKNOWN
+    if cases < 4:
+        return Interval(r, -1.0, 1.0)
+    half = NormalDist().inv_cdf(1 - tails / 2) * np.sqrt((1 + r**2 / 2) / (cases - 3))
+    middle = np.arctanh(np.clip(r, -1 + 1e-15, 1 - 1e-15))
+    return Interval(r, float(np.tanh(middle - half)), float(np.tanh(middle + half)))
+
+
+def first_order_index(x: np.ndarray, y: np.ndarray, bins: int | None = None) -> float:
+    """Var(E[y | x]) / Var(y) from bins of equal counts of x, less what chance alone gives.
+
+    E. Plischke, Reliability Engineering & System Safety 95, 2010, has the estimator; the
+    correction is that of the analysis of variance (ω²), without which many bins look like
+    sensitivity. What y does within a bin is not seen: where it oscillates with x and the cases are
+    few, the index is too small.
+    """
+    if not np.ptp(x) > 0:
+        return float("nan")
+    found = _explained(np.asarray(y, dtype=float)[np.argsort(x, kind="stable")], bins)
+    return float("nan") if found is None else found.value
+
+
+def _explained(y: np.ndarray, bins: int | None) -> _Index | None:
+    """`first_order_index` of results in the order of the numbers, None where it is unknown.
+
+    The deviation is that of 2 m (y - μ) - m² - S (y - μ)², over Var(y), with m the mean of a bin
+    less μ: what one case more would change.
+    """
+    count = len(y)
+    bins = max(2, min(32, round(count**0.4))) if bins is None else bins
+    if count < 2 * bins or not np.var(y) > 0:
+        return None
+    sizes = np.full(bins, count // bins)
+    sizes[: count % bins] += 1
+    begins = np.cumsum(sizes) - sizes
+    off = y - np.mean(y)
+    means = np.add.reduceat(off, begins) / sizes
+    m = np.repeat(means, sizes)
+    between, within = float(np.sum(m**2)), float(np.sum((off - m) ** 2))
+    noise, total = within / (count - bins), between + within
+    influence = (2 * m * off - m**2 - between / total * off**2) / (total / count)
+    value = (between - (bins - 1) * noise) / (total + noise)
+    return _Index(value, float(np.sqrt(np.mean(influence**2) / count)), bins, count)
+
+
+def _index_interval(index: _Index, tails: float) -> Interval:
+    """Score interval of an index, two errors added in squares.
+
+    What chance alone makes of an index of zero, by the quantiles of F of the analysis of variance,
+    so that the lower end is above zero where the F test rejects; and the deviation of the estimate,
+    whose square grows in proportion to the index. The second is asymptotic: an index far from zero
+    of a result with a heavy tail is less certain than that.
+    """
+    from scipy import special  # takes its time, and a study that is computed has no use for it
+
+    between, within = index.groups - 1, index.cases - index.groups
+
+    def by_chance(quantile: float) -> float:
+        f = float(special.fdtri(between, within, quantile))
+        return between * (f - 1) / (between * f + within + 1)
+
+    weight = NormalDist().inv_cdf(1 - tails / 2) ** 2
+    slope = weight * index.deviation**2 / index.value if index.value > 0 else 0.0
+    constant = slope * max(index.value, 0.0)
+    down = by_chance(1 - tails / 2) ** 2 + constant
+    up = by_chance(tails / 2) ** 2 + constant
+    low = index.value - (np.sqrt(slope**2 + 4 * down) - slope) / 2
+    high = index.value + (np.sqrt(slope**2 + 4 * up) + slope) / 2
+    return Interval(index.value, *np.clip([low, high], 0.0, 1.0).tolist())

@@ -1,0 +1,133 @@
+"""The summary of a study, from its store or from its columns."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxsat.simulation import Outcome
+from jaxsat.store.chunks import DONE
+from jaxsat.store.labels import SETTLED, UNSETTLED
+from jaxsat.studies.columns import DRAWN
+from jaxsat.studies.recovery_summary import RecoverySummary, summarise_recovery
+from jaxsat.studies.sensitivities import Sensitivities, Sensitivity
+from jaxsat.studies.statistics import Interval, percentile, wilson
+
+PERCENTS = (50.0, 90.0, 99.0)
+
+OF_ACTUATORS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "propellant": lambda values: values,
+    "valve_openings": lambda values: values.sum(axis=1),
+    "peak_wheel_momentum": lambda values: values.max(axis=1),
+}
+"""Columns of loops whose actuators have them, and the one number a case that is summarised."""
+
+
+class Summary(NamedTuple):
+    """What a study found.
+
+    `settled` is a fraction; `settling_time` (s, of the settled cases) and `effort` (N m s, of the
+    cases that reached their end) are by percent, empty where there are none. So are `propellant`
+    (kg), `valve_openings` (of all valves together) and `peak_wheel_momentum` (N m s, of the wheel
+    with the largest), of the cases that reached their end, empty without such actuators too.
+    `outcomes` counts the cases by how they ended, `worst` lists case numbers, those that failed
+    first. The rankings say which dispersion matters for the cost and for settling at all. Intervals
+    are of 95 %, those of independent draws, and open (infinite) where there are too few cases;
+    those of a ranking hold together. `recovery` is None where nothing fails in flight. `rate_error`
+    (rad/s) and `attitude_error` (rad) are the largest estimates of what the length of the steps
+    leaves, None where there are none.
+    """
+
+    cases: int
+    settled: Interval
+    settling_time: dict[float, Interval]
+    effort: dict[float, Interval]
+    outcomes: dict[str, int]
+    worst: list[int]
+    cost_sensitivity: list[Sensitivity]
+    settling_sensitivity: list[Sensitivity]
+    propellant: dict[float, Interval]
+    valve_openings: dict[float, Interval]
+    peak_wheel_momentum: dict[float, Interval]
+    recovery: RecoverySummary | None = None
+    rate_error: float | None = None
+    attitude_error: float | None = None
+
+    @property
+    def ranking(self) -> list[Sensitivity]:
+        """What settling depends on, or the cost where all cases settle or none."""
+        some = 0 < self.settled.value < 1
+        return self.settling_sensitivity if some else self.cost_sensitivity
+
+
+def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int = 10) -> Summary:
+    """The summary of the done cases among the first `count` (all unless given).
+
+    `dataset` is that of `open_study`, or columns by name.
+    """
+    done = np.ones(dataset["code"].shape, bool)[:count]
+    if "status" in dataset:
+        done = np.asarray(dataset["status"])[:count] == DONE
+    if not done.any():
+        raise ValueError("A summary must have at least one case that is done, but got none.")
+
+    def column(name: str) -> np.ndarray:
+        return np.asarray(dataset[name])[:count][done]
+
+    def largest_error(part: str) -> float | None:
+        name = f"{part}_error_estimate"
+        return _largest(column(name)) if name in dataset else None
+
+    numbers = np.flatnonzero(done)
+    columns = {name: column(name) for name in ("code", "settling_time", "effort", "cost")}
+    settled = np.isfinite(columns["settling_time"])
+    success = columns["code"] == int(Outcome.SUCCESS)
+    names = [str(name) for name in dataset if str(name).startswith(DRAWN)]
+    measure = Sensitivities([columns["cost"], settled])
+    for name in names:  # one at a time, which keeps memory small
+        measure.add(name.removeprefix(DRAWN), column(name))
+    of_cost, of_settling = measure.ranked()
+    return Summary(
+        cases=len(numbers),
+        settled=wilson(int(settled.sum()), len(numbers)),
+        settling_time=_percentiles(columns["settling_time"][settled]),
+        effort=_percentiles(columns["effort"][success]),
+        outcomes=_outcomes(columns["code"], settled),
+        worst=numbers[_worst_first(columns)[:worst]].tolist(),
+        cost_sensitivity=of_cost,
+        settling_sensitivity=of_settling,
+        recovery=summarise_recovery(dataset, numbers),
+        rate_error=largest_error("rate"),
+        attitude_error=largest_error("attitude"),
+        **{
+            name: _percentiles(over_parts(column(name)[success])) if name in dataset else {}
+            for name, over_parts in OF_ACTUATORS.items()
+        },
+    )
+
+
+def _largest(values: np.ndarray) -> float | None:
+    """The largest of the numbers; None without any."""
+    known = values[~np.isnan(values)]
+    return float(known.max()) if known.size else None
+
+
+def _percentiles(values: np.ndarray) -> dict[float, Interval]:
+    return {percent: percentile(values, percent) for percent in PERCENTS} if len(values) else {}
+
+
+def _outcomes(codes: np.ndarray, settled: np.ndarray) -> dict[str, int]:
+    counts = {SETTLED: int(settled.sum())}
+    counts[UNSETTLED] = int(((codes == int(Outcome.SUCCESS)) & ~settled).sum())
+    for outcome in Outcome:
+        number = int((codes == int(outcome)).sum())
+        if outcome is not Outcome.SUCCESS and number:
+            counts[outcome.name.lower()] = number
+    return counts
+
+
+def _worst_first(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Places from the worst on: failed, then not settled, then slow; the dearer the worse."""
+    failed = columns["code"] != int(Outcome.SUCCESS)
+    cost = np.nan_to_num(columns["cost"], nan=np.inf)
+    return np.lexsort((-cost, -columns["settling_time"], ~failed))

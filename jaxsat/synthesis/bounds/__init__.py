@@ -1,0 +1,22 @@
+"""How good control can get: least time and least effort of a manoeuvre, found open loop."""
+
+from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
+from jaxsat.synthesis.bounds.plans import plans_of, solution_of
+from jaxsat.synthesis.bounds.search import Bound, best_of_starts
+from jaxsat.synthesis.bounds.transcription import BoundObjective, Solution, Transcription
+from jaxsat.synthesis.bounds.verification import Verification, propagate
+
+__all__ = [
+    "Bound",
+    "BoundObjective",
+    "End",
+    "Manoeuvre",
+    "Solution",
+    "Transcription",
+    "Verification",
+    "best_of_starts",
+    "manoeuvre_of",
+    "plans_of",
+    "propagate",
+    "solution_of",
+]

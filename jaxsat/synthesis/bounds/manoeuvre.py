@@ -1,0 +1,150 @@
+"""The manoeuvre whose bounds are sought, as plain numbers."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
+from jaxsat.spacecraft import Actuators
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.environment import (
+    AbstractDisturbance,
+    ConstantTorque,
+    GravityGradient,
+    NoDisturbance,
+    PeriodicTorque,
+    SmallAngleOrbit,
+    SumOfDisturbances,
+)
+
+Vector = Float[np.ndarray, "3"]
+
+End = Literal["settled", "rest"]
+"""Where a manoeuvre ends: where a case begins to count as settled, or exactly at rest."""
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """From a start to rest in the orbit frame, or near it, as fast or as cheaply as thrusters can.
+
+    `inertia` (3, 3) in kg m², `torque_axes` (3, m) of thrusters that each make up to `limit` N m
+    of either sign, `orbit_rate` ω0 in rad/s. The start is a unit quaternion from the orbit to the
+    body frame, scalar first, and ω in rad/s. The disturbance is (2) plus a constant, N m, and the
+    gravity gradient of an orbit at `gradient_rate` rad/s. With `small_angle` (11) has the identity
+    in place of C_bo; with `third_rate_held` an ideal torque keeps ω3 as it is. With `rates_only` it
+    ends at ω = 0 in any attitude. `end` is the largest tilt and turn (rad) and relative rate
+    (rad/s) in which it may end, zero for rest.
+    """
+
+    inertia: Float[np.ndarray, "3 3"]
+    torque_axes: Float[np.ndarray, "3 m"]
+    limit: float
+    orbit_rate: float
+    quaternion: Float[np.ndarray, "4"]
+    omega: Vector
+    amplitude: Vector
+    frequency: Vector
+    phase: Vector
+    constant: Vector
+    gradient_rate: float = 0.0
+    small_angle: bool = False
+    third_rate_held: bool = False
+    rates_only: bool = False
+    end: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self):
+        if not 0 < self.limit < math.inf:
+            raise ValueError(
+                f"Argument `limit` must be positive and finite, but got {self.limit} N m."
+            )
+        if self.torque_axes.shape[1] < 1:
+            raise ValueError("Argument `torque_axes` must have at least one thruster.")
+
+    @property
+    def ends_at_rest(self) -> bool:
+        """Whether it ends exactly there."""
+        return not any(self.end)
+
+    def disturbance(self, t: float) -> Vector:
+        """(2) at time `t` (s) plus the constant, N m."""
+        return self.amplitude * np.sin(self.frequency * t + self.phase) + self.constant
+
+    def slew_time(self) -> float:
+        """Seconds for the tilt and turn of the start as one slew with one thruster."""
+        angle = 2 * math.acos(min(1.0, abs(float(self.quaternion[0]))))
+        angle = math.pi if self.rates_only else angle  # as many rates take a turn to stop
+        stop = float(np.abs(self.inertia @ self.omega).max()) / self.limit
+        return 2 * math.sqrt(np.diag(self.inertia).max() * angle / self.limit) + stop
+
+
+def manoeuvre_of(
+    loop: AbstractLoop,
+    start: PlantState,
+    rates_only: bool = False,
+    tolerances: Tolerances | None = None,
+) -> Manoeuvre:
+    """The manoeuvre that a closed loop has to do from a start, whatever its controller.
+
+    With `rates_only` it is to stop the rotation, in whatever attitude. It ends within `tolerances`
+    or, without them, at rest.
+
+    Raises `ValueError` where the thrusters have no limit, or a disturbance is not one of jaxsat's.
+    """
+    plant = loop.plant
+    if not isinstance(loop, ContinuousLoop | SampledLoop):
+        raise ValueError("Bounds need thrusters with a limit, but the loop has ideal ones.")
+    if plant.wheels is not None:
+        raise ValueError("Bounds are those of thrusters alone, but the spacecraft has wheels.")
+    thrusters = loop.actuators
+    if not isinstance(thrusters, Actuators):
+        name = type(thrusters).__name__
+        raise ValueError(f"Bounds need thrusters that make their torque exactly, but got {name}.")
+    periodic, constant, gradients = _torques(plant.disturbance)
+    zero = np.zeros(3)
+
+    def part(name: str) -> Vector:
+        return np.asarray(getattr(periodic[0], name), float) if periodic else zero
+
+    return Manoeuvre(
+        inertia=np.asarray(plant.spacecraft.inertia, float),
+        torque_axes=np.asarray(thrusters.torque_axes, float),
+        limit=float(thrusters.limit),
+        orbit_rate=float(plant.orbit.rate),
+        quaternion=np.asarray(start.attitude.as_quaternion().q, float),
+        omega=np.asarray(start.omega, float),
+        amplitude=part("amplitude"),
+        frequency=part("frequency"),
+        phase=part("phase"),
+        constant=sum((np.asarray(one.torque, float) for one in constant), zero),
+        gradient_rate=float(gradients[0].orbit_rate) if gradients else 0.0,
+        small_angle=isinstance(plant.orbit, SmallAngleOrbit),
+        third_rate_held=plant.third_rate_held,
+        rates_only=rates_only,
+        end=(0.0, 0.0, 0.0) if tolerances is None else _end_of(tolerances),
+    )
+
+
+def _end_of(tolerances: Tolerances) -> tuple[float, float, float]:
+    turn = min(float(tolerances.z), math.pi)
+    return 2 * math.atan(float(tolerances.w)), turn, float(tolerances.relative_rate)
+
+
+def _torques(
+    disturbance: AbstractDisturbance,
+) -> tuple[list[PeriodicTorque], list[ConstantTorque], list[GravityGradient]]:
+    terms = disturbance.terms if isinstance(disturbance, SumOfDisturbances) else (disturbance,)
+    periodic = [term for term in terms if isinstance(term, PeriodicTorque)]
+    constant = [term for term in terms if isinstance(term, ConstantTorque)]
+    gradients = [term for term in terms if isinstance(term, GravityGradient)]
+    none = sum(isinstance(term, NoDisturbance) for term in terms)
+    known = len(periodic) + len(constant) + len(gradients) + none
+    if known < len(terms) or max(len(periodic), len(gradients)) > 1:
+        raise ValueError(
+            "Bounds need a disturbance of at most one periodic torque, one gravity gradient and "
+            "constant torques, but got " + ", ".join(type(term).__name__ for term in terms) + "."
+        )
+    return periodic, constant, gradients

@@ -1,0 +1,154 @@
+"""The acceptance set: which laws under which torque limits and dispersions.
+
+Starts, spacecraft, disturbance and dispersions are the scenarios `acceptance-LEVEL` of the library.
+Here is what differs between the laws: their tables, and how long they are given.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import ValidationError
+
+from jaxsat.core.search_path import add_folders
+from jaxsat.scenario import Problem, Scenario, ScenarioError
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.errors import key_of
+from jaxsat.scenario.laws import is_plugin, known_law
+from jaxsat.scenario.overrides import override
+
+LEVELS = ("nominal", "mc", "hard")
+"""Of dispersions, each a scenario `acceptance-LEVEL`."""
+
+LAWS: Mapping[str, str] = MappingProxyType(
+    {
+        "three-slew": "stop, three slews, oscillate, hold",
+        "oscillatory": "oscillate until all is small, then hold",
+        "switching": "the paper's proposal: (38)-(39) while |ω3| is large, else (40)-(42); tuned",
+        "three-axis": "(40)-(42) with the printed gains",
+        "rate": "(38)-(39) with the printed gains",
+    }
+)
+"""What each law does. The last three are the paper's, sampled like the others."""
+
+MORE_LAWS: Mapping[str, str] = MappingProxyType(
+    {"planned": "plan the quickest manoeuvre in flight, follow it, hold"}
+)
+"""Laws that are compared only if they are named, as they take long to compute."""
+
+_HORIZONS = {1.0: 2000.0, 5.0: 1200.0, 20.0: 1000.0}
+LIMITS = tuple(_HORIZONS)
+"""Torque limits in N m."""
+
+PERIOD = 0.1
+"""Seconds between the samples of the laws that are sampled."""
+
+_NEVER, _ALWAYS = 1e6, 1e-12
+"""Thresholds on |ω3| (rad/s) at which the switching law never or always takes the rate law."""
+
+
+FILE = ".toml"
+
+
+class ComparisonSetting(NamedTuple):
+    """A law under a torque limit (N m) at a level of dispersions."""
+
+    level: str
+    torque_limit: float
+    law: str
+
+
+def horizon(torque_limit: float) -> float:
+    """Seconds that a case is given: 2000, 1200, 1000 at 1, 5, 20 N m.
+
+    In between straight lines in logarithms, rounded to 10 s; below 1 N m in proportion to the
+    duration of a slew, 1/√Tm.
+    """
+    known = sorted(_HORIZONS)
+    seconds = np.exp(
+        np.interp(np.log(torque_limit), np.log(known), np.log([_HORIZONS[one] for one in known]))
+    )
+    return float(round(seconds * max(1.0, torque_limit**-0.5), -1))
+
+
+def comparison_scenario(setting: ComparisonSetting) -> Scenario:
+    """The scenario of one law on the acceptance set.
+
+    The paper's laws run as the others do: ten times a second on what the sensors say, their torque
+    held, dω_d/dt by a backward difference. A switching law that never switches is the three-axis or
+    the rate law alone. Besides those of `LAWS` and `MORE_LAWS` the law may be one that does not
+    come with jaxsat, with the defaults of its keys, or the name of a scenario file, whose
+    `[control]` is taken.
+    Raises `ValueError` for a level or law that there is not, and `ScenarioError` for a torque limit
+    that no scenario can have and for a law that does not suit the set.
+    """
+    if setting.level not in LEVELS:
+        levels = ", ".join(LEVELS)
+        raise ValueError(f"Argument `level` must be one of {levels}, but got {setting.level}.")
+    known = (*LAWS, *MORE_LAWS)
+    if not (setting.law in known or is_plugin(setting.law) or setting.law.endswith(FILE)):
+        raise ValueError(
+            f"Argument `law` must be one of {', '.join(known)}, an installed law, a law of the "
+            f'form "module:Class" or the name of a {FILE} file, but got {setting.law}.'
+        )
+    base = load(
+        f"acceptance-{setting.level}",
+        [
+            override("spacecraft.torque_limit_N_m", setting.torque_limit),
+            override("simulation.duration_s", horizon(setting.torque_limit)),
+        ],
+        caution=lambda text: None,  # the table tells of untuned limits once
+    )
+    data = base.model_dump(exclude_none=True)
+    data["title"] = f"{base.title}: {setting.law}, {setting.torque_limit:g} N m"
+    data["control"] = _control(setting.law)
+    _require_sampled(setting.law, str(data["control"].get("law")))
+    return validated(data, f"{base.title}: {setting.law}")
+
+
+def validated(data: Mapping[str, Any], source: str) -> Scenario:
+    """The scenario of these tables; raises `ScenarioError` with every problem of the `source`."""
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
+        raise ScenarioError(
+            [Problem(source, issue.message, key_of(issue.location)) for issue in issues]
+        ) from None
+
+
+def _require_sampled(name: str, law: str) -> None:
+    """Raise `ValueError` for a law that cannot fly with two thrusters on samples."""
+    found = known_law(law)
+    if found is not None and not (found.declaration.sampled and found.declaration.torques == 2):
+        kind = "sampled" if found.declaration.sampled else "continuous"
+        raise ValueError(
+            f"Argument `law` must be a sampled law for two torques on the acceptance set, but got "
+            f"{name}, which is {kind} and commands {found.declaration.torques} torques."
+        )
+
+
+def _control(law: str) -> dict[str, Any]:
+    if law.endswith(FILE):
+        return load(law, purpose="text").control.model_dump(exclude_none=True)
+    if law not in (*LAWS, *MORE_LAWS):
+        if ":" in law:
+            add_folders([str(Path.cwd())])
+        return {"law": law}
+    if law in ("three-slew", "oscillatory", *MORE_LAWS):
+        return {"law": law, "period_s": PERIOD}
+    tuned = load("switching").control.model_dump(exclude_none=True)
+    if law == "switching":
+        return tuned
+    printed = load("free-third-rate").control.model_dump(exclude_none=True)
+    printed |= load("paper-rate").control.model_dump(exclude_none=True)
+    threshold = _NEVER if law == "three-axis" else _ALWAYS
+    return printed | {
+        "law": "switching",
+        "period_s": PERIOD,
+        "upper_threshold_rad_s": threshold,
+        "lower_threshold_rad_s": threshold,
+        "measured_disturbance": (False, False, False),
+    }

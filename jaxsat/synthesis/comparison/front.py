@@ -1,0 +1,210 @@
+"""Time against effort: the least effort within each time, and what laws take of both."""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.control.planning import Plan, Planner, PlanStatus
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.run import Run, build, build_tolerances, build_uncontrolled
+from jaxsat.simulation import SampledLoop
+from jaxsat.spacecraft import Actuators
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.synthesis.bounds import End, Manoeuvre, manoeuvre_of, propagate, solution_of
+from jaxsat.synthesis.comparison.in_scenario import scenario_under
+
+STRETCHES = (1.005, 1.01, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+"""Durations of the front over the least time."""
+
+
+class FrontPoint(NamedTuple):
+    """A plan of the front: its duration (s) and effort ∫ Σ|T_i| dt (N m s)."""
+
+    duration: float
+    effort: float
+
+
+class FlownPoint(NamedTuple):
+    """A law flown from the same start: when it settles (s), and its effort until then (N m s).
+
+    Infinite and NaN for one that does not settle.
+    """
+
+    law: str
+    settled_from: float
+    effort: float
+
+
+class Front(NamedTuple):
+    """The front under a torque limit (N m), and the laws beside it.
+
+    `points` begin with the least time; each takes longer than the one before it and less effort.
+    `failed` are the durations (s) for which no plan arrives. `end` tells where plans end, laws
+    where they settle.
+    """
+
+    torque_limit: float
+    points: list[FrontPoint]
+    failed: list[float]
+    flown: list[FlownPoint]
+    end: End = "settled"
+
+    def as_data(self) -> dict[str, Any]:
+        """As plain data; None for what is not finite."""
+        flown = [
+            {
+                "law": one.law,
+                "settled_from_s": one.settled_from if math.isfinite(one.settled_from) else None,
+                "effort_N_m_s": one.effort if math.isfinite(one.effort) else None,
+            }
+            for one in self.flown
+        ]
+        return {
+            "torque_limit_N_m": self.torque_limit,
+            "end": self.end,
+            "front": [
+                {"duration_s": one.duration, "effort_N_m_s": one.effort} for one in self.points
+            ],
+            "failed_durations_s": self.failed,
+            "laws": flown,
+        }
+
+
+def front(
+    scenario: Scenario,
+    laws: Iterable[str] = (),
+    guesses: int = 24,
+    report: Callable[[str], None] = lambda what: None,
+    end: End = "settled",
+) -> Front:
+    """The least effort of the scenario's manoeuvre within each time, and laws beside it.
+
+    The scenario has ideal thrusters with a torque limit; its own law does not matter. Plans know
+    the disturbance and use the whole torque; they end where laws do, within the scenario's
+    tolerances, or exactly at rest. Each duration of `STRETCHES` is planned from `guesses`
+    ways to the target, near the plan of the next shorter duration and near that of the next longer
+    one. DOP853 flies every plan again; those that miss the target do not count. `report` is told
+    what is under way. Every law of `laws` (as `scenario_under` takes them) flies from the same
+    start; one that settles before every plan ends is itself the first point. Raises as
+    `manoeuvre_of` and `scenario_under` do.
+    """
+    runs = {law: build(_finely_saved(scenario_under(scenario, law))) for law in laws}
+    loop, start = build_uncontrolled(scenario)
+    tolerances = build_tolerances(scenario) if end == "settled" else None
+    manoeuvre, thrusters = manoeuvre_of(loop, start, tolerances=tolerances), loop.actuators
+    assert isinstance(thrusters, Actuators)
+    keys: dict[str, Any] = {"guesses": guesses, "tolerances": tolerances}
+    planner = Planner(loop.plant, thrusters.torque_axes, thrusters.limit, **keys)
+    report("least time")
+    ways = [planner, dataclasses.replace(planner, tolerances=None)] if tolerances else [planner]
+    found = [_quickest(one, start) for one in ways]  # what comes to rest settles, too
+    arriving = functools.partial(arrives, manoeuvre)
+    if not any(map(arriving, found)):
+        return Front(float(thrusters.limit), [], [float(found[0].duration)], [], end)
+    quickest = min(filter(arriving, found), key=lambda plan: float(plan.duration))
+    plans = _cheapest(planner, start, quickest, arriving, report)
+    failed = [float(duration) for duration, plan in plans if plan is None]
+    points = [FrontPoint(float(quickest.duration), float(quickest.effort))]
+    points += [FrontPoint(*map(float, (one.duration, one.effort))) for _, one in plans if one]
+    flown = []
+    for law, run in runs.items():
+        report(f"flying {law}")
+        flown.append(_flown(law, run))
+    if end == "settled":
+        settled = [FrontPoint(one.settled_from, one.effort) for one in flown]
+        points += [one for one in settled if math.isfinite(one.duration)]
+    return Front(float(thrusters.limit), _falling(points), failed, flown, end)
+
+
+def _falling(points: Iterable[FrontPoint]) -> list[FrontPoint]:
+    """Those that no other one beats, the quickest first."""
+    found: list[FrontPoint] = []
+    for point in sorted(points):
+        if not found or point.effort < found[-1].effort:
+            found.append(point)
+    return found
+
+
+@eqx.filter_jit
+def _quickest(planner: Planner, start: PlantState) -> Plan:
+    return planner.quickest(jnp.zeros(()), start)
+
+
+@eqx.filter_jit
+def _guessed(planner: Planner, start: PlantState, duration) -> Plan:
+    return planner.cheapest(jnp.zeros(()), start, duration)
+
+
+@eqx.filter_jit
+def _near(planner: Planner, start: PlantState, duration, plan: Plan) -> Plan:
+    return planner.cheapest(jnp.zeros(()), start, duration, plan)
+
+
+def _cheapest(
+    planner: Planner,
+    start: PlantState,
+    quickest: Plan,
+    arriving: Callable[[Plan], bool],
+    report: Callable[[str], None],
+) -> list[tuple[Float[np.ndarray, ""], Plan | None]]:
+    """For each duration the best plan that arrives, if there is one."""
+    durations = [jnp.asarray(stretch) * quickest.duration for stretch in STRETCHES]
+    found: list[list[Plan]] = []
+    near = quickest
+    for number, duration in enumerate(durations):
+        report(f"least effort: {number} of {2 * len(durations)}")
+        plans = [_guessed(planner, start, duration), _near(planner, start, duration, near)]
+        found.append([plan for plan in plans if arriving(plan)])
+        near = min(found[-1], key=_effort, default=near)
+    longer = None
+    for number, duration in reversed(list(enumerate(durations))):
+        report(f"least effort: {2 * len(durations) - number} of {2 * len(durations)}")
+        if longer is not None:
+            plan = _near(planner, start, duration, longer)
+            found[number] += [plan] if arriving(plan) else []
+        longer = min(found[number], key=_effort, default=longer)
+    best = [min(plans, key=_effort, default=None) for plans in found]
+    return [(np.asarray(one), plan) for one, plan in zip(durations, best, strict=True)]
+
+
+def _effort(plan: Plan) -> float:
+    return float(plan.effort)
+
+
+def arrives(manoeuvre: Manoeuvre, plan: Plan) -> bool:
+    """Whether a plan ends where the manoeuvre does when DOP853 flies it."""
+    if int(plan.status) == PlanStatus.FAILED:
+        return False
+    return propagate(manoeuvre, solution_of(plan)).arrives(manoeuvre)
+
+
+def _flown(law: str, run: Run) -> FlownPoint:
+    """A law from the scenario's start; its torque is taken at the instants that are saved."""
+    found = run.simulate()
+    settled = float(found.assessment.settled_from)
+    if not math.isfinite(settled):
+        return FlownPoint(law, settled, math.nan)
+    times, torque = np.asarray(found.times), np.asarray(found.signals.torque)
+    axes = np.asarray(run.loop.actuators.torque_axes)  # pyright: ignore[reportAttributeAccessIssue]
+    sizes = np.abs(np.linalg.lstsq(axes, torque.T)[0]).sum(axis=0)
+    if isinstance(run.loop, SampledLoop):
+        sums = np.concatenate([[0.0], np.cumsum(sizes[:-1] * np.diff(times))])
+    else:
+        sums = np.concatenate([[0.0], np.cumsum((sizes[1:] + sizes[:-1]) / 2 * np.diff(times))])
+    return FlownPoint(law, settled, float(np.interp(settled, times, sums)))
+
+
+def _finely_saved(scenario: Scenario) -> Scenario:
+    """Saved at every sample of a sampled law, whose torque changes at no other time."""
+    period = getattr(scenario.control, "period_s", None)
+    if period is None:
+        return scenario
+    simulation = scenario.simulation.model_copy(update={"save_every_s": period})
+    return scenario.model_copy(update={"simulation": simulation})

@@ -1,0 +1,178 @@
+"""What a law did on the acceptance set, and which one to take."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import special
+
+from jaxsat.studies import LEVEL, Interval, percentile, wilson
+from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
+
+
+class ScenarioSetting(NamedTuple):
+    """A law in a scenario, by its title."""
+
+    scenario: str
+    law: str
+
+
+class ComparisonRow(NamedTuple):
+    """One law on the acceptance set, or in a scenario.
+
+    `settled` is a fraction with Wilson's interval. `t50` and `t90` (s) are the times within which
+    half and nine tenths of *all* cases settle, infinite where fewer do; so is the upper end of an
+    interval where the cases are too few or too few of them settle.
+    `effort` (N m s) is the median over the cases that did not diverge and `peak_rate` (rad/s) the
+    largest, `paper_start` (s) the settling time from the paper's initial state, infinite if never.
+    """
+
+    setting: Any  # a ComparisonSetting or a ScenarioSetting
+    cases: int
+    settled: Interval
+    t50: Interval
+    t90: Interval
+    effort: float
+    peak_rate: float
+    paper_start: float
+    settling_times: np.ndarray
+
+    def as_data(self) -> dict[str, Any]:
+        """Everything but the single times as plain data; None for what is infinite or unknown."""
+        return {
+            **self.setting._asdict(),
+            "cases": self.cases,
+            **{name: _plain_interval(getattr(self, name)) for name in ("settled", "t50", "t90")},
+            "effort_N_m_s": _finite(self.effort),
+            "peak_rate_rad_s": _finite(self.peak_rate),
+            "paper_start_settled_s": _finite(self.paper_start),
+        }
+
+
+class ComparisonVerdict(NamedTuple):
+    """Which law to take under one limit at one level, None where none settles, and why."""
+
+    level: str
+    torque_limit: float
+    law: str | None
+    reason: str
+
+
+def comparison_row(
+    setting: ComparisonSetting | ScenarioSetting,
+    random: Mapping[str, Any],
+    paper: Mapping[str, Any] | None = None,
+) -> ComparisonRow:
+    """The row of one law from the columns of its studies; `paper` may be left out."""
+    times = np.asarray(random["settling_time"], float)
+    efforts = np.asarray(random["effort"], float)
+    rates = np.asarray(random["peak_rate"], float)
+    return ComparisonRow(
+        setting=setting,
+        cases=len(times),
+        settled=wilson(int(np.isfinite(times).sum()), len(times)),
+        t50=percentile(times, 50.0),
+        t90=percentile(times, 90.0),
+        effort=_or_nan(np.median, efforts[np.isfinite(efforts)]),
+        peak_rate=_or_nan(np.max, rates[np.isfinite(rates)]),
+        paper_start=np.inf if paper is None else float(np.asarray(paper["settling_time"])[0]),
+        settling_times=times,
+    )
+
+
+def choose_law(rows: Sequence[ComparisonRow]) -> ComparisonVerdict:
+    """The law to take among rows of one level and limit, whose cases are the same.
+
+    A law is less sure than the one that settles most if of the cases that only one of the two
+    settles more than chance allows (95 %, two-sided) are the other's: McNemar's exact test. Of the
+    others the one with the least median is taken, the tail (t90) deciding between equals. Raises
+    `ValueError` for rows of different numbers of cases.
+    """
+    level, limit, _ = rows[0].setting
+    return ComparisonVerdict(level, limit, *chosen_law(rows))
+
+
+def chosen_law(rows: Sequence[ComparisonRow]) -> tuple[str | None, str]:
+    """The law to take among rows with the same cases, and why; as `choose_law`."""
+    if len({row.cases for row in rows}) > 1:
+        raise ValueError("The rows must have the same cases, but got different numbers of them.")
+    surest = max(rows, key=lambda row: (row.settled.value, -row.t50.value))
+    if surest.settled.value == 0:
+        return None, "no law settled a single case"
+    sure = [row for row in rows if not settles_fewer(row, surest)]
+    best = min(sure, key=lambda row: (row.t50.value, row.t90.value, -row.settled.value))
+    return best.setting.law, _reason(best, surest, sure, rows)
+
+
+def choose_laws(rows: Iterable[ComparisonRow]) -> list[ComparisonVerdict]:
+    """The verdict on each group of rows of one level and limit."""
+    groups: dict[tuple[str, float], list[ComparisonRow]] = {}
+    for row in rows:
+        groups.setdefault(row.setting[:2], []).append(row)
+    return [choose_law(group) for group in groups.values()]
+
+
+def _reason(
+    best: ComparisonRow,
+    surest: ComparisonRow,
+    sure: Sequence[ComparisonRow],
+    rows: Sequence[ComparisonRow],
+) -> str:
+    fraction = best.settled
+    clauses = [
+        f"settles {fraction.value:.1%} ({fraction.low:.1%} to {fraction.high:.1%}), half within "
+        f"{_seconds(best.t50.value)}"
+    ]
+    if best is not surest:
+        clauses.append(f"not provably fewer than {surest.setting.law} ({surest.settled.value:.1%})")
+    for row in sure:
+        if row is best:
+            continue
+        sure_too = "as sure"
+        if row.settled.value < fraction.value:
+            sure_too = f"not provably less sure ({row.settled.value:.1%})"
+        clauses.append(f"{row.setting.law} is {sure_too} and takes {_seconds(row.t50.value)}")
+        clauses[-1] += _quicker(best, row)
+    beaten = [row for row in rows if all(row is not one for one in sure)]
+    if beaten:
+        listed = ", ".join(f"{row.setting.law} {row.settled.value:.1%}" for row in beaten)
+        clauses.append(f"less sure: {listed}")
+    return "; ".join(clauses)
+
+
+def settles_fewer(row: ComparisonRow, other: ComparisonRow) -> bool:
+    """Whether of the cases that only one law settles too many are the other's."""
+    one, two = (np.isfinite(each.settling_times) for each in (row, other))
+    alone, others = int((one & ~two).sum()), int((two & ~one).sum())
+    return bool(others > alone and _tail(alone, alone + others) < (1 - LEVEL) / 2)
+
+
+def _quicker(best: ComparisonRow, row: ComparisonRow) -> str:
+    """In how many of the cases that differ the best law is quicker: the exact sign test."""
+    ahead = int((best.settling_times < row.settling_times).sum())
+    behind = int((best.settling_times > row.settling_times).sum())
+    tail = _tail(min(ahead, behind), ahead + behind)
+    if tail > (1 - LEVEL) / 2:
+        return ", which this sample cannot tell apart"
+    return f", {best.setting.law} being quicker in {ahead} of {ahead + behind} cases"
+
+
+def _tail(fewer: int, count: int) -> float:
+    """The probability of at most so many of `count` fair coins."""
+    return float(special.bdtr(fewer, count, 0.5)) if count else 1.0
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.4g} s" if np.isfinite(value) else "no time seen"
+
+
+def _or_nan(statistic, values: np.ndarray) -> float:
+    return float(statistic(values)) if len(values) else float("nan")
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _plain_interval(found: Interval) -> dict[str, float | None]:
+    return {name: _finite(value) for name, value in found._asdict().items()}

@@ -1,0 +1,261 @@
+"""Which laws of jaxsat fit what is left, with gains without dimension."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import ValidationError
+
+from jaxsat.control import OscillatorySettling, ThreeSlewSettling
+from jaxsat.control.planned import PlannedSettling
+from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.run import build, build_loop, build_tolerances
+from jaxsat.scenario.errors import key_of
+from jaxsat.scenario.laws import known_law
+from jaxsat.studies import number_at
+from jaxsat.studies.perturbed import controller_of
+from jaxsat.synthesis.controller_design.reading import ALL
+from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict, scale_of
+
+PERIOD = 0.1
+"""Control period (s) where the scenario names none."""
+
+QUICK_PERIOD = 0.05
+"""Periods over τ up to which one step of the third order a period is exact enough."""
+
+Gains = tuple[Mapping[str, float], Mapping[str, Any]]
+
+GAINS: Mapping[str, Mapping[str, Gains]] = {
+    "three-slew": {"": ({}, {})},
+    "oscillatory": {"": ({}, {})},
+    "planned": {"": ({}, {})},
+    "quaternion-feedback": {
+        ", slow": ({"natural_frequency_rad_s": 0.25, "max_rate_rad_s": 0.08}, {"damping": 1.0}),
+        "": ({"natural_frequency_rad_s": 0.4, "max_rate_rad_s": 0.2}, {"damping": 1.0}),
+        ", quick": ({"natural_frequency_rad_s": 0.8, "max_rate_rad_s": 0.4}, {"damping": 1.0}),
+    },
+    "three-axis": {
+        "": (
+            {"k3": 0.316, "mu": 1.58, "k4": 4.74, "attitude_weight_N_m": 2.5},
+            {"a": 0.2, "internal_model": False, "saturation_width": 0.5, "tilt_width": 0.01},
+        ),
+    },
+}
+"""Variants of every law: gains times τ (k4 over J0/τ, the weight over T) and those without
+dimension.
+
+The settling laws have their own (`jaxsat.core.declaration.tuned_gains`); those of the three-axis
+law are the ones of `two-wheel-telescope`.
+"""
+
+LAWS_LEFT: Mapping[str, tuple[str, ...]] = {
+    "two torques": ("three-slew", "oscillatory", "planned"),
+    "three torques": ("quaternion-feedback",),
+    "none": (),
+}
+"""Laws by what `Judgement.laws` says can be flown."""
+
+WHEEL_LAWS, THRUSTER_LAWS = ("three-axis",), ("planned",)
+"""Laws for two wheels without momentum, and those that know nothing of a limit of momentum."""
+
+RATE_SHARE, TILT_SHARE = 0.85, 0.5
+"""Of the tolerances of settling: what a large end game takes of the rate's and of the tilt's."""
+
+POWERS = {"s": -1, "rad/s": 1, "1/s": 1, "N m s": 1, "N m": 2}
+"""By unit of a gain: the power of √T with which it goes when the torque does, for the same motion
+in scaled time."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A law for the vehicle, by its name here."""
+
+    name: str
+    scenario: Scenario
+
+    @property
+    def tunable(self) -> dict[str, str]:
+        """Its keys that can be tuned, and their places in the law."""
+        law = known_law(self.scenario.control.law)
+        return {} if law is None else law.declaration.tunable
+
+
+class Fitting(NamedTuple):
+    """The laws that fit, and why others do not."""
+
+    candidates: tuple[Candidate, ...]
+    left_out: tuple[str, ...]
+
+
+def fitting_candidates(
+    scenario: Scenario,
+    verdict: VehicleVerdict,
+    law: str,
+    complete: Callable[[Scenario, Scale], Scenario],
+) -> Fitting:
+    """The laws among those asked for that can be built for the vehicle.
+
+    `complete` fills in what the scenario lacks once it has a law and a scale.
+    """
+    found, left_out = [], []
+    for name, table in _tables(scenario, verdict, law):
+        made = _made(scenario, table, complete)
+        if isinstance(made, str):
+            left_out.append(f"{name}: {made}")
+        else:
+            found.append(Candidate(name, made))
+    return Fitting(tuple(found), tuple(left_out))
+
+
+def written_out(scenario: Scenario) -> Scenario:
+    """The scenario with every gain that can be tuned as a number in `[control]`."""
+    law = known_law(scenario.control.law)
+    assert law is not None  # it has been built
+    controller = controller_of(build_loop(scenario))
+    numbers: dict[str, Any] = {}
+    for key, place in law.declaration.tunable.items():
+        if getattr(scenario.control, key) is None:
+            value = np.asarray(number_at(controller, place))
+            numbers[key] = float(value) if value.ndim == 0 else tuple(map(float, value))
+    control = scenario.control.model_copy(update=numbers)
+    return scenario.model_copy(update={"control": control})
+
+
+def with_scaled_gains(scenario: Scenario, factor: float) -> dict[str, Any]:
+    """The `[control]` table for `factor` times the torque: the same motion, times over √factor."""
+    law = known_law(scenario.control.law)
+    table = scenario.control.model_dump(exclude_none=True)
+    for key in law.declaration.keys if law else ():
+        power = POWERS.get(getattr(key, "unit", ""), 0)
+        value = table.get(key.name)
+        is_rate = key.name.endswith("_rad_s") and not key.name.startswith(("ripple", "holding"))
+        if value is None or not power or not (key.tunable or (is_rate and key.unit == "rad/s")):
+            continue
+        scale = math.sqrt(factor) ** power
+        table[key.name] = (
+            tuple(scale * one for one in value) if isinstance(value, tuple) else scale * value
+        )
+    return table
+
+
+def with_larger_end_game(candidate: Candidate) -> Candidate | None:
+    """The candidate with an end game as large as the tolerances of settling allow.
+
+    A larger oscillation stops a larger drift about the third axis, such as an error of the inertia
+    gives in orbit. None where the candidate's own is as large, is given, or there is none.
+    """
+    control, law = candidate.scenario.control, controller_of(build_loop(candidate.scenario))
+    law = law.settling if isinstance(law, PlannedSettling) else law
+    settles = isinstance(law, OscillatorySettling | ThreeSlewSettling)
+    if not settles or getattr(control, HOLDING_AMPLITUDE) is not None:
+        return None
+    held = law.fine.end_game
+    limits = build_tolerances(candidate.scenario)
+    # Two rates of this amplitude in phase; |w| of the tilt is half the angle.
+    rate, tilt = limits.relative_rate / math.sqrt(2), limits.w * math.sqrt(2) * held.frequency
+    amplitude = float(f"{min(RATE_SHARE * float(rate), TILT_SHARE * float(tilt)):.3g}")
+    if amplitude <= held.largest_amplitude:
+        return None
+    control = control.model_copy(update={HOLDING_AMPLITUDE: amplitude})
+    scenario = candidate.scenario.model_copy(update={"control": control})
+    return Candidate(f"{candidate.name}, larger end game", scenario)
+
+
+Maker = Callable[[Scale], dict[str, Any]]
+"""Makes a `[control]` table of a scale."""
+
+UNIT = Scale((1.0, 1.0), 1.0)
+
+
+def _tables(scenario: Scenario, verdict: VehicleVerdict, law: str) -> Iterator[tuple[str, Maker]]:
+    """Names of candidates, and what makes the `[control]` table of each."""
+    own = scenario.control.model_dump(exclude_none=True)
+    names = [law]
+    if law == ALL:
+        names = list(LAWS_LEFT[verdict.judgement.laws])
+        if names and scenario.wheel and verdict.judgement.laws == "two torques":
+            names = [*WHEEL_LAWS, *(one for one in names if one not in THRUSTER_LAWS)]
+    for name in names:
+        given = name == own["law"] and law != ALL
+        default = given and _is_default(own, name)
+        if given:
+            yield name if default else f"{name}, as given", lambda scale: own
+        if default:
+            continue
+        for variant, gains in GAINS.get(name, {}).items():
+            yield name + variant, _maker(name, gains, own)
+        if not given and name not in GAINS:
+            yield name, lambda scale, name=name: {"law": name}
+
+
+def _is_default(own: Mapping[str, Any], name: str) -> bool:
+    """Whether a `[control]` table has the gains that a candidate of that law would have."""
+    law = known_law(name)
+    return law is not None and not any(own.get(key) is not None for key in law.declaration.tunable)
+
+
+def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
+    """What makes the table of one of jaxsat's own laws, period and model as they are given."""
+    law = known_law(name)
+    assert law is not None
+    rates, numbers = gains
+    kept = {key: own[key] for key in ("model",) if key in own and law.declaration.has_model}
+    if law.declaration.sampled:
+        kept["period_s"] = own.get("period_s", PERIOD)
+
+    def table(scale: Scale) -> dict[str, Any]:
+        units = {"k4": scale.moment / scale.time, "attitude_weight_N_m": scale.torque}
+        scaled = {
+            key: float(f"{value * units.get(key, 1 / scale.time):.4g}")
+            for key, value in rates.items()
+        }
+        return {"law": name, **numbers, **kept, **scaled}
+
+    return table
+
+
+def _made(
+    scenario: Scenario, table: Maker, complete: Callable[[Scenario, Scale], Scenario]
+) -> Scenario | str:
+    """The scenario under a law, completed; or why the law does not fit."""
+    try:
+        scale = scale_of(_with_control(scenario, table(UNIT), UNIT))
+        made = complete(_with_control(scenario, table(scale), scale), scale)
+        build(made)
+        return made
+    except ValidationError as error:
+        issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
+        told = (f"{key_of(issue.location)} {issue.message}" for issue in issues)
+        return "; ".join(dict.fromkeys(told))
+    except ValueError as error:
+        return str(error).rstrip(".")
+
+
+def _with_control(scenario: Scenario, control: dict[str, Any], scale: Scale) -> Scenario:
+    """The scenario under that law, in steps and with saved times that suit it."""
+    data = scenario.model_dump(exclude_none=True)
+    law = known_law(control["law"])
+    if control["law"] != data["control"]["law"]:
+        data.pop("tuning", None)
+        data["simulation"].pop("solver", None)
+        data["simulation"].pop("coordinates", None)
+    data["control"] = control
+    table = data["simulation"]
+    if law is not None and law.declaration.sampled:
+        period = control["period_s"]
+        save = period * max(1, round(table["save_every_s"] / period))
+        table["save_every_s"] = save if save <= 1 else period
+        table["duration_s"] = _whole(table["duration_s"], table["save_every_s"])
+        quick = period <= QUICK_PERIOD * scale.time and not scenario.thruster
+        if quick and not any(table.get("solver", {}).values()):
+            table["solver"] = {"name": "bosh3", "substeps": 1}
+    elif "solver" not in table:
+        table["solver"] = {"rtol": 1e-9, "atol": 1e-10, "min_step_s": 1e-6}
+    return Scenario.model_validate(data)
+
+
+def _whole(duration: float, step: float) -> float:
+    return math.ceil(duration / step - 1e-9) * step

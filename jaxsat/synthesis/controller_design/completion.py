@@ -1,0 +1,138 @@
+"""What a scenario leaves open, filled in without dimension: dispersions, sensors, duration."""
+
+import math
+from typing import Any, NamedTuple
+
+from jaxsat.core.declaration.quantities import DISPERSIBLE
+from jaxsat.core.declaration.settling import equivalent_limit
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.dispersion_trial import dispersion_issues
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.wheel_tables import wheels_make_all
+from jaxsat.synthesis.comparison import horizon
+from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict
+
+RATE = 0.83
+"""Largest initial rate about each axis times τ, as 0.1 rad/s on the acceptance set at 5 N m."""
+
+RATE_NOISE = 2.5e-4
+"""Noise of the rate sensors times τ (rad), as 3e-5 rad/s there."""
+
+ATTITUDE_NOISE = 1e-4
+"""Noise of the attitude sensors, rad."""
+
+WHEEL_SHARE = 0.3
+"""Of the least momentum limit of the wheels, the largest initial momentum about each axis."""
+
+SMALL_TURN = 1.0
+"""Rotation about each axis (rad) from which two wheels alone start; they have no momentum left."""
+
+
+class Completed(NamedTuple):
+    """A scenario that has all a study needs, and what was assumed, a sentence each."""
+
+    scenario: Scenario
+    assumed: tuple[str, ...]
+
+
+def default_duration(scale: Scale) -> float:
+    """Seconds that a case gets, as on the acceptance set at the torque that turns a body alike."""
+    return horizon(equivalent_limit(scale.moments, scale.torque))
+
+
+def completed(
+    scenario: Scenario, verdict: VehicleVerdict, scale: Scale, timed: bool = True
+) -> Completed:
+    """The scenario with dispersions, sensors and a duration where it has none.
+
+    A duration that is given is kept, unless dispersions are filled in, which take longer than one
+    start. Of the level "hard" of the acceptance set, scaled by τ; quantities that the loop does not
+    have are left out.
+    """
+    data, assumed = scenario.model_dump(exclude_none=True), []
+    dispersed = scenario.dispersion is not None
+    wanted = default_duration(scale)
+    if not timed or (not dispersed and scenario.simulation.duration_s < wanted):
+        table = data["simulation"]
+        table["duration_s"] = math.ceil(wanted / table["save_every_s"]) * table["save_every_s"]
+        assumed.append(f"duration of a case {table['duration_s']:g} s")
+    sensors = scenario.sampling or scenario.gyro or scenario.star_tracker
+    if not sensors and "period_s" in data["control"]:
+        noise = float(f"{RATE_NOISE / scale.time:.2g}")
+        table = SamplingTable(rate_noise_rad_s=noise, attitude_noise_rad=ATTITUDE_NOISE)  # pyright: ignore[reportCallIssue]
+        data["sampling"] = table.model_dump()
+        assumed.append(f"sensors with noise of {noise:g} rad/s and {ATTITUDE_NOISE:g} rad a sample")
+    filled = Scenario.model_validate(data)
+    if dispersed:
+        return Completed(filled, tuple(assumed))
+    tables = _that_fit(filled, _distributions(filled, verdict, scale))
+    data["dispersion"] = tables
+    assumed.append("dispersions at the level hard: " + "; ".join(_told(tables)))
+    return Completed(Scenario.model_validate(data), tuple(assumed))
+
+
+def _distributions(
+    scenario: Scenario, verdict: VehicleVerdict, scale: Scale
+) -> dict[str, dict[str, Any]]:
+    """Those of the level hard by key, times in τ."""
+    alone = bool(scenario.wheel) and (
+        not verdict.judgement.actuators.torques.any()
+        or wheels_make_all(scenario.wheel, find_law(scenario.control.law).declaration.torques)
+    )
+    rate, start = RATE / scale.time, {"attitude": {"distribution": "random-attitude"}}
+    if alone:
+        limits = [one.momentum_limit_N_m_s for one in scenario.wheel if not one.failed]
+        known = [limit for limit in limits if limit is not None]
+        rate = min([rate, *(WHEEL_SHARE * limit / scale.moment for limit in known)])
+        if verdict.judgement.laws == "two torques":
+            rate, start = 0.0, {"attitude_error_rad": _uniform(SMALL_TURN)}
+    tables = dict(start)
+    if rate:
+        tables["omega_rad_s"] = _uniform(float(f"{rate:.3g}"))
+    tables |= {
+        "inertia": _uniform(0.1),
+        "products_of_inertia": _uniform(0.02),
+        "misalignment_rad": _uniform(math.radians(1)),
+        "torque_gain": _uniform(0.1),
+    }
+    if any(scenario.disturbance.amplitude_N_m):
+        tables |= {
+            "disturbance_amplitude": _uniform(1.0),
+            "disturbance_frequency": _uniform(0.2),
+            "disturbance_phase_rad": _uniform(math.pi),
+        }
+    return tables
+
+
+def _uniform(half: float) -> dict[str, Any]:
+    return {"distribution": "uniform", "low": -half, "high": half}
+
+
+def _that_fit(scenario: Scenario, tables: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Those that the loop has and can begin with."""
+    run = build(scenario)
+    kept = dict(tables)
+    while kept:
+        table = DispersionTable.model_validate(kept)
+        trial = scenario.model_copy(update={"dispersion": table})
+        issues = dispersion_issues(trial, run, all_fit=True)
+        refused = {str(issue.location[1]) for issue in issues if issue.location[0] == "dispersion"}
+        if not refused & kept.keys():
+            break
+        kept = {key: value for key, value in kept.items() if key not in refused}
+    return kept
+
+
+def _told(tables: dict[str, dict[str, Any]]) -> list[str]:
+    """Every dispersion in a few words."""
+    found = []
+    for one in DISPERSIBLE.values():
+        table = tables.get(one.key)
+        if table is None:
+            continue
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        spread = f"±{table['high']:.3g}{unit}" if "high" in table else "any"
+        found.append(f"{one.name.replace('_', ' ')} {spread}")
+    return found

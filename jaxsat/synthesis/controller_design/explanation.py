@@ -1,0 +1,211 @@
+"""Why cases fail: what they have in common, and what would help, measured on them."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxsat.core.allocation import torque_directions
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.coordinates import inertia_matrix
+from jaxsat.scenario.layout import believed_axes
+from jaxsat.scenario.wheel_tables import rotors
+from jaxsat.studies import Sensitivity, numbers_of
+from jaxsat.studies.ensemble import DRAWN
+from jaxsat.studies.sensitivities import Sensitivities
+from jaxsat.synthesis.controller_design.candidates import Candidate, with_scaled_gains
+from jaxsat.synthesis.controller_design.studies import Columns
+from jaxsat.synthesis.controller_design.turned import turned
+from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict, coupling
+
+MOST_FLOWN = 400
+"""Failing cases that are flown again at most."""
+
+MOST_NAMED = 5
+"""Numbers that are named at most of those that separate failing cases from the others."""
+
+CHANCE = 1.001
+"""Factor on the torque by which it is seen what chance alone does."""
+
+COUPLING = "coupling c"
+
+TENTH = "a tenth of the"
+
+
+class Separation(NamedTuple):
+    """A number by which failing cases differ from the others, and its 10, 50 and 90 percentiles."""
+
+    name: str
+    share: float
+    failing: tuple[float, float, float]
+    settled: tuple[float, float, float]
+
+
+class Remedy(NamedTuple):
+    """A change, and how many of so many failing cases settle with it."""
+
+    change: str
+    settled: int
+    flown: int
+
+    @property
+    def cost(self) -> float:
+        """How many more cases it must settle than a change that is easier to make."""
+        return 1.25 if self.change.startswith(TENTH) else 1.0
+
+
+def separations(
+    scenario: Scenario, columns: Columns, two_torques: bool = False
+) -> tuple[Separation, ...]:
+    """The numbers that tell whether a case settles, surely more than chance, the first first."""
+    settled = np.isfinite(columns["settling_time"])
+    drawn = drawn_numbers(scenario, columns, two_torques)
+    measure = Sensitivities([settled])
+    for name, values in drawn.items():
+        measure.add(name, values)
+    (ranking,) = measure.ranked()
+    return tuple(
+        _separation(entry, drawn[entry.name], settled) for entry in ranking if entry.matters
+    )[:MOST_NAMED]
+
+
+def drawn_numbers(
+    scenario: Scenario, columns: Columns, two_torques: bool = False
+) -> dict[str, np.ndarray]:
+    """All that was drawn, the size of the initial rate, and with two torques the coupling c."""
+    found: dict[str, np.ndarray] = {}
+    for key, values in columns.items():
+        if key.startswith(DRAWN):
+            found |= numbers_of(key.removeprefix(DRAWN), np.asarray(values))
+    if f"{DRAWN}omega" in columns:
+        found["size of omega"] = np.linalg.norm(columns[f"{DRAWN}omega"], axis=1)
+    if two_torques and f"{DRAWN}inertia" in columns:
+        found[COUPLING] = _couplings(scenario, columns)
+    return found
+
+
+def remedies(
+    chosen: Candidate, others: tuple[Candidate, ...], verdict: VehicleVerdict
+) -> Iterator[tuple[str, Callable[[], Scenario]]]:
+    """Changes that may help, and the scenario with each; the first one tells what chance does."""
+    scenario = chosen.scenario
+    yield (
+        "nothing but 0.1 % more torque, to see what chance does",
+        lambda: stronger(scenario, CHANCE),
+    )
+    yield "twice the torque", lambda: stronger(scenario, 2.0)
+    yield "twice the time", lambda: _with(scenario, "simulation", duration_s=2.0)
+    if _noise(scenario):
+        yield "half the noise of the sensors", lambda: quieter(scenario)
+    if any(scenario.disturbance.amplitude_N_m) or any(scenario.disturbance.constant_N_m):
+        yield (
+            "half the disturbance",
+            lambda: _with(scenario, "disturbance", amplitude_N_m=0.5, constant_N_m=0.5),
+        )
+    for name, key in (("inertia", "inertia"), ("thrust", "torque_gain"), ("axes", "misalignment")):
+        table = getattr(scenario.dispersion, _key(key), None)
+        if table is not None and table.distribution == "uniform":
+            yield f"half the error of the {name}", lambda key=key: _narrowed(scenario, _key(key))
+            yield (
+                f"{TENTH} error of the {name}",
+                lambda key=key: _narrowed(scenario, _key(key), 0.1),
+            )
+    if verdict.turn is not None and not verdict.holds:
+        yield "the nearest attitude that can be held", lambda: turned(scenario, verdict.turn or ())
+    for other in others:
+        yield f"the law {other.name}", lambda other=other: other.scenario
+
+
+def stronger(scenario: Scenario, factor: float) -> Scenario:
+    """The scenario with `factor` times the torque of every actuator, and gains scaled alike."""
+    data = scenario.model_dump(exclude_none=True)
+    data["control"] = with_scaled_gains(scenario, factor)
+    if "torque_limit_N_m" in data["spacecraft"]:
+        data["spacecraft"]["torque_limit_N_m"] *= factor
+    for name, keys in {
+        "thruster": ("force_N", "torque_N_m"),
+        "wheel": ("torque_limit_N_m",),
+    }.items():
+        for table in data.get(name, ()):
+            table |= {key: table[key] * factor for key in keys if key in table}
+    return Scenario.model_validate(data)
+
+
+def quieter(scenario: Scenario, factor: float = 0.5) -> Scenario:
+    """The scenario with `factor` times the noise of every sensor."""
+    data = scenario.model_dump(exclude_none=True)
+    for name, keys in _NOISE.items():
+        for key in keys:
+            if data.get(name, {}).get(key):
+                data[name][key] *= factor
+    return Scenario.model_validate(data)
+
+
+_NOISE: Mapping[str, tuple[str, ...]] = {
+    "sampling": ("rate_noise_rad_s", "attitude_noise_rad"),
+    "gyro": ("noise_density_rad_s_sqrt_Hz", "bias_walk_rad_s2_sqrt_Hz", "bias_sigma_rad_s"),
+    "star_tracker": ("across_rad", "along_rad"),
+}
+
+
+def _noise(scenario: Scenario) -> bool:
+    data = scenario.model_dump(exclude_none=True, include={*_NOISE})
+    return any(data.get(name, {}).get(key) for name, keys in _NOISE.items() for key in keys)
+
+
+def _key(name: str) -> str:
+    return "misalignment_rad" if name == "misalignment" else name
+
+
+def _with(scenario: Scenario, table: str, **factors: float) -> Scenario:
+    """The scenario with numbers of a table multiplied."""
+    data = scenario.model_dump(exclude_none=True)
+    for key, factor in factors.items():
+        value: Any = data[table][key]
+        data[table][key] = (
+            tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
+        )
+    return Scenario.model_validate(data)
+
+
+def _narrowed(scenario: Scenario, key: str, share: float = 0.5) -> Scenario:
+    """A share of the width of a uniform distribution about its middle; draws keep their places."""
+
+    def ends(low: Any, high: Any) -> tuple[Any, Any]:
+        first, last = np.asarray(low, float), np.asarray(high, float)
+        middle, half = (first + last) / 2, share * (last - first) / 2
+        return (middle - half).tolist(), (middle + half).tolist()
+
+    data = scenario.model_dump(exclude_none=True)
+    table = data["dispersion"][key]
+    table["low"], table["high"] = ends(table["low"], table["high"])
+    return Scenario.model_validate(data)
+
+
+def _separation(entry: Sensitivity, values: np.ndarray, settled: np.ndarray) -> Separation:
+    def percentiles(chosen: np.ndarray) -> tuple[float, float, float]:
+        low, middle, high = np.percentile(chosen, (10, 50, 90)).tolist()
+        return low, middle, high
+
+    return Separation(
+        entry.name,
+        entry.first_order.value,
+        percentiles(values[~settled]),
+        percentiles(values[settled]),
+    )
+
+
+def _couplings(scenario: Scenario, columns: Columns) -> np.ndarray:
+    """c of every drawn body; the torque axes are the nominal ones."""
+    nominal = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    directions = torque_directions(believed_axes(scenario))
+    scale = np.sqrt(1 + np.asarray(columns[f"{DRAWN}inertia"]))
+    bodies = nominal * scale[:, :, None] * scale[:, None, :]
+    products = columns.get(f"{DRAWN}products_of_inertia")
+    if products is not None:
+        extra = np.asarray(products) * np.diag(nominal).min()
+        for place, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+            bodies[:, i, j] += extra[:, place]
+            bodies[:, j, i] += extra[:, place]
+    bodies = bodies - rotors(scenario.wheel)
+    return np.array([coupling(body, directions) for body in bodies])

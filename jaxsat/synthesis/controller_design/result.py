@@ -1,0 +1,207 @@
+"""What a design found, as objects and as plain data."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.domain import domain_cautions
+from jaxsat.studies import Interval, Summary
+from jaxsat.synthesis.comparison import ComparisonRow, ComparisonVerdict
+from jaxsat.synthesis.controller_design.candidates import Candidate
+from jaxsat.synthesis.controller_design.explanation import Remedy, Separation
+from jaxsat.synthesis.controller_design.settings import DesignSettings
+from jaxsat.synthesis.controller_design.tuning import Tuned
+from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
+
+DesignOutcome = Literal["reached", "not reached", "nothing to design"]
+
+
+class Step(NamedTuple):
+    """The candidates of a step on the same cases, and which to take."""
+
+    rows: tuple[ComparisonRow, ...]
+    verdict: ComparisonVerdict
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data."""
+        rows = [row.as_data() for row in self.rows]
+        return {"rows": rows, "taken": self.verdict.law, "reason": self.verdict.reason}
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The chosen controller on cases that no step before has seen.
+
+    `columns` are those of its study; `failing` numbers of the cases that do not settle, by which
+    each can be flown again alone.
+    """
+
+    summary: Summary
+    columns: dict[str, np.ndarray]
+    separations: tuple[Separation, ...] = ()
+    remedies: tuple[Remedy, ...] = ()
+
+    @property
+    def settled(self) -> Interval:
+        """The fraction that settles, with Wilson's interval."""
+        return self.summary.settled
+
+    @property
+    def failing(self) -> list[int]:
+        """Numbers of the cases that do not settle."""
+        return np.flatnonzero(~np.isfinite(self.columns["settling_time"])).tolist()
+
+    @property
+    def limit(self) -> Remedy | None:
+        """The change with which most failing cases settle: what limits the controller.
+
+        None where no change lets half of them settle, or chance alone nearly as many. A tenth of an
+        error is named where half of it does much less.
+        """
+        if not self.remedies:
+            return None
+        chance, *others = self.remedies
+        best = max(others, key=lambda one: one.settled / one.cost, default=chance)
+        more = best.settled - chance.settled
+        return best if 2 * best.settled >= best.flown and 4 * more >= best.flown else None
+
+
+@dataclass(frozen=True)
+class ControllerDesign:
+    """A controller for a vehicle, and the proof; or why there is none.
+
+    `outcome` is "reached" where at least the wanted fraction of the verification settles,
+    `proven` whether the whole interval is above it. `scenario` is the designed one, None where
+    there is nothing to design; `left_out` says which laws do not fit and why.
+    """
+
+    original: Scenario
+    settings: DesignSettings
+    verdict: VehicleVerdict
+    assumed: tuple[str, ...]
+    candidates: tuple[Candidate, ...]
+    left_out: tuple[str, ...]
+    chosen: Candidate | None = None
+    screening: Step | None = None
+    tuned: Tuned | None = None
+    not_tuned: str | None = None
+    validation: Step | None = None
+    verification: Verification | None = None
+
+    @property
+    def misses_attitude(self) -> str | None:
+        """That the design is for an attitude that cannot be held, and what to do about it."""
+        if self.verdict.holds:
+            return None
+        if self.verdict.turn is None:
+            return "No attitude can be held without a torque about that axis, so cases drift."
+        if self.settings.attitude == "nearest":
+            return None
+        turn = float(np.linalg.norm(self.verdict.turn))
+        return (
+            "The wanted attitude cannot be held, so cases drift out of it whatever the law. "
+            "`jaxsat design --attitude nearest` takes the nearest one that can be held, "
+            f"{turn:.3g} rad away."
+        )
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """Where the vehicle lies beyond what the laws are verified on."""
+        return tuple(
+            f"{'.'.join(map(str, issue.location))} {issue.message}"
+            for one in self.candidates
+            for issue in domain_cautions(one.scenario)
+        )
+
+    @property
+    def scenario(self) -> Scenario | None:
+        """The designed scenario, its gains written out."""
+        return None if self.chosen is None else self.chosen.scenario
+
+    @property
+    def outcome(self) -> DesignOutcome:
+        """Whether the wanted fraction settles."""
+        if self.verification is None:
+            return "nothing to design"
+        reached = self.verification.settled.value >= self.settings.settled
+        return "reached" if reached else "not reached"
+
+    @property
+    def proven(self) -> bool:
+        """Whether the interval of the fraction, of 95 %, is above the wanted one."""
+        found = self.verification
+        return found is not None and found.settled.low >= self.settings.settled
+
+    @property
+    def gains(self) -> dict[str, Any]:
+        """The gains that can be tuned, by the name of their key, each in its unit."""
+        if self.chosen is None:
+            return {}
+        return {key: getattr(self.chosen.scenario.control, key) for key in self.chosen.tunable}
+
+    def as_data(self) -> dict[str, Any]:
+        """Everything but single cases as plain data."""
+        return {
+            "outcome": self.outcome,
+            "proven": self.proven,
+            "wanted": self.settings.settled,
+            "settings": self.settings.identity() | {"cases": self.settings.cases},
+            "seeds": self.settings.seeds._asdict(),
+            "controllability": {
+                "verdict": self.verdict.judgement.verdict,
+                "laws": self.verdict.judgement.laws,
+                "lost": self.verdict.lost,
+                "holds_wanted_attitude": self.verdict.holds,
+                "nearest_attitude_rad": self.verdict.turn,
+                "misses_attitude": self.misses_attitude,
+                "lines": self.verdict.lines(),
+            },
+            "assumed": list(self.assumed),
+            "candidates": [one.name for one in self.candidates],
+            "left_out": list(self.left_out),
+            "cautions": list(self.cautions),
+            "screening": self.screening and self.screening.as_data(),
+            "tuning": self.tuning_data(),
+            "validation": self.validation and self.validation.as_data(),
+            "chosen": self.chosen and self.chosen.name,
+            "gains": self.gains,
+            "verification": self.verification and _verification_data(self.verification),
+        }
+
+    def tuning_data(self) -> dict[str, Any] | None:
+        """What tuning gave, or why it was skipped, as plain data; None without a candidate."""
+        if self.tuned is None:
+            return {"left_out": self.not_tuned} if self.not_tuned else None
+        state = self.tuned.state
+        return {
+            "candidate": self.tuned.candidate.name,
+            "steps": state.step,
+            "loss_before": self.tuned.loss_before,
+            "loss_after": float(state.best_loss),
+        }
+
+
+def _verification_data(found: Verification) -> dict[str, Any]:
+    times = {
+        name: {f"{percent:g}": _plain(one) for percent, one in getattr(found.summary, name).items()}
+        for name in ("settling_time", "effort")
+    }
+    return {
+        "cases": found.summary.cases,
+        "settled": _plain(found.settled),
+        "settling_time_s": times["settling_time"],
+        "effort_N_m_s": times["effort"],
+        "outcomes": found.summary.outcomes,
+        "failing_cases": found.failing,
+        "separations": [one._asdict() for one in found.separations],
+        "remedies": [one._asdict() for one in found.remedies],
+    }
+
+
+def _plain(found: Interval) -> dict[str, float | None]:
+    return {
+        name: float(value) if np.isfinite(value) else None
+        for name, value in found._asdict().items()
+    }

@@ -1,0 +1,293 @@
+"""The steps of a design: verdict, candidates, screening, tuning, validation, verification."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.tuning_tables import TuningTable
+from jaxsat.store import OutputError
+from jaxsat.studies import WhenDecided, summarise, wilson
+from jaxsat.studies.statistics import LEVEL
+from jaxsat.synthesis.comparison import choose_law, settles_fewer
+from jaxsat.synthesis.controller_design.candidates import (
+    Candidate,
+    Fitting,
+    fitting_candidates,
+    with_larger_end_game,
+    written_out,
+)
+from jaxsat.synthesis.controller_design.completion import completed
+from jaxsat.synthesis.controller_design.explanation import MOST_FLOWN, Remedy, remedies, separations
+from jaxsat.synthesis.controller_design.result import ControllerDesign, Step, Verification
+from jaxsat.synthesis.controller_design.settings import DesignSettings
+from jaxsat.synthesis.controller_design.studies import Columns, Studies, row_of
+from jaxsat.synthesis.controller_design.tuning import TUNED, Tuned, tune_candidate, tuning_table
+from jaxsat.synthesis.controller_design.turned import turned
+from jaxsat.synthesis.controller_design.vehicle import (
+    Scale,
+    VehicleVerdict,
+    scale_of,
+    vehicle_verdict,
+)
+
+Flown = tuple[Candidate, Columns]
+
+
+class Screening(NamedTuple):
+    """What the screening found: all candidates, and the one that is enough, if any."""
+
+    step: Step
+    candidates: tuple[Candidate, ...]
+    enough: Candidate | None
+
+
+@dataclass(frozen=True)
+class DesignRun:
+    """The steps of a design, each of which resumes what the folder has of it."""
+
+    original: Scenario
+    settings: DesignSettings
+    studies: Studies
+    timed: bool = True
+
+    def run(self) -> ControllerDesign:
+        """All steps, as far as there is something to design."""
+        self.studies.report("verdict on the actuators left", None)
+        verdict = vehicle_verdict(self.original)
+        scenario = self._aimed(verdict)
+        fitting, assumed = self._candidates(scenario, verdict)
+        found = ControllerDesign(
+            self.original, self.settings, verdict, assumed, fitting.candidates, fitting.left_out
+        )
+        for caution in filter(None, (found.misses_attitude, *found.cautions)):
+            self.studies.remark(f"warning: {caution}")
+        if not fitting.candidates:
+            return found
+        screening, candidates, enough = self._screening(fitting.candidates)
+        names = {one.name: one for one in candidates}
+        best = enough or names[screening.verdict.law or candidates[0].name]
+        tuned, not_tuned, contenders = None, None, (best,)
+        if enough is None:
+            tuned, not_tuned = self._tuned(screening, best)
+            contenders = _contenders(candidates, screening, tuned)
+        else:
+            not_tuned = f"{best.name} surely settles the wanted fraction"
+        chosen, validation = best, None
+        if len(contenders) > 1 or self.settings.goal == "quickest":
+            validation, contenders = self._validation(contenders)
+            names |= {one.name: one for one in contenders}
+            chosen = names[validation.verdict.law or best.name]
+        chosen = Candidate(chosen.name, self._ready(chosen))
+        others = tuple(one for name, one in names.items() if name != chosen.name)
+        verification = self._verification(chosen, others, verdict)
+        return replace(
+            found,
+            chosen=chosen,
+            screening=screening,
+            tuned=tuned,
+            not_tuned=not_tuned,
+            validation=validation,
+            verification=verification,
+        )
+
+    def _aimed(self, verdict: VehicleVerdict) -> Scenario:
+        """The scenario with the attitude that is designed for."""
+        if self.settings.attitude == "wanted" or verdict.holds or verdict.turn is None:
+            return self.original
+        return turned(self.original, verdict.turn)
+
+    def _candidates(
+        self, scenario: Scenario, verdict: VehicleVerdict
+    ) -> tuple[Fitting, tuple[str, ...]]:
+        """The laws that fit, and what was assumed of the first that does."""
+        assumed: list[tuple[str, ...]] = []
+
+        def complete(known: Scenario, scale: Scale) -> Scenario:
+            made = completed(known, verdict, scale, self.timed)
+            assumed.append(made.assumed)
+            return made.scenario
+
+        fitting = fitting_candidates(scenario, verdict, self.settings.law, complete)
+        return fitting, assumed[0] if assumed else ()
+
+    def _screening(self, fitting: tuple[Candidate, ...]) -> Screening:
+        """The candidates on the same cases, and the first that is enough where one is asked for.
+
+        Where settling is the goal and none surely settles the wanted fraction, each flies once more
+        with a larger end game.
+        """
+        if self.settings.goal == "quickest":
+            return Screening(self._step("screening", 2, fitting), fitting, None)
+        rule = WhenDecided(self.settings.settled, 2 * len(fitting))
+        known, (flown, enough) = fitting, self._screened(fitting, rule)
+        if not enough:
+            larger = tuple(filter(None, map(with_larger_end_game, fitting)))
+            more, enough = self._screened(larger, rule)
+            known, flown = (*fitting, *larger), flown + more
+        return Screening(self._compared("screening", flown), known, enough)
+
+    def _screened(
+        self, candidates: tuple[Candidate, ...], rule: WhenDecided
+    ) -> tuple[list[Flown], Candidate | None]:
+        """What was flown up to the first that surely settles the wanted fraction, and that one."""
+        flown = []
+        for one, columns in self._flown("screening", 2, candidates, rule):
+            flown.append((one, columns))
+            if rule.above(*_settled_of(columns)):
+                return flown, one
+        return flown, None
+
+    def _validation(self, contenders: tuple[Candidate, ...]) -> tuple[Step, tuple[Candidate, ...]]:
+        """The contenders on the same cases, and all that flew there.
+
+        Where none surely settles the wanted fraction, each flies once more with a larger end game,
+        as in the screening where settling is the goal.
+        """
+        flown = list(self._flown("validation", 4, contenders))
+        level = 1 - (1 - LEVEL) / len(contenders)
+        low = max(wilson(*_settled_of(columns), level).low for _, columns in flown)
+        if self.settings.goal == "quickest" and low < self.settings.settled:
+            larger = tuple(filter(None, map(with_larger_end_game, contenders)))
+            flown += self._flown("validation", 4, larger)
+            contenders = (*contenders, *larger)
+        return self._compared("validation", flown), contenders
+
+    def _step(self, step: str, number: int, candidates: tuple[Candidate, ...]) -> Step:
+        """The candidates on the same cases."""
+        return self._compared(step, list(self._flown(step, number, candidates)))
+
+    def _compared(self, step: str, flown: list[Flown]) -> Step:
+        """The candidates on the cases that all of them flew, under one torque limit.
+
+        The quickest is taken of those that settle the wanted fraction; the surest where none does,
+        or where settling is the goal.
+        """
+        torque = scale_of(flown[0][0].scenario).torque
+        count = min(len(columns["settling_time"]) for _, columns in flown)
+        rows = tuple(
+            row_of(step, torque, one.name, {key: values[:count] for key, values in columns.items()})
+            for one, columns in flown
+        )
+        wanted = max(row.settled.value for row in rows)
+        if self.settings.goal == "quickest":
+            wanted = min(self.settings.settled, wanted)
+        return Step(rows, choose_law([row for row in rows if row.settled.value >= wanted]))
+
+    def _flown(
+        self,
+        step: str,
+        number: int,
+        candidates: tuple[Candidate, ...],
+        rule: WhenDecided | None = None,
+    ) -> Iterator[Flown]:
+        """Every candidate with its columns, flown when asked for."""
+        count = getattr(self.settings, f"{step}_cases")
+        seed = getattr(self.settings.seeds, step)
+        for one in candidates:
+            what, name = f"step {number} of 5, {step} of {one.name}", f"{step}-{one.name}"
+            yield one, self.studies.columns(what, name, one.scenario, count, seed, rule)
+
+    def _tuned(self, screening: Step, best: Candidate) -> tuple[Tuned | None, str | None]:
+        """The best candidate with tuned gains, or why it has none."""
+        if not self.settings.steps:
+            return None, "no steps were asked for"
+        row = next(row for row in screening.rows if row.setting.law == best.name)
+        if not best.tunable:
+            return None, f"{best.name} has no gains that are keys of [control]"
+        if row.settled.value == 0:
+            return None, f"{best.name} settled no case, so no cost tells better gains from worse"
+        table = self._tuning_table(best)
+        what = f"step 3 of 5, tuning of {best.name}"
+        self.studies.report(what, None)
+        try:
+            found = tune_candidate(
+                best,
+                row,
+                table,
+                self.settings.seeds.tuning,
+                self.studies.folder,
+                elsewhere=self.studies.elsewhere,
+                report=lambda progress: self.studies.report(what, progress),
+            )
+        except OutputError:
+            raise
+        except ValueError as error:
+            return None, f"{best.name} cannot be tuned: {error}"
+        return found, None
+
+    def _ready(self, chosen: Candidate) -> Scenario:
+        """The scenario for every command: gains written out, and how they can be tuned again."""
+        scenario = written_out(chosen.scenario)
+        changes: dict[str, Any] = {"title": f"{self.original.title[:150]}, designed"}
+        if chosen.tunable:
+            table = self._tuning_table(Candidate(chosen.name, scenario))
+            changes["tuning"] = table if table.parameters else None
+        return scenario.model_copy(update=changes)
+
+    def _tuning_table(self, candidate: Candidate) -> TuningTable:
+        settings, scenario = self.settings, candidate.scenario
+        steps = max(1, settings.steps)
+        return tuning_table(scenario, scale_of(scenario), steps, settings.validation_cases)
+
+    def _verification(
+        self, chosen: Candidate, others: tuple[Candidate, ...], verdict: VehicleVerdict
+    ) -> Verification:
+        """The chosen controller on unseen cases; where too few settle, why."""
+        settings, count = self.settings, self.settings.cases
+        seed = settings.seeds.verification
+        name = f"verification-{chosen.name}"
+        what = f"step 5 of 5, verification of {chosen.name}"
+        columns = dict(self.studies.columns(what, name, chosen.scenario, count, seed))
+        found = Verification(summarise(columns), columns)
+        if found.settled.value >= settings.settled:
+            return found
+        two = verdict.judgement.laws == "two torques"
+        return replace(
+            found,
+            separations=separations(chosen.scenario, columns, two),
+            remedies=self._remedies(chosen, others, verdict, columns),
+        )
+
+    def _remedies(
+        self,
+        chosen: Candidate,
+        others: tuple[Candidate, ...],
+        verdict: VehicleVerdict,
+        columns: Columns,
+    ) -> tuple[Remedy, ...]:
+        """How many of the failing cases settle with one thing changed, each flown again."""
+        failing = np.flatnonzero(~np.isfinite(columns["settling_time"]))[:MOST_FLOWN]
+        count, seed = self.settings.cases, self.settings.seeds.verification
+        found = []
+        aimed = verdict if self.settings.attitude == "wanted" else replace(verdict, turn=(0, 0, 0))
+        for change, made in remedies(chosen, others, aimed):
+            what = f"what would help: {len(failing)} failing cases with {change}"
+            try:
+                again = self.studies.settled_again(what, made(), count, seed, failing)
+            except ValueError:  # a number out of its range, or a law that cannot be built for it
+                continue
+            found.append(Remedy(change, int(again.sum()), len(failing)))
+        return tuple(found)
+
+
+def _settled_of(columns: Columns) -> tuple[int, int]:
+    """How many cases settle, and how many there are."""
+    times = columns["settling_time"]
+    return int(np.isfinite(times).sum()), len(times)
+
+
+def _contenders(
+    candidates: tuple[Candidate, ...], screening: Step, tuned: Tuned | None
+) -> tuple[Candidate, ...]:
+    """Those that may be the surest by the screening, whose cases are few, and the tuned one."""
+    top = max(screening.rows, key=lambda row: (row.settled.value, -row.t50.value))
+    rows = {row.setting.law: row for row in screening.rows}
+    kept = [one for one in candidates if not settles_fewer(rows[one.name], top)]
+    if tuned is None or not tuned.improved:
+        return tuple(kept)
+    start = tuned.candidate.name.removesuffix(TUNED)
+    kept += [one for one in candidates if one.name == start and one not in kept]
+    return (*kept, tuned.candidate)

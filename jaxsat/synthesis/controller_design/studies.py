@@ -1,0 +1,96 @@
+"""The Monte-Carlo studies of a design, kept in its folder, and single cases flown again."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.study import EngineName, build_study
+from jaxsat.store import ResumableFolder, study_columns
+from jaxsat.store.study_names import named_store
+from jaxsat.studies import (
+    AbstractExecutor,
+    AbstractStopRule,
+    Serial,
+    StudyProgress,
+    run_study,
+)
+from jaxsat.synthesis.comparison import ComparisonRow, ComparisonSetting, comparison_row
+
+CHUNK = 256
+"""Cases computed together: what an interrupted design loses at most, for each thread."""
+
+RULED_CHUNK = 128
+"""The same where a study stops by a rule: 640 cases that settle show that 99 % do, of one law."""
+
+"""Folder of the stores inside the output folder."""
+
+Columns = Mapping[str, np.ndarray]
+Report = Callable[[str, Any], None]
+"""Called with what runs, and with how far it is: a `StudyProgress`, a `DescentProgress` or None."""
+
+
+@dataclass(frozen=True)
+class Studies:
+    """Runs studies into stores of a folder, or what these lack."""
+
+    folder: ResumableFolder
+    engine: EngineName
+    executor: AbstractExecutor | None
+    elsewhere: bool
+    report: Report
+    remark: Callable[[str], None]
+
+    def columns(
+        self,
+        what: str,
+        name: str,
+        scenario: Scenario,
+        count: int,
+        seed: int,
+        until: AbstractStopRule | None = None,
+    ) -> Columns:
+        """The columns of `count` cases of a scenario, or as many as `until` asks for.
+
+        `what` is told, and `name` is that of the step.
+        """
+        chunk = CHUNK if until is None else RULED_CHUNK
+        study = build_study(scenario, count, seed=seed, engine=self.engine, chunk=chunk)
+        if study.remark is not None:
+            self.remark(study.remark)
+
+        def told(progress: StudyProgress) -> None:
+            self.report(what, progress)
+
+        self.report(what, None)
+        store = named_store(self.folder.path, name)
+        counted = run_study(
+            study,
+            store,
+            executor=self.executor,
+            until=until,
+            report=told,
+            tell=self.remark,
+            elsewhere=self.elsewhere,
+        )
+        return {key: np.asarray(column[:counted]) for key, column in study_columns(store).items()}
+
+    def settled_again(
+        self, what: str, scenario: Scenario, count: int, seed: int, numbers: np.ndarray
+    ) -> np.ndarray:
+        """Which of these cases of a study of `count` cases settle, flown in another scenario."""
+        self.report(what, None)
+        study = build_study(scenario, count, seed=seed, engine=self.engine)
+        parts = [numbers[first : first + CHUNK] for first in range(0, len(numbers), CHUNK)]
+        executor = self.executor or Serial()
+        found = dict(
+            executor.run(lambda i: study.values(parts[i])["settling_time"], range(len(parts)))
+        )
+        return np.isfinite(np.concatenate([found[i] for i in range(len(parts))]))
+
+
+def row_of(step: str, torque: float, name: str, columns: Columns) -> ComparisonRow:
+    """What a candidate did in one step, as a row by which laws are compared."""
+    return comparison_row(ComparisonSetting(step, torque, name), columns)

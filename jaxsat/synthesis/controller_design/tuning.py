@@ -1,0 +1,139 @@
+"""Tuning of a candidate over its dispersions, with the tuner of `jaxsat tune`."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxsat.core.declaration.keys import Numeric
+from jaxsat.core.processors import processors
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.optimisers import DERIVATIVE_FREE
+from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
+from jaxsat.store import ResumableFolder
+from jaxsat.synthesis.comparison import ComparisonRow
+from jaxsat.synthesis.controller_design.candidates import Candidate, written_out
+from jaxsat.synthesis.controller_design.vehicle import Scale
+from jaxsat.synthesis.tuning import DescentProgress, DescentState, TuningPlan
+from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
+from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
+from jaxsat.synthesis.tuning.run import run_descent
+
+FOLDER = "tuning"
+"""Of the tuner inside the output folder."""
+
+TUNED = ", tuned"
+"""After the name of a candidate whose gains were tuned."""
+
+RANGE = 3.0
+"""Bounds of a gain are its value times and over this."""
+
+TUNED_CASES = 96
+"""Cases of a step."""
+
+VALIDATION_CASES, VALIDATE_EVERY = 256, 4
+"""Cases by which the best iterate is chosen, and steps between two choices."""
+
+SEARCHED_STARTS = 6
+"""Points of a step of the search without derivatives."""
+
+TAIL = 2.5
+"""A case is tuned for this many times the time within which nine tenths settle."""
+
+
+class Tuned(NamedTuple):
+    """What the descent came to."""
+
+    candidate: Candidate
+    plan: TuningPlan
+    state: DescentState
+
+    @property
+    def loss_before(self) -> float:
+        """The loss of the first gains on the tuner's own validation cases."""
+        return float(np.min(self.state.validations[0].loss))
+
+    @property
+    def improved(self) -> bool:
+        """Whether any gains were better there."""
+        return self.state.best_loss < self.loss_before
+
+
+def tuning_table(scenario: Scenario, scale: Scale, steps: int, validation: int) -> TuningTable:
+    """Every gain that is one number above zero, and a cost that counts settling most.
+
+    Of a law without derivatives the gains that it declares for that, by a search without them.
+
+    Weights of rates and torques are those of `oscillatory-dispersed`, scaled. A `[tuning]` table of
+    the scenario's own keeps its gains, bounds and cost.
+    """
+    budget = {
+        "steps": steps,
+        "cases": min(TUNED_CASES, validation),
+        "starts": 1,
+        "screened": 0,
+        "halve_at": (),
+        "validation_cases": min(VALIDATION_CASES, validation),
+        "validate_every": VALIDATE_EVERY,
+    }
+    if scenario.tuning is not None:
+        return scenario.tuning.model_copy(update=budget)
+    control = written_out(scenario).control
+    bounds, declaration = {}, find_law(control.law).declaration
+    if declaration.searched:
+        budget |= {"optimiser": DERIVATIVE_FREE, "starts": SEARCHED_STARTS}
+    for key in declaration.keys:
+        value = getattr(control, key.name)
+        if declaration.searched and key.name not in declaration.searched:
+            continue
+        if key.tunable and isinstance(value, float) and value > 0:
+            most = key.kind.at_most if isinstance(key.kind, Numeric) else value
+            bounds[key.name] = BoundsTable(  # pyright: ignore[reportCallIssue]
+                low=value / RANGE, high=min(value * RANGE, most)
+            )
+    cost = CostTable(  # pyright: ignore[reportCallIssue]
+        w=0.1,
+        z=0.1,
+        relative_rate=float(f"{0.145 * scale.time**2:.3g}"),
+        torque=float(f"{0.0025 / scale.torque**2:.3g}"),
+        settling=1.0,
+    )
+    return TuningTable(parameters=bounds, cost=cost, **budget)  # pyright: ignore[reportCallIssue]
+
+
+def tune_candidate(
+    candidate: Candidate,
+    row: ComparisonRow,
+    table: TuningTable,
+    seed: int,
+    folder: ResumableFolder,
+    *,
+    elsewhere: bool = False,
+    report: Callable[[DescentProgress], None] | None = None,
+) -> Tuned:
+    """Descend from a candidate's gains; resumes what the folder has of it.
+
+    `row` is the candidate's in the screening. Raises `ValueError` where it cannot be tuned.
+    """
+    written = written_out(candidate.scenario)
+    shorter = _shortened(written, row, table, seed)
+    plan = build_plan(shorter, workers=processors(), batch_size=32)
+    with TuningFolder(folder.path / FOLDER, plan_identity(plan), elsewhere=elsewhere) as kept:
+        state = run_descent(shorter, plan, kept, report=report)
+    control = tuned_scenario(shorter, plan, np.asarray(state.best_point)).control
+    tuned = written.model_copy(update={"control": control})
+    return Tuned(Candidate(f"{candidate.name}{TUNED}", tuned), plan, state)
+
+
+def _shortened(scenario: Scenario, row: ComparisonRow, table: TuningTable, seed: int) -> Scenario:
+    """The scenario with a horizon in which most cases settle, so that little is flown at rest."""
+    simulation = scenario.simulation
+    save, whole = simulation.save_every_s, simulation.duration_s
+    enough = TAIL * row.t90.value
+    duration = whole
+    if enough < whole:
+        duration = min(whole, math.ceil(enough / save) * save)
+    simulation = simulation.model_copy(update={"duration_s": duration, "seed": seed})
+    return scenario.model_copy(update={"simulation": simulation, "tuning": table})

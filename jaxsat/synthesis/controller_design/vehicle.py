@@ -1,0 +1,167 @@
+"""What is left of a vehicle: its verdict, what attitude it can hold, and its unit of time."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxsat.controllability import Judgement, judge, verdict_sentence
+from jaxsat.controllability.cone import ROUNDING
+from jaxsat.controllability.wording import LAW_WORDS, lost_words
+from jaxsat.core.allocation import torque_directions
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.inertia import normal_axes
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.actuator_set import all_actuators
+from jaxsat.scenario.build.plant import orbit_rate
+from jaxsat.scenario.cautions import HELD_TURN
+from jaxsat.scenario.coordinates import free_inertia, inertia_matrix
+from jaxsat.scenario.holding import nearest_held
+from jaxsat.scenario.layout import believed_axes, torque_limit
+
+DRAWN_FAILURES = ("failure_time", "failed_thruster", "failure_kind", "failure_amount")
+"""Dispersed quantities of failures in flight."""
+
+
+class UnsuitableVehicle(JaxsatError, ValueError):
+    """A vehicle for which a controller cannot be designed before its scenario says more."""
+
+
+@dataclass(frozen=True)
+class VehicleVerdict:
+    """What is left of the actuators, and what attitude they can hold.
+
+    `lost` is what the failures took away, `turn` the rotation vector (rad, body axes) from the
+    wanted attitude to the nearest one that can be held: zeros where the wanted one can be, None
+    where none can. `in_flight` tells of failures that strike later, `orbit` whether gravity
+    gradient acts.
+    """
+
+    judgement: Judgement
+    lost: str
+    turn: tuple[float, float, float] | None
+    in_flight: tuple[str, ...]
+    orbit: tuple[str, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the wanted attitude can be held, to within what settling allows."""
+        return self.turn is not None and max(map(abs, self.turn)) <= HELD_TURN
+
+    def lines(self) -> list[str]:
+        """The verdict for a person, a sentence each."""
+        found = [verdict_sentence(self.judgement)]
+        found.append(f"What the failures took away: {self.lost}.")
+        found.append(f"Laws: {LAW_WORDS[self.judgement.laws]}.")
+        if self.turn is None:
+            found.append("No attitude can be held without a torque about the axis without one.")
+        elif self.holds:
+            found.append("The wanted attitude can be held.")
+        else:
+            turn = ", ".join(f"{round(part, 6):.3g}" for part in self.turn)
+            found.append(
+                "The wanted attitude cannot be held: it would take a torque about the axis without "
+                "one. The nearest attitude that can be is turned from it by the rotation vector "
+                f"({turn}) rad, body axes."
+            )
+        return [*found, *self.orbit, *self.in_flight]
+
+
+class Scale(NamedTuple):
+    """Reference moment of inertia J0 (kg m²), torque (N m) and unit of time τ = √(J0/T) (s).
+
+    `moments` are those about the two axes with torques, reduced as in `normal_axes`.
+    """
+
+    moments: tuple[float, float]
+    torque: float
+
+    @property
+    def moment(self) -> float:
+        """J0, the geometric mean of both moments."""
+        return math.sqrt(self.moments[0] * self.moments[1])
+
+    @property
+    def time(self) -> float:
+        """τ, in which the torque turns J0 by half a radian from rest."""
+        return math.sqrt(self.moment / self.torque)
+
+
+def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
+    """The verdict on the actuators that work at the start."""
+    if scenario.magnetorquer:
+        raise UnsuitableVehicle(
+            "magnetorquer must be omitted: jaxsat designs controllers for thrusters and wheels, "
+            "and its controllability analysis does not cover magnetorquers"
+        )
+    actuators, working = all_actuators(scenario)
+    left = actuators.only(working)
+    judgement = judge(scenario.spacecraft.inertia_kg_m2, left)
+    return VehicleVerdict(
+        judgement,
+        lost_words(judgement),
+        _held_turn(scenario, judgement),
+        _in_flight(scenario),
+        _orbit_lines(scenario),
+    )
+
+
+def scale_of(scenario: Scenario) -> Scale:
+    """The scale of a scenario that has the law to be flown, by which its gains are dimensionless.
+
+    Raises `UnsuitableVehicle` where no torque limit is known.
+    """
+    limit = torque_limit(scenario)
+    if limit is None:
+        key = "[[wheel]] torque_limit_N_m" if scenario.wheel else "spacecraft.torque_limit_N_m"
+        raise UnsuitableVehicle(f"{key} must be given in N m: gains are scaled by it")
+    inertia = free_inertia(scenario.spacecraft.inertia_kg_m2, scenario.wheel)
+    try:
+        _, (first, second, _) = normal_axes(inertia, torque_directions(believed_axes(scenario)))
+    except ValueError:
+        first, second = np.linalg.eigvalsh(inertia)[1:]
+    return Scale((float(first), float(second)), float(limit))
+
+
+def coupling(inertia: np.ndarray, directions: np.ndarray) -> float:
+    """c = (S1 - S2) / n·Jn of a body (3, 3) with torques about two directions (3, 2)."""
+    _, (first, second, along) = normal_axes(inertia, directions)
+    return (first - second) / along
+
+
+def _held_turn(scenario: Scenario, judgement: Judgement) -> tuple[float, float, float] | None:
+    """By the balance of torques about the axis without one; wheels, which store them, hold all."""
+    zero = (0.0, 0.0, 0.0)
+    if judgement.laws != "two torques" or scenario.wheel or orbit_rate(scenario) == 0:
+        return zero
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    directions = torque_directions(believed_axes(scenario))
+    axes, _ = normal_axes(inertia, directions)
+    found = nearest_held(inertia, axes[2], scenario.disturbance.gravity_gradient)
+    return None if found is None else tuple(np.where(np.abs(found) < ROUNDING, 0.0, found).tolist())
+
+
+def _orbit_lines(scenario: Scenario) -> tuple[str, ...]:
+    """Whether a body in orbit is flown with gravity gradient."""
+    if orbit_rate(scenario) == 0:
+        return ()
+    if scenario.disturbance.gravity_gradient:
+        return ("Gravity gradient acts in every case.",)
+    return (
+        "No gravity gradient acts: in orbit it does, give `disturbance.gravity_gradient = true`.",
+    )
+
+
+def _in_flight(scenario: Scenario) -> tuple[str, ...]:
+    """What is supported of failures that strike later."""
+    if not scenario.failure:
+        return ()
+    drawn = [name for name in DRAWN_FAILURES if getattr(scenario.dispersion, name, None)]
+    listed = ", ".join(f"{one.of} {one.kind} at {one.at_s:g} s" for one in scenario.failure)
+    how = f"; every case draws {', '.join(drawn)}" if drawn else ""
+    return (
+        f"Failures in flight ({listed}{how}) act in every case, and the law has no knowledge of "
+        "them. The verdict and the laws are for the actuators that work at the start. To design "
+        "for a known failure, give it as `failed`.",
+    )

@@ -1,0 +1,313 @@
+"""From a scenario with a `[tuning]` table to a tuning plan, and back to a scenario."""
+
+import dataclasses
+import importlib.util
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, cast
+
+import equinox as eqx
+import numpy as np
+
+from jaxsat.compiler import CannotLower
+from jaxsat.control.fault_tolerant import FaultTolerant
+from jaxsat.control.fault_tolerant_wheels import FaultTolerantWheels
+from jaxsat.core.checks import as_float
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.scenario.build.errors import BuildError, at_key
+from jaxsat.scenario.build.run import build, build_loop
+from jaxsat.scenario.build.study import EngineName, build_study, tolerances_of
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.optimisers import DERIVATIVE_FREE
+from jaxsat.scenario.rules import at
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
+from jaxsat.scenario.wording import shown
+from jaxsat.simulation.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
+from jaxsat.simulation.engine.native import NativeEngine, process_obstacle
+from jaxsat.studies import number_at
+from jaxsat.studies.perturbed import controller_of
+from jaxsat.synthesis.tuning import (
+    AbstractAggregate,
+    ConditionalValueAtRisk,
+    CostEvaluator,
+    Mean,
+    Objective,
+    OptimiserSettings,
+    Parameter,
+    Quantile,
+    SearchSpace,
+    TailCompression,
+    TrajectoryCounter,
+    TuningPlan,
+    TuningSettings,
+    WorstCase,
+)
+from jaxsat.synthesis.tuning.evolution import PACKAGE
+from jaxsat.synthesis.tuning.forms import in_one_form, refined, throttled, with_control
+from jaxsat.synthesis.tuning.parameters import Values
+
+
+def build_plan(
+    scenario: Scenario, *, engine: EngineName = "auto", batch_size: int = 64, workers: int = 1
+) -> TuningPlan:
+    """The tuning run that a scenario describes.
+
+    `engine` and `batch_size` are those of a study; where "auto" does not come to the native engine
+    the plan's `remark` says why. Raises `ValueError` where the scenario has no `[tuning]` table or
+    disperses what its loop does not have, and for "native" where that cannot be.
+    """
+    table = scenario.tuning
+    if table is None:
+        raise ValueError("The scenario must have a [tuning] table, but got none.")
+    _require_optimiser(table)
+    prepared = _prepared(scenario, table)
+    scenario, smooth, widths = prepared.scenario, prepared.smooth, prepared.widths
+    space, start = prepared.space, prepared.start
+    seed = scenario.simulation.seed
+    unseen = seed + 1 if table.held_out_seed is None else table.held_out_seed
+    free = table.optimiser == DERIVATIVE_FREE
+    penalty = _false_alarm_penalty(scenario, table, space)
+    bounded = _cost(table.cost, scenario.simulation.attitude_cost)
+    unbounded = _plain(bounded)
+
+    def evaluator(chosen: Scenario, cost: RunningCost, number: int) -> CostEvaluator:
+        study = build_study(
+            chosen,
+            1,
+            seed=number,
+            engine=engine if engine == "diffrax" else "scan",
+            batch_size=batch_size,
+        )
+        program = _with_cost(study.program, cost, tolerances_of(scenario))
+        return CostEvaluator(
+            program,
+            study.design,
+            study.engine,
+            space,
+            workers,
+            "differences" if free else table.gradient,
+            table.half_width,
+            table.cost.recovery,
+            penalty,
+        )
+
+    runs = {
+        "smooth": evaluator(smooth, bounded, seed),
+        "exact": evaluator(scenario, bounded, seed),
+        "refined": evaluator(prepared.refined, bounded, seed),
+        "held_out": evaluator(scenario, unbounded, unseen),
+        "trained_on": evaluator(scenario, unbounded, seed),
+    }
+    if free:  # nothing is differentiated
+        runs["smooth"] = runs["exact"]
+    runs, remark = _compiled(runs, start, engine, differentiated=not free)
+    made = runs["exact"]
+    return TuningPlan(
+        space,
+        start,
+        **runs,
+        settings=_settings(table, seed, float(made.program.interval)),
+        widths=widths,
+        description={
+            "scenario": scenario.model_dump(mode="json", exclude={"title", "description"}),
+            "engine": made.engine.identity(),
+        },
+        remark=remark,
+    )
+
+
+def _require_optimiser(table: TuningTable) -> None:
+    """Raise `ValueError` where the optimiser is in a package that is not installed."""
+    if table.optimiser == DERIVATIVE_FREE and importlib.util.find_spec(PACKAGE) is None:
+        raise ValueError(
+            f'tuning.optimiser = "{DERIVATIVE_FREE}" must have the package {PACKAGE}: '
+            "pip install 'jaxsat[baselines]'."
+        )
+
+
+class _Prepared(NamedTuple):
+    """The scenario in one form, rounded for gradients and in finer steps, and the search."""
+
+    scenario: Scenario
+    smooth: Scenario
+    refined: Scenario
+    widths: dict[str, float]
+    space: SearchSpace
+    start: np.ndarray
+
+
+def _prepared(scenario: Scenario, table: TuningTable) -> _Prepared:
+    scenario = in_one_form(scenario, table)
+    space, start = _search(scenario, table.parameters)
+    widths = dict(table.smoothing)
+    if table.optimiser == DERIVATIVE_FREE:
+        return _Prepared(scenario, scenario, refined(scenario), {}, space, start)
+    smooth = throttled(with_control(scenario, widths))
+    return _Prepared(scenario, smooth, refined(smooth), widths, space, start)
+
+
+def try_tuning(scenario: Scenario) -> None:
+    """Build all that a tuning run runs; raises `BuildError` where that cannot be.
+
+    Nothing is built for a scenario that has no `[tuning]`.
+    """
+    table = scenario.tuning
+    if table is None:
+        return
+    with at_key("tuning.optimiser"):
+        _require_optimiser(table)
+    with at_key("tuning"):
+        prepared = _prepared(scenario, table)
+        for one in (prepared.scenario, prepared.smooth, prepared.refined):
+            build(one)
+        _settings(table, scenario.simulation.seed, scenario.simulation.save_every_s)
+
+
+def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> Scenario:
+    """The scenario with the gains of a point of the search in `[control]`."""
+    gains = plan.space.gains(plan.space.to_values(point))
+    tunable = find_law(scenario.control.law).declaration.tunable
+    numbers: dict[str, Any] = {}
+    for key, place in tunable.items():
+        if place in gains:
+            value = gains[place]
+            numbers[key] = float(value) if value.ndim == 0 else tuple(map(float, value))
+    return with_control(scenario, numbers)
+
+
+def _compiled(
+    runs: dict[str, CostEvaluator], start: np.ndarray, name: EngineName, *, differentiated: bool
+) -> tuple[dict[str, CostEvaluator], str | None]:
+    """The same with the native engine where that is wanted and can be; else why it cannot."""
+    if name in ("scan", "diffrax"):
+        return runs, None
+    found, obstacle = runs, process_obstacle()
+    if obstacle is None:
+        found, obstacle = _as_machine_code(runs, start, differentiated)
+    if obstacle is None:
+        return found, None
+    if name == "native":
+        raise ValueError(f"The native engine cannot run this: {obstacle}")
+    return runs, f"not the native engine: {obstacle}"
+
+
+def _as_machine_code(
+    runs: dict[str, CostEvaluator], start: np.ndarray, differentiated: bool
+) -> tuple[dict[str, CostEvaluator], str | None]:
+    """The same with the native engine, made and tried; or what has no rule there."""
+    try:
+        found = {key: _native(evaluator) for key, evaluator in runs.items()}
+        for key in ("smooth", "exact"):  # one interval of one case makes the machine code
+            probe = dataclasses.replace(found[key], counter=TrajectoryCounter())
+            point = probe.space.to_search(start[None])
+            probe.evaluate(point, np.arange(1), intervals=1)
+            if differentiated:
+                probe.differentiate(point, np.arange(1), intervals=1)
+    except CannotLower as error:
+        return runs, str(error)
+    return found, None
+
+
+def _native(evaluator: CostEvaluator) -> CostEvaluator:
+    scan = cast(ScanEngine, evaluator.engine)
+    engine = NativeEngine(
+        stepper=scan.stepper, workers=evaluator.workers, batch_size=scan.batch_size
+    )
+    return dataclasses.replace(evaluator, engine=engine, workers=1)  # threads of its own
+
+
+def _search(scenario: Scenario, table: Mapping[str, BoundsTable]) -> tuple[SearchSpace, np.ndarray]:
+    controller = controller_of(build_loop(scenario))
+    parameters, values = [], []
+    for key, place in find_law(scenario.control.law).declaration.tunable.items():
+        bounds = table.get(key)
+        if bounds is None:
+            continue
+        value = np.asarray(number_at(controller, place))
+        if not np.all((value >= bounds.low) & (value <= bounds.high)):
+            message = (
+                f"must be bounds around control.{key} = {shown(value.tolist())}, "
+                f"got {bounds.low} to {bounds.high}"
+            )
+            raise BuildError(at(f"tuning.parameters.{key}", message))
+        parameters.append(Parameter(place, bounds.low, bounds.high, bounds.scale, value.shape, key))
+        values.append(value.ravel())
+    return SearchSpace(tuple(parameters)), np.concatenate(values)
+
+
+def _false_alarm_penalty(
+    scenario: Scenario, table: TuningTable, space: SearchSpace
+) -> Callable[[Values], np.ndarray] | None:
+    """What thresholds cost whose false alarms are too close, by their closed form.
+
+    No sample of cases can tell one false alarm in years, so that a search would make thresholds
+    ever lower. None for a law without these tests.
+    """
+    controller = controller_of(build_loop(scenario))
+    if not isinstance(controller, FaultTolerant | FaultTolerantWheels):
+        return None
+    diagnosis, period = controller.diagnosis, float(np.asarray(controller.period))
+    samples = math.log(table.false_alarm_interval_s / period)
+
+    def penalty(values: Values) -> np.ndarray:
+        gains = space.gains(values)
+        usual = np.ones(len(values))
+        pairs = zip(
+            gains.get("diagnosis.reference", usual * float(np.asarray(diagnosis.reference))),
+            gains.get("diagnosis.threshold", usual * float(np.asarray(diagnosis.threshold))),
+            strict=True,
+        )
+        rates = np.array([diagnosis.false_alarm_rate(float(k), float(h)) for k, h in pairs])
+        return np.maximum(samples + np.log(rates), 0.0)
+
+    return penalty
+
+
+def _cost(table: CostTable, attitude: AttitudeCost) -> RunningCost:
+    weights = table.model_dump(exclude={"recovery"})
+    return RunningCost(**weights, unsettled=Unsettled(), attitude=attitude)
+
+
+def _plain(cost: RunningCost) -> RunningCost:
+    """Without bound and surrogate; of the same structure, so that nothing compiles anew."""
+    return eqx.tree_at(
+        lambda cost: (cost.settling, cost.limit), cost, (as_float(0.0), as_float(np.inf))
+    )
+
+
+def _with_cost(program: Program, cost: RunningCost, tolerances: Tolerances) -> Program:
+    cost = eqx.tree_at(lambda cost: cost.unsettled, cost, Unsettled(tolerances))
+    return dataclasses.replace(program, tolerances=tolerances, cost=cost, error_every=0)
+
+
+def _aggregate(table: TuningTable) -> AbstractAggregate:
+    if table.aggregate == "cvar":
+        return ConditionalValueAtRisk(table.level)
+    if table.aggregate == "quantile":
+        return Quantile(table.level)
+    return WorstCase() if table.aggregate == "worst" else Mean()
+
+
+def _settings(table: TuningTable, seed: int, interval: float) -> TuningSettings:
+    return TuningSettings(
+        objective=Objective(_aggregate(table), TailCompression(table.tail_scale), table.case_bound),
+        descent=OptimiserSettings(table.optimiser, table.learning_rate, table.schedule, table.clip),
+        steps=table.steps,
+        cases=table.cases,
+        fresh=table.fresh_cases,
+        starts=table.starts,
+        screened=table.screened if table.starts > 1 else 0,
+        screening_cases=table.screening_cases,
+        horizons=tuple(round(horizon / interval) for horizon in table.horizon_s or ()),
+        halvings=table.halve_at,
+        validation_cases=table.validation_cases,
+        validate_every=table.validate_every,
+        receipt_cases=table.receipt_cases,
+        held_out_cases=table.held_out_cases,
+        alarm=table.alarm_cost,
+        target=table.target_loss,
+        baseline_cases=table.baseline_cases,
+        baseline_trajectories=table.baseline_trajectories,
+        seed=seed,
+    )

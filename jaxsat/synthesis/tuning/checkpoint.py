@@ -1,0 +1,232 @@
+"""A run on disk: a folder in which it is resumed, whose files are replaced whole."""
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsat.scenario.optimisers import OptimiserSettings
+from jaxsat.store import OutputError, ResumableFolder, machine
+from jaxsat.store.differences import differences
+from jaxsat.synthesis.tuning.descent import (
+    DescentState,
+    StepRecord,
+    ValidationRecord,
+    initial_state,
+)
+from jaxsat.synthesis.tuning.plan import TuningPlan
+
+CHECKPOINT = "checkpoint.npz"
+FORMAT = 2
+
+_DECODING = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
+
+
+class TuningFolder:
+    """The folder of one tuning run, open for writing by this process alone.
+
+    `identity` is all that the run depends on, as plain data. A folder that is not there is made;
+    one that holds the same run is resumed. Raises `OutputError` for one that holds another run
+    or anything else, that another process writes to, in which a file was damaged or changed, or
+    (unless `elsewhere`) that was begun with other versions or on another processor, where the bits
+    may differ.
+    """
+
+    path: Path
+    saved_steps: int
+    """Steps of the state that was kept last by this process; 0 for none."""
+
+    def __init__(self, path: str | Path, identity: Mapping[str, Any], *, elsewhere: bool = False):
+        identity = json.loads(json.dumps(identity))
+        self._folder = ResumableFolder(path, "tuning", {"identity": identity})
+        self.path = self._folder.path
+        try:
+            other = differences(self._folder.about["identity"], identity)
+            if other:
+                raise OutputError(
+                    f"{self.path} holds another run ({'; '.join(other)}); give another folder."
+                )
+            self._arrays = self._read(elsewhere)
+            self.saved_steps = 0
+        except BaseException:
+            self._folder.close()
+            raise
+
+    def __enter__(self) -> "TuningFolder":
+        """The folder itself."""
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        """Let other processes write."""
+        self._folder.__exit__(*exception)
+
+    def is_complete(self, name: str) -> bool:
+        """Whether a result is there, and every other one that was ever written."""
+        return self._folder.is_complete(name)
+
+    def read(self, name: str) -> bytes | None:
+        """A result as it was written; raises `OutputError` for one that was damaged or changed."""
+        return self._folder.read(name)
+
+    @property
+    def lost_state(self) -> bool:
+        """Whether a state was written that is not there any more, so that the run begins again."""
+        return self._arrays is None and self._folder.is_begun
+
+    def state(self, plan: TuningPlan) -> DescentState:
+        """Where the run is: the state last kept, or its first one.
+
+        Raises `OutputError` for a state that is none of this plan's.
+        """
+        if self._arrays is None:
+            return initial_state(plan)
+        try:
+            state = _from_arrays(plan, self._arrays)
+            _check(plan, state)
+        except _DECODING as error:
+            raise self._no_state() from error
+        return state
+
+    def keep(self, state: DescentState) -> None:
+        """Keep a state to go on from."""
+        about = {"format": FORMAT, "machine": machine()}
+        buffer = io.BytesIO()
+        arrays = _to_arrays(state) | {"about": np.array(json.dumps(about))}
+        np.savez(buffer, **arrays)  # pyright: ignore
+        self.write(CHECKPOINT, buffer.getvalue())
+        self.saved_steps = state.step
+
+    def write(self, name: str, content: str | bytes) -> None:
+        """Write a file, or replace it, in one step; raises `OutputError`."""
+        self._folder.write(name, content)
+
+    def _read(self, elsewhere: bool) -> dict[str, np.ndarray] | None:
+        content = self._folder.read(CHECKPOINT)
+        if content is None:
+            return None
+        try:
+            with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+                arrays = dict(stored)
+            about = json.loads(str(arrays.pop("about")))
+            if about["format"] != FORMAT:
+                raise ValueError("another version's")
+            other = differences(about["machine"], machine())
+        except _DECODING as error:
+            raise self._no_state() from error
+        if other and not elsewhere:
+            raise OutputError(
+                f"{self.path} was written under other conditions ({'; '.join(other)}), so the run "
+                "would not be the one that was begun; allow that explicitly or give another "
+                "folder.",
+                elsewhere=True,
+            )
+        return arrays
+
+    def _no_state(self) -> OutputError:
+        return OutputError(
+            f"{self.path / CHECKPOINT} is no state of this tuning run; give another folder."
+        )
+
+
+def plan_identity(plan: TuningPlan) -> dict[str, Any]:
+    """What tells runs apart. Programs are traced for it, once for this and the first step."""
+    return {
+        **plan.description,
+        "parameters": list(plan.space.labels),
+        "program": {
+            "smooth": plan.smooth.program_identity(differentiated=True),
+            "exact": plan.exact.program_identity(),
+        },
+    }
+
+
+def _to_arrays(state: DescentState) -> dict[str, np.ndarray]:
+    arrays = {
+        "points": state.points,
+        "alive": state.alive,
+        "best_point": state.best_point,
+        "best_loss": np.array(state.best_loss),
+        "step": np.array(state.step),
+        "trajectories": np.array(state.trajectories),
+    }
+    leaves = jax.tree.leaves(state.optimiser)
+    arrays |= {f"optimiser_{i}": np.asarray(leaf) for i, leaf in enumerate(leaves)}
+    for prefix, records, kind in (
+        ("step_", state.steps, StepRecord),
+        ("validation_", state.validations, ValidationRecord),
+    ):
+        if records:
+            arrays |= {
+                prefix + name: np.stack([np.asarray(getattr(record, name)) for record in records])
+                for name in kind._fields
+            }
+    return arrays
+
+
+def _from_arrays(plan: TuningPlan, arrays: Mapping[str, np.ndarray]) -> DescentState:
+    descent: OptimiserSettings = plan.settings.descent
+    template: Any = ()
+    if not descent.derivative_free:
+        made = descent.transformation(plan.settings.steps)
+        template = jax.vmap(made.init)(jnp.asarray(arrays["points"]))
+    structure = jax.tree.structure(template)
+    leaves = [jnp.asarray(arrays[f"optimiser_{i}"]) for i in range(structure.num_leaves)]
+    if _kinds(leaves) != _kinds(jax.tree.leaves(template)):
+        raise ValueError("The optimiser's state must have the shapes that it begins with.")
+    return DescentState(
+        arrays["points"],
+        arrays["alive"],
+        jax.tree.unflatten(structure, leaves),
+        arrays["best_point"],
+        float(arrays["best_loss"]),
+        int(arrays["step"]),
+        float(arrays["trajectories"]),
+        _records(arrays, "step_", StepRecord),
+        _records(arrays, "validation_", ValidationRecord),
+    )
+
+
+def _check(plan: TuningPlan, state: DescentState) -> None:
+    """Raise `ValueError` for a state that the plan cannot have come to."""
+    starts, size = state.points.shape
+    good = (
+        starts == plan.settings.starts
+        and size == plan.space.size
+        and state.alive.shape == (starts,)
+        and state.alive.dtype == bool
+        and state.alive.any()
+        and state.best_point.shape == (size,)
+        and np.isfinite(state.points).all()
+        and np.isfinite(state.best_point).all()
+        and not np.isnan(state.best_loss)
+        and 0 <= state.step <= plan.settings.steps
+        and 0 <= state.trajectories < np.inf
+        and len(state.steps) == state.step
+        and len(state.validations) > 0
+        and all(record.points.shape == (starts, size) for record in state.steps)
+        and all(record.loss.shape == (starts,) for record in state.validations)
+    )
+    if not good:
+        raise ValueError("The state must be one of the plan's.")
+
+
+def _kinds(arrays: list[Any]) -> list[tuple]:
+    return [(array.shape, array.dtype) for array in arrays]
+
+
+def _records(arrays: Mapping[str, np.ndarray], prefix: str, kind) -> list:
+    if prefix + kind._fields[0] not in arrays:
+        return []
+    columns = [arrays[prefix + name] for name in kind._fields]
+    return [kind(*(_own(entry) for entry in row)) for row in zip(*columns, strict=True)]
+
+
+def _own(value: Any) -> Any:
+    """Plain numbers where a record has plain numbers."""
+    return value.item() if np.ndim(value) == 0 else np.asarray(value)

@@ -1,0 +1,240 @@
+"""Running many cases at many points of the search at once, and counting what that takes."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PyTree
+
+from jaxsat.simulation.engine import (
+    AbstractCaseFactory,
+    AbstractEngine,
+    AbstractStepper,
+    Case,
+    FixedStepper,
+    Outputs,
+    Program,
+    program_identity,
+)
+from jaxsat.studies import AbstractDesign, Dispersed, StudyCase
+from jaxsat.synthesis.tuning.parameters import SearchSpace, Values
+
+GradientMethod = Literal["forward", "reverse", "differences"]
+"""How derivatives are taken: by either mode of the engine, or by central differences of costs."""
+
+
+class CaseWithGains(NamedTuple):
+    """A case and the gains that it is run with."""
+
+    case: PyTree
+    gains: Mapping[str, Array | np.ndarray]
+
+
+class WithGains(AbstractCaseFactory):
+    """Cases with gains of their own, so that one batch holds many points of the search.
+
+    The gains that an engine is given on top are added to them: zero, and what derivatives are
+    taken by.
+    """
+
+    inner: AbstractCaseFactory
+
+    def __call__(self, case: CaseWithGains, gains: dict[str, Array] | None = None) -> Case:
+        """The case with its own gains."""
+        shift = gains or {}
+        own = {name: jnp.asarray(value) + shift.get(name, 0) for name, value in case.gains.items()}
+        return self.inner(case.case, own)
+
+
+class CaseGradients(NamedTuple):
+    """Outputs (points, cases) and derivatives of the costs along the search."""
+
+    outputs: Outputs
+    derivatives: Float[np.ndarray, "points cases parameters"]
+
+
+@dataclass
+class TrajectoryCounter:
+    """Trajectories computed, in units of whole horizons.
+
+    A gradient of n gains counts n + 1; by differences, the 2n + 1 that it takes.
+    """
+
+    trajectories: float = 0.0
+
+
+@dataclass(frozen=True)
+class CostEvaluator:
+    """A program over dispersed cases, the cases of a design, and an engine to run them.
+
+    `workers` threads share the batches out; the results do not depend on how. Derivatives
+    by "differences", of half width `half_width` along the search, see what automatic
+    differentiation is blind to, such as thresholds at which a law switches between samples. With
+    `recovery` a case costs `recovery_costs` in place of its integral, and `penalty` adds to the
+    costs of a point what its values, which it is given, break of a constraint.
+    """
+
+    program: Program
+    design: AbstractDesign
+    engine: AbstractEngine
+    space: SearchSpace
+    workers: int = 1
+    gradient: GradientMethod = "forward"
+    half_width: float = 0.02
+    recovery: float | None = None
+    penalty: Callable[[Values], Float[np.ndarray, " points"]] | None = None
+    counter: TrajectoryCounter = field(default_factory=TrajectoryCounter)
+
+    def __post_init__(self):
+        if not isinstance(self.program.case_factory, Dispersed):
+            raise TypeError("Argument `program` must run dispersed cases.")
+        if self.workers < 1:
+            raise ValueError(f"Argument `workers` must be at least 1, but got {self.workers}.")
+
+    def evaluate(
+        self, points: Values, numbers: np.ndarray, intervals: int | None = None
+    ) -> Outputs:
+        """Outputs (points, cases) of the cases `numbers` at every point of the search."""
+        program = self._program(intervals)
+
+        def run(cases: CaseWithGains) -> Outputs:
+            return self.engine.evaluate(program, cases, None)
+
+        outputs = _by_point(self._in_batches(run, points, numbers), points, numbers)
+        self._count(points, numbers, 1, intervals)
+        if self.recovery is not None:
+            horizon = float(np.asarray(program.duration))
+            outputs = outputs._replace(cost=recovery_costs(outputs, horizon, self.recovery))
+        if self.penalty is not None:
+            more = self.penalty(self.space.to_values(points))
+            outputs = outputs._replace(cost=outputs.cost + more[:, None])
+        return outputs
+
+    def differentiate(
+        self, points: Values, numbers: np.ndarray, intervals: int | None = None
+    ) -> CaseGradients:
+        """Outputs and derivatives of the costs along the search, in the units of the search."""
+        if self.gradient == "differences":
+            return self._differences(points, numbers, intervals)
+        mode = self.gradient
+        program, space, zero = self._program(intervals), self.space, self._zero()
+
+        def run(cases: CaseWithGains) -> Any:
+            return self.engine.gradient(program, cases, zero, mode)
+
+        found = self._in_batches(run, points, numbers)
+        self._count(points, numbers, 1 + space.size, intervals)
+        leading = (len(points), len(numbers))
+        by_value = space.joined(found.derivatives, leading)
+        return CaseGradients(
+            _by_point(found.outputs, points, numbers), by_value * space.slope(points)[:, None, :]
+        )
+
+    def _differences(
+        self, points: Values, numbers: np.ndarray, intervals: int | None
+    ) -> CaseGradients:
+        size, count = self.space.size, len(points)
+        shifts = self.half_width * np.concatenate(
+            [np.eye(size), -np.eye(size), np.zeros((1, size))]
+        )
+        spread = self.space.projected(points[:, None] + shifts[None])
+        apart = np.diagonal(spread[:, :size] - spread[:, size : 2 * size], axis1=1, axis2=2)
+        around = spread.reshape(-1, size)
+        outputs = self.evaluate(around, numbers, intervals)
+        costs = np.asarray(outputs.cost).reshape(count, 2 * size + 1, -1)
+        slopes = (costs[:, :size] - costs[:, size : 2 * size]) / apart[:, :, None]
+        middle = jax.tree.map(lambda x: x[2 * size :: 2 * size + 1], outputs)
+        return CaseGradients(middle, np.moveaxis(slopes, 1, 2))
+
+    def derivative_of_one(
+        self, point: Float[np.ndarray, " parameters"], number: int, gain: int, intervals: int | None
+    ) -> tuple[AbstractStepper, Program, CaseWithGains, dict[str, Array], dict[str, Array]]:
+        """What `nan_in_run` takes for one case at a point and one number tuned.
+
+        The diffrax engine has no steps that can be taken one by one; its runs take those of the
+        scan engine.
+        """
+        stepper = getattr(self.engine, "stepper", None)
+        gains = self.space.gains(self.space.to_values(point))
+        case = jax.tree.map(lambda x: x[0], self.drawn(np.array([number])))
+        direction = self.space.gains(np.eye(self.space.size)[gain])
+        return (
+            FixedStepper() if stepper is None else stepper,
+            self._program(intervals),
+            CaseWithGains(case, gains),
+            self._zero(),
+            jax.tree.map(jnp.asarray, direction),
+        )
+
+    def program_identity(self, *, differentiated: bool = False) -> dict[str, Any]:
+        """What tells the program from others, that of the derivatives where they are by a mode."""
+        gains = self.space.gains(np.zeros((1, self.space.size)))
+        example = CaseWithGains(self.drawn(np.arange(1)), gains)
+        if not differentiated or self.gradient == "differences":
+            return program_identity(self.engine, self._program(None), example)
+        return program_identity(
+            self.engine, self._program(None), example, self._zero(), self.gradient
+        )
+
+    def drawn(self, numbers: np.ndarray) -> StudyCase:
+        """The cases of these numbers."""
+        factory: Dispersed = self.program.case_factory  # pyright: ignore[reportAssignmentType]
+        points = self.design.points(numbers, factory.dimensions())
+        return StudyCase(np.asarray(numbers).astype(np.uint32), points)
+
+    def _zero(self) -> dict[str, Array]:
+        """What derivatives are taken by."""
+        return jax.tree.map(jnp.asarray, self.space.gains(np.zeros(self.space.size)))
+
+    def _program(self, intervals: int | None) -> Program:
+        return dataclasses.replace(
+            self.program,
+            case_factory=WithGains(self.program.case_factory),
+            intervals=self.program.intervals if intervals is None else intervals,
+        )
+
+    def _count(self, points: Values, numbers: np.ndarray, runs: int, intervals: int | None) -> None:
+        part = 1.0 if intervals is None else intervals / self.program.intervals
+        self.counter.trajectories += len(points) * len(numbers) * runs * part
+
+    def _in_batches(self, run: Callable, points: Values, numbers: np.ndarray):
+        """`run` over points × cases in whole batches, the first alone: it may compile."""
+        gains = self.space.gains(self.space.to_values(points))
+        cases = jax.tree.map(
+            lambda x: np.tile(x, (len(points), *[1] * (x.ndim - 1))), self.drawn(numbers)
+        )
+        own = {name: np.repeat(value, len(numbers), axis=0) for name, value in gains.items()}
+        everything = CaseWithGains(cases, own)
+        total, size = len(points) * len(numbers), self.engine.batch_size
+        if self.workers == 1 or total <= 2 * size:
+            return run(everything)
+        batches = [
+            jax.tree.map(lambda x, at=first: x[at : at + size], everything)
+            for first in range(0, total, size)
+        ]
+        first = run(batches[0])
+        with ThreadPoolExecutor(self.workers, thread_name_prefix="jaxsat") as pool:
+            found = [first, *pool.map(run, batches[1:])]
+        return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
+
+
+def recovery_costs(outputs: Outputs, horizon: float, unrecovered: float) -> np.ndarray:
+    """Times from the first failure until a case is settled, over the horizon (s).
+
+    Where failures are not dispersed it is the time from the start. A case that never settles costs
+    `unrecovered`.
+    """
+    settled = np.asarray(outputs.settling_time)
+    failed = outputs.drawn.get("failure_time")
+    since = 0.0 if failed is None else np.clip(np.asarray(failed).min(axis=-1), 0.0, horizon)
+    return np.where(np.isfinite(settled), np.maximum(settled - since, 0.0) / horizon, unrecovered)
+
+
+def _by_point(outputs: Outputs, points: Values, numbers: np.ndarray) -> Outputs:
+    leading = (len(points), len(numbers))
+    return jax.tree.map(lambda x: x.reshape(*leading, *x.shape[1:]), outputs)

@@ -1,0 +1,308 @@
+"""Gradient descent from several starts, or evolution of a population without gradients, in steps
+that can be interrupted and resumed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from jaxsat.core.once import latest
+from jaxsat.scenario.optimisers import OptimiserSettings
+from jaxsat.simulation import Outcome
+from jaxsat.simulation.engine import Outputs
+from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients
+from jaxsat.synthesis.tuning.evolution import next_population
+from jaxsat.synthesis.tuning.parameters import Values
+from jaxsat.synthesis.tuning.plan import TuningPlan
+from jaxsat.synthesis.tuning.unusable import NoGradient, unusable
+
+NEVER = np.inf
+
+
+class StepRecord(NamedTuple):
+    """One step, of all starts; NaN for a start that has been given up.
+
+    Points and losses are those before the step. `failed`, `masked` and `bounded` count cases: runs
+    that ended early, cases without a finite derivative, and derivatives cut to their bound.
+    `trajectories` is what had been computed when the step was done, in whole horizons.
+    """
+
+    points: Values
+    loss: Float[np.ndarray, " starts"]
+    gradient_norm: Float[np.ndarray, " starts"]
+    settled: Float[np.ndarray, " starts"]
+    failed: Int[np.ndarray, " starts"]
+    masked: Int[np.ndarray, " starts"]
+    bounded: Int[np.ndarray, " starts"]
+    horizon: int
+    trajectories: float
+
+
+class ValidationRecord(NamedTuple):
+    """The exact law on the validation cases after `step` steps; NaN for starts given up."""
+
+    step: int
+    loss: Float[np.ndarray, " starts"]
+    settled: Float[np.ndarray, " starts"]
+    best_loss: float
+    best_point: Float[np.ndarray, " parameters"]
+    trajectories: float
+
+
+@dataclass
+class DescentState:
+    """Where a run is: everything it resumes from, and its history."""
+
+    points: Values
+    alive: Bool[np.ndarray, " starts"]
+    optimiser: Any
+    best_point: Float[np.ndarray, " parameters"]
+    best_loss: float = NEVER
+    step: int = 0
+    trajectories: float = 0.0
+    steps: list[StepRecord] = field(default_factory=list)
+    validations: list[ValidationRecord] = field(default_factory=list)
+
+
+class DescentProgress(NamedTuple):
+    """What is told while a run descends: the start that is best in training just now."""
+
+    step: int
+    steps: int
+    loss: float
+    gradient_norm: float
+    settled: float
+    best_loss: float
+    starts: int
+
+
+def initial_state(plan: TuningPlan) -> DescentState:
+    """The first state: the given point and the best of those screened, none of them moved yet."""
+    settings, space = plan.settings, plan.space
+    own = space.projected(space.to_search(plan.start[None]))
+    if settings.descent.derivative_free:
+        points = next_population(space, own[0], settings.seed, settings.starts, [])
+        alive = np.ones(len(points), bool)
+        return _validated(plan, DescentState(points, alive, (), points[0].copy()))
+    points = own
+    trajectories = plan.smooth.counter.trajectories
+    if settings.starts > 1:
+        tried = space.to_search(space.drawn(max(settings.screened, settings.starts), settings.seed))
+        kept = tried
+        if settings.screened:
+            costs = plan.smooth.evaluate(tried, settings.screening()).cost
+            losses = np.array([settings.objective.value(row) for row in costs])
+            kept = tried[np.argsort(losses, kind="stable")]
+        points = np.concatenate([own, kept[: settings.starts - 1]])
+    trajectories = plan.smooth.counter.trajectories - trajectories
+    state = DescentState(
+        points,
+        np.ones(len(points), bool),
+        _transformation(settings.descent, settings.steps)[0](jnp.asarray(points)),
+        points[0].copy(),
+        trajectories=trajectories,
+    )
+    return _validated(plan, state)
+
+
+def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
+    """One step of every start that is alive, and a validation where one is due.
+
+    Raises `NoGradient` where no case of the step has a usable gradient, whatever the start.
+    """
+    settings, objective = plan.settings, plan.settings.objective
+    if settings.descent.derivative_free:
+        return _generation(plan, state)
+    numbers = settings.numbers(state.step)
+    horizon = settings.intervals(state.step, plan.intervals)
+    before = plan.smooth.counter.trajectories
+    alive = np.flatnonzero(state.alive)
+    found = plan.smooth.differentiate(state.points[alive], numbers, horizon)
+    per_start = [
+        objective.loss_gradient(*both)
+        for both in zip(found.outputs.cost, found.derivatives, strict=True)
+    ]
+    if all(entry.masked == len(numbers) for entry in per_start):
+        first = state.points[alive[0]]
+        one = CaseGradients(jax.tree.map(lambda x: x[:1], found.outputs), found.derivatives[:1])
+        told = unusable(plan.smooth, first, numbers, horizon, one)
+        raise NoGradient(
+            f"no case of step {state.step + 1} has a usable gradient at any of its "
+            f"{len(alive)} points; at the first {told}"
+        )
+    gradients = np.zeros_like(state.points)
+    gradients[alive] = [entry.gradient for entry in per_start]
+    points, optimiser = _moved(plan, state, gradients)
+    trajectories = state.trajectories + plan.smooth.counter.trajectories - before
+    record = StepRecord(
+        np.where(state.alive[:, None], state.points, np.nan),
+        _spread(state.alive, [entry.loss for entry in per_start]),
+        _spread(state.alive, np.linalg.norm(gradients[alive], axis=1)),
+        _spread(state.alive, _settled(found.outputs)),
+        _counts(state.alive, (found.outputs.code != int(Outcome.SUCCESS)).sum(axis=1)),
+        _counts(state.alive, [entry.masked for entry in per_start]),
+        _counts(state.alive, [entry.bounded for entry in per_start]),
+        horizon,
+        trajectories,
+    )
+    following = DescentState(
+        points,
+        state.alive,
+        optimiser,
+        state.best_point,
+        state.best_loss,
+        state.step + 1,
+        trajectories,
+        [*state.steps, record],
+        state.validations,
+    )
+    due = following.step % settings.validate_every == 0
+    if due or following.step == settings.steps or following.step in settings.halvings:
+        following = _validated(plan, following)
+    if following.step in settings.halvings:
+        following.alive = _better_half(following)
+    return following
+
+
+def _generation(plan: TuningPlan, state: DescentState) -> DescentState:
+    """One population of the exact law on one set of cases, and a validation where one is due.
+
+    All points see the same cases, so that what is better of two is not chance alone.
+    """
+    settings = plan.settings
+    horizon = settings.intervals(state.step, plan.intervals)
+    before = plan.exact.counter.trajectories
+    outputs = plan.exact.evaluate(state.points, settings.numbers(state.step), horizon)
+    losses = np.array([settings.objective.value(row) for row in np.asarray(outputs.cost)])
+    trajectories = state.trajectories + plan.exact.counter.trajectories - before
+    none = np.zeros(len(losses), int)
+    record = StepRecord(
+        state.points,
+        losses,
+        np.full(len(losses), np.nan),
+        _settled(outputs),
+        np.asarray((outputs.code != int(Outcome.SUCCESS)).sum(axis=1)),
+        none,
+        none,
+        horizon,
+        trajectories,
+    )
+    following = DescentState(
+        state.points,
+        state.alive,
+        (),
+        state.best_point,
+        state.best_loss,
+        state.step + 1,
+        trajectories,
+        [*state.steps, record],
+        state.validations,
+    )
+    if following.step % settings.validate_every == 0 or following.step == settings.steps:
+        following = _validated(plan, following)
+    own = plan.space.projected(plan.space.to_search(plan.start[None]))[0]
+    history = [(one.points, one.loss) for one in following.steps]
+    following.points = next_population(plan.space, own, settings.seed, settings.starts, history)
+    return following
+
+
+def descend(
+    plan: TuningPlan,
+    state: DescentState,
+    *,
+    keep: Callable[[DescentState], None] | None = None,
+    report: Callable[[DescentProgress], None] | None = None,
+) -> DescentState:
+    """Steps, at least one, until all are done or the target is reached; `keep` is called with
+    every state, `report` with what to tell."""
+    while state.step < plan.settings.steps:
+        if state.step and plan.settings.reached(state.best_loss):
+            break
+        state = descent_step(plan, state)
+        if keep is not None:
+            keep(state)
+        if report is not None:
+            report(_progress(plan, state))
+    return state
+
+
+def _validated(plan: TuningPlan, state: DescentState) -> DescentState:
+    """With the exact law's loss on the validation cases, and the best point so far."""
+    settings = plan.settings
+    alive = np.flatnonzero(state.alive)
+    before = plan.exact.counter.trajectories
+    outputs = plan.exact.evaluate(state.points[alive], settings.validation())
+    losses = [settings.objective.value(row) for row in outputs.cost]
+    leader = int(np.argmin(losses))
+    if losses[leader] < state.best_loss:
+        state.best_loss = losses[leader]
+        state.best_point = state.points[alive[leader]].copy()
+    state.trajectories += plan.exact.counter.trajectories - before
+    record = ValidationRecord(
+        state.step,
+        _spread(state.alive, losses),
+        _spread(state.alive, _settled(outputs)),
+        state.best_loss,
+        state.best_point,
+        state.trajectories,
+    )
+    state.validations = [*state.validations, record]
+    return state
+
+
+@latest(32)
+def _transformation(descent: OptimiserSettings, steps: int):
+    """optax, for all starts beside one another so that each is clipped by itself."""
+    made = descent.transformation(steps)
+    return jax.vmap(made.init), jax.jit(jax.vmap(made.update))
+
+
+def _moved(plan: TuningPlan, state: DescentState, gradients: Values):
+    update = _transformation(plan.settings.descent, plan.settings.steps)[1]
+    arrays = (jnp.asarray(gradients), state.optimiser, jnp.asarray(state.points))
+    shifts, optimiser = update(*arrays)
+    moved = plan.space.projected(state.points + np.asarray(shifts))
+    return np.where(state.alive[:, None], moved, state.points), optimiser
+
+
+def _better_half(state: DescentState) -> Bool[np.ndarray, " starts"]:
+    losses = np.where(state.alive, state.validations[-1].loss, NEVER)
+    kept = -(-int(state.alive.sum()) // 2)
+    alive = np.zeros(len(losses), bool)
+    alive[np.argsort(losses, kind="stable")[:kept]] = True
+    return alive & state.alive
+
+
+def _settled(outputs: Outputs) -> np.ndarray:
+    return np.isfinite(outputs.settling_time).mean(axis=1)
+
+
+def _spread(alive: Bool[np.ndarray, " starts"], values: Any) -> Float[np.ndarray, " starts"]:
+    """Values of those alive in their places among all starts, NaN for the others."""
+    everywhere = np.full(len(alive), np.nan)
+    everywhere[alive] = values
+    return everywhere
+
+
+def _counts(alive: Bool[np.ndarray, " starts"], values: Any) -> Int[np.ndarray, " starts"]:
+    everywhere = np.zeros(len(alive), int)
+    everywhere[alive] = values
+    return everywhere
+
+
+def _progress(plan: TuningPlan, state: DescentState) -> DescentProgress:
+    last = state.steps[-1]
+    leader = int(np.nanargmin(last.loss))
+    return DescentProgress(
+        state.step,
+        plan.settings.steps,
+        float(last.loss[leader]),
+        float(last.gradient_norm[leader]),
+        float(last.settled[leader]),
+        state.best_loss,
+        int(state.alive.sum()),
+    )

@@ -1,0 +1,228 @@
+"""The receipt of a run: whether its gradients can be trusted, and what smoothing and steps cost.
+
+Derivatives are compared with central differences of the same cases' costs, which know nothing of
+automatic differentiation. For the exact law the comparison shows what tuning it would have come
+to: where its torque jumps, its costs have derivatives that automatic differentiation misses.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.simulation import Outcome
+from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator
+from jaxsat.synthesis.tuning.descent import DescentState
+from jaxsat.synthesis.tuning.plan import FIRST_RECEIPT_CASE, TuningPlan
+from jaxsat.synthesis.tuning.unusable import unusable
+
+HALF_WIDTHS = (1e-2, 1e-3, 1e-4, 1e-5)
+"""Half widths of the central differences, along the search."""
+
+BEYOND_BOUNDS = 1e3
+"""Beyond any bound of a search."""
+
+MAX_RELATIVE_ERROR = 0.01
+"""Largest relative error of a derivative that is trusted."""
+
+DERIVATIVE_FLOOR = 0.01
+"""The error of a derivative below this part of the largest is relative to that part."""
+
+
+class GradientCheck(NamedTuple):
+    """Derivatives of the mean cost at one point by both ways, one entry for each number tuned.
+
+    `step` is the half width whose difference agrees best, `error` how well, relative to the
+    difference (or to a hundredth of the largest). Cases that fail or have no finite derivative at
+    any of the points are left out: `left_out` of them, of which `undefined` reached their end
+    everywhere and have no finite derivative.
+    """
+
+    automatic: Float[np.ndarray, " parameters"]
+    difference: Float[np.ndarray, " parameters"]
+    step: Float[np.ndarray, " parameters"]
+    error: Float[np.ndarray, " parameters"]
+    cases: int
+    left_out: int
+    undefined: int = 0
+
+    @property
+    def trusted(self) -> bool:
+        """Whether every derivative is within one percent."""
+        return self.cases > 0 and bool(np.all(self.error <= MAX_RELATIVE_ERROR))
+
+
+@dataclass(frozen=True)
+class Receipt:
+    """What a run rests on; `problems` are sentences for a person, none where all is well."""
+
+    labels: tuple[str, ...]
+    start: GradientCheck
+    end: GradientCheck
+    exact_start: GradientCheck
+    exact_end: GradientCheck
+    widths: dict[str, float]
+    smoothing_bias: float
+    largest_smoothing_bias: float
+    step_sensitivity: float
+    largest_step_sensitivity: float
+    gradient_samples: int
+    failed: int
+    masked: int
+    bounded: int
+    derivative_free: bool = False
+    first_masked: str = ""
+
+    @property
+    def problems(self) -> list[str]:
+        """Why the gradients must not be trusted; none where none are taken."""
+        found: list[str] = []
+        if self.derivative_free:
+            return found
+        for place, comparison in (("start", self.start), ("end", self.end)):
+            without = comparison.undefined
+            if without:
+                found.append(
+                    f"at the {place} {without} of {without + comparison.cases} cases that reached "
+                    "their end have no finite derivative"
+                )
+            elif not comparison.cases:
+                found.append(f"at the {place} no case reached its end, so nothing is known")
+            for label, error in zip(self.labels, comparison.error, strict=True):
+                if comparison.cases and not error <= MAX_RELATIVE_ERROR:
+                    found.append(
+                        f"at the {place} the derivative by {label} is {error:.1%} off the best "
+                        "central difference"
+                    )
+        return found
+
+    def as_data(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        compared = {
+            name: {**getattr(self, name)._asdict(), "trusted": getattr(self, name).trusted}
+            for name in ("start", "end", "exact_start", "exact_end")
+        }
+        rest = {k: v for k, v in vars(self).items() if k not in compared}
+        return plain_data({**rest, **compared, "problems": self.problems})
+
+
+def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
+    """Compare at the first point of the run and at the best one."""
+    first, best = state.validations[0].best_point, state.best_point
+    free = plan.settings.descent.derivative_free
+    numbers = FIRST_RECEIPT_CASE + np.arange(plan.settings.receipt_cases)
+    smooth, exact, refined = (
+        np.asarray(evaluator.evaluate(np.stack([first, best]), numbers).cost)
+        for evaluator in (plan.smooth, plan.exact, plan.refined)
+    )
+    differs = bool(plan.widths) or not np.array_equal(smooth, exact, equal_nan=True)
+    runs = [] if free else [plan.smooth, plan.exact] if differs else [plan.smooth]
+    compared = [check_gradients(one, point, numbers) for one in runs for point in (first, best)]
+    compared = (compared or [_no_check(plan.space.size)] * 2) * (2 if len(runs) < 2 else 1)
+    bias = _relative(smooth, exact)
+    usual = float(np.nanmean(np.abs(refined))) if free else 0.0  # costs may be zero there
+    steps = _relative(smooth, refined, usual)
+    return Receipt(
+        plan.space.labels,
+        *compared,
+        widths=dict(plan.widths),
+        smoothing_bias=_median(bias),
+        largest_smoothing_bias=_largest(bias),
+        step_sensitivity=_median(steps),
+        largest_step_sensitivity=_largest(steps),
+        gradient_samples=sum(
+            plan.settings.cases * int(np.isfinite(record.loss).sum()) for record in state.steps
+        ),
+        failed=sum(int(record.failed.sum()) for record in state.steps),
+        masked=sum(int(record.masked.sum()) for record in state.steps),
+        bounded=sum(int(record.bounded.sum()) for record in state.steps),
+        derivative_free=free,
+        first_masked="" if free else _first_masked(plan, state),
+    )
+
+
+def _first_masked(plan: TuningPlan, state: DescentState) -> str:
+    """On the first step in which cases were left out: which, and why; nothing without one."""
+    for step, record in enumerate(state.steps):
+        if record.masked.any():
+            start = int(np.argmax(record.masked > 0))
+            numbers = plan.settings.numbers(step)
+            told = unusable(plan.smooth, record.points[start], numbers, record.horizon)
+            return f"at step {step + 1}, start {start + 1}, {told}"
+    return ""
+
+
+def _no_check(size: int) -> GradientCheck:
+    """That of a run that takes no derivatives."""
+    none = np.full(size, np.nan)
+    return GradientCheck(none, none, none, none, 0, 0)
+
+
+def check_gradients(
+    evaluator: CostEvaluator, point: Float[np.ndarray, " parameters"], numbers: np.ndarray
+) -> GradientCheck:
+    """Derivatives of the mean cost at a point, by the evaluator and by central differences.
+
+    A point at a bound is moved inside by the largest half width, so that both sides are there.
+    """
+    size, space = len(point), evaluator.space
+    low, high = space.projected(np.array([[-BEYOND_BOUNDS] * size, [BEYOND_BOUNDS] * size]))
+    margin = max(HALF_WIDTHS)
+    point = np.clip(point, low + margin, high - margin)
+    shifts = np.array(HALF_WIDTHS)[:, None, None] * np.eye(size)[None]
+    shifted = np.concatenate([point + shifts, point - shifts]).reshape(-1, size)
+    around = evaluator.evaluate(shifted, numbers)
+    slopes = evaluator.differentiate(point[None], numbers)
+    ended = np.all(around.code == int(Outcome.SUCCESS), axis=0)
+    ended &= slopes.outputs.code[0] == int(Outcome.SUCCESS)
+    good = ended & np.isfinite(slopes.derivatives[0]).all(axis=1)
+    counts = int(good.sum()), int((~good).sum()), int((ended & ~good).sum())
+    if not good.any():
+        nothing = np.full(size, np.nan)
+        return GradientCheck(nothing, nothing, nothing, nothing, *counts)
+    means = np.asarray(around.cost)[:, good].mean(axis=1).reshape(2, len(HALF_WIDTHS), size)
+    differences = (means[0] - means[1]) / (2 * np.array(HALF_WIDTHS)[:, None])
+    automatic = slopes.derivatives[0][good].mean(axis=0)
+    floor = DERIVATIVE_FLOOR * np.abs(differences).max(axis=1, keepdims=True)
+    scale = np.maximum(np.maximum(np.abs(differences), floor), np.finfo(float).tiny)
+    errors = np.abs(automatic - differences) / scale
+    best = np.argmin(errors, axis=0)
+    columns = np.arange(size)
+    return GradientCheck(
+        automatic,
+        differences[best, columns],
+        np.array(HALF_WIDTHS)[best],
+        errors[best, columns],
+        *counts,
+    )
+
+
+def plain_data(value: Any) -> Any:
+    """Nested results as plain data for JSON; numbers that are not finite become None."""
+    if isinstance(value, dict):
+        return {str(key): plain_data(entry) for key, entry in value.items()}
+    if hasattr(value, "_asdict"):
+        return plain_data(value._asdict())
+    if isinstance(value, np.ndarray):
+        return plain_data(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain_data(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return plain_data(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
+def _relative(one: np.ndarray, other: np.ndarray, least: float = 0.0) -> np.ndarray:
+    both = np.isfinite(one) & np.isfinite(other)
+    return np.abs(one[both] - other[both]) / np.maximum(np.abs(other[both]), max(least, 1e-300))
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values)) if len(values) else float("nan")
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(values.max()) if len(values) else float("nan")

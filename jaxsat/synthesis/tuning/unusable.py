@@ -1,0 +1,108 @@
+"""Cases without a usable gradient: which, by which gain, and which operation made it NaN."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+import jaxsat
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.jax_internals import Place
+from jaxsat.simulation import Outcome
+from jaxsat.simulation.engine import nan_in_run
+from jaxsat.synthesis.tuning.aggregates import usable_cases
+from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients, CostEvaluator
+
+LISTED = 8
+"""Numbers of cases that are told one by one."""
+
+
+class NoGradient(JaxsatError):
+    """No case of a step has a usable gradient, at none of its points."""
+
+
+class Unusable(NamedTuple):
+    """Cases at one point of the search whose cost or derivative is not finite.
+
+    `cases` are the numbers of those, of `asked` cases, and `impossible` how many of them cannot
+    exist; `gains` are the labels by which their derivatives are not finite. `reason` is a sentence
+    on the first one.
+    """
+
+    cases: list[int]
+    asked: int
+    impossible: int
+    gains: list[str]
+    reason: str
+
+    def __str__(self) -> str:
+        which = ", ".join(map(str, self.cases[:LISTED]))
+        more = f" and {len(self.cases) - LISTED} more" if len(self.cases) > LISTED else ""
+        told = f"{len(self.cases)} of {self.asked} cases have no usable gradient ({which}{more})"
+        if self.impossible:
+            told += f", {self.impossible} of them as they cannot exist"
+        return f"{told}{self.reason and ': '}{self.reason}"
+
+
+def unusable(
+    evaluator: CostEvaluator,
+    point: Float[np.ndarray, " parameters"],
+    numbers: Int[np.ndarray, " cases"],
+    intervals: int | None,
+    found: CaseGradients | None = None,
+) -> Unusable | None:
+    """What is wrong with the cases `numbers` at a point of the search; None where nothing is.
+
+    `found` are their gradients there, if they are known, and are taken of this point alone.
+    """
+    if found is None:
+        found = evaluator.differentiate(point[None], numbers, intervals)
+    costs, derivatives = np.asarray(found.outputs.cost)[0], found.derivatives[0]
+    bad = ~usable_cases(costs, derivatives)
+    if not bad.any():
+        return None
+    code = np.asarray(found.outputs.code)[0]
+    wrong = ~np.isfinite(derivatives) & bad[:, None]
+    labels = np.array(evaluator.space.labels)
+    told = Unusable(
+        numbers[bad].tolist(),
+        len(numbers),
+        int((code == int(Outcome.IMPOSSIBLE_CASE)).sum()),
+        labels[wrong.any(axis=0)].tolist(),
+        "",
+    )
+    places = np.argwhere(wrong)
+    if not len(places):
+        return told
+    case, gain = map(int, places[np.isnan(derivatives[tuple(places.T)]).argmax()])
+    why = _why(
+        evaluator, point, int(numbers[case]), gain, intervals, float(derivatives[case, gain])
+    )
+    others = f"by {', '.join(told.gains)}; " if len(told.gains) > 1 else ""
+    return told._replace(
+        reason=f"{others}the derivative of case {numbers[case]} by {labels[gain]} {why}"
+    )
+
+
+def _why(evaluator: CostEvaluator, point, number: int, gain: int, intervals, value: float) -> str:
+    """Why a derivative is not finite, after its name."""
+    if not np.isnan(value):
+        return "is infinite"
+    if evaluator.gradient == "differences":
+        return "is NaN, as the cost is beside the point"
+    found = nan_in_run(*evaluator.derivative_of_one(point, number, gain, intervals))
+    if found is None:
+        return "is NaN in reverse mode" if evaluator.gradient == "reverse" else "is NaN"
+    told = f"becomes NaN at {found.time:g} s by the operation `{found.origin.operation}`"
+    return told + _in_source(found.origin.place)
+
+
+def _in_source(place: tuple[Place, ...]) -> str:
+    """The innermost call that is known, a file of jaxsat's relative to its package."""
+    if not place:
+        return ""
+    last, package = place[-1], Path(jaxsat.__file__).parent.parent
+    file = Path(last.file)
+    shown = file.relative_to(package) if file.is_relative_to(package / "jaxsat") else file
+    return f" in {shown}, line {last.line} ({last.function})"

@@ -1,0 +1,77 @@
+"""What flies counts time and samples from its own begin."""
+
+import re
+import shutil
+import subprocess
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsat.flight.flight import Begin, Input, Seen, State
+from jaxsat.flight.program import flight_program
+from jaxsat.flight.source import header, source
+from jaxsat.flight.vectors import expected
+from tests.flight.laws import Clocked, loop_of, start
+
+DRIVER = r"""
+#include "controller.h"
+#include <stdio.h>
+int main(void)
+{
+  static const double begins[3] = {0.0, 1e4, 8e8};
+  for (int which = 0; which < 3; which++) {
+    controller_state state;
+    controller_output out;
+    controller_input in = {.attitude_q = {1.0}, .omega = {0.125, 0.25, 0.5}};
+    for (int number = 0; number < 400; number++) {
+      in.time = begins[which] + 0.5 * number;
+      in.sample = (int32_t)(2147483000u * (uint32_t)which + (uint32_t)number);
+      if (number == 0) {
+        controller_init(&controller_default_parameters, &in, &state);
+      }
+      controller_step(&controller_default_parameters, &in, &state, &out);
+    }
+    printf("%.17g %.17g\n", (double)out.torque[0], (double)out.torque[1]);
+  }
+  return 0;
+}
+"""
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+def test_commands_are_the_same_whenever_the_controller_begins(tmp_path, single):
+    """Also in single precision, whose numbers are 64 apart at 8e8."""
+    program = flight_program(loop_of(Clocked()), start(), single=single)
+    (tmp_path / "controller.h").write_text(header(program, []))
+    (tmp_path / "controller.c").write_text(source(program, [], libm=False))
+    (tmp_path / "driver.c").write_text(DRIVER)
+    strict = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-ffp-contract=off"]
+    built = subprocess.run(
+        ["gcc", *strict, "driver.c", "controller.c", "-o", "driver", "-lm"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert built.returncode == 0, built.stderr
+    lines = subprocess.run([tmp_path / "driver"], capture_output=True, text=True, check=True).stdout
+    found = np.array([line.split() for line in lines.splitlines()], float)
+    np.testing.assert_array_equal(found, [[199.5, 199.5 * 0.25]] * 3)  # the last of 400 samples
+
+
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+def test_what_is_expected_counts_from_the_begin(single):
+    program = flight_program(loop_of(Clocked()), start(), single=single)
+    begin = Begin(np.array([0.0, 1e4, 8e8]), np.array([0, 5, 2**31 - 1], np.int32))
+    seen = jnp.array([[1.0, 0, 0, 0]] * 3), np.array([[0.125, 0.25, 0.5]] * 3)
+    told = Seen(type(start().attitude)(seen[0]), seen[1])
+    now = Input(begin.time + 2.5, begin.sample + np.int32(5), told)
+    rows = expected(program, now, State(np.zeros(3), begin=begin))
+    np.testing.assert_array_equal(rows[:, :2], [[2.5, 2.5 * 0.25]] * 3)
+    np.testing.assert_array_equal(rows[:, -2], begin.time)  # the state keeps it
+
+
+def test_time_is_double_in_both_precisions():
+    for single in (False, True):
+        text = header(flight_program(loop_of(Clocked()), start(), single=single), [])
+        assert re.search(r"\bdouble time;", text)
+        assert re.search(r"\bdouble begin_time;", text)

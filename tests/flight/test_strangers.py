@@ -1,0 +1,94 @@
+"""Laws and scenarios that the exporter has not seen before: their C agrees to the bit."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from helpers.tools import needs
+from jaxsat.flight import Request, export, vectors
+from jaxsat.flight.measure import Measured
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.simulation import SampledLoop
+
+PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
+
+SCENARIO = """
+title = "A law of someone else's"
+
+[spacecraft]
+inertia_kg_m2 = [[4.0, 0.1, 0.0], [0.1, 5.0, -0.2], [0.0, -0.2, 6.0]]
+thruster_torque_axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+[orbit]
+rate_rad_s = 0.0011
+
+[initial]
+quaternion = [0.8, 0.6, 0.0, 0.0]
+omega_rad_s = [0.03, 0.01, -0.02]
+
+[control]
+law = "strangers:@LAW@"
+@KEYS@
+
+[simulation]
+duration_s = 100
+"""
+
+LAWS = {"RecedingRiccati": "weight = 50", "Moody": "kp = 0.3\nkd = 2.0", "PartlyNew": "kd = 2.0"}
+
+SAMPLED = (
+    "one-torque-damping", "oscillatory-dispersed", "pulsed-two-torque", "switching",
+    "switching-rounded", "thruster-dies", "two-torque-free", "wheels-fail",
+)  # fmt: skip
+"""Every law and every kind of actuators of the library once."""
+
+
+@pytest.fixture(autouse=True)
+def _few_samples(monkeypatch):
+    monkeypatch.setattr(vectors, "SAMPLES", 100)
+    monkeypatch.setattr(vectors, "CASES", 4)
+    monkeypatch.setattr(vectors, "LONGEST", 2000)
+    monkeypatch.setattr("jaxsat.flight.files.measured", lambda files: Measured(why="a test"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Where the laws are: a module is imported once."""
+    place = tmp_path_factory.mktemp("strangers")
+    shutil.copy(Path(__file__).with_name("strangers.py"), place)
+    return place
+
+
+def _agrees(folder: Path, scenario, compilers, *, single: bool = False) -> None:
+    run = build(scenario)
+    assert isinstance(run.loop, SampledLoop)
+    made = export(Request(run.loop, run.start, 400.0, "", "", PROVENANCE, single=single))
+    for name, content in made.files.items():
+        (folder / name).write_bytes(content)
+    for compiler in compilers:
+        for target in ("clean", "test"):
+            command = ["make", target, f"CC={compiler}"]
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+            assert done.returncode == 0, done.stdout + done.stderr
+        assert " 0 numbers differ" in done.stdout
+
+
+@needs("clang")
+@pytest.mark.slow
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+@pytest.mark.parametrize("law", LAWS)
+def test_a_plug_in_law_agrees_to_the_bit(tmp_path, folder, law, single):
+    place = folder / f"{law}.toml"
+    place.write_text(SCENARIO.replace("@LAW@", law).replace("@KEYS@", LAWS[law]))
+    _agrees(tmp_path, load(place), ["gcc", "clang"], single=single)
+
+
+@needs("gcc")
+@pytest.mark.slow
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+@pytest.mark.parametrize("name", SAMPLED)
+def test_every_sampled_law_of_the_library_agrees_to_the_bit(tmp_path, name, single):
+    _agrees(tmp_path, load(name), ["gcc"], single=single)

@@ -1,0 +1,112 @@
+"""Wheels in every engine: scanned, as machine code and by diffrax alone."""
+
+import dataclasses
+
+import diffrax
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array, Float
+
+from jaxsat.control import AbstractSampledController
+from jaxsat.control.controller import AbstractFeedbackLaw
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float
+from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop, adaptive, fixed
+from jaxsat.simulation.engine import (
+    AbstractCaseFactory,
+    AdaptiveStepper,
+    Case,
+    NativeEngine,
+    ReferenceEngine,
+    SampledStepper,
+    ScanEngine,
+    Tolerance,
+    program_of,
+)
+from jaxsat.spacecraft import ActuatorsWithWheels, Spacecraft, Wheels
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import ExactOrbit
+from simulation.engine.examples import WIDE
+
+INERTIA = np.array([[4.0, 0.3, -0.2], [0.3, 2.5, 0.1], [-0.2, 0.1, 3.2]])
+AXES = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, -0.5], [0.1, 0.0, 0.7]])
+AXES = AXES / np.linalg.norm(AXES, axis=0)
+
+
+class Damping(AbstractFeedbackLaw):
+    """A torque against the rates, and a wave that drives wheels to their limits."""
+
+    def torque(self, t, state):
+        return -0.4 * state.omega + 0.3 * jnp.stack([jnp.sin(t), jnp.cos(0.7 * t), 0.3 + 0 * t])
+
+
+class Tumbling(AbstractCaseFactory):
+    """A loop with another initial ω for every case."""
+
+    loop: AbstractLoop
+    start: PlantState
+
+    def __call__(self, case, gains):
+        del gains
+        start = dataclasses.replace(self.start, omega=self.start.omega + case)
+        return Case(self.loop, start, {"kick": case}, jnp.array(True))
+
+
+KICKS = 0.05 * np.random.default_rng(3).normal(size=(3, 3))
+START = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.05, -0.03, 0.1], [0.1, -0.2, 0.05])
+
+
+class Sampled(AbstractSampledController):
+    """The same once a period."""
+
+    period: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def init(self, state):
+        return None
+
+    def step(self, t, state, memory):
+        return Damping().torque(t, state), memory
+
+
+LIMITS = [0.3, 0.35, 0.4]
+ACTUATORS = ActuatorsWithWheels.of(AXES, 3, wheel_limit=0.25)
+
+
+def body(coulomb=None):
+    wheels = Wheels(AXES, 0.25, LIMITS, 0.01, 2e-4, coulomb)
+    return RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
+
+
+def continuous():
+    stepper = AdaptiveStepper(tolerance=Tolerance(1e-11, 1e-11))
+    reference = ReferenceEngine(adaptive(1e-11, 1e-11, min_step=1e-10), batch_size=3)
+    return ContinuousLoop(body(), Damping(), ACTUATORS), stepper, reference, 1e-7
+
+
+def sampled():
+    reference = ReferenceEngine(fixed(0.5, diffrax.Dopri8()), batch_size=3)
+    loop = SampledLoop(body([0.02, 0.01, 0.03]), Sampled(0.5), ACTUATORS, 2)
+    return loop, SampledStepper(diffrax.Dopri8()), reference, 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [continuous, sampled])
+def test_engines_agree_on_wheels_that_come_to_their_limits(kind):
+    loop, stepper, reference, tolerance = kind()
+    prog = program_of(Tumbling(loop, START), loop, 8.0, tolerances=WIDE)
+    engines = [reference, ScanEngine(stepper, 3), NativeEngine(stepper)]
+    expected, *others = [engine.evaluate(prog, KICKS) for engine in engines]
+    signals = engines[1].replay(prog, KICKS[0]).signals
+    momentum = np.abs(signals.wheel_momentum) / LIMITS
+    assert momentum.max() == pytest.approx(1, abs=1e-9)
+    peak = np.abs(signals.wheel_momentum).max(axis=0)
+    np.testing.assert_allclose(expected.peak_wheel_momentum[0], peak, rtol=1e-8)
+    assert np.all(expected.code == 0)
+    for found in others:
+        assert found.propellant is None
+        for name in ("w", "z", "quaternion", "omega", "cost", "peak_wheel_momentum"):
+            np.testing.assert_allclose(
+                getattr(found, name), getattr(expected, name), atol=tolerance, err_msg=name
+            )

@@ -1,0 +1,62 @@
+"""Noise on the momenta of wheels that a sampled law is told."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxsat.scenario import ScenarioError
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import build_study
+from jaxsat.spacecraft import Tachometers
+
+CHANGES = ["wheel=[{axis=[1,0,0],torque_limit_N_m=0.4,tachometer_noise_N_m_s=0.1},"
+           "{axis=[0,1,0],torque_limit_N_m=0.4},{axis=[0,0,1],torque_limit_N_m=0.4}]",
+           "failure=[{of='wheel 1',at_s=5,kind='dead'}]"]  # fmt: skip
+OF_THREE = ["dispersion.failed_wheel={distribution='uniform', low=-0.5, high=2.4}"]
+
+
+def test_noise_is_white_normal_and_that_of_each_wheel():
+    tachometers = Tachometers(np.array([0.1, 0.0, 2.0]), key=(3, 4))
+    momentum = jnp.array([1.0, 2.0, 3.0])
+    told = np.asarray(jax.vmap(lambda k: tachometers(k, momentum))(jnp.arange(4000)))
+    off = told - np.asarray(momentum)
+    np.testing.assert_array_equal(off[:, 1], 0.0)
+    np.testing.assert_allclose(off.std(axis=0)[[0, 2]], [0.1, 2.0], rtol=0.04)
+    assert np.abs(off.mean(axis=0))[[0, 2]] @ [10, 0.5] < 0.1
+    assert abs(np.corrcoef(off[:, 0], off[:, 2])[0, 1]) < 0.05
+    assert abs(np.corrcoef(off[1:, 0], off[:-1, 0])[0, 1]) < 0.05
+
+
+def test_negative_noise_is_refused():
+    with pytest.raises(ValueError, match="noise"):
+        Tachometers(np.array([-1.0]))
+
+
+@pytest.mark.parametrize("name", ["wheels-fail", "failures-telescope"])
+def test_the_law_is_told_noisy_momenta_behind_either_kind_of_sensors(name):
+    changes = [*CHANGES, *(OF_THREE if name == "failures-telescope" else [])]
+    run = build(load(name, changes))
+    loop, state = run.loop, run.loop.start(run.start)
+    told = loop.told(jnp.array(7), state).state.wheel_momentum
+    np.testing.assert_array_equal(told[1:], [0.0, 0.0])
+    assert 0 < abs(float(told[0])) < 0.6
+    exact = build(load(name, [CHANGES[0].replace("0.1}", "0.0}"), *changes[1:]])).loop
+    assert exact.tachometers is None
+
+
+@pytest.mark.slow
+def test_every_case_of_a_study_has_its_own_noise():
+    study = build_study(load("failures-telescope", ["simulation.duration_s=60"]), 2)
+    cases = study.cases(np.arange(2))
+    loops = [study.case_factory(jax.tree.map(lambda x, k=k: x[k], cases)).loop for k in range(2)]
+    first, second = (np.asarray(loop.tachometers.key) for loop in loops)
+    assert np.any(first != second)
+    np.testing.assert_array_equal(first, loops[0].sensors.key)
+
+
+def test_noise_needs_a_sampled_law():
+    with pytest.raises(ScenarioError) as caught:
+        load("two-wheel-telescope", CHANGES[:1])
+    assert "tachometer_noise_N_m_s" in str(caught.value)

@@ -1,0 +1,151 @@
+"""The marker of an output folder: only what jaxsat wrote, unchanged, is replaced."""
+
+import pytest
+
+from jaxsat.store import folder as module
+from jaxsat.store.folder import MARKER, OutputError, OutputFolder
+from jaxsat.store.marker import Marker
+from store.folders import write
+
+
+def test_never_replaces_what_others_wrote(tmp_path):
+    target = tmp_path / "out"
+    write(target, "old")
+    (target / "thesis.tex").write_text("years of work")
+    with pytest.raises(OutputError, match=r"did not write.*\(thesis\.tex\)"):
+        OutputFolder(target, overwrite=True)
+    foreign = tmp_path / "foreign"
+    foreign.mkdir()
+    (foreign / "data.txt").write_text("x")
+    with pytest.raises(OutputError, match="did not write"):
+        OutputFolder(foreign, overwrite=True)
+    (foreign / MARKER).write_text("[]")
+    with pytest.raises(OutputError, match="did not write"):
+        OutputFolder(foreign, overwrite=True)
+
+
+def one_of_many_files(target):
+    with OutputFolder(target, overwrite=True) as folder:
+        folder.write("run.json", "{}")
+        folder.path.joinpath("more").mkdir()
+        folder.path.joinpath("more", "figure.png").write_bytes(b"picture")
+
+
+def edit(target):
+    (target / "run.json").write_text("edited by hand")
+
+
+def add(target):
+    (target / "notes.txt").write_text("of the user")
+
+
+def add_below(target):
+    (target / "more" / "thesis.tex").write_text("years of work")
+
+
+def folder_of_a_listed_name(target):
+    (target / "run.json").unlink()
+    (target / "run.json").mkdir()
+    (target / "run.json" / "thesis.tex").write_text("years of work")
+
+
+def empty_folder(target):
+    (target / "for later").mkdir()
+
+
+def longer_marker(target):
+    with (target / MARKER).open("a") as file:
+        file.write("notes of the user\n")
+
+
+def another_marker(target):
+    one_of_many_files(target.parent / "another")
+    (target.parent / "another" / MARKER).replace(target / MARKER)
+    (target / "run.json").write_text("of the user")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        edit,
+        add,
+        add_below,
+        folder_of_a_listed_name,
+        empty_folder,
+        longer_marker,
+        another_marker,
+    ],
+)
+def test_only_what_is_proven_to_be_unchanged_is_replaced(tmp_path, change):
+    target = tmp_path / "out"
+    one_of_many_files(target)
+    one_of_many_files(target)
+    change(target)
+    before = {path: path.is_file() and path.read_bytes() for path in target.rglob("*")}
+    with pytest.raises(OutputError, match="did not write, or what was changed since"):
+        one_of_many_files(target)
+    assert before == {path: path.is_file() and path.read_bytes() for path in target.rglob("*")}
+
+
+def test_a_link_in_the_place_of_a_file_is_not_ours(tmp_path):
+    target = tmp_path / "out"
+    one_of_many_files(target)
+    (tmp_path / "mine").write_text("{}")  # even with the same content
+    (target / "run.json").unlink()
+    (target / "run.json").symlink_to(tmp_path / "mine")
+    with pytest.raises(OutputError, match=r"run\.json"):
+        one_of_many_files(target)
+    assert (target / "run.json").is_symlink()
+
+
+def test_a_result_is_replaced_only_by_one_of_its_kind(tmp_path):
+    write(tmp_path / "run", kind="run")
+    with pytest.raises(OutputError, match=r"another kind.*\(run, not figures\).*with --figures"):
+        OutputFolder(tmp_path / "run", kind="figures", overwrite=True, option="--figures")
+    write(tmp_path / "run", "newer", kind="run", overwrite=True)
+    assert (tmp_path / "run" / "data.txt").read_text() == "newer"
+
+
+def test_what_comes_to_a_folder_at_the_last_moment_is_kept(tmp_path, monkeypatch):
+    target = tmp_path / "out"
+    write(target, "old")
+    plain = module._swap
+
+    def late(one, other):
+        (other / "thesis.tex").write_text("years of work")
+        plain(one, other)
+
+    monkeypatch.setattr(module, "_swap", late)
+    with pytest.raises(OutputError, match=r"thesis.tex\) was kept in"):
+        write(target, "new", overwrite=True)
+    assert (target / "data.txt").read_text() == "new"
+    (kept,) = tmp_path.glob(".out.partial-*")
+    assert (kept / "thesis.tex").read_text() == "years of work"
+    assert (kept / "data.txt").read_text() == "old"
+
+
+def test_stranger_that_comes_while_computing_is_kept(tmp_path):
+    target = tmp_path / "out"
+    write(target, "old")
+
+    def work():
+        with OutputFolder(target, overwrite=True) as folder:
+            (folder.path / "data.txt").write_text("new")
+            (target / "thesis.tex").write_text("years of work")
+
+    with pytest.raises(OutputError, match="did not write"):
+        work()
+    assert (target / "thesis.tex").read_text() == "years of work"
+    assert (target / "data.txt").read_text() == "old"
+
+
+@pytest.mark.parametrize("name", [".DS_Store", "Thumbs.db", "desktop.ini"])
+def test_what_file_managers_leave_is_no_obstacle(tmp_path, name):
+    folder = tmp_path / "made"
+    folder.mkdir()
+    marker = Marker.make(folder, "run", {})
+    marker.write("a.txt", b"a")
+    (folder / name).write_bytes(b"\0")
+    assert marker.foreign_files() == []
+    assert marker.remove_folder() == []
+    assert not folder.exists()

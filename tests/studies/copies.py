@@ -1,0 +1,43 @@
+"""Dispersed copies of loops."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from helpers.paper import (
+    PAPER_THREE_AXIS,
+    bodies,
+    three_axis_law,
+)
+from helpers.switching import CASE, start, switching_loop
+from jaxsat.control import InternalModel
+from jaxsat.simulation import ContinuousLoop, SampledLoop
+from jaxsat.spacecraft import Sensors
+from jaxsat.studies import (
+    Dispersed,
+    Dispersions,
+    Independent,
+    StudyCase,
+)
+
+
+def sampled():
+    plain = switching_loop(CASE, internal=InternalModel([0.7, 0.8]))
+    return SampledLoop(plain.plant, plain.controller, plain.actuators, sensors=Sensors(), delay=0.0)
+
+
+def backstepping():
+    plain = switching_loop(CASE)
+    return ContinuousLoop(
+        bodies(PAPER_THREE_AXIS)[0], three_axis_law(PAPER_THREE_AXIS), plain.actuators
+    )
+
+
+def copies_of(loop, count, seed=3, begin=None, known=False, **distributions):
+    dispersions = Dispersions(distributions, known)
+    study = Dispersed(loop, begin or start(), dispersions, seed)
+    numbers = np.arange(count)
+    points = Independent(seed).points(numbers, study.dimensions())
+    cases = StudyCase(jnp.array(numbers, jnp.uint32), jnp.array(points))
+    return eqx.filter_jit(lambda study, cases: jax.vmap(study)(cases))(study, cases)

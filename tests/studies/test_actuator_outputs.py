@@ -1,0 +1,84 @@
+"""What actuators use and store is told of every case of a study: propellant, openings, momentum."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from jaxsat.cli.study_text import summary_lines
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import build_study
+from jaxsat.store import OutputError, open_study, save_case_table
+from jaxsat.studies import AbstractExecutor, run_study, summarise
+from jaxsat.studies.columns import COLUMNS
+from studies.studies import tumbling
+
+PULSES = [
+    "simulation.duration_s=2",
+    'dispersion.torque_gain={distribution="normal",mean=0,sigma=0.1}',
+]
+WHEEL = "[{axis=[0,0,1],torque_limit_N_m=0.4,momentum_limit_N_m_s=20,momentum_N_m_s=1.5}]"
+MORE = {
+    "propellant": ("kg", ("case",)),
+    "valve_openings": ("1", ("case", "thruster")),
+    "peak_wheel_momentum": ("N m s", ("case", "wheel")),
+}
+
+
+def study(*overrides, **options):
+    scenario = load("pulsed-two-torque", [*PULSES, *overrides])
+    return build_study(scenario, 3, engine="scan", batch_size=4, **options)
+
+
+class Nobody(AbstractExecutor):
+    """Computes nothing."""
+
+    def run(self, work, chunks):
+        return iter(())
+
+
+@pytest.mark.slow
+def test_store_table_and_summary_have_them_with_units(tmp_path):
+    made = study(f"wheel={WHEEL}")
+    run_study(made, tmp_path / "s.zarr")
+    found = open_study(tmp_path / "s.zarr")
+    outside = xr.open_zarr(tmp_path / "s.zarr")
+    outputs = made.evaluate(np.arange(3))
+    for name, (units, dims) in MORE.items():
+        np.testing.assert_array_equal(found[name], getattr(outputs, name))
+        np.testing.assert_array_equal(outside[name], found[name])
+        assert (found[name].attrs["units"], found[name].dims) == (units, dims)
+    assert np.all(found["propellant"] > 0)
+    assert found.sizes["thruster"] == 4
+    assert np.all(found["valve_openings"].sum("thruster") >= 3)
+    np.testing.assert_allclose(found["peak_wheel_momentum"], 1.5, rtol=1e-2)
+    text = summary_lines(summarise(found))
+    for title in ("propellant ", "valve openings ", "wheel momentum "):
+        assert sum(line.startswith(title) for line in text) == 1
+    save_case_table(tmp_path / "s.zarr", tmp_path / "s.csv")
+    with (tmp_path / "s.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["propellant_kg"]) for row in rows] == found["propellant"].values.tolist()
+    assert float(rows[1]["valve_openings_4"]) == found["valve_openings"][1, 3]
+    assert float(rows[2]["peak_wheel_momentum_1_N_m_s"]) == found["peak_wheel_momentum"][2, 0]
+
+
+def test_loops_without_have_no_column_for_them():
+    assert {name for name in tumbling(4).columns() if "drawn" not in name} == set(COLUMNS)
+
+
+@pytest.mark.slow
+def test_a_store_from_before_is_read_and_not_continued(tmp_path, monkeypatch):
+    """It lacks what the study now has of every case, which the refusal names."""
+    with monkeypatch.context() as before:
+        before.setattr("jaxsat.studies.ensemble.columns_of", lambda loop: dict(COLUMNS))
+        run_study(study(), tmp_path / "s.zarr", executor=Nobody())
+    assert set(MORE).isdisjoint(open_study(tmp_path / "s.zarr"))
+    told = r"another study \(columns\.propellant: null there, .* here; columns\.valve_openings: "
+    with pytest.raises(OutputError, match=told):
+        run_study(study(), tmp_path / "s.zarr")
+    assert (
+        json.loads((tmp_path / "s.zarr/zarr.json").read_text())["attributes"]["jaxsat_format"] == 3
+    )

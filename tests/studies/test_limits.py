@@ -1,0 +1,244 @@
+"""What may be drawn: the ranges of the keys, for every quantity, in the file and in the draw."""
+
+import numpy as np
+import pytest
+
+from jaxsat.core.declaration.quantities import DISPERSIBLE
+from jaxsat.scenario import ScenarioError
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.simulation import Outcome
+from jaxsat.studies import (
+    QUANTITIES,
+    Dispersions,
+    Normal,
+    Uniform,
+)
+from studies.copies import copies_of, sampled
+from studies.studies import tumbling
+
+SENSORS = [
+    "gyro={bias_sigma_rad_s=1e-5}",
+    "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.2, outage_start_s=5, outage_s=9}",
+]
+
+NOMINAL = {"rate_noise": 1e-5, "attitude_noise": 1e-5, "delay": 0.05, "tilt": 0.7}
+NOMINAL |= {"tracker_across": 1e-5, "tracker_along": 1e-5}
+NOMINAL |= {"tracker_update_period": 0.1, "tracker_rate_limit": 1.0}
+"""Numbers that may be drawn; zero for all others."""
+
+BEYOND = {
+    "inertia": (-1.0, 1e12),
+    "products_of_inertia": (-1.5, 1.5),
+    "rotor_inertia": (-1.0, 1e14),
+    "misalignment": (-1.1, 1.1),
+    "torque_gain": (-1.1, 2e3),
+    "disturbance_amplitude": (-1e13, 1e13),
+    "disturbance_frequency": (-1e8, 1e8),
+    "disturbance_phase": (-2e6, 2e6),
+    "constant_torque": (-2e9, 2e9),
+    "model_inertia": (-1.0, 1e12),
+    "model_orbit_rate": (-1.1, 1e4),
+    "rate_noise": (-1e-9, 2e3),
+    "attitude_noise": (-1e-9, 20.0),
+    "delay": (-0.05, 0.3),
+    "tilt": (-0.1, 2e6),
+    "tilt_direction": (-2e6, 2e6),
+    "turn": (-2e6, 2e6),
+    "attitude_error": (-7.0, 7.0),
+    "omega": (-2e6, 2e6),
+    "rate_error": (-2e6, 2e6),
+    "failure_time": (-1.0, 2e8),
+    "failed_thruster": (-0.6, 7.6),
+    "failed_wheel": (-0.6, 1.6),
+    "failed_magnetorquer": (-0.6, 1.6),
+    "dipole_limit": (-1.1, 2e6),
+    "magnetorquer_misalignment": (-1.1, 1.1),
+    "wheel_momentum": (-21.0, 21.0),
+    "failure_kind": (-0.6, 6.6),
+    "failure_amount": (-0.1, 1.1),
+    "gyro_noise_density": (-1e-9, 2e3),
+    "gyro_bias_walk": (-1e-9, 2e3),
+    "gyro_bias": (-2e3, 2e3),
+    "gyro_scale_factor": (-0.6, 0.6),
+    "gyro_misalignment": (-1.1, 1.1),
+    "tracker_across": (0.0, 2.0),
+    "tracker_along": (0.0, 2.0),
+    "tracker_update_period": (0.01, 2e8),
+    "tracker_latency": (-0.1, 0.3),
+    "tracker_rate_limit": (0.0, 2e6),
+    "tracker_outage_start": (-1.0, 2e8),
+    "tracker_outage": (-1.0, 2e8),
+}
+"""For every quantity a number too low and one too high, in the scenarios of `base`."""
+
+
+def test_every_quantity_has_its_test():
+    assert set(BEYOND) | {"attitude"} == set(QUANTITIES)
+
+
+WHEELS = (
+    "wheel=[{axis=[1.0,0.0,0.0],momentum_limit_N_m_s=20.0,rotor_inertia_kg_m2=0.1},"
+    "{axis=[0.0,1.0,0.0],momentum_limit_N_m_s=20.0,rotor_inertia_kg_m2=0.1}]",
+    "failure=[{of='wheel 1',at_s=5.0,kind='dead'}]",
+)
+
+
+OF_RODS = ("failed_magnetorquer", "dipole_limit", "magnetorquer_misalignment")
+RODS = (
+    "magnetorquer=[{axis=[1.0,0.0,0.0],dipole_limit_A_m2=1.0},"
+    "{axis=[0.0,1.0,0.0],dipole_limit_A_m2=1.0}]",
+    "failure=[{of='magnetorquer 1',at_s=5.0,kind='dead'}]",
+)
+
+
+def base(name):
+    if (name.startswith("fail") and "wheel" not in name) or name in OF_RODS:
+        return "cubesat-12u"
+    return "benchmark-three-axis" if name == "rate_error" else "switching"
+
+
+def changes(name):
+    if name in OF_RODS:
+        return RODS
+    if base(name) != "switching":
+        return ()
+    if name.startswith(("gyro", "tracker")):
+        return (*SENSORS, "sampling.rate_noise_rad_s=0", "sampling.attitude_noise_rad=0")
+    found = ("sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5")
+    return (*found, *(WHEELS if "wheel" in name or "rotor" in name else ()))
+
+
+def refused(name, distribution, *more):
+    key = f"dispersion.{DISPERSIBLE[name].key}"
+    with pytest.raises(ScenarioError) as caught:
+        load(base(name), [*more, *changes(name), f"{key}={distribution}"], purpose="study")
+    problem, *_ = caught.value.problems
+    return problem.key.removeprefix(key).removeprefix("."), problem.message
+
+
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")  # of two wheels' momentum
+@pytest.mark.parametrize("name", BEYOND)
+def test_supports_are_held_against_the_ranges_of_the_keys(name):
+    fine = NOMINAL.get(name, 0.0)
+    low, high = BEYOND[name]
+    for other, word, uniform in ((low, "least", (low, fine)), (high, "most", (fine, high))):
+        end = "low" if other == low else "high"
+        table = f"{{distribution='uniform', low={uniform[0]}, high={uniform[1]}}}"
+        key, message = refused(name, table)
+        assert key == end
+        assert f"must be at {word} " in message
+        assert f"got {other:.6g}" in message
+        assert refused(name, f"{{distribution='normal', mean={other}, sigma=1}}")[0] == "mean"
+        for kind, text in (
+            ("discrete", f"values=[{fine}, {other}], weights=[1, 1]"),
+            ("truncated-normal", f"mean=0, sigma=1e6, low={uniform[0]}, high={uniform[1]}"),
+        ):
+            found = refused(name, f"{{distribution='{kind}', {text}}}")
+            assert found[0] == ("values" if kind == "discrete" else end)
+    with pytest.raises(ValueError, match=f"`{name}` must be at least"):
+        loop = build(load(base(name), changes(name))).loop
+        Dispersions({name: Uniform(low, fine)}).check(loop)
+
+
+@pytest.mark.parametrize(
+    ("name", "distribution", "key", "message"),
+    [
+        ("turn", "{distribution='uniform', low=1, high=-1}", "low", "must not exceed `high`"),
+        ("turn", "{distribution='uniform', low=[1, 2], high=3}", "", "must have 1 components"),
+        ("omega", "{distribution='uniform', low=[0, 0, 0], high=[1, 1]}", "", "one length"),
+        ("turn", "{distribution='normal', mean=0, sigma=-1}", "sigma", "zero or positive"),
+        ("turn", "{distribution='discrete', values=[1, 2], weights=[1]}", "weights", "2 entries"),
+        ("turn", "{distribution='discrete', values=[1], weights=[0]}", "weights", "a sum from"),
+        ("turn", "{distribution='discrete', values=[1, 2], weights=[2, -1]}", "weights", "posit"),
+        ("turn", "{distribution='truncated-normal', mean=0, sigma=1e-300, low=-1, high=1}", "sigma",
+         "of the distance from the mean"),
+        ("omega", "{distribution='random-attitude'}", "distribution", "RandomAttitude"),
+        ("attitude", "{distribution='uniform', low=0, high=1}", "distribution", "RandomAttitude"),
+        ("omega", "{distribution='uniform', low=[-1, -1, -9e9], high=1}", "low", "as entry 3"),
+    ],
+)  # fmt: skip
+def test_what_is_no_distribution_for_the_quantity_is_told_with_its_key(
+    name, distribution, key, message
+):
+    found = refused(name, distribution)
+    assert found[0] == key
+    assert message in found[1]
+
+
+def test_ranges_follow_what_else_the_scenario_says():
+    delay = "{distribution='uniform', low=0, high=0.3}"
+    assert "at most 0.1 s" in refused("delay", delay)[1]
+    load("switching", ["control.period_s=0.5", "sampling.delay_s=0", f"dispersion.delay_s={delay}"],
+         purpose="study")  # fmt: skip
+    omega = "{distribution='uniform', low=-0.1, high=0.1}"
+    held = ["spacecraft.third_rate=held", "initial.omega_rad_s=[0, 0, 0]"]
+    assert "component 3" in refused("omega", omega, *held)[1]
+    known = "{distribution='uniform', low=-1.5, high=0}"
+    wave = ["disturbance.frequency_rad_s=[0.7, 0.8, 0]"]
+    key = f"dispersion.disturbance_frequency={known}"
+    load("switching", [*wave, key], purpose="study")
+    assert "at least -1" in refused(
+        "disturbance_frequency", known, *wave, "dispersion.frequency_known=true"
+    )[1]  # fmt: skip
+
+
+def test_a_tilt_has_a_direction_to_keep():
+    tilt = "{distribution='uniform', low=0, high=1}"
+    assert "must have a start that is tilted" in refused("tilt", tilt, "initial.w=[0, 0]")[1]
+
+
+def test_simulating_does_not_need_what_is_dispersed_but_its_ranges_are_checked():
+    noise = "dispersion.rate_noise_rad_s={distribution='uniform', low=0, high=%s}"
+    load("paper-rate", [noise % 1])
+    with pytest.raises(ScenarioError, match="only sampled loops have sensors"):
+        load("paper-rate", [noise % 1], purpose="study")
+    gain = "dispersion.torque_gain={distribution='uniform', low=-2, high=0}"
+    with pytest.raises(ScenarioError, match=r"key dispersion\.torque_gain\.low: must be at least"):
+        load("switching", [gain])
+
+
+TAILS = {"delay": Normal(0.05, 0.04), "rate_noise": Normal(0.0, 1e-3), "tilt": Normal(0.5, 0.5),
+         "torque_gain": Normal(-0.9, 0.1), "model_orbit_rate": Normal(-0.5, 1.0)}  # fmt: skip
+
+
+def allowed(copy, name):
+    drawn = np.asarray(copy.drawn[name])
+    limits = QUANTITIES[name].limits(sampled())
+    return ((drawn >= np.asarray(limits.low)) & (drawn <= np.asarray(limits.high))).all(axis=1)
+
+
+@pytest.mark.slow
+def test_one_draw_beyond_its_limits_makes_the_case_impossible():
+    """Whichever it is: of each quantity there are cases in which it alone is beyond."""
+    copy = copies_of(sampled(), 200, **TAILS)
+    good = np.array([allowed(copy, name) for name in TAILS])
+    np.testing.assert_array_equal(copy.possible, good.all(axis=0))
+    assert 5 < good.all(axis=0).sum() < 195
+    for row in good:
+        assert np.any(~row & (good.sum(axis=0) == len(TAILS) - 1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TAILS)
+def test_what_only_the_draw_can_tell_makes_the_case_impossible(name):
+    copy = copies_of(sampled(), 60, **{name: TAILS[name]})
+    good = allowed(copy, name)
+    np.testing.assert_array_equal(copy.possible, good)
+    assert 5 < good.sum() < 55
+
+
+@pytest.mark.slow
+def test_an_impossible_draw_fails_its_case_alone_and_is_counted():
+    """Through an engine: a code of its own, no numbers, and the neighbours' bits as if alone."""
+    study = tumbling(24, 3, torque_gain=Normal(-0.9, 0.1))
+    found = study.evaluate(np.arange(24))
+    bad = found.code == int(Outcome.IMPOSSIBLE_CASE)
+    np.testing.assert_array_equal(bad, (found.drawn["torque_gain"] < -1).any(axis=1))
+    assert 2 < bad.sum() < 22
+    for values in (found.cost, found.effort, found.omega, found.quaternion, found.peak_rate):
+        assert np.isnan(values[bad]).all()
+        assert np.isfinite(values[~bad]).all()
+    alone = study.evaluate(np.flatnonzero(~bad))
+    np.testing.assert_array_equal(alone.omega, found.omega[~bad])
+    np.testing.assert_array_equal(alone.cost, found.cost[~bad])

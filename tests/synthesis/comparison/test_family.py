@@ -1,0 +1,58 @@
+"""The family of random spacecraft: what it may hold, and that its dispersions scale."""
+
+import jax
+import numpy as np
+import pytest
+
+from jaxsat.scenario.holding import missing_torque
+from jaxsat.synthesis.comparison.family import LEAST_COUPLING, family_member, family_scenario
+
+MEMBERS = [family_member(number) for number in range(12)]
+
+
+def test_members_are_as_said():
+    for member in MEMBERS:
+        low, middle, high = np.linalg.eigvalsh(member.inertia)
+        one, other = member.torque_axes
+        assert low + middle >= high > 0
+        assert abs(one @ other) <= np.cos(np.radians(30)) + 1e-12
+        assert member.coupling >= LEAST_COUPLING
+        assert member.limit > 0
+
+
+def test_a_member_is_a_function_of_seed_and_number_alone():
+    again = family_member(5)
+    np.testing.assert_array_equal(again.inertia, MEMBERS[5].inertia)
+    assert again[3:] == MEMBERS[5][3:]
+    assert family_member(5, 1).limit != MEMBERS[5].limit
+    with jax.enable_x64(False):
+        np.testing.assert_array_equal(family_member(5).inertia, MEMBERS[5].inertia)
+
+
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
+def test_gravity_gradient_acts_in_low_orbit_alone():
+    acts = [family_scenario(one, "three-slew").disturbance.gravity_gradient for one in MEMBERS]
+    assert acts == [one.orbit_rate > 0 for one in MEMBERS]
+    assert {True, False} == {*acts}
+
+
+def test_the_orbit_frame_can_be_held():
+    for member in MEMBERS:
+        if member.orbit_rate:
+            normal = np.cross(*member.torque_axes)
+            normal /= np.linalg.norm(normal)
+            missing = missing_torque(member.inertia, normal, np.zeros(3), True)
+            assert abs(missing) < 1e-6 * np.abs(member.inertia).max()
+
+
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
+def test_dispersions_are_those_of_the_acceptance_set_in_its_own_units():
+    """Rates times τ, and torques over the torque that τ is made of, are the paper's at 5 N m."""
+    for member in MEMBERS[:3]:
+        scenario = family_scenario(member, "three-slew")
+        rates = scenario.dispersion.omega_rad_s
+        assert rates.high * member.unit == pytest.approx(0.1 * 8.3050, rel=1e-4)
+        torque = np.sqrt(member.moments[0] * member.moments[1]) / member.unit**2
+        amplitude = np.array(scenario.disturbance.amplitude_N_m)
+        np.testing.assert_allclose(amplitude / torque, np.array([0.01, 0.02, 0.001]) / 5)
+        assert torque <= member.limit
