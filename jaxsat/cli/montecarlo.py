@@ -96,7 +96,7 @@ def montecarlo(
         KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     engine
         native: machine code compiled for the scenario, fastest; scan: a plain loop in XLA; diffrax:
-        the method of a single run; auto: native on a CPU; it prints a line if it has to use scan.
+        the method of a single run; auto: native; it prints a line if it has to use scan.
     workers
         Threads of each process, each of which computes one chunk. The default, also the maximum, is
         the number of processors, divided by the number of processes.

@@ -7,11 +7,17 @@ from typing import Any, Literal, cast
 import jax
 import numpy as np
 
-from jaxsat.scenario.build.plant import orbit_rate
-from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.core.checks import as_float, require_counts
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
+from jaxsat.scenario.build.plant import orbit_rate
+from jaxsat.scenario.build.run import Run, build, build_tolerances
+from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import SolverTable
+from jaxsat.scenario.thruster_tables import names_of, signs
+from jaxsat.simulation import ContinuousLoop, SampledLoop
 from jaxsat.simulation.engine import (
     AbstractEngine,
     AdaptiveStepper,
@@ -25,6 +31,7 @@ from jaxsat.simulation.engine import (
     native_obstacle,
     program_of,
 )
+from jaxsat.simulation.methods import SMOOTH_STEP
 from jaxsat.studies import (
     AbstractDesign,
     AbstractDistribution,
@@ -41,13 +48,6 @@ from jaxsat.studies import (
     TruncatedNormal,
     Uniform,
 )
-from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
-from jaxsat.scenario.laws import find_law
-from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.tables import SolverTable
-from jaxsat.scenario.thruster_tables import names_of, signs
-from jaxsat.simulation import ContinuousLoop, SampledLoop
-from jaxsat.simulation.methods import SMOOTH_STEP
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
 """Those with a dense output of their own, on which switches are located; and what the tolerance,
@@ -56,6 +56,9 @@ relative and absolute, is where a scenario names none."""
 EngineName = Literal["auto", "native", "scan", "diffrax"]
 CHUNK, NATIVE_CHUNKS = 256, (1024, 4096)
 """Cases computed and written together: by XLA, and fewest and most by the native engine."""
+
+ACCELERATOR_BATCH = 4096
+"""Cases that a GPU needs at once to be busy; it takes hardly longer for them than for one."""
 
 ERROR_EVERY = 64
 """Intervals, in one of which the error of equal steps is estimated: a few percent of the time."""
@@ -84,14 +87,15 @@ def build_study(
 
     `engine` "native" and "scan" take fixed steps for sampled and smooth loops and adaptive ones,
     ended by the law's switches, for laws with corners, "native" as machine code made for the
-    program; "diffrax" takes the method of a single run. "auto" is "native" on a processor; where
-    that cannot be, the study's `remark` says why, and it is "scan", or "diffrax" if the scenario
-    names a solver that the adaptive steps cannot take. Raises `ValueError` where the scenario
-    disperses nothing or something that its loop does not have, and for "native" where that cannot
-    be. `batch_size` cases are in memory together; `chunk` are written together, by default what
-    suits the engine; `history` is the number of instants at which signals of every case are kept.
-    `controller` is the library of an export, which then runs in the place of law and estimator;
-    raises `LibraryError` for one that is not of this scenario's controller.
+    program, on the processor, "scan" on JAX's default device; "diffrax" takes the method of a
+    single run. "auto" is "native"; where that cannot be, the study's `remark` says why, and it is
+    "scan", or "diffrax" if the scenario names a solver that the adaptive steps cannot take.
+    Raises `ValueError` where the scenario disperses nothing or something that its loop does not
+    have, and for "native" where that cannot be. `batch_size` cases are in memory together; `chunk`
+    are written together, by default what suits the engine; `history` is the number of instants at
+    which signals of every case are kept. `controller` is the library of an export, which then runs
+    in the place of law and estimator; raises `LibraryError` for one that is not of this scenario's
+    controller.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
@@ -172,7 +176,7 @@ def tolerances_of(scenario: Scenario) -> Tolerances:
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:
     """Cases of a chunk: some seconds of work for the engine, and some chunks to show progress."""
     if not isinstance(engine, NativeEngine):
-        return CHUNK
+        return max(CHUNK, engine.batch_size)
     fewest, most = NATIVE_CHUNKS
     return max(fewest, min(most, count // 16))
 
@@ -223,13 +227,18 @@ def _engine(
         substeps = round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP))
         stepper = FixedStepper(NamedSolver(method), max(1, substeps))
     remark = None
-    if name == "native" or (name == "auto" and jax.default_backend() == "cpu"):
+    if name != "scan":
         obstacle = native_obstacle(stepper, *work)
         if obstacle is None:
             return NativeEngine(stepper=stepper, batch_size=batch_size), None
         if name == "native":
             raise ValueError(f"The native engine cannot run this: {obstacle}")
         remark = f"not the native engine: {obstacle}"
+    elif jax.default_backend() != "cpu" and batch_size < ACCELERATOR_BATCH:
+        remark = (
+            f"batches of {batch_size} cases leave an accelerator idle, "
+            f"at least {ACCELERATOR_BATCH} are worth their while"
+        )
     return ScanEngine(stepper=stepper, batch_size=batch_size), remark
 
 

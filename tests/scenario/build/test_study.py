@@ -1,8 +1,13 @@
 """Studies from scenario files."""
 
+import jax
 import numpy as np
 import pytest
 
+from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
+from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
+from jaxsat.core.solvers import class_name
+from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import (
     _KINDS,
@@ -10,14 +15,10 @@ from jaxsat.scenario.build.study import (
     build_dispersions,
     build_study,
 )
-from jaxsat.core.solvers import class_name
-from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
-from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
-from jaxsat.simulation.engine import ReferenceEngine
-from jaxsat.studies import QUANTITIES, LatinHypercube, Sobol
-from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.dispersion_tables import PARAMETERS
 from jaxsat.scenario.toml_text import toml_value
+from jaxsat.simulation.engine import NativeEngine, ReferenceEngine
+from jaxsat.studies import QUANTITIES, LatinHypercube, Sobol
 
 OMEGA = "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=[0.1, 0.2, 0.3]}"
 
@@ -82,6 +83,16 @@ def test_sampling_and_design_reach_the_study():
     other = build_study(load("switching", [*overrides, "dispersion.design=latin-hypercube"]), 7)
     assert other.design == LatinHypercube(0, 7)
     assert other.identity()["scenario"]["sampling"]["delay_s"] == 0.05
+
+
+def test_an_accelerator_is_used_on_request_and_in_large_batches(monkeypatch):
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    scenario = load("benchmark-three-axis")
+    assert isinstance(build_study(scenario, 4).engine, NativeEngine)
+    small = build_study(scenario, 4, engine="scan")
+    assert "batches of 64 cases leave an accelerator idle" in str(small.remark)
+    large = build_study(scenario, 20_000, engine="scan", batch_size=16_384)
+    assert (large.remark, large.chunk) == (None, 16_384)
 
 
 @pytest.mark.slow
