@@ -25,8 +25,6 @@ CHUNK = 256
 RULED_CHUNK = 128
 """The same where a study stops by a rule: 640 cases that settle show that 99 % do, of one law."""
 
-"""Folder of the stores inside the output folder."""
-
 Columns = Mapping[str, np.ndarray]
 Report = Callable[[str, Any], None]
 """Called with what runs, and with how far it is: a `StudyProgress`, a `DescentProgress` or None."""
