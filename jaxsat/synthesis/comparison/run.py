@@ -28,8 +28,6 @@ from jaxsat.synthesis.comparison.verdict import (
 if TYPE_CHECKING:
     import pandas as pd
 
-"""Folder of the stores inside the output folder."""
-
 COLUMNS = ("settling_time", "effort", "peak_rate", "code")
 
 Report = Callable[[str, StudyProgress | None], None]
