@@ -5,50 +5,26 @@ section 3.4).
 How a body and its effectors exchange torque and momentum: `jaxsat.spacecraft.effector`.
 """
 
-import dataclasses
 from collections.abc import Mapping
 from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float
 
-from jaxsat.core.attitude import AbstractAttitude
-from jaxsat.core.checks import as_float, require_inertia
+from jaxsat.core.checks import require_inertia
 from jaxsat.spacecraft import Spacecraft, inverse_of
 from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.environment import AbstractDisturbance, AbstractOrbit, NoDisturbance
+from jaxsat.spacecraft.plant_state import OfEach, PlantState
 
 RealScalar = Float[Array, ""]
-OfEach = tuple[PyTree, ...]
-"""One thing for each effector of a body."""
-
-Struck = tuple[Bool[Array, " f"], ...]
+Struck = tuple[Bool[Array, " _"], ...]
 """Which failures of each effector have struck."""
 
 
 Kind = TypeVar("Kind", bound=AbstractEffector)
-
-
-class PlantState(eqx.Module):
-    """Attitude relative to the orbit frame, and inertial angular velocity in body axes, rad/s.
-
-    `effectors` are the states of those of the body; None is all at rest.
-    """
-
-    attitude: AbstractAttitude
-    omega: Float[Array, "3"] = eqx.field(converter=as_float)
-    effectors: OfEach | None = None
-
-    @property
-    def of_each(self) -> OfEach:
-        """The states of effectors, of which there may be none."""
-        return self.effectors or ()
-
-    def normalised(self) -> "PlantState":
-        """The same with attitude parameters that obey their constraint to rounding."""
-        return dataclasses.replace(self, attitude=self.attitude.normalised())
 
 
 class RigidBody(eqx.Module):
@@ -155,7 +131,7 @@ class RigidBody(eqx.Module):
     # Failures in flight.
 
     @property
-    def failure_times(self) -> tuple[Float[Array, " f"], ...]:
+    def failure_times(self) -> tuple[Float[Array, " _"], ...]:
         """When each failure of each effector strikes, s."""
         return tuple(one.failure_times for one in self.effectors)
 
@@ -228,7 +204,7 @@ class RigidBody(eqx.Module):
         Without pieces they make no torque and keep their momenta.
         """
         effects = [
-            one.effect(piece, t, state.attitude, own)
+            one.effect(piece, t, state, own)
             for (one, own), piece in zip(self._with(state), pieces, strict=False)
         ]
         total = sum((effect.torque for effect in effects), torque)
@@ -244,7 +220,7 @@ class RigidBody(eqx.Module):
         own = jax.tree.map(jnp.zeros_like, state.effectors)
         if pieces:
             parts = zip(self.effectors, pieces, state.of_each, strict=True)
-            own = tuple(one.derivative(piece, x, acceleration) for one, piece, x in parts)
+            own = tuple(one.derivative(piece, state, x, acceleration) for one, piece, x in parts)
         return PlantState(state.attitude.rate(self.relative_rate(state)), acceleration, own)
 
     def control_torque(
@@ -257,9 +233,7 @@ class RigidBody(eqx.Module):
     ) -> Float[Array, "3"]:
         """The torque of thrusters and effectors on the body where dω/dt is this, N m."""
         parts = zip(self.effectors, pieces, state.of_each, strict=True)
-        made = [
-            one.torque(piece, t, state.attitude, own, acceleration) for one, piece, own in parts
-        ]
+        made = [one.torque(piece, t, state, own, acceleration) for one, piece, own in parts]
         return sum(made, torque)
 
     def stored(self, state: PlantState) -> dict[str, Array]:

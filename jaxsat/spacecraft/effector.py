@@ -25,7 +25,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.core.attitude import AbstractAttitude
+from jaxsat.spacecraft.plant_state import PlantState
 
 RealScalar = Float[Array, ""]
 
@@ -121,27 +121,27 @@ class AbstractEffector(eqx.Module):
         """What the torque depends on while the devices stay in their mode."""
 
     @abc.abstractmethod
-    def effect(
-        self, piece: PyTree, t: RealScalar, attitude: AbstractAttitude, state: PyTree
-    ) -> Effect:
-        """Torque and correction of the inertia at time `t` (s)."""
+    def effect(self, piece: PyTree, t: RealScalar, plant: PlantState, state: PyTree) -> Effect:
+        """Torque and correction of the inertia at time `t` (s); `state` is the effector's own."""
 
-    def derivative(self, piece: PyTree, state: PyTree, acceleration: Float[Array, "3"]) -> PyTree:
-        """Time derivative of the state where the body has this dω/dt (rad/s²)."""
-        del piece, acceleration
+    def derivative(
+        self, piece: PyTree, plant: PlantState, state: PyTree, acceleration: Float[Array, "3"]
+    ) -> PyTree:
+        """Time derivative of the own state where the body has this dω/dt (rad/s²)."""
+        del piece, plant, acceleration
         return jax.tree.map(jnp.zeros_like, state)
 
     def torque(
         self,
         piece: PyTree,
         t: RealScalar,
-        attitude: AbstractAttitude,
+        plant: PlantState,
         state: PyTree,
         acceleration: Float[Array, "3"],
     ) -> Float[Array, "3"]:
         """All that the devices do to the body with them locked, N m."""
         del acceleration
-        return self.effect(piece, t, attitude, state).torque
+        return self.effect(piece, t, plant, state).torque
 
     def signals(
         self, piece: PyTree, state: PyTree, acceleration: Float[Array, "3"]

@@ -66,10 +66,10 @@ class Magnetorquers(AbstractEffector):
         del mode
         return self._dipoles(command)
 
-    def effect(self, piece: Float[Array, " k"], t, attitude, state: None) -> Effect:
+    def effect(self, piece: Float[Array, " k"], t, plant, state: None) -> Effect:
         """m × B of the dipole m of all."""
         del state
-        field = self.field.in_body(jnp.asarray(t), attitude)
+        field = self.field.in_body(jnp.asarray(t), plant.attitude)
         return Effect(jnp.cross(self.axes @ piece, field))
 
     def signals(self, piece: Float[Array, " k"], state: None, acceleration) -> dict[str, Array]:

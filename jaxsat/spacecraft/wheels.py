@@ -177,18 +177,24 @@ class Wheels(AbstractEffector):
         """Drive and decay of each wheel, and which of them turn."""
         return mode.piece(self, self.motor_torque(command))
 
-    def effect(self, piece: WheelPiece, t, attitude, state: WheelMomenta) -> Effect:
+    def effect(self, piece: WheelPiece, t, plant, state: WheelMomenta) -> Effect:
         """A c, and -Σ J_w a aᵀ of the wheels that turn."""
-        del t, attitude
+        del t, plant
         return Effect(self.axes @ piece.torque(state.momentum), self._correction(piece.turns))
 
-    def derivative(self, piece: WheelPiece, state: WheelMomenta, acceleration) -> WheelMomenta:
+    def derivative(
+        self, piece: WheelPiece, plant, state: WheelMomenta, acceleration
+    ) -> WheelMomenta:
         """dh/dt = -c - J_w aᵀdω/dt of the wheels that turn, N m."""
+        del plant
+        return WheelMomenta(self._rate(piece, state, acceleration))
+
+    def _rate(self, piece: WheelPiece, state: WheelMomenta, acceleration):
         found = -piece.torque(state.momentum)
         if self.rotor_inertia is None:
-            return WheelMomenta(found)
+            return found
         found = found - self._drag(acceleration)
-        return WheelMomenta(found if piece.turns is None else jnp.where(piece.turns, found, 0.0))
+        return found if piece.turns is None else jnp.where(piece.turns, found, 0.0)
 
     def made(
         self, piece: WheelPiece, state: WheelMomenta, acceleration: Float[Array, "3"]
@@ -202,9 +208,9 @@ class Wheels(AbstractEffector):
             return torque
         return jnp.where(piece.turns, torque, -self._drag(acceleration))
 
-    def torque(self, piece: WheelPiece, t, attitude, state: WheelMomenta, acceleration):
+    def torque(self, piece: WheelPiece, t, plant, state: WheelMomenta, acceleration):
         """A c with what turns rotors that keep their momentum, N m."""
-        del t, attitude
+        del t, plant
         return self.axes @ self.made(piece, state, acceleration)
 
     def signals(self, piece: WheelPiece, state: WheelMomenta, acceleration) -> dict[str, Array]:
@@ -307,7 +313,7 @@ class Wheels(AbstractEffector):
         self, mode: WheelStates, state: WheelMomenta, command, acceleration
     ) -> Float[Array, "2 wheels"]:
         """Of wheels that turn: where one breaks loose nothing jumps."""
-        rate = self.derivative(self.piece(mode, command), state, acceleration).momentum
+        rate = self._rate(self.piece(mode, command), state, acceleration)
         speeds = jnp.stack([mode.side * rate, -jnp.sign(state.momentum) * rate])
         return jnp.where(mode.turns[None], speeds, 0.0)
 

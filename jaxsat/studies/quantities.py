@@ -70,7 +70,8 @@ def _failures(*kinds: type) -> Callable[[AbstractLoop], int]:
 
 
 def _wheels(loop: AbstractLoop) -> int:
-    return sum(one.count for one in loop.plant.effectors if isinstance(one, Wheels))
+    wheels = loop.plant.find(Wheels)
+    return 0 if wheels is None else wheels.count
 
 
 def _magnetorquers(each: int) -> Callable[[AbstractLoop], int]:
