@@ -4,13 +4,13 @@ import jax
 import numpy as np
 import pytest
 
-from scenario.build.test_thrusters_as_parts import HEAD, PAIRS, REST, written
+from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.scenario import ScenarioError, dump
 from jaxsat.simulation import ContinuousLoop
-from jaxsat.spacecraft import (FailureEvents, WheelFailureKind, WheelFailures, Wheels, wheel_momentum)
+from jaxsat.spacecraft import FailureEvents, WheelFailureKind, WheelFailures, Wheels, wheel_momentum
+from scenario.build.test_thrusters_as_parts import HEAD, PAIRS, REST, written
 
 WHEELS = """\
 [[wheel]]
@@ -99,7 +99,10 @@ def test_failures_of_both_kinds_of_part_are_drawn_in_one_study(tmp_path):
     cases = np.arange(16)
     outputs = study.evaluate(cases)
     copies = jax.vmap(lambda case: study.case_factory(case, None))(study.cases(cases))
-    wheels, thrusters = copies.loop.plant.find(Wheels).failures, copies.loop.actuators.thrusters.failures
+    wheels, thrusters = (
+        copies.loop.plant.find(Wheels).failures,
+        copies.loop.actuators.thrusters.failures,
+    )
     drawn = outputs.drawn
     for name, field in (("failure_time", "at"), ("failure_kind", "kind")):
         both = np.concatenate([getattr(thrusters, field), getattr(wheels, field)], axis=1)
