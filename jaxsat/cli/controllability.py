@@ -151,20 +151,18 @@ def _magnetic_lines(scenario: "Scenario") -> list[str]:
     from jaxsat.controllability import NoEquilibriumError, magnetic_authority, magnetic_words
     from jaxsat.scenario.build.actuator_set import all_actuators
     from jaxsat.scenario.build.plant import build_plant
+    from jaxsat.spacecraft import Magnetorquers
 
     working = [place for place, one in enumerate(scenario.magnetorquer) if not one.failed]
-    plant = build_plant(scenario)
-    if not working or plant.magnetorquers is None or plant.field is None:
+    torquers = build_plant(scenario).find(Magnetorquers)
+    if not working or torquers is None:
         return ["Magnetorquers: all have failed"]
-    axes, limits = (
-        np.asarray(x)[..., working]
-        for x in (plant.magnetorquers.axes, plant.magnetorquers.dipole_limit)
-    )
+    axes, limits = (np.asarray(x)[..., working] for x in (torquers.axes, torquers.dipole_limit))
     actuators, others = all_actuators(scenario)
     left = actuators.only(others)
     sizes = np.linalg.norm(left.torques, axis=0) if scenario.thruster else np.zeros(0)
     try:
-        found = magnetic_authority(scenario.spacecraft.inertia_kg_m2, axes, limits, plant.field)
+        found = magnetic_authority(scenario.spacecraft.inertia_kg_m2, axes, limits, torquers.field)
     except NoEquilibriumError:
         return [
             "Magnetorquers: not analysed, and not part of the verdict and the table. The analysis "

@@ -21,6 +21,7 @@ from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.core.checks import as_array, as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.fault_tolerant import FAULT_TOLERANT_WHEELS
+from jaxsat.spacecraft import wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
@@ -132,7 +133,7 @@ class FaultTolerantWheels(AbstractSampledController):
 
     def init(self, state: PlantState) -> WheelLawMemory:
         """All wheels work but those that are known to have failed."""
-        momentum = cast(Array, state.wheel_momentum)
+        momentum = cast(Array, wheel_momentum(state))
         diagnosis = self.diagnosis.init(WheelReading(momentum, state.omega))
         condition = diagnosis.condition
         condition = condition._replace(
@@ -159,7 +160,7 @@ class FaultTolerantWheels(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: WheelLawMemory
     ) -> tuple[OfEach, WheelLawMemory]:
         """The torque of each wheel on the body, N m."""
-        momentum = cast(Array, state.wheel_momentum)
+        momentum = cast(Array, wheel_momentum(state))
         all_needed = jnp.ones_like(self.known)
         reading = WheelReading(momentum, state.omega)
         diagnosis = self.diagnosis.step(

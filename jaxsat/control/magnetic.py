@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
-from jaxsat.spacecraft import nearest_within
+from jaxsat.spacecraft import nearest_within, wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.environment import DipoleField
 
@@ -44,8 +44,9 @@ class MagneticSteering(eqx.Module):
         """The dipole of each magnetorquer (A m²), and the command left to others (N m)."""
         field = self.field.in_body(t, state.attitude)
         torque = self.wanted @ command
-        if self.wheel_axes is not None and state.wheel_momentum is not None:
-            torque = torque - self.unloading * (self.wheel_axes @ state.wheel_momentum)
+        momentum = wheel_momentum(state)
+        if self.wheel_axes is not None and momentum is not None:
+            torque = torque - self.unloading * (self.wheel_axes @ momentum)
         square = jnp.sum(field**2)
         shares = self.shares @ (jnp.cross(field, torque) / square)
         across = jnp.cross(self.axes, (field / jnp.sqrt(square))[:, None], axis=0)

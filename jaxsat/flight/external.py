@@ -23,6 +23,7 @@ from jaxsat.core.errors import LibraryError
 from jaxsat.flight.flight import FlightController, Measured, Seen
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.spacecraft import wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
 
 
@@ -92,7 +93,7 @@ class ExternalLaw(AbstractSampledController):
         """The library's torque (N m) and memory."""
         arrays = eqx.filter(self.law, eqx.is_array)
         command = jax.eval_shape(self.law.step, t, state, memory)[0]
-        seen = Seen(state.attitude, state.omega, state.wheel_momentum)
+        seen = Seen(state.attitude, state.omega, wheel_momentum(state))
         call = _Call(self.library, "control")
         return jax.pure_callback(
             call, (command, memory), arrays, t, seen, memory, vmap_method="broadcast_all"

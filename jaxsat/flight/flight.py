@@ -20,6 +20,7 @@ from jaxsat.spacecraft import (
     Actuators,
     PulsedActuatorsWithWheels,
     PulsedThrusters,
+    WheelMomenta,
 )
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -38,7 +39,9 @@ class Seen(NamedTuple):
 
     def as_state(self) -> PlantState:
         """The same as laws take it."""
-        return PlantState(self.attitude, self.omega, self.wheel_momentum)
+        momentum = self.wheel_momentum
+        states = None if momentum is None else (WheelMomenta(momentum),)
+        return PlantState(self.attitude, self.omega, states)
 
 
 class Input(NamedTuple):

@@ -25,6 +25,7 @@ from jaxsat.flight.flight import (
     State,
     as_type,
 )
+from jaxsat.spacecraft import wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
 
 
@@ -91,7 +92,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
 
     start = as_type(start, dtype)
     estimates = flight.estimator is not None
-    momentum = start.wheel_momentum
+    momentum = wheel_momentum(start)
     seen = Seen(start.attitude, start.omega, momentum)
     q = start.attitude.as_quaternion().q
     measured = Measured(seen.omega, q, jnp.array(True), momentum) if estimates else seen

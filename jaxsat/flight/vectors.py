@@ -17,7 +17,7 @@ from jaxsat.flight.flight import Begin, Input, Measured, Seen, State
 from jaxsat.flight.program import FlightProgram
 from jaxsat.simulation import SampledLoop
 from jaxsat.simulation.engine.runge_kutta import explicit_step, tableau_of
-from jaxsat.spacecraft import PulsedActuatorsWithWheels, PulsedThrusters
+from jaxsat.spacecraft import PulsedActuatorsWithWheels, PulsedThrusters, wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
 
 CASES, SAMPLES, EDGES = 8, 1280, 512
@@ -171,7 +171,7 @@ def _start(start: PlantState, key: Array) -> PlantState:
     attitude = quaternion if isinstance(start.attitude, Quaternion) else quaternion.as_wz()
     size = jnp.sqrt(jnp.sum(start.omega**2)) + 1e-3
     omega = size * jax.random.normal(two, (3,))
-    return PlantState(attitude, omega, start.wheel_momentum)
+    return PlantState(attitude, omega, start.effectors)
 
 
 def _after(loop: SampledLoop, number, period: float, state):
@@ -190,10 +190,10 @@ def _observed(loop: SampledLoop, number, before: Any, following: Any) -> tuple[I
     """Input and state of one sample, from the loop's states before and after its period."""
     time, told = following.memory.given
     state = State(before.memory.memory, None, _modulation(loop, before.actuators))
-    measured: Any = Seen(told.attitude, told.omega, told.wheel_momentum)
+    measured: Any = Seen(told.attitude, told.omega, wheel_momentum(told))
     if before.navigation is not None:
         rate, attitude, seen = following.navigation.memory.given
-        measured = Measured(rate, attitude.q, seen, told.wheel_momentum)
+        measured = Measured(rate, attitude.q, seen, wheel_momentum(told))
         state = state._replace(estimator=before.navigation.memory.memory)
     return Input(time, jnp.asarray(number, jnp.int32), measured), state
 

@@ -1,37 +1,25 @@
-"""Holds of a sampled loop divided where something fails, or a wheel comes to rest or its limit."""
+"""Holds of a sampled loop divided where something fails, or an effector comes to an edge."""
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
-from jaxsat.simulation.located_edges import Integrate, external_torque, through_located_parts
-from jaxsat.spacecraft import AbstractActuators, Hold, Wheels
-from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-
-__all__ = ["Asked", "external_torque", "through_hold"]
+from jaxsat.simulation.located_edges import Integrate, through_located_parts
+from jaxsat.spacecraft import AbstractActuators, Hold
+from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
 
 
 class Asked(NamedTuple):
     """What is asked of actuators until the next sample.
 
     `torque` (N m) is the command of `actuators` that fail in flight under an ideal torque, None for
-    others, whose torque the hold has. `wheels` (N m) is what each wheel is to put on the body and
-    `dipoles` (A m²) that of each magnetorquer; None without them.
+    others, whose torque the hold has. `effectors` is that of each effector of the body.
     """
 
     torque: Float[Array, " torques"] | None = None
-    wheels: Float[Array, " wheels"] | None = None
-    dipoles: Float[Array, " k"] | None = None
-
-
-class _Struck(NamedTuple):
-    """Which failures of ideal actuators, of wheels and of magnetorquers have struck."""
-
-    actuators: Bool[Array, " a"]
-    wheels: Bool[Array, " w"]
-    magnetorquers: Bool[Array, " k"]
+    effectors: OfEach = ()
 
 
 def through_hold(
@@ -46,26 +34,29 @@ def through_hold(
 ) -> tuple[PlantState, PyTree]:
     """The plant and the carry at the end of a hold that begins at time `t` (s).
 
-    `integrate` goes through each part in which nothing fails and no wheel of the `body` changes how
-    it moves under what is `asked`.
+    `integrate` goes through each part in which nothing fails and no effector of the `body` changes
+    its mode under what is `asked`.
     """
-    times = _failure_times(body, actuators, asked)
-    ends = (times.actuators.size, times.actuators.size + times.wheels.size)
-    at = jnp.concatenate(times) - t  # from the begin of the hold on
+    ideal = jnp.zeros(0) if actuators is None else actuators.failure_times
+    times = [one - t for one in (ideal, *body.failure_times)]  # from the begin of the hold on
+    at = jnp.concatenate(times)
 
-    def through(struck, t, hold, plant, carry):
-        plant, hold, wheels, command = _after(body, actuators, asked, struck, hold, plant)
-        return _between_failures(body, wheels, command, t, hold, plant, integrate, carry)
+    def through(elapsed, t, hold, plant, carry):
+        first, *others = [one <= elapsed for one in times]
+        if actuators is not None and asked.torque is not None:
+            hold = hold._replace(torque=actuators.after_failures(first)(asked.torque))
+        plant = body.after_failures(plant, tuple(others))
+        left, commands = body.driven(plant, asked.effectors, tuple(others))
+        return _between_failures(left, commands, t, hold, plant, integrate, carry)
 
     if not at.size:
-        return through(_Struck(*jnp.split(at <= 0, ends)), t, hold, plant, carry)
+        return through(jnp.zeros_like(t), t, hold, plant, carry)
 
     def part(now):
         begin, plant, carry = now
         end = jnp.minimum(jnp.min(jnp.where(at > begin, at, hold.length)), hold.length)
-        struck = _Struck(*jnp.split(at <= begin, ends))
         one = hold.part(begin, end - begin)
-        return end, *through(struck, t + begin, one, plant, carry)
+        return end, *through(begin, t + begin, one, plant, carry)
 
     def one(_, now):
         return jax.lax.cond(now[0] < hold.length, part, lambda now: now, now)
@@ -74,40 +65,9 @@ def through_hold(
     return jax.lax.fori_loop(0, at.size + 1, one, first)[1:]
 
 
-def _failure_times(body: RigidBody, actuators, asked: Asked) -> _Struck:
-    """When something fails, s."""
-    never = jnp.zeros(0)
-
-    wheels, torquers = body.wheels, body.magnetorquers
-    return _Struck(
-        never if asked.torque is None else actuators.failure_times,
-        never if wheels is None or asked.wheels is None else wheels.failure_times,
-        never if torquers is None or asked.dipoles is None else torquers.failure_times,
-    )
-
-
-def _after(
-    body: RigidBody, actuators, asked: Asked, struck: _Struck, hold: Hold, plant: PlantState
-) -> tuple[PlantState, Hold, Wheels | None, Float[Array, " wheels"] | None]:
-    """Plant, hold, and wheels with their command once failures have struck."""
-    wheels, command = body.wheels, asked.wheels
-    if asked.torque is not None:
-        hold = hold._replace(torque=actuators.after_failures(struck.actuators)(asked.torque))
-    if asked.dipoles is not None and body.magnetorquers is not None:
-        one = body.magnetorquers
-        hold = hold._replace(dipole=one.axes @ one.dipoles(asked.dipoles, struck.magnetorquers))
-    if wheels is not None and wheels.failures is not None and command is not None:
-        plant = body.after_wheel_failures(plant, struck.wheels)
-        assert plant.wheel_momentum is not None
-        condition = wheels.failures.condition(struck.wheels, wheels.count)
-        wheels, command = wheels.driven(condition, plant.wheel_momentum, command)
-    return plant, hold, wheels, command
-
-
 def _between_failures(
     body: RigidBody,
-    wheels: Wheels | None,
-    command: Float[Array, " wheels"] | None,
+    commands: OfEach,
     t: Float[Array, ""],
     hold: Hold,
     plant: PlantState,
@@ -116,26 +76,30 @@ def _between_failures(
 ) -> tuple[PlantState, PyTree]:
     """The plant and the carry at the end of a hold in which nothing fails.
 
-    Without a rotor inertia the ends of its parts are closed forms of the momenta at the begin.
+    Where edges do not depend on how the body turns they are closed forms of the state at the begin.
     """
-    momentum = plant.wheel_momentum
-    if wheels is None or command is None or momentum is None:
-        return integrate(t, hold, plant, carry)
-    if wheels.rotor_inertia is not None and (wheels.edge_count or wheels.seized is not None):
-        return through_located_parts(body, wheels, command, t, hold, plant, integrate, carry)
-    if not wheels.edge_count:
-        piece = wheels.piece(momentum, command, hold.length)
-        return integrate(t, hold._replace(wheels=piece), plant, carry)
-    edges = wheels.edges(momentum, command, hold.length)
+    if any(one.follows_body for one in body.effectors):
+        return through_located_parts(body, commands, t, hold, plant, integrate, carry)
+    parts = list(zip(body.effectors, plant.of_each, commands, strict=True))
+
+    def pieces(elapsed):
+        return tuple(one.held_piece(own, command, elapsed) for one, own, command in parts)
+
+    count = sum(one.edge_count for one in body.effectors)
+    if not count:
+        return integrate(t, hold._replace(pieces=pieces(hold.length)), plant, carry)
+    edges = jnp.concatenate([one.edges(own, asked, hold.length) for one, own, asked in parts])
 
     def part(_, now):
         begin, plant, carry = now
         end = jnp.min(jnp.where(edges > begin, edges, hold.length))
-        one = hold.part(begin, end - begin)
-        piece = wheels.piece(momentum, command, (begin + end) / 2)
-        plant, carry = integrate(t + begin, one._replace(wheels=piece), plant, carry)
-        reached = wheels.snapped(momentum, command, end, cast(Array, plant.wheel_momentum))
+        one = hold.part(begin, end - begin)._replace(pieces=pieces((begin + end) / 2))
+        plant, carry = integrate(t + begin, one, plant, carry)
+        reached = tuple(
+            one.snapped(own, command, end, now)
+            for (one, own, command), now in zip(parts, plant.of_each, strict=True)
+        )
         return end, PlantState(plant.attitude, plant.omega, reached), carry
 
     first = (jnp.zeros_like(hold.length), plant, carry)
-    return jax.lax.fori_loop(0, wheels.edge_count + 1, part, first)[1:]
+    return jax.lax.fori_loop(0, count + 1, part, first)[1:]

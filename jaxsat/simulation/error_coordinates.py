@@ -46,7 +46,7 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
     law: AbstractBacksteppingLaw
 
     def __check_init__(self):
-        if self.plant.wheels is not None:
+        if self.plant.effectors:
             raise ValueError("Error coordinates must have a plant without wheels.")
         known = [concrete(x) for x in jax.tree.leaves((self.plant, self.law))]
         if any(leaf is None for leaf in known):

@@ -1,6 +1,7 @@
 """How far the steps of a run are from the motion, estimated by halving them hold by hold."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -36,14 +37,14 @@ class IntegrationError(eqx.Module):
     ) -> "IntegrationError":
         """With a part of so many seconds, at whose end the plant is as whole and halved steps say.
 
-        The momenta of wheels count as the rate that they give a body of the mean moment. The part
-        stands for `weight` parts.
+        The momenta of effectors count as the rate that they give a body of the mean moment. The
+        part stands for `weight` parts.
         """
         whole, halved = stop_gradient((whole, halved))
         rate = _norm(whole.omega - halved.omega)
-        if whole.wheel_momentum is not None and halved.wheel_momentum is not None:
-            moment = jnp.trace(stop_gradient(body.spacecraft.inertia)) / 3
-            rate = rate + _norm(whole.wheel_momentum - halved.wheel_momentum) / moment
+        moment = jnp.trace(stop_gradient(body.spacecraft.inertia)) / 3
+        pairs = zip(*map(jax.tree.leaves, (whole.effectors, halved.effectors)), strict=True)
+        rate = sum((_norm(one - other) / moment for one, other in pairs), rate)
         one, other = (state.attitude.as_quaternion().q for state in (whole, halved))
         turn = 2 * jnp.minimum(_norm(one - other), _norm(one + other))
         carried = self.later(length)

@@ -1,20 +1,20 @@
-"""Holds divided where a wheel with a rotor inertia comes to rest or its limit, or leaves it.
+"""Holds divided where an effector leaves its mode: a wheel comes to rest or its limit, or goes.
 
-When that happens depends on how the body turns. So a hold is integrated to its end, and where a
-wheel has left the state that it was in (`jaxsat.spacecraft.wheel_states`) the instant is searched
-by false position (the Illinois rule), each time integrated from the last such instant on.
+When that happens depends on how the body turns. So a hold is integrated to its end, and where an
+effector has left the mode that it was in the instant is searched by false position (the Illinois
+rule), each time integrated from the last such instant on.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.core.trees import choose
-from jaxsat.spacecraft import Hold, Wheels, WheelStates
-from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft import Hold
+from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
 
 RealScalar = Float[Array, ""]
 Integrate = Callable[[RealScalar, Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
@@ -84,24 +84,22 @@ class _Search(NamedTuple):
     begin: RealScalar
     plant: PlantState
     carry: PyTree
-    states: WheelStates
+    modes: OfEach
     bracket: _Bracket
 
 
-def external_torque(
-    body: RigidBody, t: RealScalar, plant: PlantState, hold: Hold, elapsed: RealScalar
-) -> Float[Array, "3"]:
-    """The torque of thrusters and magnetorquers `elapsed` seconds after a hold began, N m."""
-    torque = hold.torque_after(elapsed)
-    if hold.dipole is None:
-        return torque
-    return torque + body.magnetic_torque(t, plant, hold.dipole)
+class _Judged(NamedTuple):
+    """Margins of each effector and of all in a row, d/dt of those before a jump, and dω/dt."""
+
+    margins: OfEach
+    flat: Float[Array, " m"]
+    speeds: Float[Array, " m"]
+    acceleration: Float[Array, "3"]
 
 
 def through_located_parts(
     body: RigidBody,
-    wheels: Wheels,
-    command: Float[Array, " wheels"],
+    commands: OfEach,
     t: RealScalar,
     hold: Hold,
     plant: PlantState,
@@ -110,65 +108,68 @@ def through_located_parts(
 ) -> tuple[PlantState, PyTree]:
     """The plant and the carry at the end of a hold that begins at time `t` (s).
 
-    `wheels` are those of the `body` in the condition that they are in, which does not change. The
-    hold is integrated at most `TRIES` (1 + `wheels.edge_count`) times, the last time to its end.
+    The effectors of the `body` fail no more. The hold is integrated at most `TRIES` times for each
+    of its edges and once more, the last time to its end.
     """
-    drive, end = wheels.motor_torque(command), hold.length
-    tolerance, rounds = RESOLUTION * end, TRIES * (1 + wheels.edge_count)
+    end = hold.length
+    edges = sum(one.edge_count for one in body.effectors)
+    tolerance, rounds = RESOLUTION * end, TRIES * (1 + edges)
 
-    def others(elapsed, plant):
-        at = t + elapsed
-        torque = external_torque(body, at, plant, hold, elapsed)
-        return torque + body.disturbance_torque(at, plant)
+    def judged(elapsed, plant: PlantState, modes: OfEach) -> _Judged:
+        pieces, torque = body.pieces(modes, commands), hold.torque_after(elapsed)
+        acceleration = body.acceleration(t + elapsed, plant, torque, pieces)
+        parts = list(zip(body.effectors, modes, plant.of_each, commands, strict=True))
+        margins = tuple(one.margins(m, s, c, acceleration) for one, m, s, c in parts)
+        speeds = tuple(one.approach(m, s, c, acceleration) for one, m, s, c in parts)
+        return _Judged(margins, _flat(margins), _flat(speeds), acceleration)
 
-    def judged(elapsed, plant, states: WheelStates):
-        """Margins of all wheels at an instant, the drag, and the rates of their momenta."""
-        piece, external = states.piece(wheels, drive), others(elapsed, plant)
-        drag = body.wheel_drag(plant, external, piece)
-        rate = jnp.where(states.turns, -piece.torque(plant.wheel_momentum) - drag, 0.0)
-        return states.margins(wheels, plant.wheel_momentum, drive, drag), drag, rate
-
-    def begun(elapsed, plant, carry, states: WheelStates) -> _Search:
-        states = body.wheel_states(wheels, plant, drive, others(elapsed, plant), states)
-        least = jnp.min(judged(elapsed, plant, states)[0])
+    def begun(elapsed, plant, carry, modes: OfEach) -> _Search:
+        modes = body.modes(t + elapsed, plant, hold.torque_after(elapsed), commands, modes)
+        least = jnp.min(judged(elapsed, plant, modes).flat)
         zero, no = jnp.zeros_like(end), jnp.array(False)
         bracket = _Bracket(elapsed, end, least, least, zero, jnp.array(0), zero, no, no)
-        return _Search(elapsed, plant, carry, states, jax.lax.stop_gradient(bracket))
+        return _Search(elapsed, plant, carry, modes, jax.lax.stop_gradient(bracket))
 
     def part(number, now: _Search) -> _Search:
         last, bracket = number == rounds - 1, now.bracket
         x = jnp.where(last, end, bracket.next_try(end, tolerance))
         one = hold.part(now.begin, x - now.begin)
-        one = one._replace(wheels=now.states.piece(wheels, drive))
+        one = one._replace(pieces=body.pieces(now.modes, commands))
         plant, carry = integrate(t + now.begin, one, now.plant, now.carry)
-        margins, drag, rate = judged(x, plant, now.states)
-        least = jnp.min(margins)
-        correction = _correction(margins, plant.wheel_momentum, rate, now.states)
+        found = judged(x, plant, now.modes)
+        least = jnp.min(found.flat)
         known = jax.lax.stop_gradient((bracket, x, least))
+        correction = _correction(found.flat, found.speeds)
         tried = known[0].following(*known[1:], correction, jax.lax.stop_gradient(tolerance))
         there = last | bracket.closed | (~bracket.open & (least >= 0))
-        left = now.states.left(margins, drive, drag)
-        come = jnp.where(bracket.closed, margins, jnp.inf)
-        momentum = now.states.snapped(wheels, cast(Array, plant.wheel_momentum), come)
-        plant = PlantState(plant.attitude, plant.omega, momentum)
+        left = body.modes_after(now.modes, plant, commands, found.acceleration)
+        parts = zip(body.effectors, now.modes, plant.of_each, found.margins, strict=True)
+        come = tuple(
+            one.come(mode, own, jnp.where(bracket.closed, margins, jnp.inf))
+            for one, mode, own, margins in parts
+        )
+        plant = PlantState(plant.attitude, plant.omega, come)
         return choose(there, begun(x, plant, carry, left), now._replace(bracket=tried))
 
     def one(number, now: _Search) -> _Search:
         return jax.lax.cond(now.begin < end, lambda x: part(number, x), lambda x: x, now)
 
-    from_momenta = body.wheel_states(wheels, plant, drive, others(jnp.zeros_like(end), plant))
-    first = begun(jnp.zeros_like(end), plant, carry, from_momenta)
-    found = jax.lax.fori_loop(0, rounds, one, first)
+    zero = jnp.zeros_like(end)
+    modes = body.modes(t, plant, hold.torque_after(zero), commands)
+    found = jax.lax.fori_loop(0, rounds, one, begun(zero, plant, carry, modes))
     return found.plant, found.carry
 
 
-def _correction(margins, momentum, rate, states: WheelStates) -> RealScalar:
+def _flat(parts: OfEach) -> Float[Array, " margins"]:
+    return jnp.concatenate([one.ravel() for one in parts])
+
+
+def _correction(margins: Float[Array, " m"], speeds: Float[Array, " m"]) -> RealScalar:
     """Zero (s), with the derivative of the instant at which the least margin of all is zero.
 
-    That at which a wheel breaks loose needs none: nothing jumps there.
+    One without a speed needs none: nothing jumps there.
     """
-    speeds = jnp.stack([states.side * rate, -jnp.sign(momentum) * rate])
-    decides = (margins == jnp.min(margins)) & states.turns[None] & (speeds != 0)
+    decides = (margins == jnp.min(margins)) & (speeds != 0)
     speeds = jax.lax.stop_gradient(jnp.where(decides, speeds, 1.0))
     finite = jnp.where(decides, margins, 0.0)
     return -jnp.sum((finite - jax.lax.stop_gradient(finite)) / speeds)

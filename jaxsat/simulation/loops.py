@@ -7,7 +7,7 @@ controller.
 
 import abc
 import dataclasses
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,15 +18,9 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController
 from jaxsat.control.controller import Memory
 from jaxsat.control.integrating_factor import AbstractIntegratingFactor
-from jaxsat.core.checks import concrete
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.spacecraft import (
-    AbstractActuators,
-    Actuators,
-    ActuatorsWithWheels,
-    WheelFailureKind,
-)
-from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft import AbstractActuators, Actuators, ActuatorsWithWheels
+from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody, Struck
 
 
 class AbstractLoop(eqx.Module):
@@ -102,6 +96,16 @@ class LoopState(NamedTuple):
     memory: Memory
 
 
+class _Acting(NamedTuple):
+    """The plant's body as it is once failures have struck, the torque of thrusters on it (N m), and
+    the command and the piece of each effector."""
+
+    body: RigidBody
+    torque: Float[Array, "3"]
+    commands: OfEach
+    pieces: OfEach
+
+
 NEVER = 1e9
 """s; a failure later than this has no event function that grows."""
 
@@ -109,9 +113,9 @@ NEVER = 1e9
 class ContinuousLoop(AbstractContinuousLoop):
     """Plant, continuous controller and thrusters.
 
-    `struck` tells which failures of thrusters and then of wheels have struck, see `smooth_piece`;
-    None is those whose time has come. Raises `ValueError` for wheels with Coulomb friction, at
-    once or after a failure, and for one that has seized and fails once more.
+    `struck` tells which failures of thrusters and then of the plant's effectors have struck, see
+    `smooth_piece`; None is those whose time has come. Raises `ValueError` for an effector whose
+    command must be held.
     """
 
     plant: RigidBody
@@ -120,21 +124,8 @@ class ContinuousLoop(AbstractContinuousLoop):
     struck: Bool[Array, " f"] | None = None
 
     def __check_init__(self):
-        wheels = self.plant.wheels
-        if wheels is None:
-            return
-        kinds = None if wheels.failures is None else concrete(wheels.failures.kind)
-        rubs = kinds is not None and np.any(np.rint(kinds) == WheelFailureKind.FRICTION_TO)
-        if rubs or wheels.coulomb_friction is not None:
-            raise ValueError(
-                "Wheels with Coulomb friction must have a command that is held, which that of a "
-                "continuous controller is not."
-            )
-        if wheels.failures is not None and wheels.failures.frees_a_wheel():
-            raise ValueError(
-                "A wheel that has seized must not fail once more under a continuous controller, "
-                "whose state has no jump of the momentum that the body got."
-            )
+        for one in self.plant.effectors:
+            one.require_continuous()
 
     def is_smooth(self) -> bool:
         """Whether fixed steps suit the loop: no corner of the law, of actuators of a user's own or
@@ -145,12 +136,12 @@ class ContinuousLoop(AbstractContinuousLoop):
         """
         own = (Actuators, ActuatorsWithWheels)
         corners = 0 if isinstance(self.actuators, own) else self.actuators.event_count
-        corners += self.failure_times.size + _wheel_events(self.plant)
+        corners += self.failure_times.size + self.plant.event_count
         return not corners and self.controller.is_smooth()
 
     def start(self, state: PlantState) -> LoopState:
         """The plant's state and the controller's first memory."""
-        state = self.plant.with_wheel_momentum(state)
+        state = self.plant.complete(state)
         return LoopState(state, self.controller.init(state))
 
     @property
@@ -160,93 +151,89 @@ class ContinuousLoop(AbstractContinuousLoop):
 
     @property
     def failure_times(self) -> Float[Array, " f"]:
-        """When something fails, s: of the actuators, then of the wheels."""
-        wheels = self.plant.wheels
-        of_wheels = jnp.zeros(0) if wheels is None else wheels.failure_times
-        return jnp.concatenate([self.actuators.failure_times, of_wheels])
+        """When something fails, s: of the actuators, then of each effector of the plant."""
+        return jnp.concatenate([self.actuators.failure_times, *self.plant.failure_times])
 
-    def _struck(self, t: Float[Array, ""]) -> tuple[Bool[Array, " a"], Bool[Array, " w"]]:
-        """Which failures of the actuators and of the wheels have struck."""
-        times, count = self.failure_times, self.actuators.failure_times.size
-        if not times.size:
-            return jnp.zeros(0, bool), jnp.zeros(0, bool)
+    def _struck(self, t: Float[Array, ""]) -> tuple[Bool[Array, " a"], Struck]:
+        """Which failures of the actuators and of each effector have struck."""
+        times = self.failure_times
         struck = t >= times if self.struck is None else self.struck
-        return struck[:count], struck[count:]
+        sizes = [self.actuators.failure_times.size, *(x.size for x in self.plant.failure_times)]
+        first, *others = [
+            struck[end - size : end] for size, end in zip(sizes, np.cumsum(sizes), strict=True)
+        ]
+        return first, tuple(others)
 
     def plant_state(self, t: Float[Array, ""], state: LoopState) -> PlantState:
         """With the wheels that have seized at rest."""
-        return self.plant.after_wheel_failures(state.plant, self._struck(t)[1])
+        return self.plant.after_failures(state.plant, self._struck(t)[1])
+
+    def _acting(self, t: Float[Array, ""], plant: PlantState, command) -> _Acting:
+        """What acts on the plant at time `t` (s) on a command."""
+        thrusters, others = self._struck(t)
+        torque = self.actuators.after_failures(thrusters)(command)
+        asked = self.plant.commands({"wheel": self.actuators.wheel_command(command)})
+        body, asked = self.plant.driven(plant, asked, others)
+        pieces = body.pieces(body.modes(t, plant, torque, asked), asked)
+        return _Acting(body, torque, asked, pieces)
 
     def motion(self, t: Float[Array, ""], state: LoopState) -> Motion:
         """Equations (1) and (36) under the controller's torque."""
-        plant, (thrusters, wheels) = self.plant_state(t, state), self._struck(t)
+        return self._motion(t, state)[0]
+
+    def _motion(self, t: Float[Array, ""], state: LoopState) -> tuple[Motion, _Acting]:
+        plant = self.plant_state(t, state)
         command, memory_rate = self.controller(t, plant, state.memory)
-        torque = self.actuators.after_failures(thrusters)(command)
-        share = self.actuators.wheel_command(command)
-        external = self._external(t, plant, torque)
-        piece = self.plant.wheel_drive(plant, share, wheels, external)
-        made = turns = None
-        if piece is not None:
-            made, turns = piece.torque(cast(Array, plant.wheel_momentum)), piece.turns
-        rate = self.plant.rate(t, plant, torque, made, turns)
+        acting = self._acting(t, plant, command)
+        body, torque, _, pieces = acting
+        rate = body.rate(t, plant, torque, pieces)
         relative_rate = self.plant.relative_rate(plant)
         error = self.controller.rate_error(plant)
-        torque = self.plant.control_torque(torque, self.plant.made_by_wheels(rate))
-        return Motion(LoopState(rate, memory_rate), plant, relative_rate, error, torque)
-
-    def _external(self, t, plant: PlantState, torque) -> Float[Array, "3"] | None:
-        """The torque of all but the wheels, N m, where the motion of rotors depends on it."""
-        wheels = self.plant.wheels
-        if wheels is None or wheels.rotor_inertia is None:
-            return None
-        return torque + self.plant.disturbance_torque(t, plant)
+        torque = body.control_torque(t, plant, torque, pieces, rate.omega)
+        motion = Motion(LoopState(rate, memory_rate), plant, relative_rate, error, torque)
+        return motion, acting
 
     def signals(self, t: Float[Array, ""], state: LoopState) -> Signals:
         """Everything worth saving at one instant."""
-        motion = self.motion(t, state)
+        motion, acting = self._motion(t, state)
         signals = continuous_signals(
             self.plant, self.controller, t, motion.plant, state.memory, motion.torque
         )
-        made = self.plant.made_by_wheels(motion.rate.plant)
-        return signals if made is None else dataclasses.replace(signals, wheel_torque=made)
+        made = acting.body.signals(motion.plant, acting.pieces, motion.rate.plant.omega)
+        return dataclasses.replace(signals, **made)
 
     def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
-        """Those of controller, actuators and wheels' momenta, and the time since each failure."""
+        """Those of controller, actuators and effectors, and the time since each failure."""
         plant = self.plant_state(t, state)
         command, _ = self.controller(t, plant, state.memory)
         own = self.controller.event_functions(plant)
         events = [own, self.actuators.event_functions(command)]
-        if _wheel_events(self.plant):
-            share, (thrusters, wheels) = self.actuators.wheel_command(command), self._struck(t)
-            torque = self.actuators.after_failures(thrusters)(command)
-            external = self._external(t, plant, torque)
-            events.append(self.plant.wheel_events(plant, share, wheels, external))
+        if self.plant.event_count:
+            body, torque, asked, pieces = self._acting(t, plant, command)
+            acceleration = body.acceleration(t, plant, torque, pieces)
+            events.append(body.event_functions(plant, asked, acceleration))
         if self.failure_times.size:
             events.append(t - jnp.minimum(self.failure_times, NEVER))
         return jnp.concatenate(events)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ContinuousLoop":
-        """Controller, actuators and wheels held in a piece of theirs each, failures as they are."""
+        """Controller, actuators and effectors held in a piece of theirs each, failures as they
+        are."""
         failures = self.failure_times.size
         signs, struck = signs[: signs.size - failures], signs[signs.size - failures :]
-        wheels = signs.size - _wheel_events(self.plant)
-        count = wheels - self.actuators.event_count
+        effectors = signs.size - self.plant.event_count
+        count = effectors - self.actuators.event_count
         held = (
             self.controller.smooth_piece(signs[:count]),
-            self.actuators.smooth_piece(signs[count:wheels]),
+            self.actuators.smooth_piece(signs[count:effectors]),
         )
         made = eqx.tree_at(lambda loop: (loop.controller, loop.actuators), self, held)
-        plant = self.plant.wheel_piece(signs[wheels:])
+        plant = self.plant.smooth_piece(signs[effectors:])
         return dataclasses.replace(made, plant=plant, struck=struck if failures else None)
 
     def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
         """That of the controller."""
         return self.controller.integrating_factor(t)
-
-
-def _wheel_events(plant: RigidBody) -> int:
-    """How many event functions the wheels of a plant have."""
-    return 0 if plant.wheels is None else plant.wheels.event_count
 
 
 def continuous_signals(plant, controller, t, state, memory, torque) -> Signals:
@@ -279,5 +266,5 @@ def plant_signals(plant, t, state, torque, rate_error, lyapunov, mode) -> Signal
         lyapunov=lyapunov,
         mode=mode,
         constraint_torque=plant.constraint_torque(t, state, torque),
-        wheel_momentum=state.wheel_momentum,
+        **plant.stored(state),
     )

@@ -18,6 +18,6 @@ def parts_of(kind: type[Part], tree: PyTree) -> list[Part]:
 
 
 def failures_of(loop: AbstractLoop) -> list[AbstractFailures]:
-    """The failures in flight of a loop: of its thrusters, of its wheels, of its magnetorquers."""
-    plant, actuators = loop.plant, getattr(loop, "actuators", None)
-    return parts_of(AbstractFailures, (actuators, plant.wheels, plant.magnetorquers))
+    """The failures in flight of a loop: of its thrusters, then of each effector of the plant."""
+    actuators = getattr(loop, "actuators", None)
+    return parts_of(AbstractFailures, (actuators, loop.plant.effectors))

@@ -14,7 +14,7 @@ from jaxsat.control.controller import Memory
 from jaxsat.control.magnetic import MagneticSteering
 from jaxsat.control.navigation import Navigation, NavigationState, Told
 from jaxsat.core.checks import as_optional_float, concrete, require_counts, require_positive
-from jaxsat.simulation.divided_holds import Asked, external_torque, through_hold
+from jaxsat.simulation.divided_holds import Asked, through_hold
 from jaxsat.simulation.loops import AbstractLoop, plant_signals
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.spacecraft import (
@@ -22,6 +22,7 @@ from jaxsat.spacecraft import (
     AbstractPulsedActuators,
     DrawnSensors,
     Hold,
+    Magnetorquers,
     Sensors,
     Tachometers,
     Usage,
@@ -75,7 +76,7 @@ class SampledLoop(AbstractLoop):
 
     def __check_init__(self):
         require_counts(substeps=self.substeps)
-        if (self.magnetic is None) != (self.plant.magnetorquers is None):
+        if (self.magnetic is None) != (self.plant.find(Magnetorquers) is None):
             raise ValueError("Argument `magnetic` must be given with the plant's magnetorquers.")
         if self.sensors is not None and self.navigation is not None:
             raise ValueError("Arguments `sensors` and `navigation` must not both be given.")
@@ -90,7 +91,7 @@ class SampledLoop(AbstractLoop):
 
     def start(self, state: PlantState) -> SampledState:
         """The plant's state, the controller's first memory for what is measured, and no torque."""
-        state = self.plant.with_wheel_momentum(state)
+        state = self.plant.complete(state)
         torque, actuators = jnp.zeros_like(state.omega), None
         if isinstance(self.actuators, AbstractPulsedActuators):
             torque, actuators = None, self.actuators.init()
@@ -111,21 +112,15 @@ class SampledLoop(AbstractLoop):
         if self._actuators_fail:
             shape = jax.eval_shape(lambda: self.controller.step(jnp.zeros(()), told, memory)[0])
             torque = jnp.zeros(shape.shape, shape.dtype)
-        wheels, torquers = self.plant.wheels, self.plant.magnetorquers
-        return Asked(
-            torque,
-            None if wheels is None else jnp.zeros(wheels.count),
-            None if torquers is None else jnp.zeros(torquers.count),
-        )
+        return Asked(torque, self.plant.commands({}))
 
     def told(self, number: Int[Array, ""], state: SampledState) -> Told:
         """What the controller is told at sample `number` of the run when the truth is `state`."""
         told = self._told(number, state)
-        momentum = told.state.wheel_momentum
-        if self.tachometers is None or momentum is None:
+        if self.tachometers is None:
             return told
-        measured = self.tachometers(number, momentum)
-        return told._replace(state=dataclasses.replace(told.state, wheel_momentum=measured))
+        measured = self.tachometers(number, told.state.of_each)
+        return told._replace(state=dataclasses.replace(told.state, effectors=measured))
 
     def _told(self, number: Int[Array, ""], state: SampledState) -> Told:
         """With momenta of wheels as they are."""
@@ -136,7 +131,7 @@ class SampledLoop(AbstractLoop):
             return Told(state.plant)
         plant = state.plant
         attitude, omega = self.sensors(number, plant.attitude, plant.omega)
-        return Told(PlantState(attitude, omega, plant.wheel_momentum))
+        return Told(PlantState(attitude, omega, plant.effectors))
 
     def signals(self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState) -> Signals:
         """The signals of the truth at sample `number` of the run, which is at time `t` (s)."""
@@ -187,20 +182,14 @@ class SampledLoop(AbstractLoop):
         if self.magnetic is not None:
             dipoles, command = self.magnetic(t, told, command)
         failing = command if self._actuators_fail else None
-        return command, Asked(failing, self._of_wheels(command), dipoles), memory
+        asked = {"wheel": self.actuators.wheel_command(command), "magnetorquer": dipoles}
+        return command, Asked(failing, self.plant.commands(asked)), memory
 
     @property
     def _actuators_fail(self) -> bool:
         """Whether they are ideal ones that fail in flight."""
         actuators = self.actuators
         return isinstance(actuators, AbstractActuators) and actuators.failure_times.size > 0
-
-    def _of_wheels(self, command) -> Float[Array, " wheels"] | None:
-        """What a command asks of each wheel (N m): zero where the actuators have none of them."""
-        if self.plant.wheels is None:
-            return None
-        asked = self.actuators.wheel_command(command)
-        return jnp.zeros(self.plant.wheels.count, command.dtype) if asked is None else asked
 
     def _ideal_torque(self, t: Float[Array, ""], command) -> Float[Array, "3"]:
         """The torque of ideal actuators on a command at time `t` (s), N m."""
@@ -244,7 +233,7 @@ class SampledLoop(AbstractLoop):
         def through(running, plant, carry):
             hold, running = actuators.advance(plan, running)
             parts = ((hold, asked),)
-            if any(x is not None for x in asked) and self.delay is not None:
+            if self.plant.effectors and self.delay is not None:
                 before, after = hold.divided(self.delay)
                 parts = ((before, state.asked), (after, asked))
             for part, one in parts:
@@ -274,36 +263,29 @@ class SampledLoop(AbstractLoop):
         self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]
     ) -> PlantState:
         """Time derivative of the plant `elapsed` seconds after a hold began, at time `t` (s)."""
-        external = external_torque(self.plant, t, state, hold, elapsed)
-        made = hold.wheel_torque(state.wheel_momentum)
-        turns = None if hold.wheels is None else hold.wheels.turns
-        return self.plant.rate(t, state, external, made, turns)
+        return self.plant.rate(t, state, hold.torque_after(elapsed), hold.pieces)
 
     def torque(
         self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]
     ) -> Float[Array, "3"]:
         """The torque of all actuators at `t` (s), `elapsed` seconds after a hold began, N m."""
-        external = external_torque(self.plant, t, state, hold, elapsed)
-        wheels = self.plant.wheels
-        if wheels is None or wheels.rotor_inertia is None:
-            return self.plant.control_torque(external, hold.wheel_torque(state.wheel_momentum))
-        made = self.plant.made_by_wheels(self.plant_rate(t, state, hold, elapsed))
-        return self.plant.control_torque(external, made)
+        torque, pieces = hold.torque_after(elapsed), hold.pieces
+        if not pieces:
+            return torque
+        acceleration = self.plant.acceleration(t, state, torque, pieces)
+        return self.plant.control_torque(t, state, torque, pieces, acceleration)
 
 
 def _sampled_signals(loop, t, state, memory, told: Told, torque, asked: Asked) -> Signals:
     error = loop.controller.rate_error(state, memory)
     none = jnp.full((), jnp.nan, error.dtype)
     mode = jnp.asarray(loop.controller.mode(memory), error.dtype)
-    struck = None if loop.plant.wheels is None else t >= loop.plant.wheels.failure_times
-    dipoles, torquers = None, loop.plant.magnetorquers
-    if torquers is not None:
-        dipoles = torquers.dipoles(asked.dipoles, t >= torquers.failure_times)
-        torque = torque + loop.plant.magnetic_torque(t, state, torquers.axes @ dipoles)
-    external = torque + loop.plant.disturbance_torque(t, state)
-    wheels = loop.plant.wheel_torque(state, asked.wheels, struck, external)
-    torque = loop.plant.control_torque(torque, wheels)
+    struck = tuple(t >= times for times in loop.plant.failure_times)
+    after = loop.plant.after_failures(state, struck)
+    body, commands = loop.plant.driven(after, asked.effectors, struck)
+    pieces = body.pieces(body.modes(t, after, torque, commands), commands)
+    acceleration = body.acceleration(t, after, torque, pieces)
+    torque = body.control_torque(t, after, torque, pieces, acceleration)
     signals = plant_signals(loop.plant, t, state, torque, error, none, mode)
-    telemetry = loop.controller.telemetry(memory)
-    made = {"wheel_torque": wheels, "dipole": dipoles}
+    made, telemetry = body.signals(after, pieces, acceleration), loop.controller.telemetry(memory)
     return dataclasses.replace(signals, **made, **told.errors, **telemetry)

@@ -156,7 +156,7 @@ def _is_plant(state: PyTree) -> bool:
 
 
 def _without_momentum(state: PyTree) -> PyTree:
-    return dataclasses.replace(state, wheel_momentum=None) if _is_plant(state) else state
+    return dataclasses.replace(state, effectors=None) if _is_plant(state) else state
 
 
 def _floats(tree: PyTree) -> list[Array]:

@@ -28,15 +28,14 @@ def out_of_units(body: RigidBody, state: PyTree) -> PyTree:
 def _changed(
     body: RigidBody,
     state: PyTree,
-    change: Callable[[Float[Array, " wheels"], Float[Array, ""]], Float[Array, " wheels"]],
+    change: Callable[[Float[Array, "..."], Float[Array, ""]], Float[Array, "..."]],
 ) -> PyTree:
-    if body.wheels is None:
-        return state
+    unit = body.spacecraft.momentum_unit
 
     def of_plant(part: PyTree) -> PyTree:
-        if not isinstance(part, PlantState) or part.wheel_momentum is None:
+        if not isinstance(part, PlantState):
             return part
-        momentum = change(part.wheel_momentum, body.spacecraft.momentum_unit)
-        return dataclasses.replace(part, wheel_momentum=momentum)
+        momenta = jax.tree.map(lambda momentum: change(momentum, unit), part.effectors)
+        return dataclasses.replace(part, effectors=momenta)
 
     return jax.tree.map(of_plant, state, is_leaf=lambda part: isinstance(part, PlantState))

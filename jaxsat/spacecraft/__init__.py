@@ -10,6 +10,7 @@ from jaxsat.spacecraft.actuators import (
 )
 from jaxsat.spacecraft.allocation import LeastPropellant
 from jaxsat.spacecraft.bounded_least_squares import nearest_within
+from jaxsat.spacecraft.effector import AbstractEffector, Effect
 from jaxsat.spacecraft.failures import (
     AbstractFailures,
     FailureEvents,
@@ -45,12 +46,11 @@ from jaxsat.spacecraft.wheel_actuators import (
     WheelDrives,
 )
 from jaxsat.spacecraft.wheel_failures import WheelFailureKind, WheelFailures
-from jaxsat.spacecraft.wheel_piece import WheelPiece
-from jaxsat.spacecraft.wheel_states import WheelStates, first_states
-from jaxsat.spacecraft.wheels import Wheels
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels, wheel_momentum
 
 __all__ = [
     "AbstractActuators",
+    "AbstractEffector",
     "AbstractFailures",
     "AbstractModulation",
     "AbstractPulsedActuators",
@@ -61,6 +61,7 @@ __all__ = [
     "Consumption",
     "DeltaSigma",
     "DrawnSensors",
+    "Effect",
     "FailureEvents",
     "FailureKind",
     "Gyro",
@@ -85,13 +86,12 @@ __all__ = [
     "WheelDrives",
     "WheelFailureKind",
     "WheelFailures",
-    "WheelPiece",
-    "WheelStates",
+    "WheelMomenta",
     "Wheels",
     "allocation",
-    "first_states",
     "inverse_of",
     "nearest_within",
     "one_thruster_coupling",
     "two_thruster_coupling",
+    "wheel_momentum",
 ]

@@ -1,59 +1,30 @@
-"""The plant: a rigid body in a circular orbit, equations (1), (10), (11), (36), (37); with wheels a
-gyrostat (Hughes, Spacecraft Attitude Dynamics, 1986, section 3.4).
+"""The plant: a rigid body in a circular orbit, equations (1), (10), (11), (36), (37).
 
-With J the inertia with the wheels locked, h the momenta of rotors relative to the body, J_w their
-inertias about their axes A, and c the torques of their motors and friction on the body:
-
-    J dω/dt + A dh/dt = -ω × (Jω + A h) + T + T_d,  dh/dt = -c - J_w aᵀdω/dt
-
-so that (J - Σ J_w a aᵀ) dω/dt = -ω × (Jω + A h) + A c + T + T_d. A wheel that friction or its limit
-keeps from turning has no term in that sum.
+With effectors that store momentum it is a gyrostat (Hughes, Spacecraft Attitude Dynamics, 1986,
+section 3.4).
+How a body and its effectors exchange torque and momentum: `jaxsat.spacecraft.effector`.
 """
 
-import dataclasses
-from typing import cast
+from collections.abc import Mapping
+from typing import TypeVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.core.attitude import AbstractAttitude
-from jaxsat.core.checks import as_float, as_optional_float, require_inertia
-from jaxsat.spacecraft import (
-    Magnetorquers,
-    Spacecraft,
-    WheelPiece,
-    Wheels,
-    WheelStates,
-    first_states,
-    inverse_of,
-)
-from jaxsat.spacecraft.environment import (
-    AbstractDisturbance,
-    AbstractOrbit,
-    DipoleField,
-    NoDisturbance,
-)
+from jaxsat.core.checks import require_inertia
+from jaxsat.spacecraft import Spacecraft, inverse_of
+from jaxsat.spacecraft.effector import AbstractEffector
+from jaxsat.spacecraft.environment import AbstractDisturbance, AbstractOrbit, NoDisturbance
+from jaxsat.spacecraft.plant_state import OfEach, PlantState
 
-STATE_PASSES = 3
-"""How often it is asked which wheels are held, each time with the rates that this gives."""
+RealScalar = Float[Array, ""]
+Struck = tuple[Bool[Array, " _"], ...]
+"""Which failures of each effector have struck."""
 
 
-class PlantState(eqx.Module):
-    """Attitude relative to the orbit frame, and inertial angular velocity in body axes, rad/s.
-
-    `wheel_momentum` (N m s) is that of each wheel relative to the body, None without wheels.
-    """
-
-    attitude: AbstractAttitude
-    omega: Float[Array, "3"] = eqx.field(converter=as_float)
-    wheel_momentum: Float[Array, " wheels"] | None = eqx.field(
-        converter=as_optional_float, default=None
-    )
-
-    def normalised(self) -> "PlantState":
-        """The same with attitude parameters that obey their constraint to rounding."""
-        return dataclasses.replace(self, attitude=self.attitude.normalised())
+Kind = TypeVar("Kind", bound=AbstractEffector)
 
 
 class RigidBody(eqx.Module):
@@ -64,69 +35,63 @@ class RigidBody(eqx.Module):
     with zero total momentum make true. A controller carries a `RigidBody` of its own, what it
     believes of the plant, so that plant and model can differ.
 
-    With `wheels` the inertia is that with the wheels locked. A state without wheel momenta is that
-    of the body whose wheels stand still. `magnetorquers` act in the Earth's magnetic `field`.
-    Raises `ValueError` for wheels of a body whose third rate is held, for rotors with more inertia
-    than the body has with them, and for magnetorquers without a field.
+    The inertia is that with all `effectors` locked. Raises `ValueError` for effectors with a state
+    on a body whose third rate is held, and for those with more inertia than the body has with them.
     """
 
     spacecraft: Spacecraft
     orbit: AbstractOrbit
     disturbance: AbstractDisturbance = NoDisturbance()
     third_rate_held: bool = eqx.field(static=True, default=False)
-    wheels: Wheels | None = None
-    magnetorquers: Magnetorquers | None = None
-    field: DipoleField | None = None
+    effectors: tuple[AbstractEffector, ...] = ()
 
     def __check_init__(self):
-        if self.magnetorquers is not None and self.field is None:
-            raise ValueError("Argument `field` must be given with `magnetorquers`.")
-        if self.third_rate_held and self.wheels is not None:
+        if self.third_rate_held and jax.tree.leaves([one.init() for one in self.effectors]):
             raise ValueError("The third rate of a body with wheels must not be held.")
-        if self.wheels is not None and self.wheels.rotor_inertia is not None:
-            require_inertia("inertia less that of all rotors", self.free_inertia())
+        free = [one.free_inertia() for one in self.effectors]
+        if any(one is not None for one in free):
+            require_inertia("inertia less that of all rotors", self._inertia(free))
+
+    def find(self, kind: type[Kind]) -> Kind | None:
+        """Its effector of this class; None without one."""
+        return next((one for one in self.effectors if isinstance(one, kind)), None)
 
     def relative_rate(self, state: PlantState) -> Float[Array, "3"]:
         """Equation (11): ω_r, the angular velocity relative to the orbit frame, rad/s."""
         return state.omega - self.orbit.frame_rate(state.attitude)
 
-    def disturbance_torque(self, t: Float[Array, ""], state: PlantState) -> Float[Array, "3"]:
+    def disturbance_torque(self, t: RealScalar, state: PlantState) -> Float[Array, "3"]:
         """T_d at time `t` (s), N m."""
         return self.disturbance(t, state.attitude, self.spacecraft.inertia)
 
     def total_momentum(self, state: PlantState) -> Float[Array, "3"]:
-        """J ω + A h in body axes, N m s: constant in inertial axes without external torque."""
-        return self._momentum(state.omega, state.wheel_momentum)
+        """J ω + Σ h in body axes, N m s: constant in inertial axes without external torque."""
+        total = self.spacecraft.inertia @ state.omega
+        for one, own in self._with(state):
+            stored = one.momentum(own)
+            total = total if stored is None else total + stored
+        return total
 
-    def _momentum(self, omega, wheel_momentum) -> Float[Array, "3"]:
-        momentum = self.spacecraft.inertia @ omega
-        if self.wheels is None or wheel_momentum is None:
-            return momentum
-        return momentum + self.wheels.axes @ wheel_momentum
+    def _with(self, state: PlantState) -> list[tuple]:
+        """Each effector with its state: none of them where the state has none."""
+        states = state.of_each if self.effectors else ()
+        return list(zip(self.effectors, states, strict=True)) if states else []
 
-    def free_inertia(self, turns: Bool[Array, " wheels"] | None = None) -> Float[Array, "3 3"]:
-        """J - Σ J_w a aᵀ over the wheels that turn, by default all, kg m²."""
-        wheels = self.wheels
-        if wheels is None or wheels.rotor_inertia is None:
-            return self.spacecraft.inertia
-        return self.spacecraft.inertia - wheels.rotors(turns)
+    def _inertia(self, corrections: list[Float[Array, "3 3"] | None]) -> Float[Array, "3 3"]:
+        """J + Σ D, kg m²."""
+        return sum((one for one in corrections if one is not None), self.spacecraft.inertia)
 
     def angular_acceleration(
-        self,
-        omega: Float[Array, "3"],
-        torque: Float[Array, "3"],
-        wheel_momentum: Float[Array, " wheels"] | None = None,
-        turns: Bool[Array, " wheels"] | None = None,
+        self, omega: Float[Array, "3"], torque: Float[Array, "3"]
     ) -> Float[Array, "3"]:
-        """Equation (1): J dω/dt = -ω × (J ω + A h) + torque, solved for dω/dt, rad/s².
+        """Equation (1): J dω/dt = -ω × J ω + torque (N m), solved for dω/dt, rad/s²."""
+        inertia = self.spacecraft.inertia
+        return self._solved(inertia, torque - jnp.cross(omega, inertia @ omega))
 
-        `torque` (N m) is all that acts on the body, that of the wheels A c included. With rotors
-        that have an inertia J on the left is `free_inertia` of the wheels that turn, by default of
-        all.
-        """
-        inverse = inverse_of(self.free_inertia(turns))
-        momentum = self._momentum(omega, wheel_momentum)
-        acceleration = inverse @ (torque - jnp.cross(omega, momentum))
+    def _solved(self, inertia: Float[Array, "3 3"], torque: Float[Array, "3"]):
+        """dω/dt of a body of this inertia (kg m²) under all torques (N m), rad/s²."""
+        inverse = inverse_of(inertia)
+        acceleration = inverse @ torque
         if self.third_rate_held:
             acceleration = acceleration - inverse[:, 2] * (acceleration[2] / inverse[2, 2])
             acceleration = acceleration.at[2].set(0.0)
@@ -148,212 +113,161 @@ class RigidBody(eqx.Module):
         row = spacecraft.inverse_inertia[2]
         return -(row @ total) / row[2]
 
-    def with_wheel_momentum(self, state: PlantState) -> PlantState:
-        """The state with the momenta of all wheels: zero where it has none."""
-        if self.wheels is None or state.wheel_momentum is not None:
+    def complete(self, state: PlantState) -> PlantState:
+        """The state with those of all effectors: at rest where it has none."""
+        if state.effectors or not self.effectors:
             return state
-        return PlantState(state.attitude, state.omega, jnp.zeros(self.wheels.count))
+        return self._moved(state, tuple(one.init() for one in self.effectors))
 
-    def wheel_torque(
-        self,
-        state: PlantState,
-        command: Float[Array, " wheels"] | None,
-        struck: Bool[Array, " f"] | None = None,
-        external: Float[Array, "3"] | None = None,
-    ) -> Float[Array, " wheels"] | None:
-        """What each wheel does to the body along its axis on a command, N m; None without wheels.
+    @staticmethod
+    def _moved(state: PlantState, effectors: OfEach) -> PlantState:
+        return PlantState(state.attitude, state.omega, effectors)
 
-        Without a command, None, it is what friction does. `struck` tells which failures of wheels
-        have struck, None for none. `external` (N m) is the torque of all but the wheels, None for
-        none, on which that of wheels with a rotor inertia depends.
+    def commands(self, asked: Mapping[str, Array | None]) -> OfEach:
+        """The command of each effector: by its kind, that which asks for nothing for None."""
+        found = [(one, asked.get(one.kind)) for one in self.effectors]
+        return tuple(one.idle() if command is None else command for one, command in found)
+
+    # Failures in flight.
+
+    @property
+    def failure_times(self) -> tuple[Float[Array, " _"], ...]:
+        """When each failure of each effector strikes, s."""
+        return tuple(one.failure_times for one in self.effectors)
+
+    def after_failures(self, state: PlantState, struck: Struck) -> PlantState:
+        """The state right after these failures have struck: J ω + Σ h is what it was.
+
+        Once more, it changes nothing.
         """
-        if self.wheels is None or state.wheel_momentum is None:
-            return None
-        piece = self.wheel_drive(state, command, struck, external)
-        assert piece is not None
-        state = self.after_wheel_failures(state, struck)
-        torque = piece.torque(cast(Array, state.wheel_momentum))
-        if piece.turns is None:
-            return torque
-        return jnp.where(piece.turns, torque, -self._drag(state, external, torque, piece.turns))
-
-    def wheel_drive(
-        self,
-        state: PlantState,
-        command: Float[Array, " wheels"] | None,
-        struck: Bool[Array, " f"] | None = None,
-        external: Float[Array, "3"] | None = None,
-    ) -> WheelPiece | None:
-        """What drives wheels at one instant, and which of them turn; None without wheels.
-
-        The arguments are those of `wheel_torque`.
-        """
-        if self.wheels is None or state.wheel_momentum is None:
-            return None
-        wheels, state, command = self._driven_wheels(self.wheels, state, command, struck)
-        momentum = cast(Array, state.wheel_momentum)
-        if wheels.rotor_inertia is None:
-            torque = wheels.torque(momentum, command)
-            return WheelPiece(torque, jnp.zeros_like(torque))
-        drive = wheels.motor_torque(command)
-        states = self.wheel_states(wheels, state, drive, external)
-        return states.piece(wheels, drive)
-
-    def wheel_states(
-        self,
-        wheels: Wheels,
-        state: PlantState,
-        drive: Float[Array, " wheels"],
-        external: Float[Array, "3"] | None,
-        states: WheelStates | None = None,
-    ) -> WheelStates:
-        """Which of `wheels`, whose motors make `drive` (N m), are held, and which turn.
-
-        By their momenta, or from the `states` on in which they were. `external` (N m) is the torque
-        of all else.
-        """
-        momentum = cast(Array, state.wheel_momentum)
-        states = first_states(wheels, momentum) if states is None else states
-        for _ in range(STATE_PASSES if wheels.limited is None else 0):
-            drag = self.wheel_drag(state, external, states.piece(wheels, drive))
-            margins = states.margins(wheels, momentum, drive, drag)
-            states = states.left(margins, drive, drag)
-        return states
-
-    def wheel_drag(
-        self, state: PlantState, external: Float[Array, "3"] | None, piece: WheelPiece
-    ) -> Float[Array, " wheels"]:
-        """J_w a·dω/dt of each wheel, N m; `external` (N m) is the torque of all but the wheels."""
-        return self._drag(
-            state, external, piece.torque(cast(Array, state.wheel_momentum)), piece.turns
-        )
-
-    def _drag(self, state: PlantState, external, torque, turns) -> Float[Array, " wheels"]:
-        wheels = self.wheels
-        assert wheels is not None
-        assert wheels.rotor_inertia is not None
-        total = wheels.axes @ torque + (0.0 if external is None else external)
-        rate = self.angular_acceleration(state.omega, total, state.wheel_momentum, turns)
-        return wheels.rotor_inertia * (wheels.axes.T @ rate)
-
-    def _driven_wheels(
-        self, wheels: Wheels, state: PlantState, command, struck
-    ) -> tuple[Wheels, PlantState, Float[Array, " wheels"]]:
-        """Wheels that fail no more, the state, and what is commanded of their motors."""
-        state = self.after_wheel_failures(state, struck)
-        momentum = cast(Array, state.wheel_momentum)
-        command = jnp.zeros_like(momentum) if command is None else command
-        if wheels.failures is not None and struck is not None:
-            condition = wheels.failures.condition(struck, wheels.count)
-            wheels, command = wheels.driven(condition, momentum, command)
-        return wheels, state, command
-
-    def after_wheel_failures(
-        self, state: PlantState, struck: Bool[Array, " f"] | None
-    ) -> PlantState:
-        """The state right after failures of wheels have struck: those that seize stand still.
-
-        J ω + A h is what it was, and so is J_w aᵀω + h of each other wheel. Once more, it changes
-        nothing.
-        """
-        wheels, momentum = self.wheels, state.wheel_momentum
-        if wheels is None or wheels.failures is None or momentum is None or struck is None:
+        if all(one.failures is None for one in self.effectors):
             return state
-        stopped = wheels.failures.condition(struck, wheels.count).stopped
-        given = jnp.where(stopped, momentum, 0.0)
-        kick = inverse_of(self.free_inertia(~stopped)) @ (wheels.axes @ given)
-        if wheels.rotor_inertia is not None:
-            momentum = momentum - wheels.rotor_inertia * (wheels.axes.T @ kick)
-        momentum = jnp.where(stopped, 0.0, momentum)
-        return PlantState(state.attitude, state.omega + kick, momentum)
+        parts = list(zip(self.effectors, state.of_each, struck, strict=True))
+        blows = [one.blow(own, mine) for one, own, mine in parts]
+        inertia = self._inertia([blow.inertia for blow in blows])
+        impulse = sum((blow.torque for blow in blows[1:]), blows[0].torque)
+        change = inverse_of(inertia) @ impulse
+        after = tuple(one.blown(own, mine, change) for one, own, mine in parts)
+        return PlantState(state.attitude, state.omega + change, after)
 
-    def wheel_events(
+    def driven(
+        self, state: PlantState, commands: OfEach, struck: Struck
+    ) -> "tuple[RigidBody, OfEach]":
+        """The body whose effectors fail no more once these have struck, and their commands."""
+        parts = zip(self.effectors, state.of_each, commands, struck, strict=True)
+        pairs = [one.driven(own, command, mine) for one, own, command, mine in parts]
+        body = self.with_effectors(tuple(one for one, _ in pairs))
+        return body, tuple(command for _, command in pairs)
+
+    def with_effectors(self, effectors: tuple[AbstractEffector, ...]) -> "RigidBody":
+        """The same body with these in place of its effectors."""
+        return eqx.tree_at(lambda x: x.effectors, self, effectors) if effectors else self
+
+    # Motion.
+
+    def modes(
         self,
-        state: PlantState,
-        command: Float[Array, " wheels"] | None,
-        struck: Bool[Array, " f"] | None = None,
-        external: Float[Array, "3"] | None = None,
-    ) -> Float[Array, " m"]:
-        """The wheels' event functions on a command, of which there are none without wheels.
-
-        The arguments are those of `wheel_torque`.
-        """
-        if self.wheels is None or state.wheel_momentum is None:
-            return jnp.zeros(0, state.omega.dtype)
-        wheels, state, command = self._driven_wheels(self.wheels, state, command, struck)
-        momentum = cast(Array, state.wheel_momentum)
-        if wheels.rotor_inertia is None:
-            return wheels.event_functions(momentum, command)
-        drive = wheels.motor_torque(command)
-        piece = self.wheel_states(wheels, state, drive, external).piece(wheels, drive)
-        return wheels.event_functions(momentum, command, self.wheel_drag(state, external, piece))
-
-    def wheel_piece(self, signs: Bool[Array, " m"]) -> "RigidBody":
-        """This body with each wheel at its momentum limit or not, as the wheels' events tell."""
-        if self.wheels is None or not signs.size:
-            return self
-        return dataclasses.replace(self, wheels=self.wheels.smooth_piece(signs))
-
-    def magnetic_torque(
-        self, t: float | Float[Array, ""], state: PlantState, dipole: Float[Array, "3"]
-    ) -> Float[Array, "3"]:
-        """m × B in body axes at time `t` (s), N m, of a dipole m in body axes (A m²)."""
-        if self.field is None:
-            return jnp.zeros_like(dipole)
-        return jnp.cross(dipole, self.field.in_body(jnp.asarray(t), state.attitude))
-
-    def control_torque(
-        self, torque: Float[Array, "3"], wheel_torque: Float[Array, " wheels"] | None
-    ) -> Float[Array, "3"]:
-        """The torque of thrusters and wheels on the body, N m."""
-        if self.wheels is None or wheel_torque is None:
-            return torque
-        return torque + self.wheels.axes @ wheel_torque
-
-    def rate(
-        self,
-        t: Float[Array, ""],
+        t: RealScalar,
         state: PlantState,
         torque: Float[Array, "3"],
-        wheel_torque: Float[Array, " wheels"] | None = None,
-        turns: Bool[Array, " wheels"] | None = None,
+        commands: OfEach,
+        modes: OfEach | None = None,
+    ) -> OfEach:
+        """How the effectors move on their commands while all else makes a torque (N m).
+
+        By their states, or from the `modes` on in which they were.
+        """
+        if modes is None:
+            modes = tuple(one.mode(own) for one, own in self._with(state))
+        for _ in range(max((one.mode_passes for one in self.effectors), default=0)):
+            acceleration = self.acceleration(t, state, torque, self.pieces(modes, commands))
+            modes = self.modes_after(modes, state, commands, acceleration)
+        return modes
+
+    def modes_after(
+        self, modes: OfEach, state: PlantState, commands: OfEach, acceleration: Float[Array, "3"]
+    ) -> OfEach:
+        """The modes after those that effectors have left where dω/dt is this (rad/s²)."""
+        parts = zip(self.effectors, modes, state.of_each, commands, strict=True)
+        return tuple(one.mode_after(m, s, c, acceleration) for one, m, s, c in parts)
+
+    def pieces(self, modes: OfEach, commands: OfEach) -> OfEach:
+        """What the torques of effectors depend on in these modes and on these commands."""
+        parts = zip(self.effectors, modes, commands, strict=True)
+        return tuple(one.piece(mode, command) for one, mode, command in parts)
+
+    def acceleration(
+        self, t: RealScalar, state: PlantState, torque: Float[Array, "3"], pieces: OfEach = ()
+    ) -> Float[Array, "3"]:
+        """dω/dt (rad/s²) at time `t` (s) under a thruster torque (N m), effectors in `pieces`.
+
+        Without pieces they make no torque and keep their momenta.
+        """
+        effects = [
+            one.effect(piece, t, state, own)
+            for (one, own), piece in zip(self._with(state), pieces, strict=False)
+        ]
+        total = sum((effect.torque for effect in effects), torque)
+        total = total + self.disturbance_torque(t, state)
+        total = total - jnp.cross(state.omega, self.total_momentum(state))
+        return self._solved(self._inertia([effect.inertia for effect in effects]), total)
+
+    def rate(
+        self, t: RealScalar, state: PlantState, torque: Float[Array, "3"], pieces: OfEach = ()
     ) -> PlantState:
-        """Time derivative of the state at time `t` (s) under a thruster torque, N m.
+        """Time derivative of the state; the arguments are those of `acceleration`."""
+        acceleration = self.acceleration(t, state, torque, pieces)
+        own = jax.tree.map(jnp.zeros_like, state.effectors)
+        if pieces:
+            parts = zip(self.effectors, pieces, state.of_each, strict=True)
+            own = tuple(one.derivative(piece, state, x, acceleration) for one, piece, x in parts)
+        return PlantState(state.attitude.rate(self.relative_rate(state)), acceleration, own)
 
-        `wheel_torque` (N m) is what motor and friction of each wheel do to the body along its axis,
-        None for nothing. `turns` tells which wheels do not keep their momentum, None for all;
-        the others make no such torque.
-        """
-        total = self.control_torque(torque, wheel_torque) + self.disturbance_torque(t, state)
-        rate = self.angular_acceleration(state.omega, total, state.wheel_momentum, turns)
-        return PlantState(
-            state.attitude.rate(self.relative_rate(state)),
-            rate,
-            self._momentum_rate(state, rate, wheel_torque, turns),
-        )
+    def control_torque(
+        self,
+        t: RealScalar,
+        state: PlantState,
+        torque: Float[Array, "3"],
+        pieces: OfEach,
+        acceleration: Float[Array, "3"],
+    ) -> Float[Array, "3"]:
+        """The torque of thrusters and effectors on the body where dω/dt is this, N m."""
+        parts = zip(self.effectors, pieces, state.of_each, strict=True)
+        made = [one.torque(piece, t, state, own, acceleration) for one, piece, own in parts]
+        return sum(made, torque)
 
-    def _momentum_rate(
-        self, state: PlantState, rate: Float[Array, "3"], wheel_torque, turns
-    ) -> Float[Array, " wheels"] | None:
-        """dh/dt = -c - J_w aᵀdω/dt, N m."""
-        if wheel_torque is None:
-            if state.wheel_momentum is None:
-                return None
-            wheel_torque = jnp.zeros_like(state.wheel_momentum)
-        found = -wheel_torque
-        wheels = self.wheels
-        if wheels is None or wheels.rotor_inertia is None:
-            return found
-        found = found - wheels.rotor_inertia * (wheels.axes.T @ rate)
-        return found if turns is None else jnp.where(turns, found, 0.0)
+    def stored(self, state: PlantState) -> dict[str, Array]:
+        """What effectors store, by the names of fields of `Signals`."""
+        parts = self._with(state)
+        return {name: x for one, own in parts for name, x in one.stored(own).items()}
 
-    def made_by_wheels(self, rate: PlantState) -> Float[Array, " wheels"] | None:
-        """c = -(dh/dt + J_w aᵀdω/dt) of each wheel, N m, at a time derivative of the state.
+    def signals(
+        self, state: PlantState, pieces: OfEach, acceleration: Float[Array, "3"]
+    ) -> dict[str, Array]:
+        """What effectors do, by the names of fields of `Signals`."""
+        parts = zip(self.effectors, pieces, state.of_each, strict=True)
+        made = [one.signals(piece, own, acceleration) for one, piece, own in parts]
+        return {name: x for found in made for name, x in found.items()}
 
-        Of a wheel that keeps its momentum it is what turns its rotor with the body. None without
-        wheels.
-        """
-        wheels, momentum = self.wheels, rate.wheel_momentum
-        if wheels is None or momentum is None or wheels.rotor_inertia is None:
-            return None if momentum is None else -momentum
-        return -(momentum + wheels.rotor_inertia * (wheels.axes.T @ rate.omega))
+    # Corners under a continuous command.
+
+    @property
+    def event_count(self) -> int:
+        """How many corners effectors have."""
+        return sum(one.event_count for one in self.effectors)
+
+    def event_functions(
+        self, state: PlantState, commands: OfEach, acceleration: Float[Array, "3"]
+    ) -> Float[Array, " m"]:
+        """The effectors' event functions where dω/dt is this (rad/s²)."""
+        parts = zip(self.effectors, state.of_each, commands, strict=True)
+        found = [one.event_functions(own, command, acceleration) for one, own, command in parts]
+        return jnp.concatenate([*found, jnp.zeros(0, state.omega.dtype)])
+
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "RigidBody":
+        """This body with each effector in the smooth piece that its events tell."""
+        held, begin = [], 0
+        for one in self.effectors:
+            held.append(one.smooth_piece(signs[begin : begin + one.event_count]))
+            begin += one.event_count
+        return self.with_effectors(tuple(held))

@@ -9,8 +9,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.spacecraft.wheel_piece import WheelPiece
-
 RealScalar = Float[Array, ""]
 
 
@@ -18,20 +16,15 @@ class Hold(NamedTuple):
     """A time in a period during which the torque on the body changes evenly, or not at all.
 
     `begin` and `length` are in s, `begin` from the sample on. The torque (N m) is `torque` at the
-    begin and changes by `torque_rate` (N m/s); None is a torque that stays. `wheels` is the piece
-    that wheels are in, `dipole` (A m²) that of all magnetorquers in body axes; None without them.
+    begin and changes by `torque_rate` (N m/s); None is a torque that stays. `pieces` are those that
+    the effectors of the body are in.
     """
 
     begin: RealScalar
     length: RealScalar
     torque: Float[Array, "3"]
     torque_rate: Float[Array, "3"] | None = None
-    wheels: WheelPiece | None = None
-    dipole: Float[Array, "3"] | None = None
-
-    def wheel_torque(self, momentum: Float[Array, " wheels"] | None):
-        """What each wheel does to the body along its axis, N m; None without wheels."""
-        return None if self.wheels is None or momentum is None else self.wheels.torque(momentum)
+    pieces: tuple[PyTree, ...] = ()
 
     def part(self, elapsed: RealScalar, length: RealScalar) -> "Hold":
         """The part that begins `elapsed` seconds after the begin, of this length (s)."""

@@ -1,33 +1,43 @@
 """Magnetorquers: coils or rods whose magnetic dipole turns the body in the Earth's field."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.axes import turned_axes, unit_axes
+from jaxsat.spacecraft.effector import AbstractEffector, Effect
+from jaxsat.spacecraft.environment.magnetic_field import DipoleField
 from jaxsat.spacecraft.failures import MagnetorquerFailures
 
 
-class Magnetorquers(eqx.Module):
+class Magnetorquers(AbstractEffector):
     """k magnetorquers along any axes, of shape (3, k) in body axes, scaled to unit length.
 
     `dipole_limit` (A m²), one number or one for each, bounds their dipoles, which follow a command
-    at once. `failures` strike them in flight. Raises `ValueError` for an axis or a limit of zero.
+    at once. They act in the Earth's magnetic `field`. `failures` strike them in flight. Raises
+    `ValueError` for an axis or a limit of zero.
     """
+
+    kind: ClassVar[str] = "magnetorquer"
 
     axes: Float[Array, "3 k"]
     dipole_limit: Float[Array, " k"]
+    field: DipoleField
     failures: MagnetorquerFailures | None
 
     def __init__(
         self,
         axes: ArrayLike | list,
         dipole_limit: ArrayLike | list,
+        field: DipoleField,
         failures: MagnetorquerFailures | None = None,
     ):
         self.axes = unit_axes(as_float(axes))
         self.dipole_limit = as_float(dipole_limit) * jnp.ones(self.count)
+        self.field = field
         self.failures = failures
 
     def __check_init__(self):
@@ -38,20 +48,34 @@ class Magnetorquers(eqx.Module):
         """How many magnetorquers there are."""
         return self.axes.shape[1]
 
-    @property
-    def failure_times(self) -> Float[Array, " f"]:
-        """When each failure strikes, s."""
-        return jnp.zeros(0) if self.failures is None else self.failures.at
-
-    def dipoles(
-        self, command: Float[Array, " k"], struck: Bool[Array, " f"] | None = None
-    ) -> Float[Array, " k"]:
-        """The dipole of each on a command, A m², once the failures `struck` have struck."""
-        made = jnp.clip(command, -self.dipole_limit, self.dipole_limit)
-        if self.failures is None or struck is None:
-            return made
+    def driven(
+        self, state: None, command: Float[Array, " k"], struck: Bool[Array, " f"]
+    ) -> "tuple[Magnetorquers, Float[Array, ' k']]":
+        """Magnetorquers that fail no more, and the dipole of each, A m²."""
+        if self.failures is None:
+            return self, command
         gain, level = self.failures.two_signed(struck, self.count)
-        return gain * made + level * self.dipole_limit
+        left = eqx.tree_at(lambda one: one.failures, self, None)
+        return left, gain * self._dipoles(command) + level * self.dipole_limit
+
+    def _dipoles(self, command: Float[Array, " k"]) -> Float[Array, " k"]:
+        return jnp.clip(command, -self.dipole_limit, self.dipole_limit)
+
+    def piece(self, mode: tuple, command: Float[Array, " k"]) -> Float[Array, " k"]:
+        """The dipole of each on a command, A m²."""
+        del mode
+        return self._dipoles(command)
+
+    def effect(self, piece: Float[Array, " k"], t, plant, state: None) -> Effect:
+        """m × B of the dipole m of all."""
+        del state
+        field = self.field.in_body(jnp.asarray(t), plant.attitude)
+        return Effect(jnp.cross(self.axes @ piece, field))
+
+    def signals(self, piece: Float[Array, " k"], state: None, acceleration) -> dict[str, Array]:
+        """The dipole of each."""
+        del state, acceleration
+        return {"dipole": piece}
 
     def misaligned(self, angles: Float[Array, "k 2"]) -> "Magnetorquers":
         """Magnetorquers turned by small angles (rad) towards two directions across each axis."""

@@ -2,11 +2,12 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, UInt32
+from jaxtyping import Array, Float, Int, PyTree, UInt32
 
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.spacecraft.sensors import as_key
+from jaxsat.spacecraft.wheels import WheelMomenta
 
 
 class Tachometers(eqx.Module):
@@ -22,9 +23,15 @@ class Tachometers(eqx.Module):
     def __check_init__(self):
         require_positive("noise", self.noise, zero_allowed=True)
 
-    def __call__(
-        self, sample: Int[Array, ""], momentum: Float[Array, " wheels"]
-    ) -> Float[Array, " wheels"]:
-        """The measured momenta, N m s."""
+    def __call__(self, sample: Int[Array, ""], effectors: PyTree) -> PyTree:
+        """States of effectors with the momenta of wheels as they are measured, N m s."""
         own = fold_in(self.key, jnp.asarray(name_number("tachometers"), jnp.uint32))
-        return momentum + self.noise * sample_noise(own, sample, momentum.shape[0], momentum.dtype)
+
+        def measured(state: PyTree) -> PyTree:
+            if not isinstance(state, WheelMomenta):
+                return state
+            momentum = state.momentum
+            noise = sample_noise(own, sample, momentum.shape[0], momentum.dtype)
+            return WheelMomenta(momentum + self.noise * noise)
+
+        return tuple(measured(state) for state in effectors)

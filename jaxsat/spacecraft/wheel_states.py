@@ -8,13 +8,15 @@ So a wheel at rest is held by Coulomb friction up to |c + J_w a·dω/dt| = τ, o
 momentum is held until both together slow it down, and held wheels turn with the body as if locked.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.spacecraft.wheel_piece import WheelPiece
-from jaxsat.spacecraft.wheels import Wheels
+
+if TYPE_CHECKING:
+    from jaxsat.spacecraft.wheels import Wheels
 
 OfEach = Float[Array, " wheels"]
 
@@ -34,19 +36,19 @@ class WheelStates(NamedTuple):
         """Which wheels do not keep their momentum relative to the body."""
         return ~(self.rests | self.limited)
 
-    def piece(self, wheels: Wheels, drive: OfEach) -> WheelPiece:
+    def piece(self, wheels: "Wheels", drive: OfEach) -> WheelPiece:
         """The torque of `wheels` in these states whose motors make the torques `drive` (N m)."""
         drive, decay = self._unheld(wheels, drive)
         turns = self.turns
         return WheelPiece(jnp.where(turns, drive, 0.0), jnp.where(turns, decay, 0.0), turns)
 
-    def _unheld(self, wheels: Wheels, drive: OfEach) -> tuple[OfEach, OfEach]:
+    def _unheld(self, wheels: "Wheels", drive: OfEach) -> tuple[OfEach, OfEach]:
         if wheels.coulomb_friction is not None:
             drive = drive + wheels.coulomb_friction * self.side
         return drive, wheels.decay + jnp.zeros_like(drive)
 
     def margins(
-        self, wheels: Wheels, momentum: OfEach, drive: OfEach, drag: OfEach
+        self, wheels: "Wheels", momentum: OfEach, drive: OfEach, drag: OfEach
     ) -> Float[Array, "2 wheels"]:
         """How far each wheel is from leaving its state: below zero for one that has left it.
 
@@ -86,7 +88,7 @@ class WheelStates(NamedTuple):
         )
 
     def snapped(
-        self, wheels: Wheels, momentum: OfEach, margins: Float[Array, "2 wheels"]
+        self, wheels: "Wheels", momentum: OfEach, margins: Float[Array, "2 wheels"]
     ) -> OfEach:
         """Momenta (N m s) that are exactly zero, or the limit, where wheels have come to it."""
         first, second = margins < 0
@@ -97,7 +99,7 @@ class WheelStates(NamedTuple):
         return jnp.where(first & self.turns, 0.0, momentum)
 
 
-def first_states(wheels: Wheels, momentum: OfEach) -> WheelStates:
+def first_states(wheels: "Wheels", momentum: OfEach) -> WheelStates:
     """The states of wheels by their momenta (N m s) alone: those that may be held are."""
     never = jnp.zeros_like(momentum) > 0
     rests = limited = never

@@ -7,13 +7,12 @@ inertia J_w about its axis a also stays behind where the body turns faster:
 
     dh/dt = -(c + b h / J_w + τ sign h) - J_w a·dω/dt
 
-At its limit a wheel takes no torque that would raise its momentum further. Without a rotor inertia,
-and while a command stays, the momentum of each wheel is a scalar linear ODE, monotonic in time, so
-the instants at which it comes to zero, where Coulomb friction may hold it, and to its limit are
-closed forms. With one they depend on the body: `jaxsat.spacecraft.wheel_states`.
+At its limit a wheel takes no torque that would raise its momentum further. Which wheels are held is
+their mode (`jaxsat.spacecraft.wheel_states`); `jaxsat.spacecraft.wheel_course` has in closed form
+when that changes where it does not depend on the body.
 """
 
-from typing import NamedTuple
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,28 +21,27 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
 from jaxsat.core.errors import ArgumentError
+from jaxsat.spacecraft import wheel_course
 from jaxsat.spacecraft.axes import unit_axes
-from jaxsat.spacecraft.wheel_failures import WheelCondition, WheelFailures
-from jaxsat.spacecraft.wheel_piece import WheelPiece, time_to
+from jaxsat.spacecraft.effector import AbstractEffector, Effect
+from jaxsat.spacecraft.wheel_failures import WheelFailureKind, WheelFailures
+from jaxsat.spacecraft.wheel_piece import WheelPiece
+from jaxsat.spacecraft.wheel_states import WheelStates, first_states
 
 OfEach = ArrayLike | list | tuple | None
 """One number, one for each wheel, or None."""
 
-
-class _Course(NamedTuple):
-    """How momenta go under a command that stays.
-
-    The sign of Coulomb friction `before` and `after` the instant `zero` (s) at which a momentum
-    comes to zero, and the instant `limit` (s) at which it comes to its limit; infinite for never.
-    """
-
-    before: Float[Array, " wheels"]
-    after: Float[Array, " wheels"]
-    zero: Float[Array, " wheels"]
-    limit: Float[Array, " wheels"]
+STATE_PASSES = 3
+"""How often it is asked which wheels are held, each time with the rates that this gives."""
 
 
-class Wheels(eqx.Module):
+class WheelMomenta(eqx.Module):
+    """The state of wheels: the momentum of each relative to the body, N m s."""
+
+    momentum: Float[Array, " wheels"] = eqx.field(converter=as_float)
+
+
+class Wheels(AbstractEffector):
     """Reaction wheels along any axes, of shape (3, wheels) in body axes, scaled to unit length.
 
     `torque_limit` (N m) bounds each motor's torque and `momentum_limit` (N m s) each momentum.
@@ -53,6 +51,8 @@ class Wheels(eqx.Module):
     `limited` holds each wheel at its momentum limit or off it, see `smooth_piece`, `seized` those
     at rest that have seized. Raises `ValueError` for numbers that no wheel has.
     """
+
+    kind: ClassVar[str] = "wheel"
 
     axes: Float[Array, "3 wheels"]
     torque_limit: Float[Array, " wheels"] | None
@@ -109,11 +109,6 @@ class Wheels(eqx.Module):
         """How many wheels there are."""
         return self.axes.shape[1]
 
-    @property
-    def edge_count(self) -> int:
-        """How many `edges` there are in a hold."""
-        return self.count * sum(x is not None for x in (self.coulomb_friction, self.momentum_limit))
-
     def rotors(self, turns: Bool[Array, " wheels"] | None = None) -> Float[Array, "3 3"]:
         """Σ J_w a aᵀ (kg m²) over the wheels that turn, by default all: their part of the body."""
         if self.rotor_inertia is None:
@@ -135,57 +130,125 @@ class Wheels(eqx.Module):
             return command
         return jnp.clip(command, -self.torque_limit, self.torque_limit)
 
-    def torque(
-        self, momentum: Float[Array, " wheels"], command: Float[Array, " wheels"]
+    def _drag(self, acceleration: Float[Array, "3"]) -> Float[Array, " wheels"]:
+        """J_w a·dω/dt of each wheel, N m."""
+        if self.rotor_inertia is None:
+            return jnp.zeros(self.count, acceleration.dtype)
+        return self.rotor_inertia * (self.axes.T @ acceleration)
+
+    # State, effect and derivative.
+
+    def init(self) -> WheelMomenta:
+        """All stand still."""
+        return WheelMomenta(jnp.zeros(self.count))
+
+    def momentum(self, state: WheelMomenta) -> Float[Array, "3"]:
+        """A h in body axes, N m s."""
+        return self.axes @ state.momentum
+
+    def free_inertia(self) -> Float[Array, "3 3"] | None:
+        """-Σ J_w a aᵀ of all wheels, kg m²."""
+        return self._correction(None)
+
+    def _correction(self, turns: Bool[Array, " wheels"] | None) -> Float[Array, "3 3"] | None:
+        return None if self.rotor_inertia is None else -self.rotors(turns)
+
+    @property
+    def mode_passes(self) -> int:
+        """That of wheels at their limits or not as told is known from the beginning."""
+        if self.limited is not None:
+            return 0
+        return 1 if self.rotor_inertia is None else STATE_PASSES
+
+    def mode(self, state: WheelMomenta) -> WheelStates:
+        """By their momenta: those that may be held are."""
+        return first_states(self, state.momentum)
+
+    def mode_after(
+        self, mode: WheelStates, state: WheelMomenta, command, acceleration
+    ) -> WheelStates:
+        """After those of which a margin is below zero."""
+        if self.limited is not None:
+            return mode
+        drive, drag = self.motor_torque(command), self._drag(acceleration)
+        return mode.left(mode.margins(self, state.momentum, drive, drag), drive, drag)
+
+    def piece(self, mode: WheelStates, command: Float[Array, " wheels"]) -> WheelPiece:
+        """Drive and decay of each wheel, and which of them turn."""
+        return mode.piece(self, self.motor_torque(command))
+
+    def effect(self, piece: WheelPiece, t, plant, state: WheelMomenta) -> Effect:
+        """A c, and -Σ J_w a aᵀ of the wheels that turn."""
+        del t, plant
+        return Effect(self.axes @ piece.torque(state.momentum), self._correction(piece.turns))
+
+    def derivative(
+        self, piece: WheelPiece, plant, state: WheelMomenta, acceleration
+    ) -> WheelMomenta:
+        """dh/dt = -c - J_w aᵀdω/dt of the wheels that turn, N m."""
+        del plant
+        return WheelMomenta(self._rate(piece, state, acceleration))
+
+    def _rate(self, piece: WheelPiece, state: WheelMomenta, acceleration):
+        found = -piece.torque(state.momentum)
+        if self.rotor_inertia is None:
+            return found
+        found = found - self._drag(acceleration)
+        return found if piece.turns is None else jnp.where(piece.turns, found, 0.0)
+
+    def made(
+        self, piece: WheelPiece, state: WheelMomenta, acceleration: Float[Array, "3"]
     ) -> Float[Array, " wheels"]:
-        """The torque on the body along each axis, N m, at one instant; dh/dt is its negative.
+        """What each wheel does to the body along its axis, N m.
 
-        So it is without a rotor inertia, or while the body turns evenly.
+        Of one that keeps its momentum it is what turns its rotor with the body.
         """
-        torque = self._unlimited(momentum, command)
-        if self.momentum_limit is None:
+        torque = piece.torque(state.momentum)
+        if piece.turns is None or self.rotor_inertia is None:
             return torque
-        limited = self.limited
-        if limited is None:
-            limited = (jnp.abs(momentum) >= self.momentum_limit) & (torque * momentum < 0)
-        return jnp.where(limited, 0.0, torque)
+        return jnp.where(piece.turns, torque, -self._drag(acceleration))
 
-    def _unlimited(self, momentum, command) -> Float[Array, " wheels"]:
-        """The torque off the momentum limits."""
-        drive = self.motor_torque(command)
-        return self._piece(drive, self._side(momentum, drive)).torque(momentum)
+    def torque(self, piece: WheelPiece, t, plant, state: WheelMomenta, acceleration):
+        """A c with what turns rotors that keep their momentum, N m."""
+        del t, plant
+        return self.axes @ self.made(piece, state, acceleration)
 
-    def _side(self, momentum, drive) -> Float[Array, " wheels"]:
-        """The sign of Coulomb friction: zero for a wheel that it holds at rest."""
-        if self.coulomb_friction is None:
-            return jnp.zeros_like(drive)
-        from_rest = jnp.where(jnp.abs(drive) > self.coulomb_friction, -jnp.sign(drive), 0.0)
-        return jnp.where(momentum == 0, from_rest, jnp.sign(momentum))
+    def signals(self, piece: WheelPiece, state: WheelMomenta, acceleration) -> dict[str, Array]:
+        """The torque of each wheel."""
+        return {"wheel_torque": self.made(piece, state, acceleration)}
 
-    def _piece(self, drive, side) -> WheelPiece:
-        """Wheels off their limits whose Coulomb friction has these signs."""
-        decay = jnp.zeros_like(drive) + self.decay
-        if self.coulomb_friction is None:
-            return WheelPiece(drive, decay)
-        rests = side == 0
-        drive = drive + self.coulomb_friction * side
-        return WheelPiece(jnp.where(rests, 0.0, drive), jnp.where(rests, 0.0, decay))
+    def stored(self, state: WheelMomenta) -> dict[str, Array]:
+        """The momentum of each wheel."""
+        return {"wheel_momentum": state.momentum}
 
     # Failures in flight.
 
-    @property
-    def failure_times(self) -> Float[Array, " f"]:
-        """When each failure strikes, s."""
-        return jnp.zeros(0) if self.failures is None else self.failures.at
+    def _stopped(self, struck: Bool[Array, " f"]) -> Bool[Array, " wheels"]:
+        if self.failures is None:
+            return jnp.zeros(self.count, bool)
+        return self.failures.condition(struck, self.count).stopped
+
+    def blow(self, state: WheelMomenta, struck: Bool[Array, " f"]) -> Effect:
+        """The momenta of wheels that seize, and the rotors of those that do not."""
+        stopped = self._stopped(struck)
+        given = self.axes @ jnp.where(stopped, state.momentum, 0.0)
+        return Effect(given, self._correction(~stopped))
+
+    def blown(self, state: WheelMomenta, struck: Bool[Array, " f"], change) -> WheelMomenta:
+        """Those that seize stand still; J_w aᵀω + h of each other wheel is what it was."""
+        momentum = state.momentum
+        if self.rotor_inertia is not None:
+            momentum = momentum - self._drag(change)
+        return WheelMomenta(jnp.where(self._stopped(struck), 0.0, momentum))
 
     def driven(
-        self,
-        condition: WheelCondition,
-        momentum: Float[Array, " wheels"],
-        command: Float[Array, " wheels"],
+        self, state: WheelMomenta, command: Float[Array, " wheels"], struck: Bool[Array, " f"]
     ) -> "tuple[Wheels, Float[Array, ' wheels']]":
-        """Wheels that fail no more but are in this condition, and what their motors make, N m."""
-        coulomb = jnp.zeros_like(momentum)
+        """Wheels that fail no more but are in their condition, and what their motors make, N m."""
+        if self.failures is None:
+            return self, command
+        condition = self.failures.condition(struck, self.count)
+        coulomb = jnp.zeros_like(state.momentum)
         if self.coulomb_friction is not None:
             coulomb = self.coulomb_friction
         coulomb = jnp.maximum(condition.friction * coulomb, condition.coulomb)
@@ -199,7 +262,7 @@ class Wheels(eqx.Module):
             (coulomb, viscous, None, seized),
             is_leaf=lambda x: x is None,
         )
-        torque = condition.command(self.motor_torque(command), momentum, self.torque_limit)
+        torque = condition.command(self.motor_torque(command), state.momentum, self.torque_limit)
         return wheels, torque
 
     def without_corners(self) -> "Wheels":
@@ -213,72 +276,50 @@ class Wheels(eqx.Module):
 
     # A held command: edges, and the piece between two of them.
 
-    def edges(
-        self,
-        momentum: Float[Array, " wheels"],
-        command: Float[Array, " wheels"],
-        period: Float[Array, ""],
-    ) -> Float[Array, " edges"]:
-        """Instants (s) in [0, `period`] at which the torque of a wheel jumps, in no order.
+    @property
+    def edge_count(self) -> int:
+        """One for each wheel that friction may bring to rest, and one for each with a limit."""
+        return self.count * sum(x is not None for x in (self.coulomb_friction, self.momentum_limit))
 
-        The command stays for the `period` (s), from `momentum` (N m s) on. Each wheel has one edge
-        where it comes to rest, if there is Coulomb friction, and one at its limit, if it has one:
-        `period` where that does not happen. So it is without a rotor inertia, or while the body
-        turns evenly.
-        """
-        course = self._course(momentum, command)
-        found = [] if self.coulomb_friction is None else [course.zero]
-        found += [] if self.momentum_limit is None else [course.limit]
-        return jnp.minimum(jnp.concatenate([*found, jnp.zeros(0, momentum.dtype)]), period)
+    @property
+    def follows_body(self) -> bool:
+        """Where rotors have an inertia and wheels may be held."""
+        holds = self.edge_count > 0 or self.seized is not None
+        return self.rotor_inertia is not None and holds
 
-    def piece(
-        self,
-        momentum: Float[Array, " wheels"],
-        command: Float[Array, " wheels"],
-        elapsed: Float[Array, ""],
-    ) -> WheelPiece:
-        """The piece that holds `elapsed` seconds after a command began to stay at `momentum`.
+    def edges(self, state: WheelMomenta, command, period) -> Float[Array, " edges"]:
+        """Where wheels come to rest or to their limits."""
+        return wheel_course.edges_of(self, state.momentum, command, period)
 
-        Between two edges it is asked for in their middle, where rounding decides nothing.
-        """
-        course, drive = self._course(momentum, command), self.motor_torque(command)
-        piece = self._piece(drive, jnp.where(elapsed < course.zero, course.before, course.after))
-        limited = elapsed >= course.limit
-        drive, decay = jnp.where(limited, 0.0, piece.drive), jnp.where(limited, 0.0, piece.decay)
-        return WheelPiece(drive, decay)
+    def held_piece(self, state: WheelMomenta, command, elapsed) -> WheelPiece:
+        """While the body turns evenly, or without a rotor inertia."""
+        return wheel_course.piece_after(self, state.momentum, command, elapsed)
 
-    def snapped(
-        self,
-        momentum: Float[Array, " wheels"],
-        command: Float[Array, " wheels"],
-        elapsed: Float[Array, ""],
-        reached: Float[Array, " wheels"],
-    ) -> Float[Array, " wheels"]:
-        """What momenta have `reached` (N m s), `elapsed` seconds after a command began to stay at
-        `momentum`: exactly zero, or the limit, where the edge at which they come to it is then."""
-        course = self._course(momentum, command)
-        if self.momentum_limit is not None:
-            limit = jnp.sign(reached) * self.momentum_limit
-            reached = jnp.where(elapsed == course.limit, limit, reached)
-        return jnp.where(elapsed == course.zero, 0.0, reached)
+    def snapped(self, state: WheelMomenta, command, elapsed, reached: WheelMomenta) -> WheelMomenta:
+        """Exactly zero, or the limit, where wheels come to it then."""
+        momentum = state.momentum
+        return WheelMomenta(
+            wheel_course.snapped(self, momentum, command, elapsed, reached.momentum)
+        )
 
-    def _course(self, momentum, command) -> _Course:
-        drive = self.motor_torque(command)
-        before = self._side(momentum, drive)
-        after = self._side(jnp.zeros_like(momentum), drive)
-        never = jnp.full_like(momentum, jnp.inf)
-        zero = limit = never
-        if self.coulomb_friction is not None:
-            piece = self._piece(drive, before)
-            slows = piece.torque(momentum) * momentum > 0
-            zero = jnp.where(slows, time_to(jnp.zeros_like(momentum), momentum, piece), never)
-        if self.momentum_limit is not None:
-            crosses = jnp.isfinite(zero)
-            begin = jnp.where(crosses, 0.0, momentum)
-            piece = self._piece(drive, jnp.where(crosses, after, before))
-            target = -jnp.sign(piece.torque(begin)) * self.momentum_limit
-            limit = jnp.where(crosses, zero, 0.0) + time_to(target, begin, piece)
-        return _Course(before, after, zero, limit)
+    def margins(
+        self, mode: WheelStates, state: WheelMomenta, command, acceleration
+    ) -> Float[Array, "2 wheels"]:
+        """Those of rest and of what is held, and those of the limit of momentum."""
+        drive, drag = self.motor_torque(command), self._drag(acceleration)
+        return mode.margins(self, state.momentum, drive, drag)
+
+    def approach(
+        self, mode: WheelStates, state: WheelMomenta, command, acceleration
+    ) -> Float[Array, "2 wheels"]:
+        """Of wheels that turn: where one breaks loose nothing jumps."""
+        rate = self._rate(self.piece(mode, command), state, acceleration)
+        speeds = jnp.stack([mode.side * rate, -jnp.sign(state.momentum) * rate])
+        return jnp.where(mode.turns[None], speeds, 0.0)
+
+    def come(self, mode: WheelStates, state: WheelMomenta, margins) -> WheelMomenta:
+        """Exactly zero, or the limit, where wheels have come to it."""
+        return WheelMomenta(mode.snapped(self, state.momentum, margins))
 
     # A command that changes continuously: events, and the smooth piece between two of them.
 
@@ -287,27 +328,45 @@ class Wheels(eqx.Module):
         """One for each wheel with a momentum limit."""
         return 0 if self.momentum_limit is None else self.count
 
-    def event_functions(
-        self,
-        momentum: Float[Array, " wheels"],
-        command: Float[Array, " wheels"],
-        drag: float | Float[Array, " wheels"] = 0.0,
-    ) -> Float[Array, " m"]:
+    def event_functions(self, state: WheelMomenta, command, acceleration) -> Float[Array, " m"]:
         """Positive for each wheel that is held at its limit.
 
         A wheel comes to it by its momentum and leaves it by what drives it alone, so that rounding
-        of a momentum at the limit is no event. `drag` (N m) is J_w a·dω/dt of each.
+        of a momentum at the limit is no event.
         """
+        momentum = state.momentum
         if self.momentum_limit is None:
             return jnp.zeros(0, momentum.dtype)
-        driven = self._unlimited(momentum, command) + drag
+        driven = wheel_course.unlimited_torque(self, momentum, command) + self._drag(acceleration)
         growth = -driven * momentum / self.momentum_limit**2
         arrives = jnp.minimum((momentum / self.momentum_limit) ** 2 - 1, growth)
         return arrives if self.limited is None else jnp.where(self.limited, growth, arrives)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "Wheels":
         """These wheels, at their momentum limits or not as told."""
-        return self._held(signs) if self.event_count else self
+        if not self.event_count:
+            return self
+        return eqx.tree_at(lambda x: x.limited, self, signs, is_leaf=lambda x: x is None)
 
-    def _held(self, limited: Bool[Array, " wheels"]) -> "Wheels":
-        return eqx.tree_at(lambda x: x.limited, self, limited, is_leaf=lambda x: x is None)
+    def require_continuous(self) -> None:
+        """Raise `ValueError` for Coulomb friction, at once or after a failure, and for a wheel that
+        has seized and fails once more."""
+        failures = self.failures
+        kinds = None if failures is None else concrete(failures.kind)
+        rubs = kinds is not None and np.any(np.rint(kinds) == WheelFailureKind.FRICTION_TO)
+        if rubs or self.coulomb_friction is not None:
+            raise ValueError(
+                "Wheels with Coulomb friction must have a command that is held, which that of a "
+                "continuous controller is not."
+            )
+        if failures is not None and failures.frees_a_wheel():
+            raise ValueError(
+                "A wheel that has seized must not fail once more under a continuous controller, "
+                "whose state has no jump of the momentum that the body got."
+            )
+
+
+def wheel_momentum(state: Any) -> Float[Array, " wheels"] | None:
+    """The momentum of each wheel in a state of the plant, N m s; None where it has no wheels."""
+    found = (one.momentum for one in state.of_each if isinstance(one, WheelMomenta))
+    return next(found, None)

@@ -28,7 +28,7 @@ def thruster_count(thrusters: Actuators | ThrusterSet) -> int:
 
 def torquers_of(loop: AbstractLoop) -> Magnetorquers:
     """The magnetorquers, which `obstacle` has made sure of."""
-    return cast(Magnetorquers, loop.plant.magnetorquers)
+    return cast(Magnetorquers, loop.plant.find(Magnetorquers))
 
 
 def set_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
@@ -72,7 +72,7 @@ def set_dipole_limit(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """Other dipole limits, which the law is not told."""
     return in_loop(
         perturbed,
-        lambda loop: loop.plant.magnetorquers.dipole_limit,
+        lambda loop: loop.plant.find(Magnetorquers).dipole_limit,
         torquers_of(perturbed.loop).dipole_limit * (1 + change),
     )
 
@@ -81,7 +81,7 @@ def set_torquer_misalignment(perturbed: PerturbedLoop, angles: Values) -> Pertur
     """Magnetorquers turned, which the law is not told."""
     one = torquers_of(perturbed.loop)
     turned = one.misaligned(angles.reshape(one.count, 2))
-    return in_loop(perturbed, lambda loop: loop.plant.magnetorquers, turned)
+    return in_loop(perturbed, lambda loop: loop.plant.find(Magnetorquers), turned)
 
 
 def set_failure(field: str):

@@ -18,7 +18,7 @@ from jaxsat.control import (
 from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import parts_of
-from jaxsat.spacecraft import Spacecraft, Wheels
+from jaxsat.spacecraft import Spacecraft, WheelMomenta, Wheels
 from jaxsat.spacecraft.environment import (
     AbstractOrbit,
     ConstantTorque,
@@ -50,13 +50,13 @@ def possible_inertia(inertia: Float[Array, "3 3"]) -> Bool[Array, ""]:
 
 def possible_body(loop: AbstractLoop) -> Bool[Array, ""]:
     """Whether a body can have the plant's inertia, and the rotors of its wheels are part of it."""
-    return _with_rotors(loop.plant.spacecraft.inertia, loop.plant.wheels)
+    return _with_rotors(loop.plant.spacecraft.inertia, loop.plant.find(Wheels))
 
 
 def possible_belief(loop: AbstractLoop) -> Bool[Array, ""]:
     """The same of the inertia that the controller believes, which is without the rotors."""
     parts = parts_of(Spacecraft, controller_of(loop))
-    return _with_rotors(parts[0].inertia + rotors_of(loop), loop.plant.wheels)
+    return _with_rotors(parts[0].inertia + rotors_of(loop), loop.plant.find(Wheels))
 
 
 def _with_rotors(inertia: Float[Array, "3 3"], wheels: Wheels | None) -> Bool[Array, ""]:
@@ -75,7 +75,7 @@ def _positive(matrix: Float[Array, "3 3"]) -> Bool[Array, ""]:
 
 def rotors_of(loop: AbstractLoop) -> Float[Array, "3 3"] | float:
     """Σ J_w a aᵀ of the plant's wheels, kg m²."""
-    wheels = loop.plant.wheels
+    wheels = loop.plant.find(Wheels)
     return 0.0 if wheels is None or wheels.rotor_inertia is None else wheels.rotors()
 
 
@@ -216,14 +216,16 @@ def set_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
 
 def set_wheel_momentum(perturbed: PerturbedLoop, momentum: Values) -> PerturbedLoop:
     """Other initial momenta of the wheels relative to the body, N m s."""
-    return perturbed._replace(start=dataclasses.replace(perturbed.start, wheel_momentum=momentum))
+    states = perturbed.loop.plant.complete(perturbed.start).of_each
+    changed = [WheelMomenta(momentum) if isinstance(x, WheelMomenta) else x for x in states]
+    return perturbed._replace(start=dataclasses.replace(perturbed.start, effectors=tuple(changed)))
 
 
 def set_rotor_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """Relative changes of the inertia of each rotor; that of body and wheels stays."""
 
     def inertia(loop) -> Any:
-        return cast(Wheels, loop.plant.wheels).rotor_inertia
+        return cast(Wheels, loop.plant.find(Wheels)).rotor_inertia
 
     return in_loop(perturbed, inertia, inertia(perturbed.loop) * (1 + change))
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
-from jaxsat.spacecraft import AbstractPulsedActuators
+from jaxsat.spacecraft import AbstractPulsedActuators, Wheels
 from jaxsat.store import Column
 
 DRAWN = "drawn_"
@@ -119,7 +119,7 @@ def columns_of(loop: AbstractLoop) -> dict[str, Column]:
     if isinstance(actuators, AbstractPulsedActuators):
         used = jax.eval_shape(lambda: actuators.consumption(actuators.init()))
         columns |= _of_size(CONSUMPTION, used.openings.shape)
-    wheels = loop.plant.wheels
+    wheels = loop.plant.find(Wheels)
     return columns if wheels is None else columns | _of_size(PEAK_MOMENTUM, (wheels.count,))
 
 

@@ -110,7 +110,7 @@ def of_omega(loop: AbstractLoop) -> Limits:
 
 def of_wheel_momentum(loop: AbstractLoop) -> Limits:
     """Up to the limit of each wheel that has one."""
-    limit = cast(Wheels, loop.plant.wheels).momentum_limit
+    limit = cast(Wheels, loop.plant.find(Wheels)).momentum_limit
     largest = as_float(ranges.TORQUE.high) if limit is None else limit
     largest = jnp.minimum(largest, ranges.TORQUE.high)
     return Limits(-largest, largest)
@@ -124,7 +124,7 @@ def of_failed_thruster(loop: AbstractLoop) -> Limits:
 
 def of_failed_wheel(loop: AbstractLoop) -> Limits:
     """Numbers that are rounded to those of the wheels."""
-    return Limits(as_float(-0.5), as_float(cast(Wheels, loop.plant.wheels).count - 0.5))
+    return Limits(as_float(-0.5), as_float(cast(Wheels, loop.plant.find(Wheels)).count - 0.5))
 
 
 def of_failed_magnetorquer(loop: AbstractLoop) -> Limits:
@@ -139,7 +139,7 @@ def of_failure_kind(loop: AbstractLoop) -> Limits:
     where it has a limit, stuck; a wheel runs away only where all have a torque limit, and has
     Coulomb friction, whose kind is before that, only under a sampled law.
     """
-    thrusters, wheels = thrusters_of(loop), loop.plant.wheels
+    thrusters, wheels = thrusters_of(loop), loop.plant.find(Wheels)
 
     def last(failures: AbstractFailures) -> np.ndarray:
         if isinstance(failures, WheelFailures):
@@ -188,7 +188,7 @@ def moments_of(loop: AbstractLoop) -> Float[Array, "3"]:
 
 def rotors_of(loop: AbstractLoop) -> Float[Array, " wheels"]:
     """The inertia of each rotor, kg m²."""
-    inertia = cast(Wheels, loop.plant.wheels).rotor_inertia
+    inertia = cast(Wheels, loop.plant.find(Wheels)).rotor_inertia
     assert inertia is not None
     return inertia
 

@@ -8,8 +8,10 @@ from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.spacecraft import (
     FailureEvents,
     MagnetorquerFailures,
+    Magnetorquers,
     Sensors,
     WheelFailures,
+    Wheels,
 )
 from jaxsat.spacecraft.environment import PeriodicTorque
 from jaxsat.studies.actuator_changes import thrusters_of
@@ -117,17 +119,17 @@ ANY_FAILURE = (FailureEvents, WheelFailures, MagnetorquerFailures)
 
 def needs_wheels(loop: AbstractLoop) -> str | None:
     """Of spacecraft with wheels."""
-    return None if loop.plant.wheels is not None else "the spacecraft has no wheels"
+    return None if loop.plant.find(Wheels) is not None else "the spacecraft has no wheels"
 
 
 def needs_rotors(loop: AbstractLoop) -> str | None:
     """Of spacecraft with wheels whose rotors have an inertia."""
-    wheels = loop.plant.wheels
+    wheels = loop.plant.find(Wheels)
     known = wheels is not None and wheels.rotor_inertia is not None
     return needs_wheels(loop) or (None if known else "no wheel has a rotor inertia")
 
 
 def needs_magnetorquers(loop: AbstractLoop) -> str | None:
     """Of spacecraft with magnetorquers."""
-    there = loop.plant.magnetorquers is not None
+    there = loop.plant.find(Magnetorquers) is not None
     return None if there else "the spacecraft has no magnetorquers"

@@ -13,6 +13,7 @@ from jaxsat.spacecraft import (
     MagnetorquerFailures,
     Spacecraft,
     WheelFailures,
+    Wheels,
 )
 from jaxsat.spacecraft.environment import AbstractOrbit
 from jaxsat.studies import actuator_changes, changes, limits, sensor_changes
@@ -69,7 +70,8 @@ def _failures(*kinds: type) -> Callable[[AbstractLoop], int]:
 
 
 def _wheels(loop: AbstractLoop) -> int:
-    return 0 if loop.plant.wheels is None else loop.plant.wheels.count
+    wheels = loop.plant.find(Wheels)
+    return 0 if wheels is None else wheels.count
 
 
 def _magnetorquers(each: int) -> Callable[[AbstractLoop], int]:

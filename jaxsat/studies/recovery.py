@@ -101,14 +101,10 @@ class FailureRecovery:
         """
         if not failures_of(loop):
             return None
-        wheels = loop.plant.wheels
         counts = _counts(loop)
         if len(names) != sum(counts.values()):
             names = tuple(f"{kind} {one + 1}" for kind in counts for one in range(counts[kind]))
-        momentum = np.asarray(loop.plant.spacecraft.inertia) @ np.asarray(start.omega)
-        if wheels is not None:
-            stored = loop.plant.with_wheel_momentum(start).wheel_momentum
-            momentum = momentum + np.asarray(wheels.axes) @ np.asarray(stored)
+        momentum = np.asarray(loop.plant.total_momentum(start))
         told = {name: one.shape for name, one in _told(loop, start).items()}
         dwell = (1 - SETTLED_BEFORE) * duration if dwell is None else dwell
         return FailureRecovery(loop, duration, attitude, dwell, names, momentum, told)
@@ -250,12 +246,8 @@ def _errors(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> dict[Rec
 
 def _counts(loop: AbstractLoop) -> dict[str, int]:
     """How many parts of each kind may fail, in the order of `failures_of`."""
-    plant = loop.plant
-    return {
-        "thruster": thruster_torques_of(loop)[0].shape[1],
-        "wheel": 0 if plant.wheels is None else plant.wheels.count,
-        "magnetorquer": 0 if plant.magnetorquers is None else plant.magnetorquers.count,
-    }
+    thrusters = {"thruster": thruster_torques_of(loop)[0].shape[1]}
+    return thrusters | {one.kind: one.count for one in loop.plant.effectors}
 
 
 def _told(loop: AbstractLoop, start: PlantState) -> Mapping[str, jax.ShapeDtypeStruct]:

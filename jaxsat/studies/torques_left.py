@@ -11,7 +11,14 @@ from jaxtyping import Float, Int
 from jaxsat.controllability import actuator_set, judge_ranges, torque_reserve
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import failures_of, parts_of
-from jaxsat.spacecraft import Actuators, FailureEvents, FailureKind, ThrusterSet
+from jaxsat.spacecraft import (
+    Actuators,
+    FailureEvents,
+    FailureKind,
+    Magnetorquers,
+    ThrusterSet,
+    Wheels,
+)
 from jaxsat.studies.failure_codes import FAILURES
 
 SAME_TORQUE = 1e-9
@@ -124,7 +131,7 @@ def _wheels_left(
     A motor that friction leaves no torque to spare is lost. So is a wheel that had failed before,
     as a law that commands each wheel knows.
     """
-    wheels = loop.plant.wheels
+    wheels = loop.plant.find(Wheels)
     left = np.ones((len(struck["failure_kind"]), 0 if wheels is None else wheels.count), bool)
     runaway = np.zeros_like(left)
     if wheels is None:
@@ -158,8 +165,8 @@ def holds_momentum(loop: AbstractLoop, kept: np.ndarray, runaway: np.ndarray) ->
     A runaway ends at its largest momentum, of either sign. Thrusters and magnetorquers can take
     momentum out.
     """
-    wheels = loop.plant.wheels
-    others = thruster_torques_of(loop)[0].shape[1] or loop.plant.magnetorquers is not None
+    wheels = loop.plant.find(Wheels)
+    others = thruster_torques_of(loop)[0].shape[1] or loop.plant.find(Magnetorquers) is not None
     if wheels is None or others or not runaway.any():
         return True
     limit = wheels.momentum_limit
@@ -182,7 +189,7 @@ def _judged(
     kept: np.ndarray,
 ) -> int:
     inertia = np.asarray(loop.plant.spacecraft.inertia)
-    wheels = loop.plant.wheels
+    wheels = loop.plant.find(Wheels)
     axes, rotors = np.zeros((3, 0)), None
     if wheels is not None:
         axes = np.asarray(wheels.axes)[:, kept]
@@ -192,7 +199,7 @@ def _judged(
     judgement = judge_ranges(inertia, actuators, low, high)
     if judgement is not None and judgement.laws == "three torques":
         return TorquesLeft.THREE_AXES
-    if loop.plant.magnetorquers is not None:  # what they add changes along the orbit
+    if loop.plant.find(Magnetorquers) is not None:  # what they add changes along the orbit
         return TorquesLeft.NOT_DECIDED
     if judgement is None:
         return TorquesLeft.UNOPPOSED_TORQUE

@@ -16,6 +16,7 @@ from jaxsat.control import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.build.run import build_loop
+from jaxsat.spacecraft import Wheels
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies import number_at
 from jaxsat.studies.perturbed import controller_of
@@ -48,7 +49,7 @@ class Commands:
             scaled = value * jnp.exp(x[first : first + value.size].reshape(value.shape))
             law = eqx.tree_at(lambda law, at=place: number_at(law, at), law, scaled)
             first += value.size
-        wheels = self.loop.plant.wheels
+        wheels = self.loop.plant.find(Wheels)
         momentum = None if wheels is None else jnp.zeros(wheels.count)
 
         def seen(number):

@@ -16,7 +16,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation import simulate
-from jaxsat.spacecraft import WheelDrives
+from jaxsat.spacecraft import WheelDrives, WheelMomenta, Wheels
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.store import trajectory_dataset
 
@@ -47,14 +47,14 @@ def test_law_and_detector_see_estimates_readings_and_commands_alone():
     other = eqx.tree_at(
         lambda loop: (
             loop.plant.spacecraft.inertia,
-            loop.plant.wheels.axes,
-            loop.plant.wheels.failures.at,
+            loop.plant.find(Wheels).axes,
+            loop.plant.find(Wheels).failures.at,
         ),
         one,
         (
             0.7 * one.plant.spacecraft.inertia,
-            one.plant.wheels.axes[:, ::-1],
-            one.plant.wheels.failures.at - 300.0,
+            one.plant.find(Wheels).axes[:, ::-1],
+            one.plant.find(Wheels).failures.at - 300.0,
         ),
     )
     first, second = (
@@ -106,9 +106,9 @@ def test_damping_takes_energy_out_whatever_is_left():
     law = run.loop.controller
     axes = np.asarray(law.allocation.wheels.axes)
     rng = np.random.default_rng(6)
-    memory = law.init(run.loop.plant.with_wheel_momentum(run.start))
+    memory = law.init(run.loop.plant.complete(run.start))
     for omega in rng.normal(size=(10, 3)) * 1e-3:
-        state = PlantState(run.start.attitude, omega, np.zeros(4))
+        state = PlantState(run.start.attitude, omega, (WheelMomenta(np.zeros(4)),))
         torque = np.asarray(law._damping(state, memory.wheeled))
         assert torque[0] == 0  # it had failed before the start
         assert np.all(torque[1:] * (omega @ axes[:, 1:]) < 0)
@@ -126,7 +126,7 @@ def test_momentum_about_the_axis_without_a_wheel_is_damped_and_not_chased():
     rates = np.asarray(trajectory.signals.omega)
     energy = np.sum(rates**2 * [420, 380, 250], axis=1)
     assert energy[-1] < energy[-200] < energy[-400]
-    left = np.asarray(run.loop.plant.wheels.axes)[:, 2:]
+    left = np.asarray(run.loop.plant.find(Wheels).axes)[:, 2:]
     assert np.abs(rates[-1] @ left).max() < 0.05 * np.linalg.norm(rates[-1])
     assert not np.isfinite(float(trajectory.assessment.settled_from))
 

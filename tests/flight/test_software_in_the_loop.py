@@ -21,6 +21,7 @@ from jaxsat.flight.external import _Call
 from jaxsat.flight.flight import Seen
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
+from jaxsat.spacecraft import wheel_momentum
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
 CASES = 16
@@ -110,7 +111,7 @@ def test_closed_loops_with_the_compiled_law_are_the_same_to_the_bit(
     for i in range(periods):
         numbers = np.full(CASES, i, np.int32)
         told = guided((numbers, outside, commands, outside.memory.memory), []).memory.told
-        seen = Seen(told[1].attitude, told[1].omega, told[1].wheel_momentum)
+        seen = Seen(told[1].attitude, told[1].omega, wheel_momentum(told[1]))
         command, memory = call(arrays, told[0], seen, outside.memory.memory)
         outside = guided((numbers, outside, command, memory), [])
         inside = plain((numbers, inside), [])

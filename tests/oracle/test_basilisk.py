@@ -113,7 +113,7 @@ def test_wheels(friction):
     wheels = Wheels(
         axes, rotor_inertia=rotor, viscous_friction=viscous, coulomb_friction=coulomb or None
     )
-    plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
+    plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
     law = Schedule(jnp.asarray(-motors @ axes.T), jnp.array(period))
     loop = SampledLoop(plant, law, ActuatorsWithWheels.of(axes, 3), substeps=8)
     start = PlantState(Quaternion(START), OMEGA, rotor * speeds)

@@ -13,7 +13,7 @@ from jaxsat.scenario.layout import torque_limit
 from jaxsat.scenario.overrides import apply_overrides, parse_override
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation import ContinuousLoop, SampledLoop
-from jaxsat.spacecraft import ActuatorsWithWheels, PulsedActuatorsWithWheels
+from jaxsat.spacecraft import ActuatorsWithWheels, PulsedActuatorsWithWheels, Wheels, wheel_momentum
 from jaxsat.store import trajectory_dataset
 
 X, Y = "{axis=[2.0,0.0,0.0]}", "{axis=[0.0,1.0,0.0]}"
@@ -26,12 +26,12 @@ def test_the_telescope_flies_the_law_whose_third_rate_its_wheels_hold():
     assert isinstance(loop, ContinuousLoop)
     assert isinstance(loop.controller, AbstractController)
     assert loop.controller.model.third_rate_held
-    wheels = loop.plant.wheels
+    wheels = loop.plant.find(Wheels)
     assert not loop.plant.third_rate_held
     np.testing.assert_array_equal(wheels.axes, np.eye(3))
     np.testing.assert_array_equal(wheels.momentum_limit, [20.0, 20.0, 20.0])
     assert wheels.coulomb_friction is None
-    np.testing.assert_array_equal(run.start.wheel_momentum, np.zeros(3))
+    np.testing.assert_array_equal(wheel_momentum(run.start), np.zeros(3))
     np.testing.assert_array_equal(loop.actuators.wheel_map, np.eye(3)[:, :2])
     assert loop.actuators.thrusters is None
 
@@ -100,7 +100,7 @@ def test_the_limit_of_a_law_is_what_wheels_make_about_both_axes_at_once():
 
 def test_what_needs_no_law_needs_no_law_that_bears_friction():
     loop, _ = build_uncontrolled(load("wheels-fail", purpose="motion"))
-    assert loop.plant.wheels.coulomb_friction is None
+    assert loop.plant.find(Wheels).coulomb_friction is None
 
 
 @pytest.mark.parametrize(

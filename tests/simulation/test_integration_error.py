@@ -21,7 +21,7 @@ from jaxsat.simulation.engine import ScanEngine
 from jaxsat.simulation.engine.fixed import SampledStepper
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program
 from jaxsat.simulation.integration_error import IntegrationError
-from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
+from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters, WheelMomenta
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit, PeriodicTorque
 
@@ -136,8 +136,8 @@ def test_an_engine_that_looks_at_some_intervals_finds_much_the_same():
 def test_momenta_of_wheels_count_and_a_rate_that_is_off_turns_the_attitude():
     body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
     q = Quaternion([1.0, 0.0, 0.0, 0.0])
-    one = PlantState(q, [0.0, 0.0, 0.0], [1.0, 0.0])
-    other = PlantState(q, [0.0, 0.0, 3e-6], [1.0, 2e-6])
+    one = PlantState(q, [0.0, 0.0, 0.0], (WheelMomenta([1.0, 0.0]),))
+    other = PlantState(q, [0.0, 0.0, 3e-6], (WheelMomenta([1.0, 2e-6]),))
     none = IntegrationError.none(jnp.zeros(3))
     error = none.after(body, jnp.array(2.0), one, other)
     np.testing.assert_allclose(error.rate, 3e-6 + 2e-6 / 5)

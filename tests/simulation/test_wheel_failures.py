@@ -10,7 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import SampledLoop, fixed, simulate
-from jaxsat.spacecraft import Spacecraft, WheelFailureKind, WheelFailures, Wheels
+from jaxsat.spacecraft import (
+    Spacecraft,
+    WheelFailureKind,
+    WheelFailures,
+    WheelMomenta,
+    Wheels,
+    wheel_momentum,
+)
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
 from oracle import gyrostat
@@ -54,11 +61,11 @@ def failures_of(events):
 def loop_of(events, delay=None):
     limits, friction = [0.15, 0.2, np.inf], [0.02, 0.005, 0.05]
     wheels = Wheels(AXES, 0.25, limits, ROTOR, VISCOUS, friction, failures_of(events))
-    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
     return SampledLoop(body, Waves(PERIOD), SHARED, 4, delay=delay)
 
 
-START = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, MOMENTA)
+START = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, (WheelMomenta(MOMENTA),))
 
 
 def flown(loop):
@@ -131,9 +138,17 @@ def test_what_a_wheel_does_after_each_failure():
     def torques(number, kind, amount, t):
         events = WheelFailures(*(x[None] for x in (number, t * 0 + 10, kind, amount)))
         failing = eqx.tree_at(lambda w: w.failures, wheels, events, is_leaf=lambda x: x is None)
-        body = RigidBody(Spacecraft(1e20 * np.eye(3)), ExactOrbit(0.0), wheels=failing)
-        state = PlantState(Quaternion([1.0, 0, 0, 0]), OMEGA, momentum)
-        return body.wheel_torque(state, asked), body.wheel_torque(state, asked, t >= events.at)
+        body = RigidBody(Spacecraft(1e20 * np.eye(3)), ExactOrbit(0.0), effectors=(failing,))
+        state = PlantState(Quaternion([1.0, 0, 0, 0]), OMEGA, (WheelMomenta(momentum),))
+        return made(body, state, jnp.array([False]), t), made(body, state, t >= events.at, t)
+
+    def made(body, state, struck, t):
+        """The torque of each wheel once failures have struck."""
+        state = body.after_failures(state, (struck,))
+        body, commands = body.driven(state, (asked,), (struck,))
+        pieces = body.pieces(body.modes(t, state, jnp.zeros(3), commands), commands)
+        acceleration = body.acceleration(t, state, jnp.zeros(3), pieces)
+        return body.signals(state, pieces, acceleration)["wheel_torque"]
 
     def torque(kind, amount=0.0, number=0):
         event = [jnp.array(float(x)) for x in (number, kind, amount)]
@@ -157,17 +172,19 @@ def test_what_a_wheel_does_after_each_failure():
 
 def test_the_momentum_of_a_wheel_that_stops_goes_into_the_body():
     stops = WheelFailures([0, 2, 1], [0, 0, 0], [WheelFailureKind.STOPPED] * 3, [0, 0, 0])
-    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=Wheels(AXES, failures=stops))
-    state = PlantState(Quaternion([1.0, 0, 0, 0]), OMEGA, MOMENTA)
+    body = RigidBody(
+        Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(Wheels(AXES, failures=stops),)
+    )
+    state = PlantState(Quaternion([1.0, 0, 0, 0]), OMEGA, (WheelMomenta(MOMENTA),))
     struck = jnp.array([True, True, False])
-    after = body.after_wheel_failures(state, struck)
+    after = body.after_failures(state, (struck,))
     np.testing.assert_allclose(
         body.total_momentum(after), body.total_momentum(state), rtol=0, atol=1e-16
     )
-    np.testing.assert_array_equal(after.wheel_momentum, [0, MOMENTA[1], 0])
+    np.testing.assert_array_equal(wheel_momentum(after), [0, MOMENTA[1], 0])
     gained = INERTIA @ (np.asarray(after.omega) - OMEGA)
     np.testing.assert_allclose(gained, AXES[:, 0] * MOMENTA[0], atol=1e-16)
-    again = body.after_wheel_failures(after, struck)
+    again = body.after_failures(after, (struck,))
     np.testing.assert_array_equal(again.omega, after.omega)
 
 
@@ -176,11 +193,11 @@ def test_a_wheel_that_stops_leaves_the_momenta_of_other_rotors_as_they_are():
     stops = WheelFailures([0], [0], [WheelFailureKind.STOPPED], [0])
     axes = np.array([[1.0, 1.0], [0, 0], [0, 0]])
     wheels = Wheels(axes, rotor_inertia=[0.3, 0.1], failures=stops)
-    body = RigidBody(Spacecraft([4.0, 3.0, 3.0]), ExactOrbit(0.0), wheels=wheels)
-    state = PlantState(Quaternion([1.0, 0, 0, 0]), [0.5, 0.0, 0.0], [0.6, -0.2])
-    after = body.after_wheel_failures(state, jnp.array([True]))
+    body = RigidBody(Spacecraft([4.0, 3.0, 3.0]), ExactOrbit(0.0), effectors=(wheels,))
+    state = PlantState(Quaternion([1.0, 0, 0, 0]), [0.5, 0.0, 0.0], (WheelMomenta([0.6, -0.2]),))
+    after = body.after_failures(state, (jnp.array([True]),))
     kick = 0.6 / (4.0 - 0.1)
     np.testing.assert_allclose(after.omega, [0.5 + kick, 0, 0], rtol=1e-14)
-    np.testing.assert_allclose(after.wheel_momentum, [0.0, -0.2 - 0.1 * kick], rtol=1e-14)
-    again = body.after_wheel_failures(after, jnp.array([True]))
+    np.testing.assert_allclose(wheel_momentum(after), [0.0, -0.2 - 0.1 * kick], rtol=1e-14)
+    again = body.after_failures(after, (jnp.array([True]),))
     np.testing.assert_array_equal(again.omega, after.omega)

@@ -22,6 +22,7 @@ from jaxsat.spacecraft import (
     PulsedThrusters,
     Spacecraft,
     Thrusters,
+    WheelMomenta,
     Wheels,
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
@@ -56,11 +57,11 @@ class Waves(AbstractSampledController):
 
 def body(rotor=ROTOR, viscous=VISCOUS, **changes):
     wheels = Wheels(AXES, 0.25, [0.15, 0.2, np.inf], rotor, viscous, [0.02, 0.005, 0.05])
-    return RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels, **changes)
+    return RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,), **changes)
 
 
 def start():
-    return PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, MOMENTA)
+    return PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, (WheelMomenta(MOMENTA),))
 
 
 def flown(loop, periods=PERIODS):
@@ -143,7 +144,7 @@ def test_wheels_beside_pulses_move_as_beside_held_torques(delay):
     plant = RigidBody(
         Spacecraft(INERTIA),
         ExactOrbit(0.0),
-        wheels=Wheels(axis, 0.1, 0.12, coulomb_friction=0.02),
+        effectors=(Wheels(axis, 0.1, 0.12, coulomb_friction=0.02),),
     )
     held = ActuatorsWithWheels.of(axis, 3, 0.1, Actuators.of(Thrusters(np.eye(3)), torques=3))
     throttle = PulsedThrusters(
@@ -151,7 +152,7 @@ def test_wheels_beside_pulses_move_as_beside_held_torques(delay):
     )
     alone = ActuatorsWithWheels(held.wheel_map, held.wheel_limit)
     pulsed = PulsedActuatorsWithWheels(alone, throttle, held.rest)
-    begin = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, [0.05])
+    begin = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, (WheelMomenta([0.05]),))
     method, times = fixed(PERIOD, diffrax.Dopri8()), np.arange(13) * PERIOD
     found, expected = (
         simulate(SampledLoop(plant, Waves(PERIOD), x, 4, delay=delay), begin, times, method=method)
@@ -187,10 +188,10 @@ def test_a_wheel_breaks_loose_where_the_body_turns_faster():
     plant = RigidBody(
         Spacecraft(INERTIA),
         ExactOrbit(0.0),
-        wheels=Wheels(AXES, rotor_inertia=ROTOR, coulomb_friction=coulomb),
+        effectors=(Wheels(AXES, rotor_inertia=ROTOR, coulomb_friction=coulomb),),
     )
     loop = SampledLoop(plant, Still(PERIOD), SHARED, 4)
-    state = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), omega, np.zeros(3))
+    state = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), omega)
     method, times = fixed(PERIOD, diffrax.Dopri8()), np.arange(9) * PERIOD
     found = simulate(loop, state, times, method=method).signals
     free = {"torque_limit": 1.0, "momentum_limit": np.inf, "inertia": ROTOR, "viscous": 0.0}

@@ -1,6 +1,5 @@
 """Wheels that fail under a continuous law, in every engine, against an independent program."""
 
-import dataclasses
 import itertools
 
 import equinox as eqx
@@ -28,6 +27,7 @@ from jaxsat.spacecraft import (
     Spacecraft,
     WheelFailureKind,
     WheelFailures,
+    WheelMomenta,
     Wheels,
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
@@ -65,15 +65,15 @@ class Struck(AbstractCaseFactory):
     def __call__(self, case, gains):
         del gains
         events = WheelFailures(*case.reshape(4, 2))
-        loop = eqx.tree_at(lambda loop: loop.plant.wheels.failures, self.loop, events)
+        loop = eqx.tree_at(lambda loop: loop.plant.find(Wheels).failures, self.loop, events)
         return Case(loop, self.start, {"failure": case}, jnp.array(True))
 
 
 def factory():
     never = WheelFailures([0, 0], [np.inf] * 2, [0, 0], [0, 0])
     wheels = Wheels(AXES, LIMIT, MOMENTUM_LIMIT, ROTOR, VISCOUS, failures=never)
-    plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
-    start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, MOMENTA)
+    plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
+    start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, (WheelMomenta(MOMENTA),))
     loop = ContinuousLoop(plant, Waves(), ActuatorsWithWheels.of(AXES, 3, wheel_limit=LIMIT))
     return Struck(loop, start)
 
@@ -243,7 +243,7 @@ def test_a_run_keeps_the_total_momentum_where_a_wheel_seizes(number):
 def test_coulomb_friction_needs_a_command_that_is_held():
     made = factory()
     rubs = WheelFailures([0], [1.0], [K.FRICTION_TO], [0.01])
-    wheels = eqx.tree_at(lambda wheels: wheels.failures, made.loop.plant.wheels, rubs)
-    plant = dataclasses.replace(made.loop.plant, wheels=wheels)
+    wheels = eqx.tree_at(lambda wheels: wheels.failures, made.loop.plant.effectors[0], rubs)
+    plant = made.loop.plant.with_effectors((wheels,))
     with pytest.raises(ValueError, match="Coulomb friction"):
         ContinuousLoop(plant, Waves(), made.loop.actuators)

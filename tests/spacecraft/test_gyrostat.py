@@ -16,7 +16,14 @@ from jaxsat.control import Coast
 from jaxsat.control.controller import AbstractFeedbackLaw
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import ContinuousLoop, adaptive, fixed, simulate
-from jaxsat.spacecraft import Actuators, ActuatorsWithWheels, Spacecraft, Thrusters, Wheels
+from jaxsat.spacecraft import (
+    Actuators,
+    ActuatorsWithWheels,
+    Spacecraft,
+    Thrusters,
+    WheelMomenta,
+    Wheels,
+)
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit, NoDisturbance
 
@@ -48,9 +55,11 @@ def momentum_of(signals, inertia=INERTIA, axes=AXES):
 def test_total_momentum_stays_in_inertial_axes():
     """Four oblique wheels with friction and torque limits, and no external torque."""
     wheels = Wheels(AXES, 2.5, None, 0.05, 2e-4)
-    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
     loop = ContinuousLoop(body, Wave(), ActuatorsWithWheels.of(AXES, 3, wheel_limit=2.0))
-    start = PlantState(Quaternion([1.0, 0, 0, 0]), [0.03, -0.05, 0.08], [3.0, -2.0, 5.0, 1.0])
+    start = PlantState(
+        Quaternion([1.0, 0, 0, 0]), [0.03, -0.05, 0.08], (WheelMomenta([3.0, -2.0, 5.0, 1.0]),)
+    )
     run = simulate(loop, start, jnp.linspace(0, 60, 61), method=adaptive()).signals
     momentum = momentum_of(run)
     size = np.linalg.norm(momentum[0])
@@ -63,7 +72,7 @@ def test_total_momentum_stays_in_inertial_axes():
 def test_two_wheels_without_momentum_leave_none_about_their_normal():
     axes = AXES[:, :2]
     normal = np.cross(*axes.T)
-    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=Wheels(axes))
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(Wheels(axes),))
 
     class TwoWaves(Wave):
         def torque(self, t, state):
@@ -89,9 +98,9 @@ def test_the_papers_law_on_two_wheels_without_momentum_is_its_run_with_the_third
     times, method = jnp.linspace(0, 200, 21), adaptive(1e-12, 1e-13)
     expected = simulate(ContinuousLoop(held, law, actuators()), start, times, method=method)
     axes = np.eye(3)[:, :2]
-    body = RigidBody(held.spacecraft, held.orbit, NoDisturbance(), wheels=Wheels(axes))
+    body = RigidBody(held.spacecraft, held.orbit, NoDisturbance(), effectors=(Wheels(axes),))
     balanced = -(held.spacecraft.inertia @ start.omega)[:2]
-    start = PlantState(start.attitude, start.omega, balanced)
+    start = PlantState(start.attitude, start.omega, (WheelMomenta(balanced),))
     loop = ContinuousLoop(body, law, ActuatorsWithWheels.of(axes, 2))
     found = simulate(loop, start, times, method=method).signals
     for name in ("w", "z", "omega", "torque"):
@@ -114,7 +123,7 @@ class Push(AbstractFeedbackLaw):
 def test_continuous_saturation_ends_and_begins_where_the_command_says():
     """h' = -cos(t/2): at -1 from t = 2 arcsin(1/2) = π/3 until the command turns at t = π."""
     wheels = Wheels(np.eye(3), momentum_limit=1.0)
-    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
     loop = ContinuousLoop(body, Push(), ActuatorsWithWheels.of(np.eye(3), 3))
     assert not loop.is_smooth()
     start = PlantState(Quaternion([1.0, 0, 0, 0]), [0.0, 0.0, 0.0])
@@ -128,7 +137,8 @@ def test_continuous_saturation_ends_and_begins_where_the_command_says():
     np.testing.assert_allclose(run.wheel_momentum[:, 0], exact, atol=1e-9)
     signs = loop.event_functions(jnp.array(2.0), loop.start(start)) > 0
     assert signs.shape == (3,)
-    state = loop.start(PlantState(start.attitude, start.omega, jnp.array([-1.0 - 1e-12, 0.0, 0.0])))
+    limited = WheelMomenta([-1.0 - 1e-12, 0.0, 0.0])
+    state = loop.start(PlantState(start.attitude, start.omega, (limited,)))
     for t, stopped in ((2.0, True), (4.0, False)):
         signs = loop.event_functions(jnp.array(t), state) > 0
         assert bool(signs[0]) == stopped
@@ -140,7 +150,7 @@ def test_what_cannot_be_is_told():
     spacecraft, orbit = Spacecraft(INERTIA), ExactOrbit(0.0)
     wheels = Wheels(AXES, coulomb_friction=1e-3)
     with pytest.raises(ValueError, match="third rate"):
-        RigidBody(spacecraft, orbit, third_rate_held=True, wheels=wheels)
-    body = RigidBody(spacecraft, orbit, wheels=wheels)
+        RigidBody(spacecraft, orbit, third_rate_held=True, effectors=(wheels,))
+    body = RigidBody(spacecraft, orbit, effectors=(wheels,))
     with pytest.raises(ValueError, match="Coulomb"):
         ContinuousLoop(body, Coast(), Actuators.of(Thrusters(np.eye(3))))

@@ -1,6 +1,7 @@
 """Every dispersed name reaches the model, and only possible bodies are drawn."""
 
-import equinox as eqx
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -253,9 +254,9 @@ def test_rotors_are_dispersed_in_the_plant_alone_and_stay_a_part_of_the_body():
     """Draws of more than the body has, 264.6 kg m² about y, are drawn again."""
     loop, axes = sampled(), np.eye(3)[:, :2]
     wheels = Wheels(axes, rotor_inertia=[100.0, 50.0])
-    loop = eqx.tree_at(lambda x: x.plant.wheels, loop, wheels, is_leaf=lambda x: x is None)
+    loop = dataclasses.replace(loop, plant=dataclasses.replace(loop.plant, effectors=(wheels,)))
     copy = copies_of(loop, 60, rotor_inertia=Uniform([-0.5, -0.9], [0.5, 9.0]))
-    found = np.asarray(copy.loop.plant.wheels.rotor_inertia)
+    found = np.asarray(copy.loop.plant.find(Wheels).rotor_inertia)
     np.testing.assert_allclose(found, [100.0, 50.0] * (1 + np.asarray(copy.drawn["rotor_inertia"])))
     assert found[:, 1].max() < 264.6
     assert np.ptp(found[:, 1]) > 150

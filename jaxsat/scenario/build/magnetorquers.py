@@ -12,11 +12,12 @@ from jaxsat.spacecraft import Magnetorquers
 from jaxsat.spacecraft.environment import DipoleField
 
 
-def build_magnetorquers(scenario: Scenario) -> Magnetorquers | None:
-    """The magnetorquers of a scenario; None without any."""
+def build_magnetorquers(scenario: Scenario, field: DipoleField) -> Magnetorquers | None:
+    """The magnetorquers of a scenario in a field; None without any."""
     if not scenario.magnetorquer:
         return None
-    return Magnetorquers(_axes(scenario), _limits(scenario), magnetorquer_failures(scenario))
+    failures = magnetorquer_failures(scenario)
+    return Magnetorquers(_axes(scenario), _limits(scenario), field, failures)
 
 
 def build_steering(scenario: Scenario, field: DipoleField) -> MagneticSteering:

@@ -11,14 +11,14 @@ from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.disturbances import AERODYNAMIC, DISTURBANCES, SOLAR
 from jaxsat.scenario.build.magnetorquers import build_magnetorquers
 from jaxsat.scenario.build.plugin_trial import made_part, require_torque
-from jaxsat.scenario.build.wheels import build_wheels
+from jaxsat.scenario.build.wheels import build_wheels, wheel_momenta
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import OrbitTable
 from jaxsat.spacecraft import Spacecraft
-from jaxsat.spacecraft.dynamics import RigidBody
+from jaxsat.spacecraft.dynamics import OfEach, RigidBody
 from jaxsat.spacecraft.environment import (
     AbstractDisturbance,
     AbstractOrbit,
@@ -43,10 +43,16 @@ def build_plant(scenario: Scenario) -> RigidBody:
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     held = table.third_rate == "held"
     disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
-    torquers = build_magnetorquers(scenario)
-    field = None if torquers is None else DipoleField(place_of(scenario.orbit))
-    wheels = build_wheels(scenario)
-    return RigidBody(spacecraft, orbit, disturbance, held, wheels, torquers, field)
+    field = DipoleField(place_of(scenario.orbit))
+    effectors = (build_wheels(scenario), build_magnetorquers(scenario, field))
+    there = tuple(one for one in effectors if one is not None)
+    return RigidBody(spacecraft, orbit, disturbance, held, there)
+
+
+def effector_states(scenario: Scenario) -> OfEach | None:
+    """What the effectors of a scenario's body begin with, in their order there."""
+    there = ((wheel_momenta(scenario), scenario.wheel), (None, scenario.magnetorquer))
+    return tuple(state for state, tables in there if tables) or None
 
 
 def orbit_rate(scenario: Scenario) -> float:

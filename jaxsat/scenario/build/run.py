@@ -1,6 +1,5 @@
 """From a scenario to the objects of the core."""
 
-import dataclasses
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -30,9 +29,9 @@ from jaxsat.scenario.build.controller import build_controller
 from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
 from jaxsat.scenario.build.magnetorquers import build_steering
 from jaxsat.scenario.build.navigation import build_navigation
-from jaxsat.scenario.build.plant import build_plant
+from jaxsat.scenario.build.plant import build_plant, effector_states
 from jaxsat.scenario.build.plugin_trial import require_runs
-from jaxsat.scenario.build.wheels import build_tachometers, wheel_momentum
+from jaxsat.scenario.build.wheels import build_tachometers
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
@@ -53,7 +52,7 @@ from jaxsat.simulation import (
 )
 from jaxsat.simulation.engine import fly
 from jaxsat.simulation.methods import MIN_STEP
-from jaxsat.spacecraft import AbstractActuators, Sensors
+from jaxsat.spacecraft import AbstractActuators, Magnetorquers, Sensors
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
@@ -109,8 +108,7 @@ def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
     """
     with at_key("spacecraft"):
         plant = build_plant(scenario)
-        if plant.wheels is not None:
-            plant = dataclasses.replace(plant, wheels=plant.wheels.without_corners())
+        plant = plant.with_effectors(tuple(one.without_corners() for one in plant.effectors))
         loop = ContinuousLoop(plant, Coast(), ideal_thrusters(scenario, torques=0))
     simulation = scenario.simulation.model_copy(update={"attitude": "quaternion"})
     with at_key("initial"):
@@ -140,7 +138,8 @@ def _closed(
         sensors, delay = build_sampling(scenario)
         navigation = build_navigation(scenario)
         actuators = build_actuators(scenario)
-        magnetic = None if plant.field is None else build_steering(scenario, plant.field)
+        torquers = plant.find(Magnetorquers)
+        magnetic = None if torquers is None else build_steering(scenario, torquers.field)
         tachometers = build_tachometers(scenario)
         return SampledLoop(
             plant,
@@ -185,7 +184,7 @@ def build_start(scenario: Scenario) -> PlantState:
         attitude = Quaternion(as_float(table.quaternion))
     wanted = scenario.simulation.attitude == "wz"
     attitude = attitude.as_wz() if wanted else attitude.as_quaternion()
-    return PlantState(attitude, as_float(table.omega_rad_s), wheel_momentum(scenario))
+    return PlantState(attitude, as_float(table.omega_rad_s), effector_states(scenario))
 
 
 def build_tolerances(scenario: Scenario) -> Tolerances:

@@ -2,10 +2,8 @@
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array
 
 from jaxsat.control.context import WheelContext
-from jaxsat.core.checks import as_array
 from jaxsat.core.declaration.sensors import DELAY
 from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.pulsed_thrusters import rate_noise
@@ -13,7 +11,7 @@ from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.thruster_tables import FailureTable, number_of
 from jaxsat.scenario.wheel_tables import WheelTable, wheel_axes
-from jaxsat.spacecraft import Tachometers, WheelFailureKind, WheelFailures, Wheels
+from jaxsat.spacecraft import Tachometers, WheelFailureKind, WheelFailures, WheelMomenta, Wheels
 
 
 def build_wheels(scenario: Scenario) -> Wheels | None:
@@ -89,8 +87,8 @@ def _unless_zero(tables: tuple[WheelTable, ...], name: str) -> np.ndarray | None
     return values if values.any() else None
 
 
-def wheel_momentum(scenario: Scenario) -> Array | None:
+def wheel_momenta(scenario: Scenario) -> WheelMomenta | None:
     """Momenta at the start, N m s; None without wheels."""
     if not scenario.wheel:
         return None
-    return as_array(np.array([one.momentum_N_m_s for one in scenario.wheel]))
+    return WheelMomenta(np.array([one.momentum_N_m_s for one in scenario.wheel]))

@@ -105,7 +105,7 @@ class FlatODE(NamedTuple):
 
         Momenta of wheels are in units of the body.
         """
-        if self.loop.plant.wheels is None:
+        if not self.loop.plant.effectors:
             return flat[: -self.torque_count]
         state, cost, _ = self.restore(flat)
         return _flat((in_units(self.loop.plant, state), cost))

@@ -16,7 +16,7 @@ from jaxsat.simulation.engine.details import Details
 from jaxsat.simulation.engine.failure_record import FailureRecord
 from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.integration_error import IntegrationError
-from jaxsat.spacecraft import Consumption
+from jaxsat.spacecraft import Consumption, wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
 
 
@@ -196,7 +196,7 @@ def initial_progress(
 
     A case that cannot exist has ended there.
     """
-    zero, momentum = jnp.zeros((), plant.omega.dtype), plant.wheel_momentum
+    zero, momentum = jnp.zeros((), plant.omega.dtype), wheel_momentum(plant)
     peak = None if momentum is None else jnp.zeros_like(momentum)
     code = jnp.where(possible, int(Outcome.SUCCESS), int(Outcome.IMPOSSIBLE_CASE))
     integrals = Integrals(zero, zero)
@@ -207,8 +207,9 @@ def initial_progress(
 
 def with_peaks(progress: Progress, observed: Signals | PlantState) -> Progress:
     """With one more instant taken into account in the peaks of rate and wheel momentum."""
-    square, momentum = jnp.sum(observed.omega**2), observed.wheel_momentum
-    peak = progress.peak_momentum
+    square, peak = jnp.sum(observed.omega**2), progress.peak_momentum
+    seen = isinstance(observed, Signals)
+    momentum = observed.wheel_momentum if seen else wheel_momentum(observed)
     if peak is not None and momentum is not None:
         peak = jnp.maximum(peak, jnp.abs(momentum))
     return progress._replace(

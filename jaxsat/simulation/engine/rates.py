@@ -70,8 +70,7 @@ def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Arra
         state, _ = both
         torque = loop.torque(t, state, hold, t - begin)
         cost = running_cost(program.running_cost, state, loop.plant.relative_rate(state), torque)
-        steady = hold.wheels is None and hold.dipole is None
-        size = hold.mean_size() if steady else jnp.abs(torque)
+        size = jnp.abs(torque) if hold.pieces else hold.mean_size()
         effort = effort_rates(program.detailed, loop.plant, t, state, torque, size)
         return loop.plant_rate(t, state, hold, t - begin), Integrals(cost, effort)
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
-from jaxsat.spacecraft import Actuators
+from jaxsat.spacecraft import Actuators, Wheels
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.environment import (
     AbstractDisturbance,
@@ -97,7 +97,7 @@ def manoeuvre_of(
     plant = loop.plant
     if not isinstance(loop, ContinuousLoop | SampledLoop):
         raise ValueError("Bounds need thrusters with a limit, but the loop has ideal ones.")
-    if plant.wheels is not None:
+    if plant.find(Wheels) is not None:
         raise ValueError("Bounds are those of thrusters alone, but the spacecraft has wheels.")
     thrusters = loop.actuators
     if not isinstance(thrusters, Actuators):

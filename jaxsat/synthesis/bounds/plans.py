@@ -9,7 +9,7 @@ import numpy as np
 from jaxsat.control.planning import Plan, Planner, PlanStatus
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
-from jaxsat.spacecraft import Actuators
+from jaxsat.spacecraft import Actuators, Wheels
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.transcription import BoundObjective, Solution
 
@@ -64,7 +64,7 @@ def _planner(loop: AbstractLoop, tolerances: Tolerances | None) -> Planner | Non
     plant, thrusters = loop.plant, loop.actuators
     if not isinstance(thrusters, Actuators) or plant.third_rate_held:
         return None
-    if plant.wheels is not None or thrusters.torque_axes.shape[1] < 2:
+    if plant.find(Wheels) is not None or thrusters.torque_axes.shape[1] < 2:
         return None
     axes, limit = thrusters.torque_axes, thrusters.limit
     return Planner(plant, axes, limit, guesses=GUESSES, tolerances=tolerances)

@@ -9,7 +9,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation import ContinuousLoop
-from jaxsat.spacecraft import FailureEvents, WheelFailureKind, WheelFailures
+from jaxsat.spacecraft import FailureEvents, WheelFailureKind, WheelFailures, Wheels, wheel_momentum
 from scenario.build.test_thrusters_as_parts import HEAD, PAIRS, REST, written
 
 WHEELS = """\
@@ -57,7 +57,7 @@ def test_each_failure_strikes_its_own_part_and_a_file_reads_back(tmp_path):
     scenario = mixed(tmp_path)
     assert load(written(tmp_path, dump(scenario))) == scenario
     loop = build(scenario).loop
-    wheels, thrusters = loop.plant.wheels.failures, loop.actuators.thrusters.failures
+    wheels, thrusters = loop.plant.find(Wheels).failures, loop.actuators.thrusters.failures
     assert isinstance(wheels, WheelFailures)
     np.testing.assert_array_equal(wheels.wheel, [0, 1, 1])
     np.testing.assert_array_equal(wheels.at, [8.05, 4, 6])
@@ -69,7 +69,7 @@ def test_each_failure_strikes_its_own_part_and_a_file_reads_back(tmp_path):
     assert isinstance(thrusters, FailureEvents)
     np.testing.assert_array_equal(thrusters.at, [3])
     alone = mixed(tmp_path, FAILURES.split('[[failure]]\nof = "wheel 2"')[0])
-    assert build(alone).loop.plant.wheels.failures.count == 1
+    assert build(alone).loop.plant.find(Wheels).failures.count == 1
 
 
 DRAWN = """
@@ -99,14 +99,17 @@ def test_failures_of_both_kinds_of_part_are_drawn_in_one_study(tmp_path):
     cases = np.arange(16)
     outputs = study.evaluate(cases)
     copies = jax.vmap(lambda case: study.case_factory(case, None))(study.cases(cases))
-    wheels, thrusters = copies.loop.plant.wheels.failures, copies.loop.actuators.thrusters.failures
+    wheels, thrusters = (
+        copies.loop.plant.find(Wheels).failures,
+        copies.loop.actuators.thrusters.failures,
+    )
     drawn = outputs.drawn
     for name, field in (("failure_time", "at"), ("failure_kind", "kind")):
         both = np.concatenate([getattr(thrusters, field), getattr(wheels, field)], axis=1)
         np.testing.assert_allclose(both, drawn[name], rtol=1e-14)
     np.testing.assert_array_equal(wheels.wheel, drawn["failed_wheel"])
     assert len(np.unique(drawn["failed_wheel"])) == 2
-    np.testing.assert_allclose(copies.start.wheel_momentum, drawn["wheel_momentum"], atol=1e-13)
+    np.testing.assert_allclose(wheel_momentum(copies.start), drawn["wheel_momentum"], atol=1e-13)
     assert np.ptp(drawn["wheel_momentum"], axis=0).min() > 5
     assert np.all(outputs.code == 0)
     assert np.ptp(outputs.omega, axis=0).min() > 1e-3

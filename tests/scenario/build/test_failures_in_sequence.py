@@ -13,6 +13,7 @@ from jaxsat.scenario import ScenarioError, ScenarioWarning, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import study_program
+from jaxsat.spacecraft import Wheels
 from jaxsat.studies import StudyCase
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import failed_thrusters
@@ -121,6 +122,6 @@ def test_a_wheel_that_has_seized_is_not_freed_under_a_continuous_law():
     with pytest.raises(ScenarioError, match="only a sampled law lets one that has seized turn"):
         load("two-wheel-telescope", [stopped.replace("AT", "9.0")])
     loop = build(load("two-wheel-telescope", [stopped.replace("AT", "4.0")])).loop
-    later = eqx.tree_at(lambda one: one.plant.wheels.failures.at, loop, as_float([5.0, 9.0]))
+    later = eqx.tree_at(lambda one: one.plant.find(Wheels).failures.at, loop, as_float([5.0, 9.0]))
     with pytest.raises(ValueError, match="has seized must not fail once more"):
         dataclasses.replace(later)

@@ -23,6 +23,7 @@ from jaxsat.spacecraft import (
     Spacecraft,
     WheelFailureKind,
     WheelFailures,
+    WheelMomenta,
     Wheels,
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
@@ -47,7 +48,7 @@ class Struck(AbstractCaseFactory):
         events = FailureEvents(thruster[1], thruster[0], thruster[2], 0.4 + 0 * case[:1], torque)
         wheels = WheelFailures(wheel[1], wheel[0], wheel[2], 0.4 + 0 * case[:1])
         loop = eqx.tree_at(
-            lambda loop: (loop.actuators.thrusters.failures, loop.plant.wheels.failures),
+            lambda loop: (loop.actuators.thrusters.failures, loop.plant.find(Wheels).failures),
             self.loop,
             (events, wheels),
         )
@@ -57,14 +58,16 @@ class Struck(AbstractCaseFactory):
 def factory():
     nothing = WheelFailures([0.0], [np.inf], [0.0], [0.0])
     wheels = Wheels(AXES, 0.25, [0.3, 0.35], 0.01, 2e-4, 0.01, nothing)
-    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
     events = FailureEvents([0.0], [np.inf], [0.0], [0.0], TORQUE[None])
     thrusters = PulsedThrusters(thruster_set(TORQUE, 0.01), allocated(TORQUE), PulseWidth(), events)
     rest = np.diag([0.0, 0.0, 1.0])
     shared = ActuatorsWithWheels.of(AXES, 2, 0.25)
     alone = ActuatorsWithWheels(np.pad(shared.wheel_map, ((0, 0), (0, 1))), shared.wheel_limit)
     mixed = PulsedActuatorsWithWheels(alone, thrusters, rest)
-    start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.05, -0.03, 0.1], [0.1, -0.2])
+    start = PlantState(
+        Quaternion([1.0, 0.0, 0.0, 0.0]), [0.05, -0.03, 0.1], (WheelMomenta([0.1, -0.2]),)
+    )
     return Struck(SampledLoop(body, Sampled(0.5), mixed, 2), start)
 
 

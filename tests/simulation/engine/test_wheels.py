@@ -25,7 +25,7 @@ from jaxsat.simulation.engine import (
     Tolerance,
     program_of,
 )
-from jaxsat.spacecraft import ActuatorsWithWheels, Spacecraft, Wheels
+from jaxsat.spacecraft import ActuatorsWithWheels, Spacecraft, WheelMomenta, Wheels
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
 from simulation.engine.examples import WIDE
@@ -55,7 +55,8 @@ class Tumbling(AbstractCaseFactory):
 
 
 KICKS = 0.05 * np.random.default_rng(3).normal(size=(3, 3))
-START = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.05, -0.03, 0.1], [0.1, -0.2, 0.05])
+MOMENTA = WheelMomenta([0.1, -0.2, 0.05])
+START = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.05, -0.03, 0.1], (MOMENTA,))
 
 
 class Sampled(AbstractSampledController):
@@ -76,7 +77,7 @@ ACTUATORS = ActuatorsWithWheels.of(AXES, 3, wheel_limit=0.25)
 
 def body(coulomb=None):
     wheels = Wheels(AXES, 0.25, LIMITS, 0.01, 2e-4, coulomb)
-    return RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), wheels=wheels)
+    return RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
 
 
 def continuous():

@@ -1,0 +1,233 @@
+"""What acts on the body, or takes momentum from it: one interface for every kind.
+
+The method is back-substitution (Allard, Schaub and others, J. Aerospace Information Systems 15(12),
+2018). With J the inertia of the body with all effectors locked and h the momentum that each stores
+relative to the body, an effector tells, before dω/dt is known, its torque τ on the body and a
+correction D of the inertia. The body solves
+
+    (J + Σ D) dω/dt = -ω × (J ω + Σ h) + Σ τ
+
+once, and gives dω/dt back, from which the effector has the derivative of its own state. A wheel
+has D = -J_w a aᵀ, τ = a c and dh/dt = -c - J_w aᵀdω/dt, a magnetorquer D = 0, τ = m × B and no
+state. A failure that strikes at once is the same with an impulse for τ and a change of ω for dω/dt.
+
+Five things belong to an effector. Its *state* is integrated. Its *command* stays between samples or
+comes from a continuous law. Its *mode* tells how it moves (a wheel rests, or is at its limit) and
+may depend on dω/dt. Its *piece* is made of mode and command, and is what the torque depends on
+until the mode changes. Its *failures* make of it another effector that fails no more.
+"""
+
+import abc
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from jaxsat.spacecraft.plant_state import PlantState
+
+RealScalar = Float[Array, ""]
+
+
+class Effect(NamedTuple):
+    """A torque on the body (N m), or an impulse (N m s), and the correction D of its inertia
+    (kg m²), None for none."""
+
+    torque: Float[Array, "3"]
+    inertia: Float[Array, "3 3"] | None = None
+
+
+class AbstractEffector(eqx.Module):
+    """A set of `count` devices of one `kind`, each of which has one number as its command.
+
+    What a kind does not have, a state, modes, edges, corners, it need not define.
+    """
+
+    kind: ClassVar[str]
+    """What one of them is called; commands and names of those that fail go by it."""
+
+    failures: eqx.AbstractVar[Any]
+    """`AbstractFailures` of its kind, None for none in flight."""
+
+    @property
+    @abc.abstractmethod
+    def count(self) -> int:
+        """How many devices there are."""
+
+    # State and command.
+
+    def init(self) -> PyTree:
+        """The state at rest; None for a kind without a state."""
+        return None
+
+    def idle(self) -> Float[Array, " count"]:
+        """The command that asks for nothing."""
+        return jnp.zeros(self.count)
+
+    def momentum(self, state: PyTree) -> Float[Array, "3"] | None:
+        """What is stored relative to the body, in body axes, N m s; None for nothing ever."""
+        del state
+        return None
+
+    def free_inertia(self) -> Float[Array, "3 3"] | None:
+        """D where all devices move freely, kg m²; None for none ever."""
+        return None
+
+    # Failures in flight.
+
+    @property
+    def failure_times(self) -> Float[Array, " f"]:
+        """When each failure strikes, s."""
+        return jnp.zeros(0) if self.failures is None else self.failures.at
+
+    def blow(self, state: PyTree, struck: Bool[Array, " f"]) -> Effect:
+        """What the body gets at once where these failures have struck."""
+        del state, struck
+        return Effect(jnp.zeros(3))
+
+    def blown(self, state: PyTree, struck: Bool[Array, " f"], change: Float[Array, "3"]) -> PyTree:
+        """The state after a blow that changed the body's ω by `change` (rad/s)."""
+        del struck, change
+        return state
+
+    @abc.abstractmethod
+    def driven(
+        self, state: PyTree, command: Float[Array, " count"], struck: Bool[Array, " f"]
+    ) -> "tuple[AbstractEffector, Float[Array, ' count']]":
+        """The effector that fails no more once these failures have struck, and its command."""
+
+    # Motion: a mode, a piece, the effect and the derivative.
+
+    @property
+    def mode_passes(self) -> int:
+        """How often `mode_after` is asked to come from `mode` to that at a dω/dt."""
+        return 0
+
+    def mode(self, state: PyTree) -> PyTree:
+        """How the devices move by their state alone."""
+        del state
+        return ()
+
+    def mode_after(
+        self, mode: PyTree, state: PyTree, command: Array, acceleration: Float[Array, "3"]
+    ) -> PyTree:
+        """The mode after one that devices have left where the body has this dω/dt (rad/s²)."""
+        del state, command, acceleration
+        return mode
+
+    @abc.abstractmethod
+    def piece(self, mode: PyTree, command: Float[Array, " count"]) -> PyTree:
+        """What the torque depends on while the devices stay in their mode."""
+
+    @abc.abstractmethod
+    def effect(self, piece: PyTree, t: RealScalar, plant: PlantState, state: PyTree) -> Effect:
+        """Torque and correction of the inertia at time `t` (s); `state` is the effector's own."""
+
+    def derivative(
+        self, piece: PyTree, plant: PlantState, state: PyTree, acceleration: Float[Array, "3"]
+    ) -> PyTree:
+        """Time derivative of the own state where the body has this dω/dt (rad/s²)."""
+        del piece, plant, acceleration
+        return jax.tree.map(jnp.zeros_like, state)
+
+    def torque(
+        self,
+        piece: PyTree,
+        t: RealScalar,
+        plant: PlantState,
+        state: PyTree,
+        acceleration: Float[Array, "3"],
+    ) -> Float[Array, "3"]:
+        """All that the devices do to the body with them locked, N m."""
+        del acceleration
+        return self.effect(piece, t, plant, state).torque
+
+    def signals(
+        self, piece: PyTree, state: PyTree, acceleration: Float[Array, "3"]
+    ) -> dict[str, Array]:
+        """What the devices do, by the names of fields of `Signals`."""
+        del piece, state, acceleration
+        return {}
+
+    def stored(self, state: PyTree) -> dict[str, Array]:
+        """What they store, by the names of fields of `Signals`."""
+        del state
+        return {}
+
+    # A command that is held: modes that depend on time alone.
+
+    @property
+    def edge_count(self) -> int:
+        """How many `edges` there are in a hold."""
+        return 0
+
+    @property
+    def follows_body(self) -> bool:
+        """Whether the edges of a hold depend on how the body turns, and must be searched."""
+        return False
+
+    def edges(self, state: PyTree, command: Array, period: RealScalar) -> Float[Array, " edges"]:
+        """Instants (s) in [0, `period`] at which the piece changes under a command that stays."""
+        del state, command
+        return jnp.zeros(0, period.dtype)
+
+    def held_piece(self, state: PyTree, command: Array, elapsed: RealScalar) -> PyTree:
+        """The piece `elapsed` seconds after a command began to stay in a state."""
+        del elapsed
+        return self.piece(self.mode(state), command)
+
+    def snapped(
+        self, state: PyTree, command: Array, elapsed: RealScalar, reached: PyTree
+    ) -> PyTree:
+        """The state `reached` at an edge, where known, exactly."""
+        del state, command, elapsed
+        return reached
+
+    # A command that is held: modes that depend on how the body turns.
+
+    def margins(
+        self, mode: PyTree, state: PyTree, command: Array, acceleration: Float[Array, "3"]
+    ) -> Float[Array, "..."]:
+        """How far devices are from leaving their mode: below zero for one that has left it."""
+        del mode, state, command, acceleration
+        return jnp.zeros(0)
+
+    def approach(
+        self, mode: PyTree, state: PyTree, command: Array, acceleration: Float[Array, "3"]
+    ) -> Float[Array, "..."]:
+        """d/dt of each margin that goes to zero before something jumps, zero for others."""
+        return jnp.zeros_like(self.margins(mode, state, command, acceleration))
+
+    def come(self, mode: PyTree, state: PyTree, margins: Float[Array, "..."]) -> PyTree:
+        """The state of devices that leave their mode where a margin is below zero, exactly."""
+        del mode, margins
+        return state
+
+    # A command that changes continuously: events, and the smooth piece between two of them.
+
+    @property
+    def event_count(self) -> int:
+        """How many corners there are under a continuous command."""
+        return 0
+
+    def event_functions(
+        self, state: PyTree, command: Array, acceleration: Float[Array, "3"]
+    ) -> Float[Array, " m"]:
+        """Functions whose zeros are the corners."""
+        del state, command
+        return jnp.zeros(0, acceleration.dtype)
+
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractEffector":
+        """This effector with each event function on the side that `signs` tells."""
+        del signs
+        return self
+
+    def without_corners(self) -> "AbstractEffector":
+        """The same without failures in flight, and without what needs a command that is held."""
+        if self.failures is None:
+            return self
+        return eqx.tree_at(lambda one: one.failures, self, None)
+
+    def require_continuous(self) -> None:
+        """Raise `ValueError` where the effector cannot have a command that is not held."""
