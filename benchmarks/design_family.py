@@ -31,6 +31,7 @@ from jaxsat.scenario import ScenarioWarning
 from jaxsat.store import ResumableFolder
 from jaxsat.studies import Serial, wilson
 from jaxsat.synthesis.comparison.family import SEED, SIZE, family_member, family_scenario
+from jaxsat.synthesis.execution import Execution
 
 KIND, TABLE = "designed-family", "table.csv"
 
@@ -45,7 +46,7 @@ def designed(number: int, family_seed: int, settings: dict[str, Any]) -> dict[st
     begin = time.process_time()
     member = family_member(number, family_seed)
     scenario = family_scenario(member, "three-slew")
-    found = jaxsat.design(scenario, law="all", executor=Serial(), **settings)
+    found = jaxsat.design(scenario, law="all", execution=Execution(executor=Serial()), **settings)
     made = found.verification
     assert made is not None
     assert found.chosen is not None

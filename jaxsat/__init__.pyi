@@ -20,13 +20,20 @@ from jaxsat.core.attitude import (
     WZ as WZ,
     Quaternion as Quaternion,
 )
+from jaxsat.synthesis.bounds import (
+    Bound as Bound,
+    bound as bound,
+)
 from jaxsat.synthesis.comparison import (
     Comparison as Comparison,
     ComparisonRow as ComparisonRow,
     ComparisonSetting as ComparisonSetting,
     ComparisonVerdict as ComparisonVerdict,
+    Front as Front,
     compare as compare,
+    compare_in_scenario as compare_in_scenario,
     comparison_scenario as comparison_scenario,
+    front as front,
 )
 from jaxsat.control import (
     AbstractController as AbstractController,
@@ -44,6 +51,10 @@ from jaxsat.synthesis.controller_design import (
     ControllerDesign as ControllerDesign,
     design as design,
     read_vehicle as read_vehicle,
+)
+from jaxsat.synthesis.execution import (
+    Execution as Execution,
+    Listener as Listener,
 )
 from jaxsat.core.declaration import (
     LawDeclaration as LawDeclaration,

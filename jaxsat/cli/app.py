@@ -96,7 +96,7 @@ def run(tokens: Sequence[str] | None = None) -> int:
 def _command(tokens: Sequence[str] | None) -> int:
     tokens = sys.argv[1:] if tokens is None else list(tokens)
     command, given, _ = app.parse_args(tokens, exit_on_error=False, print_error=False)
-    if given.arguments.get("quiet", False):
+    if any(getattr(options, "quiet", False) for options in given.arguments.values()):
         stop_progress()
     if not command.__module__.startswith("jaxsat."):
         with contextlib.suppress(BrokenPipeError, SystemExit):  # of a reader who has seen enough

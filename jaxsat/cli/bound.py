@@ -1,7 +1,6 @@
 """`jaxsat bound`: the least time or effort in which a scenario's manoeuvre can be done."""
 
 import json
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -9,7 +8,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import End, Flag, OptionalPath, Overrides, Seed, Starts, number
+from jaxsat.cli.options import End, Output, Overrides, Seed, Starts, number
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import (
     FAILED_RUN,
@@ -20,17 +19,15 @@ from jaxsat.cli.terminal import (
     print_stderr,
     print_stdout,
 )
-from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from jaxsat.core.tolerances import Tolerances
     from jaxsat.scenario import Scenario
-    from jaxsat.synthesis.bounds import Bound, Solution
-    from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
+    from jaxsat.synthesis.bounds import Bound, UnsuitableScenario
 
 Longest = Annotated[float | None, Parameter(converter=number(0.01, 1e9))]
+Objective = Literal["time", "effort"]
+Target = Literal["attitude", "rates"]
 UNITS = {"time": "s", "effort": "N m s"}
 
 
@@ -38,16 +35,14 @@ def bound(
     scenario: str,
     /,
     *,
-    objective: Literal["time", "effort"] = "time",
-    target: Literal["attitude", "rates"] = "attitude",
+    objective: Objective = "time",
+    target: Target = "attitude",
     end: End = "settled",
     starts: Starts = 12,
     longest: Longest = None,
     seed: Seed = 0,
     overrides: Overrides = (),
-    out: OptionalPath = None,
-    overwrite: Flag = False,
-    quiet: Flag = False,
+    output: Output = Output(),
 ) -> int:
     """Find how fast, or with how little effort, the scenario's start can be brought to its target.
 
@@ -75,186 +70,87 @@ def bound(
         Seed of the guesses.
     overrides
         KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
-    out
+    output.out
         JSON file for the thrusts, the states and the result; by default none.
-    overwrite
+    output.overwrite
         Replace an existing file.
-    quiet
-        Print only warnings and errors.
     """
-    if out is not None:
-        _refuse_existing(out, overwrite)
-    chosen = load_or_explain(scenario, overrides, "motion")
-    use_double_precision()
-    rates_only, tolerances = target == "rates", tolerances_at(chosen, end)
-    manoeuvre = required_manoeuvre(chosen, tolerances, rates_only=rates_only)
-    from jaxsat.scenario.build.run import build_uncontrolled
-    from jaxsat.synthesis.bounds import BoundObjective
-
-    loop, beginning = build_uncontrolled(chosen)
-
-    limit = chosen.simulation.duration_s if longest is None else longest
-    _require_time(limit, "simulation.duration_s")
-    unit = UNITS[objective]
-    what, aim = f"least {objective}", BoundObjective(objective)
-    plans = [] if rates_only else planned(loop, beginning, aim, limit, tolerances, what)
-    found = searched(manoeuvre, aim, starts, limit, seed, what, plans)
-    if found is None:
-        print_stderr(f"none of {starts} starts found a solution in {limit:g} s; give more starts")
-        return FAILED_RUN
-    if out is not None:
-        _write(out, found, target, end_data(end, tolerances), overwrite)
-    if not quiet:
-        flight, values = found.verification, found.values
-        print_stdout(f"least {objective:<10} {found.solution.value:.4g} {unit}")
-        print_stdout(f"duration         {found.solution.duration:.4g} s")
-        print_stdout(f"effort           {flight.effort:.4g} N m s")
-        print_stdout(f"end              {end_text(tolerances, not rates_only)}")
-        where = f"{flight.angle:.1e} rad and {flight.rate:.1e} rad/s from rest in the orbit frame"
-        if tolerances is not None:
-            where = f"at {flight.tilt:.3g} rad of tilt, {flight.turn:.3g} rad of turn and "
-            where += f"{flight.rate:.3g} rad/s"
-        where = f"with {flight.rate:.1e} rad/s" if rates_only else where
-        print_stdout(f"flown again      ends {where}")
-        listed = ", ".join(f"{value:.4g}" for value in values)
-        print_stdout(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
-    return SUCCESS
-
-
-def required_manoeuvre(
-    scenario: "Scenario", tolerances: "Tolerances | None" = None, *, rates_only: bool = False
-) -> "Manoeuvre":
-    """The manoeuvre of a scenario; raises `UserMistake` for one that a bound does not support."""
-    require_ideal_thrusters(scenario, "a bound")
-    from jaxsat.scenario.build.run import build_uncontrolled
-    from jaxsat.synthesis.bounds.manoeuvre import manoeuvre_of
-
-    try:
-        return manoeuvre_of(*build_uncontrolled(scenario), rates_only, tolerances)
-    except ValueError as error:
-        raise UserMistake(str(error)) from None
-
-
-def tolerances_at(scenario: "Scenario", end: End) -> "Tolerances | None":
-    """Those of the scenario, or None for an end exactly at rest."""
-    from jaxsat.scenario.build.run import build_tolerances
-
-    return build_tolerances(scenario) if end == "settled" else None
-
-
-def end_text(tolerances: "Tolerances | None", attitude: bool = True) -> str:
-    """What a manoeuvre ends at, in a line."""
-    if tolerances is None:
-        return "exactly at rest"
-    return f"settled, {tolerances.limits_text(attitude)}"
-
-
-def end_data(end: End, tolerances: "Tolerances | None") -> dict[str, Any]:
-    """The same as plain data."""
-    return {"end": end, "end_meaning": end_text(tolerances)}
-
-
-def require_ideal_thrusters(scenario: "Scenario", what: str) -> None:
-    """Raise `UserMistake` unless the scenario has limited thrusters that make any torque exactly.
-
-    `what` needs them.
-    """
-    if scenario.thruster:
-        raise UserMistake(
-            f"thruster: must be left out for {what}, which supports only thrusters that make a "
-            f"torque of either sign, got {len(scenario.thruster)}"
-        )
-    for kind in ("wheel", "magnetorquer"):
-        if getattr(scenario, kind):
-            raise UserMistake(
-                f"{kind}: must be left out for {what}, which supports only thrusters that make a "
-                f"torque of either sign, got {len(getattr(scenario, kind))}"
-            )
-    if scenario.spacecraft.torque_limit_N_m is None:
-        raise UserMistake(
-            "spacecraft.torque_limit_N_m: must be given in N m, as thrusters without a limit need "
-            "no time, got nothing; give it with --set"
-        )
-    if scenario.actuators is not None:
-        raise UserMistake(
-            f"actuators: must be left out for {what}, which supports only thrusters that make "
-            f"their torque exactly, got {scenario.actuators.kind}"
-        )
-
-
-def planned(
-    loop: Any, start: Any, objective: Any, longest: float, tolerances: Any, what: str
-) -> "list[Solution]":
-    """Plans from which a search begins, told of while they are made."""
-    from jaxsat.synthesis.bounds import plans_of
-
-    show_progress(f"{what}: planning")
-    return interruptibly(lambda: plans_of(loop, start, objective, longest, tolerances))
-
-
-def searched(
-    manoeuvre: Any,
-    objective: Any,
-    starts: int,
-    longest: float,
-    seed: int,
-    what: str,
-    plans: "Sequence[Solution]" = (),
-) -> "Bound | None":
-    """The best of several starts and plans, told of while it runs."""
-    from jaxsat.synthesis.bounds import best_of_starts
-
-    count = len(plans) + starts
-    show_progress(f"{what}: start 1 of {count}")
-
-    def told(done: int, best: float) -> None:
-        known = f", {best:.4g} so far" if math.isfinite(best) else ""
-        show_progress(f"{what}: {done} of {count} starts{known}")
-
-    keys: dict[str, Any] = {"longest": longest, "seed": seed, "plans": plans, "report": told}
-    try:
-        return interruptibly(lambda: best_of_starts(manoeuvre, objective, starts, **keys))
-    except (ValueError, ModuleNotFoundError) as error:
-        raise UserMistake(str(error)) from None
-    except RuntimeError as error:  # CasADi's own
-        reason = (str(error).splitlines() or [type(error).__name__])[-1]
-        raise FailedRun(f"{what}: CasADi cannot solve this: {reason[:200]}") from None
-
-
-def _require_time(longest: float, name: str) -> None:
-    from jaxsat.synthesis.bounds.transcription import MIN_DURATION_S
-
-    if longest < MIN_DURATION_S:
-        raise UserMistake(f"{name}: must be at least {MIN_DURATION_S:g} s, got {longest:g}")
-
-
-def _refuse_existing(target: Path, overwrite: bool) -> None:
     from jaxsat.store import OutputError, refuse_existing
 
     try:
-        refuse_existing(target, overwrite=overwrite)
+        if output.out is not None:
+            refuse_existing(output.out, overwrite=output.overwrite)
     except OutputError as error:
         raise output_problem(error) from None
+    chosen = load_or_explain(scenario, overrides, "motion")
+    use_double_precision()
+    from jaxsat.synthesis.bounds import end_data, tolerances_at
+
+    found = _found(
+        chosen, objective, target=target, end=end, starts=starts, longest=longest, seed=seed
+    )
+    if found is None:
+        limit = chosen.simulation.duration_s if longest is None else longest
+        print_stderr(f"none of {starts} starts found a solution in {limit:g} s; give more starts")
+        return FAILED_RUN
+    tolerances = tolerances_at(chosen, end)
+    if output.out is not None:
+        data = {"target": target, **end_data(end, tolerances), **found.as_data()}
+        _write(output.out, data, output.overwrite)
+    if not output.quiet:
+        for line in _lines(found, target, tolerances):
+            print_stdout(line)
+    return SUCCESS
 
 
-def _write(path: Path, found: "Bound", target: str, end: dict[str, Any], overwrite: bool) -> None:
-    from jaxsat.store import OutputError, provenance, save_file
+def _found(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | None":
+    """What the library finds; its errors become mistakes and failures."""
+    import jaxsat
+    from jaxsat.synthesis.bounds import UnsolvedBound, UnsuitableScenario
 
-    solution = found.solution
-    record = {
-        "command": command_line(),
-        "objective": found.objective.value,
-        "target": target,
-        **end,
-        "value": solution.value,
-        "duration_s": solution.duration,
-        "starts": found.starts,
-        "local_optima": found.values,
-        "flown_again": found.verification._asdict(),
-        "thrust_N_m": solution.thrust.tolist(),
-        "states_quaternion_omega": solution.states.tolist(),
-        **provenance(),
-    }
+    try:
+        return interruptibly(
+            lambda: jaxsat.bound(scenario, objective, report=show_progress, **keys)
+        )
+    except UnsuitableScenario as error:
+        raise unsuitable(error) from None
+    except (ValueError, ModuleNotFoundError) as error:
+        raise UserMistake(str(error)) from None
+    except UnsolvedBound as error:
+        raise FailedRun(str(error)) from None
+
+
+def unsuitable(error: "UnsuitableScenario") -> UserMistake:
+    """What to raise for a scenario that cannot be bounded, with the option that may help."""
+    return UserMistake(f"{error}; give it with --set" if error.lacking else str(error))
+
+
+def _lines(found: "Bound", target: Target, tolerances: "Tolerances | None") -> list[str]:
+    """What a bound is, for a person."""
+    from jaxsat.synthesis.bounds import end_text
+
+    objective, flight = found.objective.value, found.verification
+    where = f"{flight.angle:.1e} rad and {flight.rate:.1e} rad/s from rest in the orbit frame"
+    if target == "rates":
+        where = f"with {flight.rate:.1e} rad/s"
+    elif tolerances is not None:
+        where = f"at {flight.tilt:.3g} rad of tilt, {flight.turn:.3g} rad of turn and "
+        where += f"{flight.rate:.3g} rad/s"
+    listed = ", ".join(f"{value:.4g}" for value in found.values)
+    return [
+        f"least {objective:<10} {found.solution.value:.4g} {UNITS[objective]}",
+        f"duration         {found.solution.duration:.4g} s",
+        f"effort           {flight.effort:.4g} N m s",
+        f"end              {end_text(tolerances, target == 'attitude')}",
+        f"flown again      ends {where}",
+        f"local optima     {listed} {UNITS[objective]}, of {found.starts} starts; not certified",
+    ]
+
+
+def _write(path: Path, data: dict[str, Any], overwrite: bool) -> None:
+    from jaxsat.store import OutputError, command_line, provenance, save_file
+
+    record = {"command": command_line(), **data, **provenance()}
     text = json.dumps(record, indent=1, allow_nan=False) + "\n"
     try:
         save_file(path, text, overwrite=overwrite)

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import jaxsat
 from jaxsat.cli.terminal import FailedRun, print_stderr
-from jaxsat.cli.words import command_line
 from jaxsat.core.text import clean
 
 MAX_MESSAGE_LENGTH = 300
@@ -89,6 +88,8 @@ def thread_errors_reported() -> Iterator[None]:
 
 
 def _written(error: BaseException) -> Path:
+    from jaxsat.store import command_line
+
     try:
         lines = traceback.format_exception(error)
     except Exception as other:  # such as a __str__ or __repr__ that fails

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.options import Flag, OptionalPath, Text, mistake, place
+from jaxsat.cli.options import Output, Text, mistake, place
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stderr, print_stdout
 
@@ -26,13 +26,11 @@ def convert(
     /,
     *,
     to: Literal["aem", "csv"],
-    out: OptionalPath = None,
     epoch: Text = None,
     frame: Literal["inertial", "orbit"] = "inertial",
     object_name: Text = None,
     object_id: Text = None,
-    overwrite: Flag = False,
-    quiet: Flag = False,
+    output: Output = Output(),
 ) -> int:
     """Write the trajectory of a run as a CCSDS attitude ephemeris (AEM) or as CSV.
 
@@ -42,7 +40,7 @@ def convert(
         Folder that `jaxsat simulate` or `montecarlo --case` wrote, or its trajectory.nc.
     to
         aem: quaternions over UTC as defined by CCSDS 504.0-B; csv: all signals, one column each.
-    out
+    output.out
         File to write; by default beside the run, with its name and .aem or .csv.
     epoch
         UTC at the start of the run, such as 2026-03-20T12:00:00; for AEM.
@@ -53,27 +51,25 @@ def convert(
         OBJECT_NAME of an AEM; by default the title of the scenario.
     object_id
         OBJECT_ID of an AEM, such as 2026-001A; by default UNKNOWN.
-    overwrite
+    output.overwrite
         Replace the file.
-    quiet
-        Print only warnings and errors.
     """
     path = place("RUN", run)
-    target = out or _beside(path, to)
+    target = output.out or _beside(path, to)
     if to == "csv" and epoch is not None:
         raise UserMistake("--epoch: must be given with --to aem, as CSV has seconds")
     start = _epoch(epoch) if to == "aem" else None
     from jaxsat.store import OutputError, refuse_existing, save_file
 
     try:
-        refuse_existing(target, overwrite=overwrite)
+        refuse_existing(target, overwrite=output.overwrite)
         use_double_precision()
         show_progress(f"reading {path}")
         text = interruptibly(lambda: _converted(path, start, frame, object_name, object_id))
-        save_file(target, text, overwrite=overwrite)
+        save_file(target, text, overwrite=output.overwrite)
     except OutputError as error:
         raise output_problem(error) from None
-    if not quiet:
+    if not output.quiet:
         print_stdout(f"written to {target}")
     return SUCCESS
 

@@ -1,59 +1,35 @@
 """`jaxsat design`: from a vehicle with failures to a controller verified on it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly
+from jaxsat.cli.listening import execution, listener, resumed_later
 from jaxsat.cli.loading import vehicle_or_explain
-from jaxsat.cli.options import (
-    Flag,
-    OptionalPath,
-    OptionalSeed,
-    Overrides,
-    Report,
-    Text,
-    Workers,
-    number,
-    whole,
-)
-from jaxsat.cli.progress import show_progress
+from jaxsat.cli.options import OptionalSeed, Overrides, Resumable, Text, number, whole
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.study_executors import chosen_executor, study_problems
-from jaxsat.cli.study_text import progress_text as study_progress_text
+from jaxsat.cli.study_executors import study_problems
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
-    Terminated,
     UserMistake,
     print_stderr,
     print_stdout,
     print_text,
 )
-from jaxsat.cli.tune import progress_text as tuning_progress_text
-from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
-    from jaxsat.studies import Work
-    from jaxsat.synthesis.controller_design import ControllerDesign, Vehicle
+    from jaxsat.synthesis.controller_design import ControllerDesign
 
 MAX_STEPS, MAX_CASES, MIN_SETTLED = 10_000, 10**6, 1e-6
-CASE = 400
-"""Bytes of a case in memory and on the disk, about."""
-
-USUAL_DURATION = 1200.0
-"""Seconds of a case where the file has none, about."""
-
-STUDIES = 4
-"""Candidates in all steps before the verification, about."""
 
 
 def design(
     scenario: str,
     /,
     *,
-    out: OptionalPath = None,
     overrides: Overrides = (),
     law: Text = None,
     settled: Annotated[float, Parameter(converter=number(MIN_SETTLED, 1.0))] = 0.99,
@@ -62,13 +38,7 @@ def design(
     seed: OptionalSeed = None,
     attitude: Literal["wanted", "nearest"] = "wanted",
     goal: Literal["quickest", "settled"] = "quickest",
-    engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
-    workers: Workers = None,
-    report: Report = False,
-    overwrite: Flag = False,
-    yes: Flag = False,
-    elsewhere: Flag = False,
-    quiet: Flag = False,
+    results: Resumable = Resumable(),
 ) -> int:
     """Design a controller for a vehicle with failures, and verify it on cases never seen before.
 
@@ -82,8 +52,6 @@ def design(
     scenario
         A name from `jaxsat scenarios list`, or a TOML file. [spacecraft] is enough: the command
         assumes the rest and lists the assumptions.
-    out
-        Output folder; by default jaxsat-NAME-designed in the current folder.
     overrides
         KEY=VALUE that replaces a value of the scenario, such as spacecraft.failed_thrusters=[2];
         may be given several times.
@@ -105,66 +73,36 @@ def design(
     goal
         quickest: the fastest of the laws that settle most, with tuned gains; settled: the first law
         proven to settle the wanted fraction, and tuning only if there is none.
-    engine
-        As for `jaxsat montecarlo`.
-    workers
-        Threads, each of which computes one chunk; by default the number of processors.
-    report
-        Also write a report, as `jaxsat report` does: report.html in the output folder, or the given
-        file.
-    overwrite
-        Replace the file of --report; results in the folder are resumed.
-    yes
-        Start even if the work exceeds the limits of steps, memory or disk.
-    elsewhere
-        Resume a design that was started with other versions or on another processor, if the
-        programs are the same.
-    quiet
-        Print only warnings and errors.
+    results.out
+        Output folder; by default jaxsat-NAME-designed in the current folder.
     """
     vehicle = vehicle_or_explain(scenario, overrides)
-    target = Path(f"jaxsat-{Path(scenario).stem}-designed") if out is None else out
-    planned = planned_report(report, target, overwrite=overwrite)
-    require_approval([_work(vehicle, cases, steps)], target, yes=yes, quiet=quiet)
-    executor = chosen_executor(workers, None, None, None)
+    target = results.out or Path(f"jaxsat-{Path(scenario).stem}-designed")
+    planned = planned_report(results, target)
 
     import jaxsat
 
-    told: set[str] = set()
-
-    def remark(text: str) -> None:
-        if text not in told and not quiet:
-            print_stderr(text, "")
-        told.add(text)
-
     try:
-        with study_problems():
+        with study_problems(), resumed_later(target):
             found = interruptibly(
                 lambda: jaxsat.design(
-                    vehicle.scenario,
-                    law=law or vehicle.law,
+                    vehicle,
+                    law=law,
                     settled=settled,
                     cases=cases,
                     steps=steps,
                     seed=seed,
                     attitude=attitude,
                     goal=goal,
-                    engine=engine,
-                    executor=executor,
                     out=target,
-                    elsewhere=elsewhere,
-                    timed=vehicle.timed,
-                    report=_told,
-                    remark=remark,
+                    execution=execution(results),
+                    listener=listener(target, results),
                 )
             )
     except ValueError as error:
         raise UserMistake(str(error)) from None
-    except (KeyboardInterrupt, Terminated) as stop:
-        kept = f"the results so far are in {target}; the same command resumes"
-        raise type(stop)(kept) from None
-    status = _concluded(found, target, quiet)
-    finish_report(planned, quiet=quiet)
+    status = _concluded(found, target, results.quiet)
+    finish_report(planned, quiet=results.quiet)
     return status
 
 
@@ -181,28 +119,3 @@ def _concluded(found: "ControllerDesign", target: Path, quiet: bool) -> int:
     if quiet:
         print_stderr(headline(found))
     return FAILED_RUN
-
-
-def _work(vehicle: "Vehicle", cases: int, steps: int) -> "Work":
-    """What all steps take, about."""
-    from jaxsat.studies import Work
-    from jaxsat.synthesis.controller_design.settings import SCREENING_CASES, VALIDATION_CASES
-    from jaxsat.synthesis.controller_design.tuning import TUNED_CASES
-
-    simulation = vehicle.scenario.simulation
-    trajectories = STUDIES * (SCREENING_CASES + VALIDATION_CASES) + cases + 8 * steps * TUNED_CASES
-    duration = simulation.duration_s if vehicle.timed else USUAL_DURATION
-    intervals = round(duration / simulation.save_every_s)
-    return Work(trajectories, trajectories * intervals, cases * CASE, cases * CASE)
-
-
-def _told(what: str, progress: Any) -> None:
-    """Progress of a study, of the tuner, or of neither."""
-    from jaxsat.studies import StudyProgress
-
-    text = what
-    if isinstance(progress, StudyProgress):
-        text = f"{what}: {study_progress_text(progress)}"
-    elif progress is not None:
-        text = f"{what}: {tuning_progress_text(progress)}"
-    show_progress(text)

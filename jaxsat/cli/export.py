@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPath, Overrides
+from jaxsat.cli.options import Output, Overrides
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout
 
@@ -23,11 +23,9 @@ def export(
     /,
     *,
     overrides: Overrides = (),
-    out: OptionalPath = None,
     float_: Float = False,
     functions: Literal["own", "libm"] = "own",
-    overwrite: Flag = False,
-    quiet: Flag = False,
+    output: Output = Output(),
 ) -> int:
     """Write the controller of a scenario as C99, with test vectors, a test program and build files.
 
@@ -40,27 +38,25 @@ def export(
         A name from `jaxsat scenarios list`, or a TOML file.
     overrides
         KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
-    out
+    output.out
         Output folder; by default jaxsat-NAME-flight in the current folder.
     float_
         Single precision instead of double.
     functions
         own: elementary functions in the file, with the same bits on every processor; libm: those of
         the C library, less code.
-    overwrite
+    output.overwrite
         Replace the folder if jaxsat wrote it, including the builds of `make` and CMake in it.
-    quiet
-        Print only warnings and errors.
     """
     chosen = load_or_explain(scenario, overrides)
-    target = Path(f"jaxsat-{Path(scenario).stem}-flight") if out is None else out
+    target = output.out or Path(f"jaxsat-{Path(scenario).stem}-flight")
 
     from jaxsat.flight import CannotExport, CannotLower, is_built
     from jaxsat.store import OutputError, OutputFolder
 
     try:
         place = OutputFolder(
-            target, kind="flight code", overwrite=overwrite, is_made_of_it=is_built
+            target, kind="flight code", overwrite=output.overwrite, is_made_of_it=is_built
         )
         with place as folder:
             show_progress(f"exporting {scenario}")
@@ -73,7 +69,7 @@ def export(
         raise UserMistake(f"{scenario}: cannot be flight code: {error}") from None
     except OutputError as error:
         raise output_problem(error) from None
-    if not quiet:
+    if not output.quiet:
         print_stdout(f"controller       {made.lines} lines of C, program {made.program.hash[:12]}")
         print_stdout(f"test vectors     {len(made.vectors.given)} samples")
         if made.measured.instructions is not None:

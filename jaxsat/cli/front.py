@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from jaxsat.cli.bound import end_data, require_ideal_thrusters, tolerances_at
+from jaxsat.cli.bound import unsuitable
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import End, Flag, OutputPath, Overrides, Starts, TorqueLimits, torque_limits
+from jaxsat.cli.options import End, Output, Overrides, Starts, TorqueLimits, torque_limits
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, output_problem, print_stdout
-from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,9 +32,7 @@ def front(
     guesses: Starts = 24,
     end: End = "settled",
     overrides: Overrides = (),
-    out: OutputPath = Path("jaxsat-front"),
-    overwrite: Flag = False,
-    quiet: Flag = False,
+    output: Output = Output(),
 ) -> int:
     """Find the least effort within each time for a scenario's manoeuvre, and what laws take.
 
@@ -62,31 +59,29 @@ def front(
         rest: exactly at rest, which laws do not reach.
     overrides
         KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
-    out
-        Folder for the numbers and the figure.
-    overwrite
-        Replace the folder if jaxsat wrote it.
-    quiet
-        Print only warnings and errors.
+    output.out
+        Folder for the numbers and the figure; by default jaxsat-front.
     """
     limits = [f"spacecraft.torque_limit_N_m={one}" for one in torque_limits(torque_limit)]
     chosen = [load_or_explain(scenario, [*overrides, one], "motion") for one in limits]
     chosen = chosen or [load_or_explain(scenario, overrides, "motion")]
     laws = list(dict.fromkeys(law or (chosen[0].control.law,)))
     for one in chosen:
-        require_ideal_thrusters(one, "a front")
-        _require_laws(one, laws)
+        _require_suitable(one, laws)
     use_double_precision()
     from jaxsat.store import OutputError, OutputFolder
+    from jaxsat.synthesis.bounds import end_data, tolerances_at
+
+    out = output.out or Path("jaxsat-front")
 
     try:
-        with OutputFolder(out, kind="front", overwrite=overwrite) as folder:
+        with OutputFolder(out, kind="front", overwrite=output.overwrite) as folder:
             found = interruptibly(lambda: [_found(one, laws, guesses, end) for one in chosen])
             meaning = end_data(end, tolerances_at(chosen[0], end))
             interruptibly(lambda: _write(folder, chosen[0].title, found, meaning))
     except OutputError as error:
         raise output_problem(error) from None
-    if not quiet:
+    if not output.quiet:
         print_stdout(f"plans end {meaning['end_meaning']}; laws where they settle")
         for line in _lines(found):
             print_stdout(line)
@@ -94,10 +89,15 @@ def front(
     return SUCCESS if all(one.points for one in found) else FAILED_RUN
 
 
-def _require_laws(scenario: "Scenario", laws: Sequence[str]) -> None:
+def _require_suitable(scenario: "Scenario", laws: Sequence[str]) -> None:
     from jaxsat.scenario import ScenarioError
+    from jaxsat.synthesis.bounds import UnsuitableScenario, require_ideal_thrusters
     from jaxsat.synthesis.comparison import scenario_under
 
+    try:
+        require_ideal_thrusters(scenario, "a front")
+    except UnsuitableScenario as error:
+        raise unsuitable(error) from None
     for law in laws:
         try:
             scenario_under(scenario, law)
@@ -108,8 +108,8 @@ def _require_laws(scenario: "Scenario", laws: Sequence[str]) -> None:
 
 
 def _found(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) -> "Front":
+    import jaxsat
     from jaxsat.scenario import ScenarioError
-    from jaxsat.synthesis.comparison import front as computed
 
     limit = f"{scenario.spacecraft.torque_limit_N_m:g} N m"
 
@@ -117,7 +117,7 @@ def _found(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) ->
         show_progress(f"{limit}: {what}")
 
     try:
-        return computed(scenario, laws, guesses, told, end)
+        return jaxsat.front(scenario, laws, guesses, told, end)
     except ScenarioError as error:
         raise UserMistake(str(error), located=True) from None
     except ValueError as error:
@@ -126,7 +126,7 @@ def _found(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) ->
 
 def _write(folder: Any, title: str, found: Sequence["Front"], end: dict[str, Any]) -> None:
     from jaxsat.report.saving import save_figures
-    from jaxsat.store import provenance
+    from jaxsat.store import command_line, provenance
 
     data = [one.as_data() for one in found]
     record = {"command": command_line(), **end, "fronts": data, **provenance()}

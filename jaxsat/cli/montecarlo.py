@@ -3,8 +3,11 @@
 import contextlib
 import itertools
 import re
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any
+
+from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.integration_error import excessive_error
@@ -13,19 +16,18 @@ from jaxsat.cli.options import (
     BatchSize,
     Case,
     Cases,
-    Flag,
     Instants,
     OptionalBatchSize,
     OptionalPath,
     OptionalSeed,
     Overrides,
-    Report,
+    Resumable,
     Text,
     Workers,
 )
 from jaxsat.cli.places import refuse_nested, try_folder
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.report import finish_report, planned_report
+from jaxsat.cli.report import PlannedReport, finish_report, planned_report
 from jaxsat.cli.study_executors import chosen_executor, study_problems
 from jaxsat.cli.study_files import (
     figures_folder,
@@ -47,7 +49,64 @@ from jaxsat.cli.work import require_approval
 from jaxsat.core.errors import LibraryError
 
 if TYPE_CHECKING:
+    from jaxsat.scenario import Scenario
     from jaxsat.studies import AbstractExecutor, StopRule, Study, Summary
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Sharing:
+    """How the cases are shared out.
+
+    Parameters
+    ----------
+    processes
+        Processes on this machine that share the chunks, at most as many as processors; a process
+        that dies is replaced.
+    scheduler
+        Distribute the chunks to the workers of this dask scheduler: an address such as
+        tcp://host:8786, or the scheduler's JSON file.
+    devices
+        Devices (accelerators) of this machine that share the chunks.
+    batch_size
+        Cases per pass of the compiled loop; the last bits of results may depend on it.
+    chunk
+        Cases that are computed and written together; by default a number that suits the engine.
+    """
+
+    processes: Workers = None
+    scheduler: Text = None
+    devices: Workers = None
+    batch_size: BatchSize = 64
+    chunk: OptionalBatchSize = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Saved:
+    """What is written of a study besides its plain results.
+
+    Parameters
+    ----------
+    figures
+        Folder for figures: settling times, where cases settle, convergence, fan charts of attitude
+        and rates.
+    csv
+        CSV file of the cases, one row each: outcome, times, effort, final state and drawn values.
+        Column names contain the units.
+    history
+        Save attitude, rates and torque of every case at this number of instants, evenly spaced over
+        the horizon.
+    """
+
+    figures: OptionalPath = None
+    csv: OptionalPath = None
+    history: Instants = None
+
+    def places(self) -> list[tuple[str, Path]]:
+        """Those that are asked for, by their option."""
+        given = (("--figures", self.figures), ("--csv", self.csv))
+        return [(option, place) for option, place in given if place is not None]
 
 
 def montecarlo(
@@ -56,26 +115,13 @@ def montecarlo(
     *,
     count: Cases = 1000,
     seed: OptionalSeed = None,
-    out: OptionalPath = None,
     overrides: Overrides = (),
-    engine: Literal["auto", "native", "scan", "diffrax"] = "auto",
-    workers: Workers = None,
-    batch_size: BatchSize = 64,
-    chunk: OptionalBatchSize = None,
     until_ci: Text = None,
     case: Case = None,
-    overwrite: Flag = False,
-    processes: Workers = None,
-    scheduler: Text = None,
-    devices: Workers = None,
-    figures: OptionalPath = None,
-    csv: OptionalPath = None,
-    report: Report = False,
-    history: Instants = None,
-    yes: Flag = False,
-    elsewhere: Flag = False,
     controller: OptionalPath = None,
-    quiet: Flag = False,
+    saved: Saved = Saved(),
+    sharing: Sharing = Sharing(),
+    results: Resumable = Resumable(),
 ) -> int:
     """Simulate many dispersed copies of a scenario, as its [dispersion] table says.
 
@@ -89,141 +135,145 @@ def montecarlo(
         Number of cases.
     seed
         Seed of the study; by default that of the scenario.
-    out
-        Zarr store of the results, by default jaxsat-NAME.zarr; with --case a folder for the
-        trajectory.
     overrides
         KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
-    engine
-        native: machine code compiled for the scenario, fastest; scan: a plain loop in XLA; diffrax:
-        the method of a single run; auto: native; it prints a line if it has to use scan.
-    workers
-        Threads of each process, each of which computes one chunk. The default, also the maximum, is
-        the number of processors, divided by the number of processes.
-    processes
-        Processes on this machine that share the chunks, at most as many as processors; a process
-        that dies is replaced.
-    scheduler
-        Distribute the chunks to the workers of this dask scheduler: an address such as
-        tcp://host:8786, or the scheduler's JSON file.
-    devices
-        Devices (accelerators) of this machine that share the chunks.
-    batch_size
-        Cases per pass of the compiled loop; the last bits of results may depend on it.
-    chunk
-        Cases that are computed and written together; by default a number that suits the engine.
     until_ci
         Stop when the half width of the interval of the settled fraction is below this, such as
         0.5%.
     case
         Recompute this case alone and write its whole trajectory.
-    overwrite
-        Replace the files of --csv and --report, or with --case the folder, if jaxsat wrote it; a
-        store is resumed.
-    report
-        Also write a report, as `jaxsat report` does: next to the store, with .html in place of
-        .zarr, or the given file; with --case report.html in its folder.
-    figures
-        Folder for figures: settling times, where cases settle, convergence, fan charts of attitude
-        and rates.
-    csv
-        CSV file of the cases, one row each: outcome, times, effort, final state and drawn values.
-        Column names contain the units.
-    history
-        Save attitude, rates and torque of every case at this number of instants, evenly spaced over
-        the horizon.
-    yes
-        Start even if the work exceeds the limits of steps, memory or disk.
-    elsewhere
-        Resume a store that was started with other versions or on another processor, if the program
-        is the same.
     controller
         Library that `make` built in the folder of `jaxsat export`: its C code replaces law and
         estimator, in threads of this process.
-    quiet
-        Print only warnings and errors.
+    results.out
+        Zarr store of the results, by default jaxsat-NAME.zarr; with --case a folder for the
+        trajectory.
+    results.engine
+        native: machine code compiled for the scenario, fastest; scan: a plain loop in XLA; diffrax:
+        the method of a single run; auto: native; it prints a line if it has to use scan.
+    results.workers
+        Threads of each process, each of which computes one chunk. The default, also the maximum, is
+        the number of processors, divided by the number of processes.
+    results.overwrite
+        Replace the files of --csv and --report, or with --case the folder, if jaxsat wrote it; a
+        store is resumed.
+    results.report
+        Also write a report, as `jaxsat report` does: next to the store, with .html in place of
+        .zarr, or the given file; with --case report.html in its folder.
     """
-    stem = Path(scenario).stem
-    if case is not None and figures is not None:
+    _refuse_contradictions(case, controller, saved, sharing, results)
+    suffix = ".zarr" if case is None else f"-{case}"
+    target = results.out or Path(f"jaxsat-{Path(scenario).stem}{suffix}")
+    planned = _planned(target, saved, results, store=case is None)
+    chosen = load_or_explain(scenario, overrides, "study")
+    rule = None if until_ci is None else _stop_rule(until_ci)
+    study = _built(
+        chosen,
+        count,
+        seed=seed,
+        engine=results.engine,
+        batch_size=sharing.batch_size,
+        chunk=sharing.chunk,
+        history=saved.history,
+        controller=controller,
+    )
+    if study.remark is not None and not results.quiet:
+        print_stderr(study.remark, "")
+    if rule is not None and study.has_fixed_size:
+        raise UserMistake("--until-ci: must be given with a design other than latin-hypercube")
+    if case is None:
+        _write_study(chosen, study, target, rule, saved, sharing, results)
+    else:
+        overwrite, quiet = results.overwrite, results.quiet
+        write_one_case(chosen, study, case, target, overwrite=overwrite, quiet=quiet)
+    finish_report(planned, quiet=results.quiet)
+    return SUCCESS
+
+
+def _refuse_contradictions(
+    case: int | None, controller: Path | None, saved: Saved, sharing: Sharing, results: Resumable
+) -> None:
+    """Raise `UserMistake` for options that say nothing together."""
+    if case is not None and saved.figures is not None:
         raise UserMistake("--case: must be given without --figures, which show a whole study")
-    if case is not None and csv is not None:
+    if case is not None and saved.csv is not None:
         raise UserMistake("--case: must be given without --csv, which has all cases of a study")
-    if case is None and csv is None and report is False and overwrite:
+    if case is None and saved.csv is None and results.report is False and results.overwrite:
         raise UserMistake(
             "--overwrite: must be given with --case, --csv or --report; a store is resumed"
         )
-    if controller is not None and (processes or scheduler or devices):
+    if controller is not None and (sharing.processes or sharing.scheduler or sharing.devices):
         raise UserMistake(
             "--controller: must be given without --processes, --scheduler and --devices"
         )
-    target = out or Path(f"jaxsat-{stem}{'.zarr' if case is None else f'-{case}'}")
-    more = {"--figures": figures, "--csv": csv}
-    places = [(option, place) for option, place in more.items() if place is not None]
-    for one, other in itertools.combinations([*places, ("--out", target)], 2):
-        refuse_nested(one, other)
-    if csv is not None:
-        refuse_csv(csv, overwrite=overwrite)
-    planned = planned_report(report, target, overwrite=overwrite, store=case is None)
-    chosen = load_or_explain(scenario, overrides, "study")
-    if figures is not None:
-        try_folder(lambda: figures_folder(figures))
-    rule = None if until_ci is None else _stop_rule(until_ci)
-    use_double_precision()
-    try:
-        from jaxsat.scenario.build.study import build_study
-        from jaxsat.studies import study_work
 
-        show_progress("compiling")
-        study = interruptibly(
-            lambda: build_study(
-                chosen,
-                count,
-                seed=seed,
-                engine=engine,
-                batch_size=batch_size,
-                chunk=chunk,
-                history=history,
-                controller=controller,
-            )
-        )
+
+def _planned(
+    target: Path, saved: Saved, results: Resumable, *, store: bool
+) -> PlannedReport | None:
+    """The report that is asked for; raises `UserMistake` for places that cannot be written to."""
+    for one, other in itertools.combinations([*saved.places(), ("--out", target)], 2):
+        refuse_nested(one, other)
+    if saved.csv is not None:
+        refuse_csv(saved.csv, overwrite=results.overwrite)
+    if saved.figures is not None:
+        folder = saved.figures
+        try_folder(lambda: figures_folder(folder))
+    return planned_report(results, target, store=store)
+
+
+def _built(scenario: "Scenario", count: int, **keys: Any) -> "Study":
+    """The study that `build_study` makes of this; raises `UserMistake`."""
+    use_double_precision()
+    from jaxsat.scenario.build.study import build_study
+
+    show_progress("compiling")
+    try:
+        return interruptibly(lambda: build_study(scenario, count, **keys))
     except LibraryError as error:
         raise UserMistake(f"--controller: {error}") from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
-    if study.remark is not None and not quiet:
-        print_stderr(study.remark, "")
-    if rule is not None and study.has_fixed_size:
-        raise UserMistake("--until-ci: must be given with a design other than latin-hypercube")
-    if case is not None:
-        write_one_case(chosen, study, case, target, overwrite=overwrite, quiet=quiet)
-        finish_report(planned, quiet=quiet)
-        return SUCCESS
-    executor = chosen_executor(workers, processes, scheduler, devices)
-    require_approval([study_work(study, rule)], target, yes=yes, quiet=quiet)
+
+
+def _write_study(
+    scenario: "Scenario",
+    study: "Study",
+    target: Path,
+    rule: "StopRule | None",
+    saved: Saved,
+    sharing: Sharing,
+    results: Resumable,
+) -> None:
+    """Run the study into its store; write and print what is asked for of it."""
+    from jaxsat.studies import study_work
+
+    executor = chosen_executor(
+        results.workers, sharing.processes, sharing.scheduler, sharing.devices
+    )
+    require_approval([study_work(study, rule)], target, yes=results.yes, quiet=results.quiet)
     try:
-        counted = _run(study, target, executor, rule, elsewhere)
+        counted = _run(study, target, executor, rule, results.elsewhere)
         show_progress("summarising")
         summary = interruptibly(lambda: _summary(target, counted))
-        if figures is not None:
+        if saved.figures is not None:
             show_progress("drawing figures")
-            write_figures(figures, chosen.title, study, target, summary)
-        if csv is not None:
+            write_figures(saved.figures, scenario.title, study, target, summary)
+        if saved.csv is not None:
             show_progress("writing the table")
-            write_csv(csv, target, counted, overwrite=overwrite)
+            write_csv(saved.csv, target, counted, overwrite=results.overwrite)
     except (KeyboardInterrupt, Terminated) as stop:
         with contextlib.suppress(KeyboardInterrupt, Terminated):  # a second one does not wait
             executor.stop()
         raise type(stop)(_what_is_left(target)) from None
-    excess = excessive_error((summary.rate_error, summary.attitude_error), chosen)
+    excess = excessive_error((summary.rate_error, summary.attitude_error), scenario)
     if excess:
         print_stderr(excess, "warning: ")
-    if not quiet:
+    if not results.quiet:
         for line in summary_lines(summary):
             print_stdout(line)
-        written = [target, *(place for _, place in places)]
+        written = [target, *(place for _, place in saved.places())]
         print_stdout(f"written          {', '.join(map(str, written))}")
-    finish_report(planned, quiet=quiet)
-    return SUCCESS
 
 
 def _what_is_left(target: Path) -> str:

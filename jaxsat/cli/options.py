@@ -8,6 +8,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -118,9 +119,86 @@ OutputPath = Annotated[Path, Parameter(converter=_converter(place))]
 OptionalPath = Annotated[Path | None, Parameter(converter=_converter(place))]
 Text = Annotated[str | None, Parameter(converter=_converter(something))]
 Flag = Annotated[bool, Parameter(negative="")]
-Report = Annotated[bool | Path, Parameter(negative="")]
-"""`--report` alone, or with a file."""
 Overrides = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Printed:
+    """The option of every command that only prints.
+
+    Parameters
+    ----------
+    quiet
+        Print nothing but the result, warnings and errors.
+    """
+
+    quiet: Flag = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """The options of every command that writes files.
+
+    The docstring of a command has another text where one of these means something else in it.
+
+    Parameters
+    ----------
+    out
+        Output folder; by default jaxsat-NAME in the current folder.
+    overwrite
+        Replace the folder if jaxsat wrote it.
+    quiet
+        Print only warnings and errors.
+    """
+
+    out: OptionalPath = None
+    overwrite: Flag = False
+    quiet: Flag = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Results(Output):
+    """The options of every command that writes results of which there are reports.
+
+    Parameters
+    ----------
+    report
+        Also write a report, as `jaxsat report` does: report.html in the output folder, or the given
+        file.
+    overwrite
+        Replace the folder, or the file of --report, if jaxsat wrote it.
+    """
+
+    report: Annotated[bool | Path, Parameter(negative="")] = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Resumable(Results):
+    """The options of every command that runs many cases and goes on where it was interrupted.
+
+    Parameters
+    ----------
+    engine
+        As for `jaxsat montecarlo`.
+    workers
+        Threads, each of which computes one chunk; by default the number of processors.
+    overwrite
+        Replace the file of --report; results in the folder are resumed.
+    yes
+        Start even if the work exceeds the limits of steps, memory or disk.
+    elsewhere
+        Resume what was started with other versions or on another processor, if the programs are the
+        same.
+    """
+
+    engine: Literal["auto", "native", "scan", "diffrax"] = "auto"
+    workers: Workers = None
+    yes: Flag = False
+    elsewhere: Flag = False
 
 
 def torque_limits(given: Sequence[str]) -> list[float]:

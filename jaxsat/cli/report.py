@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.options import Flag, OutputPath, place
+from jaxsat.cli.options import Output, Results, place
 from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout
@@ -17,9 +17,7 @@ REPORT = "report.html"
 
 def report(
     *paths: str,
-    out: OutputPath = Path("jaxsat-report.html"),
-    overwrite: Flag = False,
-    quiet: Flag = False,
+    output: Output = Output(),
 ) -> int:
     """Write one HTML file of results: verdict, 3-D replay, linked plots, tables, provenance.
 
@@ -31,19 +29,18 @@ def report(
     paths
         Folders and stores that jaxsat wrote: of a run, a study, a tuning, a comparison, a design,
         a reproduction or an analysis of controllability.
-    out
-        File to write.
-    overwrite
+    output.out
+        File to write; by default jaxsat-report.html.
+    output.overwrite
         Replace the file.
-    quiet
-        Print only warnings and errors.
     """
     if not paths:
         raise UserMistake("report: must be given at least one path, got none")
     use_double_precision()
     _require_packages()
-    write_report([place("PATH", path) for path in paths], out, overwrite=overwrite)
-    if not quiet:
+    out = output.out or Path("jaxsat-report.html")
+    write_report([place("PATH", path) for path in paths], out, overwrite=output.overwrite)
+    if not output.quiet:
         print_stdout(f"written to {out}")
     return SUCCESS
 
@@ -84,13 +81,13 @@ class PlannedReport:
             raise output_problem(error) from None
 
 
-def planned_report(
-    asked: bool | Path, results: Path, *, overwrite: bool, store: bool = False
-) -> PlannedReport | None:
+def planned_report(options: Results, results: Path, *, store: bool = False) -> PlannedReport | None:
     """What `--report` asks for, None for nothing; raises `UserMistake` for what cannot be.
 
-    `store` says that the results are a store of a study, beside which the page is put.
+    `results` is where they will be; `store` says that they are a store of a study, beside which the
+    page is put.
     """
+    asked, overwrite = options.report, options.overwrite
     if asked is False:
         return None
     from jaxsat.store import OutputError, refuse_existing

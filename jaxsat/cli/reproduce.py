@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OutputPath, Report
+from jaxsat.cli.options import Results
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import (
@@ -29,31 +29,22 @@ COLOURS = {"HOLDS": "green", "ONLY_IF": "yellow", "FAILS": "red"}
 
 def reproduce(
     *,
-    out: OutputPath = Path("jaxsat-reproduction"),
-    report: Report = False,
-    overwrite: Flag = False,
-    quiet: Flag = False,
+    results: Results = Results(),
 ) -> int:
     """Simulate the paper's section 5, draw its Figs. 3-7 and judge each of its claims.
 
     Parameters
     ----------
-    out
-        Output folder.
-    report
-        Also write a report, as `jaxsat report` does: report.html in the output folder, or the given
-        file.
-    overwrite
-        Replace the folder, or the file of --report, if jaxsat wrote it.
-    quiet
-        Print only warnings and errors.
+    results.out
+        Output folder; by default jaxsat-reproduction.
     """
-    planned = planned_report(report, out, overwrite=overwrite)
+    out, quiet = results.out or Path("jaxsat-reproduction"), results.quiet
+    planned = planned_report(results, out)
 
     from jaxsat.store import OutputError, OutputFolder
 
     try:
-        with OutputFolder(out, kind="reproduction", overwrite=overwrite) as folder:
+        with OutputFolder(out, kind="reproduction", overwrite=results.overwrite) as folder:
             use_double_precision()
             in_background("jaxsat.report.figures")
             datasets = _simulate_all(quiet)

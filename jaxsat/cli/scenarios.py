@@ -1,11 +1,12 @@
 """`jaxsat scenarios`: list the library, print the schema, check scenario files."""
 
 import json
+from collections.abc import Sequence
 
 from cyclopts import App
 
 from jaxsat.cli.loading import load_or_explain, vehicle_or_explain
-from jaxsat.cli.options import Overrides
+from jaxsat.cli.options import Overrides, Printed
 from jaxsat.cli.takers import TABLES, refusals, says_no_more_than_a_vehicle
 from jaxsat.cli.terminal import (
     SUCCESS,
@@ -21,8 +22,9 @@ scenarios = App(name="scenarios", help="List, show and check scenarios.", help_f
 
 
 @scenarios.command(name="list")
-def list_scenarios() -> int:
+def list_scenarios(*, printed: Printed = Printed()) -> int:
     """List the scenarios that come with jaxsat."""
+    del printed  # `run` reads it
     from jaxsat.scenario import library
 
     names = library()
@@ -33,7 +35,7 @@ def list_scenarios() -> int:
 
 
 @scenarios.command
-def show(name: str, /) -> int:
+def show(name: str, /, *, printed: Printed = Printed()) -> int:
     """Print a scenario of the library as a TOML file, to read or to start from.
 
     Parameters
@@ -41,6 +43,7 @@ def show(name: str, /) -> int:
     name
         One of the names that `jaxsat scenarios list` gives.
     """
+    del printed
     from jaxsat.scenario import library
     from jaxsat.scenario.errors import MAX_PLACE_LENGTH
     from jaxsat.scenario.wording import suggestion
@@ -57,8 +60,9 @@ def show(name: str, /) -> int:
 
 
 @scenarios.command
-def schema() -> int:
+def schema(*, printed: Printed = Printed()) -> int:
     """Print the JSON Schema of scenario files, with the unit of every quantity."""
+    del printed
     from jaxsat.scenario import json_schema
 
     print_text(json.dumps(json_schema(), indent=2, ensure_ascii=False))
@@ -69,6 +73,7 @@ def schema() -> int:
 def check(
     *files: str,
     overrides: Overrides = (),
+    printed: Printed = Printed(),
 ) -> int:
     """Check scenario files and report every error in them.
 
@@ -82,6 +87,8 @@ def check(
         TOML files, or names from the library.
     overrides
         KEY=VALUE that replaces a value of the files, as for `jaxsat simulate`.
+    printed.quiet
+        Print only warnings and errors.
     """
     if not files:
         raise UserMistake("scenarios check: must be given at least one file, got none")
@@ -89,17 +96,24 @@ def check(
     status = SUCCESS
     for file in files:
         try:
-            if says_no_more_than_a_vehicle(file, overrides):
-                title = vehicle_or_explain(file, overrides).scenario.title
-                print_stdout(f"{clean(file)}: valid for controllability and design ({title})")
-                print_stdout(f"  not for the others: {', '.join(TABLES)} must be given")
-                continue
-            scenario = load_or_explain(file, overrides, "tuning")
+            verdict = _verdict(file, overrides)
         except UserMistake as mistake:
             print_mistake(mistake)
             status = USER_MISTAKE
         else:
-            print_stdout(f"{clean(file)}: valid ({scenario.title})")
-            for refusal in refusals(scenario):
-                print_stdout(f"  {refusal}")
+            for line in () if printed.quiet else verdict:
+                print_stdout(line)
     return status
+
+
+def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
+    """What a valid file is good for; raises `UserMistake` with every error of another one."""
+    if says_no_more_than_a_vehicle(file, overrides):
+        title = vehicle_or_explain(file, overrides).scenario.title
+        return [
+            f"{clean(file)}: valid for controllability and design ({title})",
+            f"  not for the others: {', '.join(TABLES)} must be given",
+        ]
+    scenario = load_or_explain(file, overrides, "tuning")
+    refused = [f"  {refusal}" for refusal in refusals(scenario)]
+    return [f"{clean(file)}: valid ({scenario.title})", *refused]

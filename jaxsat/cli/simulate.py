@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 from jaxsat.cli.computing import in_background, interruptibly
 from jaxsat.cli.integration_error import errors_of, excessive_error
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report
+from jaxsat.cli.options import Overrides, Results
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.summary import failure_advice, print_summary
 from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, print_stderr
-from jaxsat.cli.words import command_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,10 +29,7 @@ def simulate(
     /,
     *,
     overrides: Overrides = (),
-    out: OptionalPath = None,
-    report: Report = False,
-    overwrite: Flag = False,
-    quiet: Flag = False,
+    results: Results = Results(),
 ) -> int:
     """Simulate a scenario and write its trajectory, figures and settings to a folder.
 
@@ -44,24 +40,15 @@ def simulate(
     overrides
         KEY=VALUE that replaces a value of the scenario, such as control.k3=0.07; may be given
         several times.
-    out
-        Output folder; by default jaxsat-NAME in the current folder.
-    report
-        Also write a report, as `jaxsat report` does: report.html in the output folder, or the given
-        file.
-    overwrite
-        Replace the folder, or the file of --report, if jaxsat wrote it.
-    quiet
-        Print only warnings and errors.
     """
     chosen = load_or_explain(scenario, overrides)
-    target = Path(f"jaxsat-{Path(scenario).stem}") if out is None else out
-    planned = planned_report(report, target, overwrite=overwrite)
+    target = results.out or Path(f"jaxsat-{Path(scenario).stem}")
+    planned = planned_report(results, target)
 
     from jaxsat.store import OutputError, OutputFolder
 
     try:
-        with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
+        with OutputFolder(target, kind="run", overwrite=results.overwrite) as folder:
             show_progress(f"simulating {scenario}")
             in_background("jaxsat.report.figures")
             remarks: list[str] = []
@@ -78,9 +65,9 @@ def simulate(
             print_stderr(told, "warning: ")
     for obstacle in remarks:
         print_stderr(f"not the compiled engine, which starts in seconds: {obstacle}", "")
-    if not quiet:
+    if not results.quiet:
         print_summary(dataset, scenario, chosen, seconds, target, files)
-    finish_report(planned, quiet=quiet)
+    finish_report(planned, quiet=results.quiet)
     if dataset.attrs["outcome_code"] == 0:
         return SUCCESS
     print_stderr(f"{failure_advice(dataset)}; the results so far were written to {target}")
@@ -128,7 +115,7 @@ def figures_of(dataset: "xr.Dataset") -> "dict[str, Figure]":
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
     """What a person needs to make the same run again."""
-    from jaxsat.store import provenance
+    from jaxsat.store import command_line, provenance
 
     return {
         "title": scenario.title,

@@ -12,7 +12,10 @@ if TYPE_CHECKING:
 
 
 def chosen_executor(
-    workers: int | None, processes: int | None, scheduler: str | None, devices: int | None
+    workers: int | None,
+    processes: int | None = None,
+    scheduler: str | None = None,
+    devices: int | None = None,
 ) -> "AbstractExecutor":
     """The executor that the options of a command ask for; raises `UserMistake`.
 

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.bound import required_manoeuvre
-from jaxsat.cli.terminal import UserMistake
 from jaxsat.core.errors import JaxsatError
 
 if TYPE_CHECKING:
@@ -21,6 +19,8 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
         yield "not for montecarlo and tune: dispersion must be given, got nothing"
     elif scenario.tuning is None:
         yield "not for tune: tuning must be given, got nothing"
+    from jaxsat.synthesis.bounds import required_manoeuvre
+
     trials: dict[str, Callable[[], object]] = {
         "bound and front": lambda: required_manoeuvre(scenario),
         "design": lambda: _require_vehicle(scenario),
@@ -29,7 +29,7 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
     for commands, trial in trials.items():
         try:
             trial()
-        except (UserMistake, JaxsatError) as error:
+        except JaxsatError as error:
             yield f"not for {commands}: {error}"
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from jaxsat.store.errors import OutputError, system_failure
 from jaxsat.store.files import refuse_existing, save_file
 from jaxsat.store.folder import OutputFolder
-from jaxsat.store.provenance import machine, provenance
+from jaxsat.store.provenance import command_line, machine, provenance
 from jaxsat.store.resumable import ResumableFolder
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ __all__ = [
     "ResumableFolder",
     "StudyStore",
     "case_table",
+    "command_line",
     "dataset_bytes",
     "is_within",
     "machine",

@@ -3,13 +3,22 @@
 import datetime
 import importlib.metadata
 import platform
+import shlex
+import sys
 from pathlib import Path
 from typing import Any
 
 import jaxsat
 from jaxsat.core.once import once
+from jaxsat.core.text import clean
 
 PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
+
+
+def command_line() -> str:
+    """The program that runs and its arguments, in characters that every file can hold."""
+    program = Path(sys.argv[0]).name
+    return clean(shlex.join(["jaxsat" if program == "__main__.py" else program, *sys.argv[1:]]))
 
 
 def provenance() -> dict[str, Any]:

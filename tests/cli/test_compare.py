@@ -9,6 +9,7 @@ import pytest
 
 from jaxsat.core import search_path
 from jaxsat.synthesis.comparison import ComparisonSetting, compare
+from jaxsat.synthesis.execution import Listener
 
 QUICK = [
     *("--law", "switching", "--law", "rate", "--level", "nominal", "--torque-limit", "20"),
@@ -99,8 +100,9 @@ def own_law(tmp_path, monkeypatch):
 def test_one_call_gives_what_the_command_writes(jaxsat, tmp_path):
     told = []
     options = {"level": "nominal", "torque_limit": 20, "count": 3, "seed": 3}
-    found = compare("rate", **options, report=lambda what, progress: told.append((what, progress)))
-    (row,), (verdict,) = found
+    listener = Listener(progress=lambda what, progress: told.append((what, progress)))
+    found = compare("rate", **options, listener=listener)
+    (row,), (verdict,) = found[:2]
     assert (row.setting, row.cases, verdict.law) == (
         ComparisonSetting("nominal", 20.0, "rate"),
         3,

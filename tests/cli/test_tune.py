@@ -14,6 +14,7 @@ import pytest
 
 from jaxsat.control.diagnosis import average_run_length
 from jaxsat.scenario.build.load import load
+from jaxsat.studies import Work
 from synthesis.tuning.scenarios import RATE
 
 FIGURES = ("loss", "gains", "before-after")
@@ -111,17 +112,15 @@ def test_a_scenario_without_the_table_is_refused(jaxsat):
 
 def test_a_full_disk_is_a_failure_and_no_mistake(jaxsat, monkeypatch):
     from jaxsat.store import OutputError
-    from jaxsat.synthesis.tuning import build as tuning
-    from jaxsat.synthesis.tuning import checkpoint
+    from jaxsat.synthesis.tuning import run
 
     def full(*_, **__):
         raise OutputError("run cannot be made: No space left on device.", failure=True)
 
-    monkeypatch.setattr(tuning, "build_plan", lambda *_, **__: SimpleNamespace(remark=None))
-    monkeypatch.setattr("jaxsat.cli.tune.require_approval", lambda *_, **__: None)
-    monkeypatch.setattr("jaxsat.cli.tune._work", lambda *_: None)
-    monkeypatch.setattr(checkpoint, "plan_identity", lambda _: {})
-    monkeypatch.setattr(checkpoint, "TuningFolder", full)
+    monkeypatch.setattr(run, "build_plan", lambda *_, **__: SimpleNamespace(remark=None))
+    monkeypatch.setattr(run, "tuning_work", lambda *_: Work(1, 1, 1, 1))
+    monkeypatch.setattr(run, "plan_identity", lambda _: {})
+    monkeypatch.setattr(run, "TuningFolder", full)
     status, _, err = jaxsat("rate.toml", "--out", "run")
     assert status == 1
     assert "No space left on device" in err

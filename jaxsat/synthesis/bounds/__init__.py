@@ -2,6 +2,16 @@
 
 from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
 from jaxsat.synthesis.bounds.plans import plans_of, solution_of
+from jaxsat.synthesis.bounds.run import (
+    UnsolvedBound,
+    UnsuitableScenario,
+    bound,
+    end_data,
+    end_text,
+    require_ideal_thrusters,
+    required_manoeuvre,
+    tolerances_at,
+)
 from jaxsat.synthesis.bounds.search import Bound, best_of_starts
 from jaxsat.synthesis.bounds.transcription import BoundObjective, Solution, Transcription
 from jaxsat.synthesis.bounds.verification import Verification, propagate
@@ -13,10 +23,18 @@ __all__ = [
     "Manoeuvre",
     "Solution",
     "Transcription",
+    "UnsolvedBound",
+    "UnsuitableScenario",
     "Verification",
     "best_of_starts",
+    "bound",
+    "end_data",
+    "end_text",
     "manoeuvre_of",
     "plans_of",
     "propagate",
+    "require_ideal_thrusters",
+    "required_manoeuvre",
     "solution_of",
+    "tolerances_at",
 ]

@@ -1,7 +1,7 @@
 """The best of several starts, plans among them: what is found is a local optimum each time."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
 from jaxsat.synthesis.bounds.transcription import BoundObjective, Solution, Transcription
@@ -25,6 +25,19 @@ class Bound(NamedTuple):
     verification: Verification
     starts: int
     values: list[float]
+
+    def as_data(self) -> dict[str, Any]:
+        """As plain data."""
+        return {
+            "objective": self.objective.value,
+            "value": self.solution.value,
+            "duration_s": self.solution.duration,
+            "starts": self.starts,
+            "local_optima": self.values,
+            "flown_again": self.verification._asdict(),
+            "thrust_N_m": self.solution.thrust.tolist(),
+            "states_quaternion_omega": self.solution.states.tolist(),
+        }
 
 
 def best_of_starts(

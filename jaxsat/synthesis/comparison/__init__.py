@@ -21,6 +21,7 @@ from jaxsat.synthesis.comparison.least_times import LeastTime, least_times, medi
 from jaxsat.synthesis.comparison.run import (
     Comparison,
     ComparisonRun,
+    UnsuitableLaw,
     UnsuitableSetting,
     compare,
     comparison_settings,
@@ -56,6 +57,7 @@ __all__ = [
     "ScenarioSetting",
     "ScenarioVerdict",
     "Start",
+    "UnsuitableLaw",
     "UnsuitableSetting",
     "choose_law",
     "choose_laws",

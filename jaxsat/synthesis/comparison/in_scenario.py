@@ -1,6 +1,9 @@
 """Laws compared on the dispersed cases of any scenario, its failures in flight among them."""
 
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,18 +12,20 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.scenario.laws import known_law, law_names
-from jaxsat.store import open_study
+from jaxsat.store import ResumableFolder, open_study
 from jaxsat.store.study_names import named_store
-from jaxsat.studies import RecoverySummary
+from jaxsat.studies import RecoverySummary, Study, study_work
 from jaxsat.studies.recovery_summary import summarise_recovery
 from jaxsat.synthesis.comparison.acceptance import FILE, validated
-from jaxsat.synthesis.comparison.run import ComparisonRun
+from jaxsat.synthesis.comparison.files import scenario_figures, write_record
+from jaxsat.synthesis.comparison.run import ComparisonRun, UnsuitableLaw
 from jaxsat.synthesis.comparison.verdict import (
     ComparisonRow,
     ScenarioSetting,
     chosen_law,
     comparison_row,
 )
+from jaxsat.synthesis.execution import Execution, Listener
 
 
 class ScenarioVerdict(NamedTuple):
@@ -78,23 +83,66 @@ def scenario_under(scenario: Scenario, law: str) -> Scenario:
 
 
 def compare_in_scenario(
-    scenario: Scenario, laws: Iterable[str], run: ComparisonRun
+    scenario: Scenario,
+    laws: Iterable[str],
+    *,
+    count: int = 200,
+    seed: int = 0,
+    out: str | Path | None = None,
+    execution: Execution = Execution(),
+    listener: Listener = Listener(),
 ) -> ScenarioComparison:
-    """Run the same cases of a scenario under each law, or what the stores lack of them.
+    """Run the same `count` cases of a scenario under each law.
 
-    Case i has the same spacecraft, start, failures and noise under every law. Raises as
-    `scenario_under` and `run_study` do.
+    Case i has the same spacecraft, start, failures and noise under every law. With `out` the
+    studies are kept in that folder, with the record and the figures that `jaxsat compare` writes,
+    and the same call resumes them. Raises `UnsuitableLaw`, and as `scenario_under` and `run_study`
+    do.
     """
+    studies = {law: _study(scenario, law, count, seed, execution) for law in dict.fromkeys(laws)}
+    listener.approve([study_work(study, None) for study in studies.values()])
+    with ExitStack() as stack:
+        kept = None
+        if out is None:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        else:
+            kept = stack.enter_context(ResumableFolder(out, "comparison", {}))
+            folder = kept.path
+        run = ComparisonRun(count, seed, folder, execution, listener)
+        found = _compared(scenario, studies, run)
+        if kept is not None:
+            _write(kept, scenario, found, seed)
+        return found
+
+
+def _study(scenario: Scenario, law: str, count: int, seed: int, execution: Execution) -> Study:
+    try:
+        under = scenario_under(scenario, law)
+        return build_study(under, count, seed=seed, engine=execution.engine)
+    except ValueError as error:
+        raise UnsuitableLaw(str(error)) from error
+
+
+def _compared(
+    scenario: Scenario, studies: Mapping[str, Study], run: ComparisonRun
+) -> ScenarioComparison:
+    """What the studies find, or what their stores lack of them."""
     rows, recoveries = [], []
-    for law in dict.fromkeys(laws):
-        study = build_study(
-            scenario_under(scenario, law), run.count, seed=run.seed, engine=run.engine
-        )
+    for law, study in studies.items():
         store = named_store(run.folder, law)
         columns = run.columns(study, law, store)
         rows.append(comparison_row(ScenarioSetting(scenario.title, law), columns))
         recoveries.append(summarise_recovery(open_study(store), np.arange(run.count)))
     return ScenarioComparison(rows, recoveries, ScenarioVerdict(scenario.title, *chosen_law(rows)))
+
+
+def _write(
+    folder: ResumableFolder, scenario: Scenario, found: ScenarioComparison, seed: int
+) -> None:
+    data = {"seed": seed, **found.as_data()}
+    recovered = {row["law"]: row["recovered"] for row in data["rows"] if "recovered" in row}
+    title, duration = scenario.title, scenario.simulation.duration_s
+    write_record(folder, data, lambda: scenario_figures(title, duration, found.rows, recovered))
 
 
 def _by_kind(found: RecoverySummary) -> dict[str, Any]:

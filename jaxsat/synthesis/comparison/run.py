@@ -1,8 +1,7 @@
 """A comparison in one call: the studies of every setting, their rows, and the verdicts."""
 
 import tempfile
-import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +9,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from jaxsat.core.declaration.settling import TUNED_LIMITS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.scenario.build.run import build
-from jaxsat.scenario.build.study import EngineName
 from jaxsat.store import ResumableFolder, case_table, open_study, study_columns
 from jaxsat.store.study_names import acceptance_store
-from jaxsat.studies import AbstractExecutor, Study, StudyProgress, run_study
-from jaxsat.synthesis.comparison.acceptance import LAWS, ComparisonSetting, comparison_scenario
+from jaxsat.studies import Study, Work, run_study
+from jaxsat.synthesis.bounds import End
+from jaxsat.synthesis.comparison.acceptance import (
+    LAWS,
+    PERIOD,
+    ComparisonSetting,
+    comparison_scenario,
+    horizon,
+)
+from jaxsat.synthesis.comparison.files import acceptance_figures, write_record
+from jaxsat.synthesis.comparison.least_bounds import least_bounds
+from jaxsat.synthesis.comparison.least_times import LeastTime, least_times
 from jaxsat.synthesis.comparison.studies import Start, comparison_study
 from jaxsat.synthesis.comparison.verdict import (
     ComparisonRow,
@@ -24,25 +33,69 @@ from jaxsat.synthesis.comparison.verdict import (
     choose_laws,
     comparison_row,
 )
+from jaxsat.synthesis.execution import Execution, Listener
 
 if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = ("settling_time", "effort", "peak_rate", "code")
 
-Report = Callable[[str, StudyProgress | None], None]
-"""Called with what runs and how far it is, None while it is being compiled."""
+CASE = 400
+"""Bytes of a case in memory and on the disk, about."""
 
 
 class UnsuitableSetting(JaxsatError, ValueError):
-    """A law, or an engine for it, with which the acceptance set cannot be run."""
+    """An engine for a law with which the acceptance set cannot be run."""
+
+
+class UnsuitableLaw(JaxsatError, ValueError):
+    """A law that there is not, or that cannot fly the cases."""
 
 
 class Comparison(NamedTuple):
-    """A row for every law, limit and level, and a verdict for every limit and level."""
+    """A row for every law, limit and level, and a verdict for every limit and level.
+
+    `bounds` are the least time and effort from the paper's start under every limit, if they were
+    asked for, and `least_times` the medians of the starts as far as they are stored.
+    """
 
     rows: Sequence[ComparisonRow]
     verdicts: Sequence[ComparisonVerdict]
+    bounds: Sequence[dict[str, Any]] = ()
+    least_times: Sequence[LeastTime] = ()
+
+    def as_data(self) -> dict[str, Any]:
+        """Everything but the single times, as plain data."""
+        return {
+            "rows": [row.as_data() for row in self.rows],
+            "verdicts": [one._asdict() for one in self.verdicts],
+            "bounds_from_papers_start": list(self.bounds),
+            "median_least_times": [
+                {"torque_limit": one.torque_limit, "end": one.end, "seconds": one.median}
+                for one in self.least_times
+            ],
+        }
+
+    def table(self, folder: str | Path) -> "pd.DataFrame":
+        """All cases in the folder of this, a row each: law, level, torque limit, start, and what
+        `case_table` tells.
+
+        Raises `OutputError` for a damaged store.
+        """
+        import pandas as pd  # takes its time, and few ask for a table
+
+        settings: list[Any] = [row.setting for row in self.rows]
+        parts = {
+            (level, limit, law, start.value): case_table(
+                open_study(acceptance_store(Path(folder), level, limit, law, start.value)).isel(
+                    case=slice(count)
+                )
+            )
+            for level, limit, law in settings
+            for start, count in ((Start.RANDOM, self.rows[0].cases), (Start.PAPER, 1))
+        }
+        names: list[Any] = ["level", "torque_limit_N_m", "law", "start", "case"]
+        return pd.concat(parts, names=names).reset_index()
 
 
 def compare(
@@ -52,30 +105,45 @@ def compare(
     torque_limit: float | int | Iterable[float | int] = 5.0,
     count: int = 200,
     seed: int = 0,
-    engine: EngineName = "auto",
-    executor: AbstractExecutor | None = None,
+    bounds: int = 0,
+    end: End = "settled",
     out: str | Path | None = None,
-    elsewhere: bool = False,
-    report: Report = lambda what, progress: None,
+    execution: Execution = Execution(),
+    listener: Listener = Listener(),
 ) -> Comparison:
     """Compare laws on `count` cases of the acceptance set at each level and torque limit (N m).
 
     A law is one of `jaxsat.synthesis.comparison.LAWS` or `MORE_LAWS`, `"module:Class"`, an
     installed law, or a scenario file whose `[control]` is taken; a level is "nominal", "mc" or
-    "hard". With `out` the studies are kept in that folder, as by `jaxsat compare`, and the same
-    call resumes them. `engine`, `executor` and `elsewhere` are those of a study. Raises
-    `ValueError` for a level, a law or an engine that there is not or that does not suit,
+    "hard". `bounds` starts search for the least time and effort from the paper's start; they and
+    the least times end where `end` says. With `out` the studies are kept in that folder, with the
+    record and the figure that `jaxsat compare` writes, and the same call resumes them. Raises
+    `UnsuitableLaw`, `UnsuitableSetting`, `ValueError` for a level that there is not,
     `ScenarioError` for a torque limit that no scenario can have, and `OutputError` for a folder
     that cannot be used.
     """
-    settings = comparison_settings(_several(laws), _several(level), _several(torque_limit))
+    limits = _several(torque_limit)
+    settings = comparison_settings(_several(laws), _several(level), limits)
     require_suitable(settings)
+    _tell_of_untuned(limits, listener)
+    listener.approve([_work(one, count) for one in settings])
     with ExitStack() as stack:
+        kept = None
         if out is None:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         else:
-            folder = stack.enter_context(ResumableFolder(out, "comparison", {})).path
-        return ComparisonRun(count, seed, folder, engine, executor, elsewhere, report).run(settings)
+            kept = stack.enter_context(ResumableFolder(out, "comparison", {}))
+            folder = kept.path
+        run = ComparisonRun(count, seed, folder, execution, listener)
+        rows = run.rows(settings)
+        least = [
+            least_bounds(float(one), bounds, seed, end, kept, listener) for one in limits if bounds
+        ]
+        found = Comparison(rows, choose_laws(rows), least, least_times(rows, seed, end))
+        if kept is not None:
+            data = {"seed": seed, **found.as_data()}
+            write_record(kept, data, lambda: acceptance_figures(rows))
+        return found
 
 
 def comparison_settings(
@@ -95,33 +163,43 @@ def require_suitable(settings: Iterable[ComparisonSetting]) -> None:
     """Build the loops of laws that do not come with the set; raises as `compare` does."""
     for setting in settings:
         if setting.law not in LAWS:
-            build(comparison_scenario(setting))
+            try:
+                build(comparison_scenario(setting))
+            except ValueError as error:
+                raise UnsuitableLaw(str(error)) from error
+
+
+def _tell_of_untuned(limits: Sequence[float], listener: Listener) -> None:
+    tuned = ", ".join(f"{one:g}" for one in TUNED_LIMITS)
+    for limit in limits:
+        if limit not in TUNED_LIMITS:
+            inside = min(TUNED_LIMITS) < limit < max(TUNED_LIMITS)
+            how = "interpolated" if inside else "those of the nearest"
+            listener.warn(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}")
+
+
+def _work(setting: ComparisonSetting, count: int) -> Work:
+    """What the cases of one setting take, about: a law is looked at ten times a second."""
+    steps = round(horizon(setting.torque_limit) / PERIOD)
+    return Work(count + 1, (count + 1) * steps, count * CASE, count * CASE)
 
 
 @dataclass(frozen=True)
 class ComparisonRun:
-    """How the studies of a comparison are run: cases and seed, the folder of their stores, and
-    the options of a study.
-
-    `remark` is called with why a study does not take an engine, `tell` with repairs of stores.
-    """
+    """How the studies of a comparison are run: cases and seed, and the folder of their stores."""
 
     count: int
     seed: int
     folder: Path
-    engine: EngineName = "auto"
-    executor: AbstractExecutor | None = None
-    elsewhere: bool = False
-    report: Report = lambda what, progress: None
-    remark: Callable[[str], None] = lambda text: None
-    tell: Callable[[str], None] = warnings.warn
+    execution: Execution = Execution()
+    listener: Listener = Listener()
 
-    def run(self, settings: Iterable[ComparisonSetting]) -> Comparison:
+    def rows(self, settings: Iterable[ComparisonSetting]) -> list[ComparisonRow]:
         """Run the studies, or what their stores lack of them.
 
         Raises `UnsuitableSetting` besides what `run_study` raises.
         """
-        rows = [
+        return [
             comparison_row(
                 setting,
                 self._columns(setting, Start.RANDOM, self.count),
@@ -129,14 +207,14 @@ class ComparisonRun:
             )
             for setting in settings
         ]
-        return Comparison(rows, choose_laws(rows))
 
     def _columns(
         self, setting: ComparisonSetting, start: Start, count: int
     ) -> dict[str, np.ndarray]:
         single: Any = {} if start is Start.RANDOM else {"batch_size": 1, "chunk": 1}
+        engine = self.execution.engine
         try:
-            study = comparison_study(setting, start, count, self.seed, engine=self.engine, **single)
+            study = comparison_study(setting, start, count, self.seed, engine=engine, **single)
         except ValueError as error:
             raise UnsuitableSetting(str(error)) from error
         level, limit, law = setting
@@ -146,37 +224,18 @@ class ComparisonRun:
     def columns(self, study: Study, what: str, store: Path) -> dict[str, np.ndarray]:
         """The `COLUMNS` of a study, which is run as far as its store lacks cases."""
         if study.remark is not None:
-            self.remark(study.remark)
-        self.report(what, None)
+            self.listener.remark(study.remark)
+        self.listener.progress(what, None)
         run_study(
             study,
             store,
-            executor=self.executor,
-            report=lambda progress: self.report(what, progress),
-            tell=self.tell,
-            elsewhere=self.elsewhere,
+            executor=self.execution.executor,
+            report=lambda progress: self.listener.progress(what, progress),
+            tell=self.listener.warn,
+            elsewhere=self.execution.elsewhere,
         )
         columns = study_columns(store)
         return {name: np.asarray(columns[name][: study.count]) for name in COLUMNS}
-
-    def table(self, settings: Iterable[ComparisonSetting]) -> "pd.DataFrame":
-        """All cases that were run, a row each: law, level, torque limit, start, and `case_table`.
-
-        Raises `OutputError` for a damaged store.
-        """
-        import pandas as pd  # takes its time, and few ask for a table
-
-        parts = {
-            (*setting, start.value): case_table(
-                open_study(acceptance_store(self.folder, *setting, start.value)).isel(
-                    case=slice(count)
-                )
-            )
-            for setting in settings
-            for start, count in ((Start.RANDOM, self.count), (Start.PAPER, 1))
-        }
-        names: list[Any] = ["level", "torque_limit_N_m", "law", "start", "case"]
-        return pd.concat(parts, names=names).reset_index()
 
 
 def _several(given: Any) -> tuple:

@@ -2,31 +2,48 @@
 
 import json
 import tempfile
-from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from jaxsat.core.processors import processors
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.build.study import EngineName
 from jaxsat.scenario.laws import known_law
 from jaxsat.store import OutputError, ResumableFolder
 from jaxsat.store.differences import differences
-from jaxsat.studies import AbstractExecutor, Serial, Threads
+from jaxsat.studies import Serial, Threads, Work
 from jaxsat.synthesis.controller_design.files import write_files
-from jaxsat.synthesis.controller_design.reading import ALL
+from jaxsat.synthesis.controller_design.reading import ALL, Vehicle
 from jaxsat.synthesis.controller_design.result import ControllerDesign
-from jaxsat.synthesis.controller_design.settings import Attitude, DesignSettings, Goal
+from jaxsat.synthesis.controller_design.settings import (
+    SCREENING_CASES,
+    VALIDATION_CASES,
+    Attitude,
+    DesignSettings,
+    Goal,
+)
 from jaxsat.synthesis.controller_design.steps import DesignRun
-from jaxsat.synthesis.controller_design.studies import Report, Studies
+from jaxsat.synthesis.controller_design.studies import Studies
+from jaxsat.synthesis.controller_design.tuning import TUNED_CASES
+from jaxsat.synthesis.execution import Execution, Listener
 
 KIND = "design"
 """Of the output folder."""
 
 
+CASE = 400
+"""Bytes of a case in memory and on the disk, about."""
+
+USUAL_DURATION = 1200.0
+"""Seconds of a case where the file has none, about."""
+
+STUDIES = 4
+"""Candidates in all steps before the verification, about."""
+
+
 def design(
-    scenario: Scenario,
+    vehicle: Scenario | Vehicle,
     *,
     law: str | None = None,
     settled: float = 0.99,
@@ -35,54 +52,63 @@ def design(
     seed: int | None = None,
     attitude: Attitude = "wanted",
     goal: Goal = "quickest",
-    engine: EngineName = "auto",
-    executor: AbstractExecutor | None = None,
     out: str | Path | None = None,
-    elsewhere: bool = False,
-    timed: bool = True,
-    report: Report = lambda what, progress: None,
-    remark: Callable[[str], None] = lambda text: None,
+    execution: Execution = Execution(),
+    listener: Listener = Listener(),
 ) -> ControllerDesign:
-    """Design a controller for the vehicle of a scenario, and verify it on cases never seen before.
+    """Design a controller for a vehicle, and verify it on cases never seen before.
 
-    `law` is the law to design, "all" for every law of jaxsat that fits, None for the scenario's own
-    ("all" if that is "coast"). At least a fraction `settled` of `cases` cases must settle; `steps`
-    are those of the tuner, 0 for none. The seeds of the steps are `seed` (the scenario's own if
-    left out) and the three that follow. With `attitude` "nearest" the target is the nearest
-    attitude that can be held. The `goal` "settled" is done with the first law that surely settles
-    the wanted fraction, and tunes only where none does. Without `timed` the scenario's duration
-    counts for nothing. With `out` the design is kept in that folder, as by `jaxsat design`, and the
-    same call resumes it; `engine`, `executor` and `elsewhere` are those of a study. `report` is
-    called with what runs and how far it is, `remark` with what there is to be told besides.
+    The vehicle is one of `read_vehicle` or the scenario of one. `law` is the law to design, "all"
+    for every law of jaxsat that fits, None for the vehicle's own ("all" if that is "coast"). At
+    least a fraction `settled` of `cases` cases must settle; `steps` are those of the tuner, 0 for
+    none. The seeds of the steps are `seed` (the scenario's own if left out) and the three that
+    follow. With `attitude` "nearest" the target is the nearest attitude that can be held. The
+    `goal` "settled" is done with the first law that surely settles the wanted fraction, and tunes
+    only where none does. With `out` the design is kept in that folder, as by `jaxsat design`, and
+    the same call resumes it.
 
     Raises `ValueError` for arguments that cannot be and `OutputError` for a folder that cannot be
     used. A vehicle with nothing to design raises nothing: see `ControllerDesign.outcome`.
     """
-    own = scenario.control.law
+    if isinstance(vehicle, Scenario):
+        own = vehicle.control.law
+        vehicle = Vehicle(vehicle, ALL if own == "coast" else own, timed=True)
+    scenario, timed = vehicle.scenario, vehicle.timed
     settings = DesignSettings(
-        law=(ALL if own == "coast" else own) if law is None else law,
+        law=vehicle.law if law is None else law,
         settled=settled,
         cases=cases,
         steps=steps,
         seed=scenario.simulation.seed if seed is None else seed,
         attitude=attitude,
         goal=goal,
-        engine=engine,
+        engine=execution.engine,
     )
     _require_law(settings.law)
+    listener.approve([_work(vehicle, settings)])
     identity = {"scenario": scenario.model_dump(mode="json"), "timed": timed, **settings.identity()}
     with ExitStack() as stack:
         place = out
         if place is None:
             place = Path(stack.enter_context(tempfile.TemporaryDirectory())) / KIND
         folder = stack.enter_context(_folder(place, identity))
-        chosen = executor or (Threads(processors()) if processors() > 1 else Serial())
-        studies = Studies(folder, engine, chosen, elsewhere, report, remark)
+        chosen = execution.executor or (Threads(processors()) if processors() > 1 else Serial())
+        studies = Studies(folder, replace(execution, executor=chosen), listener)
         found = DesignRun(scenario, settings, studies, timed).run()
         if out is not None:
-            report("figures and files", None)
+            listener.progress("figures and files", None)
             write_files(found, folder)
         return found
+
+
+def _work(vehicle: Vehicle, settings: DesignSettings) -> Work:
+    """What all steps take, about."""
+    simulation, cases = vehicle.scenario.simulation, settings.cases
+    trajectories = STUDIES * (SCREENING_CASES + VALIDATION_CASES) + cases
+    trajectories += 8 * settings.steps * TUNED_CASES
+    duration = simulation.duration_s if vehicle.timed else USUAL_DURATION
+    intervals = round(duration / simulation.save_every_s)
+    return Work(trajectories, trajectories * intervals, cases * CASE, cases * CASE)
 
 
 def _folder(place: str | Path, identity: dict[str, Any]) -> ResumableFolder:

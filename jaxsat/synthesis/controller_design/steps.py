@@ -55,7 +55,7 @@ class DesignRun:
 
     def run(self) -> ControllerDesign:
         """All steps, as far as there is something to design."""
-        self.studies.report("verdict on the actuators left", None)
+        self.studies.listener.progress("verdict on the actuators left", None)
         verdict = vehicle_verdict(self.original)
         scenario = self._aimed(verdict)
         fitting, assumed = self._candidates(scenario, verdict)
@@ -63,7 +63,7 @@ class DesignRun:
             self.original, self.settings, verdict, assumed, fitting.candidates, fitting.left_out
         )
         for caution in filter(None, (found.misses_attitude, *found.cautions)):
-            self.studies.remark(f"warning: {caution}")
+            self.studies.listener.warn(caution)
         if not fitting.candidates:
             return found
         screening, candidates, enough = self._screening(fitting.candidates)
@@ -201,7 +201,7 @@ class DesignRun:
             return None, f"{best.name} settled no case, so no cost tells better gains from worse"
         table = self._tuning_table(best)
         what = f"step 3 of 5, tuning of {best.name}"
-        self.studies.report(what, None)
+        self.studies.listener.progress(what, None)
         try:
             found = tune_candidate(
                 best,
@@ -209,8 +209,8 @@ class DesignRun:
                 table,
                 self.settings.seeds.tuning,
                 self.studies.folder,
-                elsewhere=self.studies.elsewhere,
-                report=lambda progress: self.studies.report(what, progress),
+                elsewhere=self.studies.execution.elsewhere,
+                report=lambda progress: self.studies.listener.progress(what, progress),
             )
         except OutputError:
             raise

@@ -1,23 +1,22 @@
 """The Monte-Carlo studies of a design, kept in its folder, and single cases flown again."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.build.study import EngineName, build_study
+from jaxsat.scenario.build.study import build_study
 from jaxsat.store import ResumableFolder, study_columns
 from jaxsat.store.study_names import named_store
 from jaxsat.studies import (
-    AbstractExecutor,
     AbstractStopRule,
     Serial,
     StudyProgress,
     run_study,
 )
 from jaxsat.synthesis.comparison import ComparisonRow, ComparisonSetting, comparison_row
+from jaxsat.synthesis.execution import Execution, Listener
 
 CHUNK = 256
 """Cases computed together: what an interrupted design loses at most, for each thread."""
@@ -26,8 +25,6 @@ RULED_CHUNK = 128
 """The same where a study stops by a rule: 640 cases that settle show that 99 % do, of one law."""
 
 Columns = Mapping[str, np.ndarray]
-Report = Callable[[str, Any], None]
-"""Called with what runs, and with how far it is: a `StudyProgress`, a `DescentProgress` or None."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +32,8 @@ class Studies:
     """Runs studies into stores of a folder, or what these lack."""
 
     folder: ResumableFolder
-    engine: EngineName
-    executor: AbstractExecutor | None
-    elsewhere: bool
-    report: Report
-    remark: Callable[[str], None]
+    execution: Execution = Execution()
+    listener: Listener = Listener()
 
     def columns(
         self,
@@ -55,23 +49,23 @@ class Studies:
         `what` is told, and `name` is that of the step.
         """
         chunk = CHUNK if until is None else RULED_CHUNK
-        study = build_study(scenario, count, seed=seed, engine=self.engine, chunk=chunk)
+        study = build_study(scenario, count, seed=seed, engine=self.execution.engine, chunk=chunk)
         if study.remark is not None:
-            self.remark(study.remark)
+            self.listener.remark(study.remark)
 
         def told(progress: StudyProgress) -> None:
-            self.report(what, progress)
+            self.listener.progress(what, progress)
 
-        self.report(what, None)
+        self.listener.progress(what, None)
         store = named_store(self.folder.path, name)
         counted = run_study(
             study,
             store,
-            executor=self.executor,
+            executor=self.execution.executor,
             until=until,
             report=told,
-            tell=self.remark,
-            elsewhere=self.elsewhere,
+            tell=self.listener.warn,
+            elsewhere=self.execution.elsewhere,
         )
         return {key: np.asarray(column[:counted]) for key, column in study_columns(store).items()}
 
@@ -79,10 +73,10 @@ class Studies:
         self, what: str, scenario: Scenario, count: int, seed: int, numbers: np.ndarray
     ) -> np.ndarray:
         """Which of these cases of a study of `count` cases settle, flown in another scenario."""
-        self.report(what, None)
-        study = build_study(scenario, count, seed=seed, engine=self.engine)
+        self.listener.progress(what, None)
+        study = build_study(scenario, count, seed=seed, engine=self.execution.engine)
         parts = [numbers[first : first + CHUNK] for first in range(0, len(numbers), CHUNK)]
-        executor = self.executor or Serial()
+        executor = self.execution.executor or Serial()
         found = dict(
             executor.run(lambda i: study.values(parts[i])["settling_time"], range(len(parts)))
         )

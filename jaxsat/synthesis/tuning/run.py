@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jaxsat.core.once import once_property
 from jaxsat.core.processors import processors
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.study import EngineName
+from jaxsat.studies import Work
+from jaxsat.synthesis.execution import Listener
 from jaxsat.synthesis.tuning import (
     DescentProgress,
     DescentState,
@@ -33,22 +36,53 @@ if TYPE_CHECKING:
 TUNED, SUMMARY, BASELINES = "tuned.toml", "summary.md", "baselines.json"
 
 
+CASE = 1000
+"""Bytes of a case in memory, and as much for each gain, about."""
+
+FOLDER = 10**7
+"""Bytes of a folder, most of them figures, about."""
+
+
 @dataclass(frozen=True)
 class TuningResult:
     """What tuning found: the scenario with the best gains, and whether to trust them.
 
     `receipt` tells whether the gradients were right, `verdict` how both scenarios do on cases that
-    were never tuned on, `baselines` what other methods found. `plan.remark` says why an engine was
-    not taken.
+    were never tuned on, `baselines` what other methods found; they are computed when they are first
+    asked for. `plan.remark` says why an engine was not taken. `kept` is the summary of a run that
+    was complete before, in its folder, None for another one.
     """
 
     original: Scenario
     scenario: Scenario
     plan: TuningPlan
     state: DescentState
-    receipt: Receipt
-    verdict: TuningVerdict
-    baselines: tuple[BaselineResult, ...] = ()
+    with_baselines: bool = False
+    listener: Listener = Listener()
+    kept: str | None = None
+
+    @once_property
+    def receipt(self) -> Receipt:
+        """Whether the gradients were right."""
+        self.listener.progress("making the receipt", None)
+        return make_receipt(self.plan, self.state)
+
+    @once_property
+    def verdict(self) -> TuningVerdict:
+        """How both scenarios do on cases that were never tuned on."""
+        self.listener.progress("judging on held-out cases", None)
+        return make_verdict(self.plan, self.state.best_point)
+
+    @once_property
+    def baselines(self) -> tuple[BaselineResult, ...]:
+        """What other methods found, none if they were not asked for."""
+        if not self.with_baselines:
+            return ()
+
+        def told(name: str) -> None:
+            self.listener.progress(f"baseline: {name}", None)
+
+        return tuple(run_baselines(self.plan, self.state, told))
 
     @property
     def gains(self) -> dict[str, float]:
@@ -63,6 +97,8 @@ class TuningResult:
     @property
     def summary(self) -> str:
         """The page that `jaxsat tune` prints, in Markdown."""
+        if self.kept is not None:
+            return self.kept
         return summary_page(self.original.title, self.receipt, self.verdict, self.baselines)
 
 
@@ -75,36 +111,61 @@ def tune(
     baselines: bool = False,
     out: str | Path | None = None,
     elsewhere: bool = False,
-    report: Callable[[DescentProgress], None] | None = None,
+    listener: Listener = Listener(),
 ) -> TuningResult:
     """Tune gains of a scenario over its dispersions, as its `[tuning]` table says.
 
     `engine`, `batch_size`, `workers` (None: as many as processors), `baselines` and `elsewhere`
     are the options of `jaxsat tune`. With `out` the run is kept in that folder, with the files
-    that the command writes, and the same call resumes it. `report` is called after every step.
-    Raises `ValueError` where the scenario cannot be tuned, `OutputError` for a folder that
+    that the command writes, and the same call resumes it. `listener.progress` is called after every
+    step. Raises `ValueError` where the scenario cannot be tuned, `OutputError` for a folder that
     cannot be used, and `NoGradient` where no case of a step has a usable gradient.
     """
+    listener.progress("compiling", None)
     plan = build_plan(
         scenario, engine=engine, batch_size=batch_size, workers=workers or processors()
     )
+    if plan.remark is not None:
+        listener.remark(plan.remark)
+    listener.approve([tuning_work(plan, baselines)])
     if out is None:
-        return conclude(scenario, plan, run_descent(scenario, plan, report=report), None, baselines)
+        state = descend(plan, initial_state(plan), report=_told(listener))
+        return _conclude(scenario, plan, state, None, baselines, listener)
     with TuningFolder(out, plan_identity(plan), elsewhere=elsewhere) as folder:
-        state = run_descent(scenario, plan, folder, report=report)
-        return conclude(scenario, plan, state, folder, baselines)
+        if folder.lost_state:
+            listener.warn(f"{out} has lost its state, so the run begins again")
+        if folder.is_complete(SUMMARY) and (folder.is_complete(BASELINES) or not baselines):
+            kept = (folder.read(SUMMARY) or b"").decode()
+            return _result(scenario, plan, folder.state(plan), baselines, listener, kept)
+        listener.progress("compiling; trying the starts", None)
+        state = run_descent(scenario, plan, folder, report=_told(listener))
+        return _conclude(scenario, plan, state, folder, baselines, listener)
+
+
+def tuning_work(plan: TuningPlan, baselines: bool) -> Work:
+    """What the descent and the verdict take, about; a gradient of n gains counts n + 1."""
+    told = plan.settings
+    free = told.descent.derivative_free
+    gradients = told.steps * told.starts * told.cases * (1 if free else len(plan.start) + 1)
+    screened = 0 if free else told.screened * len(told.screening())
+    checks = (told.steps // told.validate_every + 2) * told.starts * told.validation_cases
+    descent = gradients + screened + checks
+    if baselines:
+        descent += 4 * (told.baseline_trajectories or descent)
+    trajectories = descent + 3 * told.held_out_cases
+    together = max(told.cases, told.validation_cases, told.held_out_cases)
+    memory = CASE * together * (len(plan.start) + 1)
+    return Work(trajectories, trajectories * plan.intervals, memory, FOLDER)
 
 
 def run_descent(
     scenario: Scenario,
     plan: TuningPlan,
-    folder: TuningFolder | None = None,
+    folder: TuningFolder,
     *,
     report: Callable[[DescentProgress], None] | None = None,
 ) -> DescentState:
-    """The last state; a folder keeps every state on the way, with the best gains so far."""
-    if folder is None:
-        return descend(plan, initial_state(plan), report=report)
+    """The last state; the folder keeps every state on the way, with the best gains so far."""
 
     def keep(state: DescentState) -> None:
         best = tuned_scenario(scenario, plan, state.best_point)
@@ -116,44 +177,44 @@ def run_descent(
     return descend(plan, state, keep=keep, report=report)
 
 
-def conclude(
+def _conclude(
     scenario: Scenario,
     plan: TuningPlan,
     state: DescentState,
-    folder: TuningFolder | None = None,
-    baselines: bool = False,
-    *,
-    tell: Callable[[str], None] = lambda text: None,
-    warn: Callable[[str], None] = lambda text: None,
+    folder: TuningFolder | None,
+    baselines: bool,
+    listener: Listener,
 ) -> TuningResult:
-    """Receipt, verdict and all files; the summary last, by which a run is known to be complete.
-
-    `tell` is called with what is being done, `warn` if the gradients cannot be trusted.
-    """
-    tell("making the receipt")
-    receipt = make_receipt(plan, state)
+    """Receipt, verdict and all files; the summary last, by which a run is known to be complete."""
+    result = _result(scenario, plan, state, baselines, listener)
+    receipt = result.receipt
     _write_json(folder, "receipt.json", receipt.as_data())
     if receipt.problems:
-        warn("the gradient is not trustworthy: " + "; ".join(receipt.problems))
+        listener.warn("the gradient is not trustworthy: " + "; ".join(receipt.problems))
     if receipt.first_masked:
-        warn(f"runs without a usable gradient are left out: {receipt.first_masked}")
-    tell("judging on held-out cases")
-    verdict = make_verdict(plan, state.best_point)
-    _write_json(folder, "verdict.json", verdict.as_data())
-    found = ()
-    if baselines:
-        found = tuple(run_baselines(plan, state, lambda name: tell(f"baseline: {name}")))
-        _write_json(folder, BASELINES, as_data(found))
-    tuned = tuned_scenario(scenario, plan, state.best_point)
-    result = TuningResult(scenario, tuned, plan, state, receipt, verdict, found)
+        listener.warn(f"runs without a usable gradient are left out: {receipt.first_masked}")
+    _write_json(folder, "verdict.json", result.verdict.as_data())
+    if result.baselines:
+        _write_json(folder, BASELINES, as_data(result.baselines))
     if folder is not None:
         _write_results(result, folder)
     return result
 
 
-def is_concluded(folder: TuningFolder, baselines: bool = False) -> bool:
-    """Whether a folder has all that `conclude` writes."""
-    return folder.is_complete(SUMMARY) and (folder.is_complete(BASELINES) or not baselines)
+def _result(
+    scenario: Scenario,
+    plan: TuningPlan,
+    state: DescentState,
+    baselines: bool,
+    listener: Listener,
+    kept: str | None = None,
+) -> TuningResult:
+    tuned = tuned_scenario(scenario, plan, state.best_point)
+    return TuningResult(scenario, tuned, plan, state, baselines, listener, kept)
+
+
+def _told(listener: Listener) -> Callable[[DescentProgress], None]:
+    return lambda progress: listener.progress("tuning", progress)
 
 
 def _write_json(folder: TuningFolder | None, name: str, data: Any) -> None:

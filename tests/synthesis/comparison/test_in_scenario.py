@@ -1,12 +1,10 @@
 """Laws compared in any scenario: the tables of each law, and the stores."""
 
-import dataclasses
-
 import pytest
 
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
-from jaxsat.synthesis.comparison import ComparisonRun, compare_in_scenario, scenario_under
+from jaxsat.synthesis.comparison import compare_in_scenario, scenario_under
 
 LAWS = ("quaternion-feedback", "fault-tolerant")
 
@@ -38,9 +36,9 @@ def test_laws_that_do_not_suit_are_refused():
 def test_one_call_gives_what_the_stores_of_a_larger_run_begin_with(tmp_path):
     strikes = "dispersion.failure_time_s.low=5"
     scenario = load("failures-12u", ["simulation.duration_s=20", strikes])
-    run = ComparisonRun(4, 7, tmp_path)
-    more = compare_in_scenario(scenario, LAWS[:1], run)
-    fewer = compare_in_scenario(scenario, LAWS[:1], dataclasses.replace(run, count=2))
+    out = tmp_path / "c"
+    more = compare_in_scenario(scenario, LAWS[:1], count=4, seed=7, out=out)
+    fewer = compare_in_scenario(scenario, LAWS[:1], count=2, seed=7, out=out)
     assert (more.rows[0].cases, fewer.rows[0].cases) == (4, 2)
     assert fewer.recoveries[0].by_kind[-1].cases == 2
     assert fewer.verdict.law is None

@@ -15,6 +15,7 @@ from jaxsat.synthesis.controller_design.page import design_page, headline
 from jaxsat.synthesis.controller_design.result import Step
 from jaxsat.synthesis.controller_design.settings import DesignSettings
 from jaxsat.synthesis.controller_design.studies import Studies
+from jaxsat.synthesis.execution import Listener
 
 ONE_TORQUE = ["spacecraft.failed_thrusters=[2, 3]"]
 TINY = {"cases": 12, "steps": 1}
@@ -101,7 +102,7 @@ def test_validation_has_all_that_may_be_the_surest():
 @pytest.fixture
 def studies(tmp_path):
     with ResumableFolder(tmp_path / "studies", "design", {}) as folder:
-        yield Studies(folder, "auto", None, False, lambda *_: None, lambda _: None)
+        yield Studies(folder)
 
 
 @pytest.mark.parametrize(("first", "flown"), [(1.0, ["first"]), (0.9, ["first", "second"])])
@@ -202,7 +203,8 @@ def test_a_design_is_tuned_verified_written_and_resumed(tmp_path):
         ["control.law=oscillatory", "control.k3=0.02", "spacecraft.torque_limit_N_m=20"],
     )
     told = []
-    given = TINY | {"out": tmp_path / "d", "report": lambda what, _: told.append(what)}
+    listener = Listener(progress=lambda what, _: told.append(what))
+    given = TINY | {"out": tmp_path / "d", "listener": listener}
     found = jaxsat.design(scenario, **given)
     assert found.outcome == "reached"
     assert [one.name for one in found.candidates] == ["oscillatory, as given", "oscillatory"]
@@ -225,7 +227,8 @@ def test_a_design_is_tuned_verified_written_and_resumed(tmp_path):
                 raise KeyboardInterrupt
 
         with pytest.raises(KeyboardInterrupt):
-            jaxsat.design(scenario, **TINY, out=tmp_path / "e", report=broken_off)
+            listener = Listener(progress=broken_off)
+            jaxsat.design(scenario, **TINY, out=tmp_path / "e", listener=listener)
     stores = (tmp_path / "e" / "studies").glob("screening*/*/c/**/*")
     before = {path: path.stat().st_mtime_ns for path in stores if path.is_file()}
     resumed = jaxsat.design(scenario, **TINY, out=tmp_path / "e")

@@ -8,6 +8,7 @@ from jaxsat.scenario import dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.engine import CannotLower
+from jaxsat.synthesis.execution import Listener
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
 from jaxsat.synthesis.tuning.run import tune
 from synthesis.tuning.plans import same_bits
@@ -43,9 +44,12 @@ def test_the_tuned_scenario_flies_with_the_tuned_gains(scenario, plan, final, tm
 def test_one_call_tunes_a_scenario(scenario, plan, final, receipt, monkeypatch):
     monkeypatch.setattr("jaxsat.synthesis.tuning.run.build_plan", lambda *_, **__: plan)
     told = []
-    result = tune(scenario, report=told.append)
+    listener = Listener(progress=lambda what, progress: told.append(progress))
+    result = tune(scenario, listener=listener)
     same_bits(result.state.points, final.points)
-    assert [progress.step for progress in told] == list(range(1, plan.settings.steps + 1))
+    assert [progress.step for progress in told if progress] == list(
+        range(1, plan.settings.steps + 1)
+    )
     assert result.receipt.as_data() == receipt.as_data()
     assert result.scenario == tuned_scenario(scenario, plan, final.best_point)
     assert result.gains["k1"] == pytest.approx(result.scenario.control.k1)

@@ -1,0 +1,76 @@
+"""What a library function tells while it runs, as progress, remarks and warnings."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jaxsat.cli.options import Resumable
+from jaxsat.cli.progress import show_progress
+from jaxsat.cli.study_text import progress_text
+from jaxsat.cli.terminal import Terminated, print_stderr, print_warning
+from jaxsat.cli.work import require_approval
+
+if TYPE_CHECKING:
+    from jaxsat.synthesis.execution import Execution, Listener
+    from jaxsat.synthesis.tuning import DescentProgress
+
+
+def listener(target: Path, results: Resumable) -> "Listener":
+    """One that shows progress, prints each remark once, and refuses too much work."""
+    from jaxsat.synthesis.execution import Listener
+
+    known: set[str] = set()
+
+    def remark(text: str) -> None:
+        if text not in known and not results.quiet:
+            print_stderr(text, "")
+        known.add(text)
+
+    return Listener(
+        show,
+        remark,
+        print_warning,
+        lambda works: require_approval(works, target, yes=results.yes, quiet=results.quiet),
+    )
+
+
+def execution(results: Resumable) -> "Execution":
+    """How the options say that studies are run; raises `UserMistake`."""
+    from jaxsat.cli.study_executors import chosen_executor
+    from jaxsat.synthesis.execution import Execution
+
+    return Execution(results.engine, chosen_executor(results.workers), results.elsewhere)
+
+
+def show(what: str, progress: Any) -> None:
+    """Show what runs and how far a study or the tuner is."""
+    from jaxsat.studies import StudyProgress
+
+    if isinstance(progress, StudyProgress):
+        what = f"{what}: {progress_text(progress)}"
+    elif progress is not None:
+        what = f"{what}: {tuning_text(progress)}"
+    show_progress(what)
+
+
+def tuning_text(progress: "DescentProgress") -> str:
+    """One line on how far a tuning is."""
+    several = f", {progress.starts} starts" if progress.starts > 1 else ""
+    slope = progress.gradient_norm
+    gradient = f"gradient {slope:.3g}, " if slope == slope else ""
+    return (
+        f"step {progress.step} of {progress.steps}{several}: loss {progress.loss:.4g}, {gradient}"
+        f"{progress.settled:.0%} settled; best on validation "
+        f"{progress.best_loss:.4g}"
+    )
+
+
+@contextmanager
+def resumed_later(target: Path, what: str = "the results so far are in {}") -> Iterator[None]:
+    """Inside, an interruption tells that what is in `target` is resumed, if anything is."""
+    try:
+        yield
+    except (KeyboardInterrupt, Terminated) as stop:
+        told = [f"{what.format(target)}; the same command resumes"] if target.exists() else []
+        raise type(stop)(*told) from None

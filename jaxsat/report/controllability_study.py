@@ -1,0 +1,239 @@
+"""Whether a spacecraft can be steered, now and after every failure: lines, tables and figures."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsat.controllability import (
+    Analysis,
+    DriftField,
+    FailureCase,
+    Judgement,
+    NoEquilibriumError,
+    analyse,
+    angle_grid,
+    energy_bound,
+    energy_counterexample,
+    failure_csv,
+    failure_markdown,
+    failure_records,
+    failure_table,
+    judge,
+    judge_once_stopped,
+    magnetic_authority,
+    magnetic_words,
+    margins_over_angles,
+    margins_over_inertias,
+    pack,
+    physical_inertias,
+    recurrence,
+    uncontrollable_single_directions,
+)
+from jaxsat.report.controllability_page import (
+    controllability_lines,
+    controllability_page,
+    survival_words,
+)
+from jaxsat.report.failure_dataset import failure_dataset
+from jaxsat.report.saving import save_figures
+from jaxsat.scenario import Scenario, dump
+from jaxsat.scenario.build.actuator_set import all_actuators
+from jaxsat.scenario.build.plant import build_plant, orbit_rate
+from jaxsat.spacecraft import Magnetorquers
+from jaxsat.store import OutputFolder, dataset_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MAP_STEPS = 450  # about 10⁵ bodies
+MAP_ANGLES = (361, 181)
+MAX_ACTUATORS = 8  # 256 cases; of more actuators, single and double failures are told
+
+
+class ControllabilityStudy(NamedTuple):
+    """What the working actuators of a scenario can do, and those left after every failure.
+
+    `lines` say it for a person; `drift_lines` what simulation says of the drift, if it was asked,
+    and `drift_data` what is drawn of that.
+    """
+
+    scenario: Scenario
+    judgement: Judgement
+    cases: tuple[FailureCase, ...]
+    lines: list[str]
+    drift_lines: list[str]
+    drift_data: Mapping[str, tuple[Any, ...]]
+
+    def write(self, folder: OutputFolder) -> None:
+        """Tables, maps and the page; raises `OutputError`."""
+        text, cases = dump(self.scenario), self.cases
+        title = f"Controllability: {self.scenario.title}"
+        page = controllability_page(title, self.lines, failure_markdown(cases), self.drift_lines)
+        folder.write("scenario.toml", text)
+        folder.write("controllability.md", page)
+        folder.write("failures.csv", failure_csv(cases))
+        dataset = failure_dataset(cases, self.judgement, title=title, scenario=text)
+        folder.write("failures.nc", dataset_bytes(dataset))
+        save_figures(
+            lambda: _figures(self.judgement, cases) | _drift_figures(self.drift_data), folder.write
+        )
+
+
+def controllability_study(
+    scenario: Scenario,
+    *,
+    drift: bool = False,
+    tolerance: float = 1e-6,
+    report: Callable[[str], None] = lambda what: None,
+) -> ControllabilityStudy:
+    """Judge what the working actuators can do, and those left after every failure.
+
+    Margins below `tolerance` are borderline. With `drift` simulation follows the drift, which takes
+    seconds. `report` is told what is under way.
+    """
+    report("deciding controllability")
+    judgement, analysis, cases = _analyse(scenario, tolerance)
+    torque = scenario.spacecraft.torque_limit_N_m or 1.0
+    stopped = judge_once_stopped(judgement, tolerance)
+    lines = [survival_words(cases)]
+    lines += controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
+    lines += _magnetic_lines(scenario)
+    if len(cases[0].working) > MAX_ACTUATORS:
+        lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")
+    if scenario.disturbance.torques:
+        names = ", ".join(scenario.disturbance.torques)
+        lines.append(f"Disturbances not included: {names}.")
+    if drift:
+        report("following the drift")
+    followed = _follow_drift(scenario) if drift else ([], {})
+    return ControllabilityStudy(scenario, judgement, cases, lines, *followed)
+
+
+def _analyse(
+    scenario: Scenario, tolerance: float
+) -> tuple[Judgement, Analysis | None, tuple[FailureCase, ...]]:
+    """What the working actuators can do, the rank of their torques, and every failure."""
+    inertia = scenario.spacecraft.inertia_kg_m2
+    actuators, working = all_actuators(scenario)
+    left = actuators.only(working)
+    judgement, analysis = judge(inertia, left, tolerance=tolerance), None
+    disturbance = scenario.disturbance.amplitude_N_m
+    if judgement.decision is not None and not judgement.coasting:
+        analysis = analyse(
+            judgement.inertia if left.free_rotors.any() else inertia,
+            left.columns,
+            disturbance=disturbance if any(disturbance) else None,
+            orbit_rate=orbit_rate(scenario),
+            tolerance=tolerance,
+            labels=left.names,
+        )
+    most = None if len(actuators.names) <= MAX_ACTUATORS else 2
+    cases = failure_table(inertia, actuators, tolerance=tolerance, most_failed=most)
+    return judgement, analysis, cases
+
+
+def _magnetic_lines(scenario: Scenario) -> list[str]:
+    """What magnetorquers add to a verdict that leaves them out."""
+    if not scenario.magnetorquer:
+        return []
+
+    working = [place for place, one in enumerate(scenario.magnetorquer) if not one.failed]
+    torquers = build_plant(scenario).find(Magnetorquers)
+    if not working or torquers is None:
+        return ["Magnetorquers: all have failed"]
+    axes, limits = (np.asarray(x)[..., working] for x in (torquers.axes, torquers.dipole_limit))
+    actuators, others = all_actuators(scenario)
+    left = actuators.only(others)
+    sizes = np.linalg.norm(left.torques, axis=0) if scenario.thruster else np.zeros(0)
+    try:
+        found = magnetic_authority(scenario.spacecraft.inertia_kg_m2, axes, limits, torquers.field)
+    except NoEquilibriumError:
+        return [
+            "Magnetorquers: not analysed, and not part of the verdict and the table. The analysis "
+            "linearises about rest in the orbit frame, which is no equilibrium of this body"
+        ]
+    return magnetic_words(found, sizes.max(initial=0.0), bool(left.wheels))
+
+
+def _follow_drift(scenario: Scenario) -> tuple[list[str], dict[str, tuple[Any, ...]]]:
+    """What simulation says of the drift: lines for a person, and what is drawn of it."""
+    plant = build_plant(scenario)
+    inertia, omega = plant.spacecraft.inertia, jnp.asarray(scenario.initial.omega_rad_s)
+    table = scenario.disturbance
+    amplitude, frequency = (
+        jnp.asarray(table.amplitude_N_m),
+        jnp.asarray(table.frequency_rad_s),
+    )
+    lines: list[str] = []
+    drawn: dict[str, tuple[Any, ...]] = {}
+    if jnp.any(omega != 0):
+        found = recurrence(
+            DriftField(inertia), pack(jnp.eye(3), omega), radius=0.3, step=0.2, count=100_000
+        )
+        lines.append(
+            f"Recurrence without disturbance: {len(found.returns)} returns to within 0.3 of the "
+            f"start in {found.times[-1]:.0f} s. That almost every state returns is Poincaré's "
+            "theorem; a simulation only shows it."
+        )
+        drawn["recurrence"] = (found.times, found.distances, found.radius)
+    if jnp.any(amplitude * frequency != 0):
+        found = energy_counterexample(inertia, amplitude, frequency)
+        axis = int(np.argmax(np.abs(found.omega)))
+        passed = found.times[np.argmax(found.energies > found.claimed)]
+        lines.append(
+            f"Claim (18), that the energy stays within C + Σa_i: from a spin of "
+            f"{found.omega[axis]:g} rad/s about {'xyz'[axis]}, all phases zero, the energy has "
+            f"grown by {found.gain:.3g} J after {found.times[-1]:.3g} s, where the claim allows "
+            f"{found.claimed - found.energies[0]:.3g} J"
+            + (f"; refuted (passed at {passed:.3g} s)" if found.excess > 0 else "; not refuted")
+        )
+        bound = energy_bound(inertia, found.energies[0], amplitude, jnp.asarray(found.times))
+        drawn["energy"] = (found.times, found.energies, found.claimed, np.asarray(bound))
+    return lines, drawn
+
+
+def _drift_figures(drawn: Mapping[str, tuple[Any, ...]]) -> "dict[str, Figure]":
+    from jaxsat.report.controllability_figures import energy_chart, recurrence_chart
+
+    charts = {"recurrence": recurrence_chart, "energy": energy_chart}
+    return {name: charts[name](*given) for name, given in drawn.items()}
+
+
+def _figures(judgement: Judgement, cases: Sequence[FailureCase]) -> "dict[str, Figure]":
+    """Margins of every failure; torques that can be made, or margins of bodies and directions."""
+    from jaxsat.report.controllability_figures import (
+        angle_map,
+        failure_chart,
+        inertia_map,
+        torque_map,
+    )
+
+    figures = {"failures": failure_chart(failure_records(cases))}
+    inertia, axes = judgement.inertia, judgement.actuators.torques
+    if judgement.one_signed or judgement.actuators.wheels:
+        figures["torque-map"] = torque_map(judgement.cone, judgement.actuators)
+        return figures
+    if axes.shape[1] == 0:
+        return figures
+    moments = np.diag(inertia)
+    physical = 2 * np.max(moments) <= np.sum(moments) * (1 + 1e-12)
+    if np.array_equal(inertia, np.diag(moments)) and physical:
+        points, moments = physical_inertias(MAP_STEPS)
+        margins = np.asarray(margins_over_inertias(moments, axes))
+        figures["inertia-map"] = inertia_map(
+            points, margins, spacecraft=np.diag(inertia), title="Margin over all bodies"
+        )
+    azimuths, elevations = angle_grid(*MAP_ANGLES)
+    others = axes[:, 1:]
+    margins = np.asarray(margins_over_angles(inertia, azimuths, elevations, others))
+    alone = others.shape[1] == 0
+    figures["angle-map"] = angle_map(
+        azimuths,
+        elevations,
+        margins,
+        uncontrollable=uncontrollable_single_directions(inertia) if alone else (),
+        title="Margin as the first working thruster turns" + ("" if alone else ", others fixed"),
+    )
+    return figures

@@ -1,0 +1,159 @@
+"""The least time or effort of a scenario's manoeuvre in one call: `bound`."""
+
+import math
+from collections.abc import Callable
+from typing import Any, Literal
+
+from jaxsat.core.errors import JaxsatError
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.run import build_tolerances, build_uncontrolled
+from jaxsat.simulation import AbstractLoop
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
+from jaxsat.synthesis.bounds.plans import plans_of
+from jaxsat.synthesis.bounds.search import Bound, best_of_starts
+from jaxsat.synthesis.bounds.transcription import MIN_DURATION_S, BoundObjective
+
+Report = Callable[[str], None]
+"""Called with what runs and how far it is."""
+
+
+class UnsuitableScenario(JaxsatError, ValueError):
+    """A scenario of which a bound or a front cannot be found; the message names its key.
+
+    `lacking` tells that the key is not there and may be given.
+    """
+
+    lacking: bool
+
+    def __init__(self, message: str, *, lacking: bool = False):
+        super().__init__(message)
+        self.lacking = lacking
+
+
+class UnsolvedBound(JaxsatError):
+    """A manoeuvre for which CasADi fails."""
+
+
+def bound(
+    scenario: Scenario,
+    objective: Literal["time", "effort"] = "time",
+    *,
+    target: Literal["attitude", "rates"] = "attitude",
+    end: End = "settled",
+    starts: int = 12,
+    longest: float | None = None,
+    seed: int = 0,
+    report: Report = lambda what: None,
+) -> Bound | None:
+    """The least time (s) or effort (N m s) from a scenario's start to its target; None if no start
+    of the search arrives.
+
+    The scenario has a torque limit and thrusters that make a torque of either sign; its law does
+    not matter. The `target` is rest in the orbit frame, or "rates" alone; the manoeuvre ends within
+    the scenario's tolerances, or exactly there. `longest` (s) bounds the duration, by default the
+    scenario's. Raises `UnsuitableScenario`, `UnsolvedBound`, and `ModuleNotFoundError` without
+    CasADi.
+    """
+    rates_only, tolerances = target == "rates", tolerances_at(scenario, end)
+    manoeuvre = required_manoeuvre(scenario, tolerances, rates_only=rates_only)
+    longest = scenario.simulation.duration_s if longest is None else longest
+    if longest < MIN_DURATION_S:
+        raise UnsuitableScenario(
+            f"simulation.duration_s: must be at least {MIN_DURATION_S:g} s, got {longest:g}"
+        )
+    return searched(
+        None if rates_only else build_uncontrolled(scenario),
+        manoeuvre,
+        BoundObjective(objective),
+        tolerances,
+        starts=starts,
+        longest=longest,
+        seed=seed,
+        report=report,
+    )
+
+
+def searched(
+    planned: tuple[AbstractLoop, PlantState] | None,
+    manoeuvre: Manoeuvre,
+    objective: BoundObjective,
+    tolerances: Tolerances | None,
+    *,
+    starts: int,
+    longest: float,
+    seed: int,
+    report: Report,
+) -> Bound | None:
+    """The best of several starts, and of the planner's plans for `planned`, a loop and its start.
+
+    Raises `UnsolvedBound`.
+    """
+    what = f"least {objective.value}"
+    report(f"{what}: planning")
+    plans = plans_of(*planned, objective, longest, tolerances) if planned else []
+    count = len(plans) + starts
+    report(f"{what}: start 1 of {count}")
+
+    def told(done: int, best: float) -> None:
+        known = f", {best:.4g} so far" if math.isfinite(best) else ""
+        report(f"{what}: {done} of {count} starts{known}")
+
+    keys: dict[str, Any] = {"longest": longest, "seed": seed, "plans": plans, "report": told}
+    try:
+        return best_of_starts(manoeuvre, objective, starts, **keys)
+    except RuntimeError as error:  # CasADi's own
+        reason = (str(error).splitlines() or [type(error).__name__])[-1]
+        raise UnsolvedBound(f"{what}: CasADi cannot solve this: {reason[:200]}") from error
+
+
+def required_manoeuvre(
+    scenario: Scenario, tolerances: Tolerances | None = None, *, rates_only: bool = False
+) -> Manoeuvre:
+    """The manoeuvre of a scenario; raises `UnsuitableScenario` for one that cannot be bounded."""
+    require_ideal_thrusters(scenario, "a bound")
+    loop, start = build_uncontrolled(scenario)
+    try:
+        return manoeuvre_of(loop, start, rates_only, tolerances)
+    except ValueError as error:
+        raise UnsuitableScenario(str(error)) from None
+
+
+def require_ideal_thrusters(scenario: Scenario, what: str) -> None:
+    """Raise `UnsuitableScenario` without the limited thrusters of any torque that `what` needs."""
+    refused = {kind: len(getattr(scenario, kind)) for kind in ("thruster", "wheel", "magnetorquer")}
+    for kind, count in refused.items():
+        if count:
+            raise UnsuitableScenario(
+                f"{kind}: must be left out for {what}, which supports only thrusters that make a "
+                f"torque of either sign, got {count}"
+            )
+    if scenario.spacecraft.torque_limit_N_m is None:
+        raise UnsuitableScenario(
+            "spacecraft.torque_limit_N_m: must be given in N m, as thrusters without a limit need "
+            "no time, got nothing",
+            lacking=True,
+        )
+    if scenario.actuators is not None:
+        raise UnsuitableScenario(
+            f"actuators: must be left out for {what}, which supports only thrusters that make "
+            f"their torque exactly, got {scenario.actuators.kind}"
+        )
+
+
+def tolerances_at(scenario: Scenario, end: End) -> Tolerances | None:
+    """Those of the scenario, or None for an end exactly at rest."""
+    return build_tolerances(scenario) if end == "settled" else None
+
+
+def end_text(tolerances: Tolerances | None, attitude: bool = True) -> str:
+    """What a manoeuvre ends at, in a line."""
+    if tolerances is None:
+        return "exactly at rest"
+    return f"settled, {tolerances.limits_text(attitude)}"
+
+
+def end_data(end: End, tolerances: Tolerances | None) -> dict[str, Any]:
+    """The same as plain data."""
+    return {"end": end, "end_meaning": end_text(tolerances)}
