@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.integration_error import error_row, errors_of
+from jaxsat.cli.integration_error import errors_of
 from jaxsat.cli.terminal import print_stdout
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ def print_summary(
     """Outcome, settling time, final state and files of a run."""
     import numpy as np
 
+    from jaxsat.report.cells import step_error
+
     good = np.flatnonzero(np.isfinite(dataset["omega"].values).all(axis=1))
     last = good[-1] if len(good) else 0
     final = dataset.isel(time=last)
@@ -41,6 +43,7 @@ def print_summary(
     peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in told])), axis=0)
     at = f"at {float(final['time']):g} s"
     tilt = np.degrees(2 * np.arctan(np.linalg.norm(final["w"].values)))
+    error = step_error(*errors_of(dataset))
     rows = {
         "scenario": f"{dataset.attrs['title']} ({name})",
         "outcome": f"{dataset.attrs['outcome_explanation']} {at}; "
@@ -51,7 +54,7 @@ def print_summary(
         "rates": f"omega = {_numbers(final['omega'])} rad/s {at}",
         "torque": f"peak |T| = {_numbers(peak)} N m{'' if ranged else ' at the saved times'}",
         "effort": effort_text(dataset),
-        **error_row(errors_of(dataset)),
+        **({"error of steps": error} if error else {}),
         "written": f"{target}: {', '.join(files)}",
     }
     width = max(map(len, rows))

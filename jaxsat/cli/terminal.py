@@ -10,6 +10,7 @@ from jaxsat.cli.progress import between_drawings
 from jaxsat.core.text import clean
 
 if TYPE_CHECKING:
+    from jaxsat.report.document import Document
     from jaxsat.store import OutputError
 
 SUCCESS = 0
@@ -75,6 +76,13 @@ def print_stdout(line: str) -> None:
 def print_text(text: str) -> None:
     """Write lines to standard output."""
     _print("".join(clean(line) + "\n" for line in text.removesuffix("\n").split("\n")))
+
+
+def print_document(document: "Document") -> None:
+    """Write a document to standard output."""
+    from jaxsat.report.terminal import terminal_text
+
+    _print(terminal_text(document))
 
 
 def show_table(table: Any) -> None:

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from jaxsat.report.document import Table
 from jaxsat.report.page.batches import comparison_section
-from jaxsat.report.page.content import Table
 from jaxsat.store import open_study
 from jaxsat.store.study_names import named_store
 

@@ -7,19 +7,24 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jaxsat.report.page.charts import MOST_LINES
-from jaxsat.report.page.content import (
+from jaxsat.report.document import (
     Chart,
     Charts,
+    Document,
     Facts,
     Listing,
-    Section,
     Table,
     Verdict,
     number,
 )
-from jaxsat.report.page.reading import form_explained, read_lines, read_record, record_provenance
-from jaxsat.report.page.run import provenance_facts, scenario_facts, scenario_tables
+from jaxsat.report.facts import (
+    provenance_facts,
+    record_provenance,
+    scenario_facts,
+    scenario_tables,
+)
+from jaxsat.report.page.charts import MOST_LINES
+from jaxsat.report.page.reading import form_explained, read_lines, read_record
 from jaxsat.report.page.study_charts import curves_chart
 from jaxsat.report.reproduction import RUNS, ClaimVerdict, judge
 from jaxsat.store import open_trajectory, study_columns
@@ -48,7 +53,7 @@ EVALUATIONS = {
 }
 
 
-def tuning_section(folder: Path) -> Section:
+def tuning_section(folder: Path) -> Document:
     """What a tuning found: whether the gains are better, and whether to trust it."""
     verdict, receipt = (read_record(folder / f"{name}.json") for name in ("verdict", "receipt"))
     history = open_trajectory(folder / "history.nc")
@@ -64,7 +69,7 @@ def tuning_section(folder: Path) -> Section:
         provenance_facts(history.attrs),
         Listing("Tuned scenario", tuned, "tuned.toml"),
     ]
-    return Section(f"Tuning: {title}", f"Tuning in {folder.name}", told, blocks)
+    return Document(f"Tuning: {title}", told, blocks, f"Tuning in {folder.name}")
 
 
 def _tuning_verdict(verdict: Mapping[str, Any], receipt: Mapping[str, Any]) -> Verdict:
@@ -120,7 +125,7 @@ def _tuning_charts(history: xr.Dataset) -> Iterator[Chart]:
         )
 
 
-def comparison_section(folder: Path) -> Section:
+def comparison_section(folder: Path) -> Document:
     """Which law to take, and how all of them did on the same cases."""
     record = read_record(folder / "comparison.json")
     with form_explained(folder):
@@ -139,7 +144,7 @@ def comparison_section(folder: Path) -> Section:
         record_provenance(record),
     ]
     verdict = Verdict(None, verdicts[0] if verdicts else "Nothing was compared.", verdicts[1:])
-    return Section("Comparison of laws", f"Comparison in {folder.name}", verdict, blocks)
+    return Document("Comparison of laws", verdict, blocks, f"Comparison in {folder.name}")
 
 
 def _law_words(verdict: Mapping[str, Any]) -> str:
@@ -216,7 +221,7 @@ def _least_times(found: Any) -> list[Table]:
     return [Table(title, columns, rows)] if rows else []
 
 
-def reproduction_section(folder: Path) -> Section:
+def reproduction_section(folder: Path) -> Document:
     """The paper's claims, judged again from the trajectories in the folder."""
     datasets = {name: open_trajectory(folder / f"{name}.nc") for name in RUNS}
     claims = judge(datasets)
@@ -246,4 +251,4 @@ def reproduction_section(folder: Path) -> Section:
         provenance_facts(next(iter(datasets.values())).attrs),
     ]
     verdict = Verdict(None, text)
-    return Section("The paper's section 5", f"Reproduction in {folder.name}", verdict, blocks)
+    return Document("The paper's section 5", verdict, blocks, f"Reproduction in {folder.name}")

@@ -20,7 +20,7 @@ from bokeh.models import (
 from bokeh.palettes import cividis
 from bokeh.plotting import figure
 
-from jaxsat.report.page.content import Chart, Key
+from jaxsat.report.document import Chart, Key
 from jaxsat.report.page.decimation import kept_samples
 from jaxsat.report.style import FURTHER_LINES, LINES
 

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
-from jaxsat.report.page.content import Cell, Facts, Lines, Listing, Section, Table, Verdict
+from jaxsat.report.document import Cell, Document, Facts, Lines, Listing, Table, Verdict
+from jaxsat.report.facts import provenance_facts, scenario_facts, scenario_tables
 from jaxsat.report.page.reading import form_explained, read_lines
-from jaxsat.report.page.run import provenance_facts, scenario_facts, scenario_tables
 from jaxsat.store import open_trajectory
 
 GOOD = {"controllable": True, "uncontrollable": False}
@@ -26,7 +26,7 @@ COLUMNS = {
 """What is told of a failure, by its name in failures.csv."""
 
 
-def controllability_section(folder: Path) -> Section:
+def controllability_section(folder: Path) -> Document:
     """Whether the spacecraft can be steered, now and after every failure."""
     dataset = open_trajectory(folder / "failures.nc")
     page = read_lines(folder / "controllability.md").partition("\n## ")[0]
@@ -58,7 +58,7 @@ def controllability_section(folder: Path) -> Section:
         Listing("Scenario file", text, "scenario.toml"),
     ]
     title = str(dataset.attrs.get("title", "")) or folder.name
-    return Section(title, f"Controllability in {folder.name}", verdict, blocks)
+    return Document(title, verdict, blocks, f"Controllability in {folder.name}")
 
 
 def _cell(name: str, row: Mapping[str, str]) -> Cell:

@@ -8,21 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.report.page.batches import LAW_COLUMNS, LAWS_NOTE
-from jaxsat.report.page.content import (
+from jaxsat.report.document import (
     Block,
     Chart,
     Charts,
+    Document,
     Facts,
     Lines,
     Listing,
-    Section,
     Table,
     Verdict,
     number,
 )
-from jaxsat.report.page.reading import form_explained, read_lines, read_record, record_provenance
-from jaxsat.report.page.run import scenario_facts
+from jaxsat.report.facts import record_provenance, scenario_facts
+from jaxsat.report.page.batches import LAW_COLUMNS, LAWS_NOTE
+from jaxsat.report.page.reading import form_explained, read_lines, read_record
 from jaxsat.report.page.study_charts import (
     convergence_chart,
     settled_by_chart,
@@ -46,7 +46,7 @@ MOST_CASES = 25
 STEPS = ("screening", "validation")
 
 
-def design_section(folder: Path) -> Section:
+def design_section(folder: Path) -> Document:
     """Whether a controller was found, what it was verified on, and what would help."""
     record = read_record(folder / "design.json")
     scenario = read_lines(folder / DESIGNED)
@@ -59,7 +59,7 @@ def design_section(folder: Path) -> Section:
     if scenario:
         blocks.append(Listing("Designed scenario", scenario, DESIGNED))
     title = str(tables.get("title", folder.name))
-    return Section(f"Design: {title}", f"Design in {folder.name}", verdict, blocks)
+    return Document(f"Design: {title}", verdict, blocks, f"Design in {folder.name}")
 
 
 def _verdict(record: Mapping[str, Any]) -> Verdict:
@@ -132,13 +132,13 @@ def _failing(record: Mapping[str, Any]) -> Iterator[Block]:
         return
     seed = record["seeds"]["verification"]
     rows = [
-        [case, f"jaxsat montecarlo {DESIGNED} --seed {seed} --case {case}"]
+        [case, f"`jaxsat montecarlo {DESIGNED} --seed {seed} --case {case}`"]
         for case in found["failing_cases"][:MOST_CASES]
     ]
     left = len(found["failing_cases"]) - len(rows)
     note = "The command computes the case again with its whole trajectory."
     note += f" {left} more are in design.json." if left else ""
-    yield Table(UNSETTLED_CASES, ["case", "command"], rows, note, frozenset({"command"}))
+    yield Table(UNSETTLED_CASES, ["case", "command"], rows, note)
     if found["separations"]:
         columns = ["number", "share explained"]
         columns += [

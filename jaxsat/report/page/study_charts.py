@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from bokeh.models import ColumnDataSource, HoverTool
 
+from jaxsat.report.document import Chart
 from jaxsat.report.page.charts import INK, INK_FILL, legend, new_figure, plain, stroke_of
-from jaxsat.report.page.content import Chart
 from jaxsat.report.page.decimation import kept_samples
 from jaxsat.studies import percent_texts, wilson
 
