@@ -14,9 +14,9 @@ from jaxsat.cli.terminal import (
     Terminated,
     UserMistake,
     output_problem,
+    print_document,
     print_stderr,
     print_stdout,
-    print_text,
 )
 from jaxsat.cli.work import require_approval
 from jaxsat.core.processors import processors
@@ -97,7 +97,7 @@ def tune(
     from jaxsat.synthesis.tuning import NoGradient
     from jaxsat.synthesis.tuning.build import build_plan
     from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
-    from jaxsat.synthesis.tuning.run import SUMMARY, is_concluded
+    from jaxsat.synthesis.tuning.run import is_concluded, read_document
 
     try:
         show_progress("compiling")
@@ -117,7 +117,7 @@ def tune(
                 state = _descended(plan, chosen, folder)
                 _concluded(plan, chosen, folder, state, baselines, quiet)
             if not quiet:
-                print_text((folder.read(SUMMARY) or b"").decode())
+                print_document(read_document(chosen.title, folder))
                 print_stdout("")
                 print_stdout(f"{'already ' if done else ''}written to {target}")
     except NoGradient as error:

@@ -14,7 +14,7 @@ class Shown:
     """A cell that reads `text`, sorts by `value` and is `good`, bad or neither (None)."""
 
     text: str
-    value: float | None = None
+    value: float | int | None = None
     good: bool | None = None
 
 

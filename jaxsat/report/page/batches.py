@@ -1,5 +1,6 @@
 """The sections of a tuning, a comparison and a reproduction, from the files of their folders."""
 
+import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,6 @@ from jaxsat.report.document import (
     Listing,
     Table,
     Verdict,
-    number,
 )
 from jaxsat.report.facts import (
     provenance_facts,
@@ -27,7 +27,10 @@ from jaxsat.report.page.charts import MOST_LINES
 from jaxsat.report.page.reading import form_explained, read_lines, read_record
 from jaxsat.report.page.study_charts import curves_chart
 from jaxsat.report.reproduction import RUNS, ClaimVerdict, judge
+from jaxsat.report.tuning_document import tuning_document
 from jaxsat.store import open_trajectory, study_columns
+from jaxsat.store.files import parse_json
+from jaxsat.store.marker import read_unchanged
 from jaxsat.store.study_names import store_of_row
 
 LAW_COLUMNS: Mapping[str, Callable[[Mapping[str, Any]], Any]] = {
@@ -45,66 +48,24 @@ LAW_COLUMNS: Mapping[str, Callable[[Mapping[str, Any]], Any]] = {
 
 LAWS_NOTE = "Settled is a fraction with its 95 % Wilson interval; times are those of all cases."
 
-EVALUATIONS = {
-    "before": "held out, before",
-    "after": "held out, after",
-    "trained_before": "training seed, before",
-    "trained_after": "training seed, after",
-}
-
 
 def tuning_section(folder: Path) -> Document:
     """What a tuning found: whether the gains are better, and whether to trust it."""
     verdict, receipt = (read_record(folder / f"{name}.json") for name in ("verdict", "receipt"))
     history = open_trajectory(folder / "history.nc")
-    with form_explained(folder):
-        tables = [_gains(verdict), _evaluations(verdict)]
-        told = _tuning_verdict(verdict, receipt)
-    tuned = read_lines(folder / "tuned.toml")
+    baselines = parse_json(read_unchanged(folder / "baselines.json")) or ()
     title = str(history.attrs.get("title", "")) or folder.name
+    with form_explained(folder):
+        told = tuning_document(title, verdict, receipt, baselines)
+    tuned = read_lines(folder / "tuned.toml")
     blocks = [
-        *tables,
+        *told.blocks,
         Charts("On the way", list(_tuning_charts(history))),
         Facts("Scenario before", scenario_facts(scenario_tables(history))),
         provenance_facts(history.attrs),
         Listing("Tuned scenario", tuned, "tuned.toml"),
     ]
-    return Document(f"Tuning: {title}", told, blocks, f"Tuning in {folder.name}")
-
-
-def _tuning_verdict(verdict: Mapping[str, Any], receipt: Mapping[str, Any]) -> Verdict:
-    before, after = (verdict[name]["loss"] for name in ("before", "after"))
-    better = after < before
-    how = f"the objective on held-out cases goes from {number(before)} to {number(after)}"
-    text = f"The tuned gains are better: {how}." if better else f"No better gains: {how}."
-    more = [f"The gradient of this run is not trustworthy: {one}." for one in receipt["problems"]]
-    more += [f"{name} is at its bound, {number(at)}." for name, at in verdict["at_bounds"].items()]
-    return Verdict(better and not receipt["problems"], text, more)
-
-
-def _gains(verdict: Mapping[str, Any]) -> Table:
-    rows = [[name, one["before"], one["after"]] for name, one in verdict["gains"].items()]
-    return Table("Gains", ["gain", "before", "after"], rows)
-
-
-def _evaluations(verdict: Mapping[str, Any]) -> Table:
-    """Settling, effort and cost before and after."""
-    found = [verdict[name] for name in EVALUATIONS]
-
-    def value(entry: Mapping[str, Any] | None) -> float | None:
-        return None if entry is None else entry["value"]
-
-    rows: list[list[Any]] = [
-        ["cases", *(one["cases"] for one in found)],
-        ["settled, fraction", *(value(one["settled"]) for one in found)],
-    ]
-    for percent in ("50.0", "90.0"):
-        times = [value(one["settling_time"].get(percent)) for one in found]
-        rows.append([f"settling time of those, {percent.removesuffix('.0')} % (s)", *times])
-    rows.append(["mean cost of those that end", *(value(one["cost"]) for one in found)])
-    rows.append(["failed, fraction", *(value(one["failed"]) for one in found)])
-    rows.append(["objective", *(one["loss"] for one in found)])
-    return Table("Before and after", ["of", *EVALUATIONS.values()], rows)
+    return dataclasses.replace(told, blocks=blocks, kind=f"Tuning in {folder.name}")
 
 
 def _tuning_charts(history: xr.Dataset) -> Iterator[Chart]:

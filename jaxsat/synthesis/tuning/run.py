@@ -7,8 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxsat.core.processors import processors
+from jaxsat.report.document import Document
+from jaxsat.report.markdown import markdown_page
+from jaxsat.report.tuning_document import tuning_document
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.study import EngineName
+from jaxsat.store.files import parse_json
 from jaxsat.synthesis.tuning import (
     DescentProgress,
     DescentState,
@@ -20,11 +24,15 @@ from jaxsat.synthesis.tuning import (
     make_receipt,
     make_verdict,
 )
-from jaxsat.synthesis.tuning.baselines import BaselineResult, as_data, run_baselines
+from jaxsat.synthesis.tuning.baselines import (
+    BaselineResult,
+    as_data,
+    missing_packages,
+    run_baselines,
+)
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
 from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
 from jaxsat.synthesis.tuning.history import history_dataset
-from jaxsat.synthesis.tuning.summary import summary_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,9 +69,16 @@ class TuningResult:
         return history_dataset(self.plan, self.state, self.original.title, dump(self.original))
 
     @property
+    def document(self) -> Document:
+        """What `jaxsat tune` prints."""
+        found = as_data(self.baselines)
+        records = self.verdict.as_data(), self.receipt.as_data(), found
+        return tuning_document(self.original.title, *records, missing_packages())
+
+    @property
     def summary(self) -> str:
-        """The page that `jaxsat tune` prints, in Markdown."""
-        return summary_page(self.original.title, self.receipt, self.verdict, self.baselines)
+        """The same in Markdown."""
+        return markdown_page(self.document)
 
 
 def tune(
@@ -154,6 +169,13 @@ def conclude(
 def is_concluded(folder: TuningFolder, baselines: bool = False) -> bool:
     """Whether a folder has all that `conclude` writes."""
     return folder.is_complete(SUMMARY) and (folder.is_complete(BASELINES) or not baselines)
+
+
+def read_document(title: str, folder: TuningFolder) -> Document:
+    """The document of a concluded run."""
+    names = ("verdict.json", "receipt.json", BASELINES)
+    verdict, receipt, baselines = (parse_json(folder.read(name)) for name in names)
+    return tuning_document(title, verdict, receipt, baselines or (), missing_packages())
 
 
 def _write_json(folder: TuningFolder | None, name: str, data: Any) -> None:

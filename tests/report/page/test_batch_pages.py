@@ -29,7 +29,27 @@ def evaluation(loss):
         "settling_time": {"50.0": interval(4.0)},
         "cost": interval(2.0),
         "failed": interval(0.0),
+        "effort": {},
+        "alarming": None,
         "loss": loss,
+    }
+
+
+def receipt_record(problems):
+    check = {name: [0.5] for name in ("automatic", "difference", "step", "error")}
+    check |= {"cases": 2, "left_out": 0}
+    places = dict.fromkeys(("start", "end", "exact_start", "exact_end"), check)
+    sizes = ("smoothing_bias", "largest_smoothing_bias", "step_sensitivity")
+    counts = ("gradient_samples", "failed", "masked", "bounded")
+    return {
+        "problems": list(problems),
+        "labels": ["k1"],
+        "widths": {},
+        **places,
+        **dict.fromkeys((*sizes, "largest_step_sensitivity"), 0.5),
+        **dict.fromkeys(counts, 0),
+        "derivative_free": False,
+        "first_masked": "",
     }
 
 
@@ -43,8 +63,9 @@ def tuning(tmp_path):
         names = ("before", "trained_before", "trained_after")
         verdict = {name: evaluation(before) for name in names} | {"after": evaluation(after)}
         verdict |= {"gains": {"k1": {"before": 0.5, "after": 0.75}}, "at_bounds": {"k1": 0.75}}
+        verdict |= {"better": interval(1.0), "overfitting": 0.1, "singular": None}
         (folder / "verdict.json").write_text(json.dumps(verdict))
-        (folder / "receipt.json").write_text(json.dumps({"problems": list(problems)}))
+        (folder / "receipt.json").write_text(json.dumps(receipt_record(problems)))
         (folder / "tuned.toml").write_text('title = "tuned"\n')
         history = xr.Dataset(
             {
@@ -66,7 +87,8 @@ def test_a_tuning_says_whether_the_gains_are_better(tuning):
     told = "The tuned gains are better: the objective on held-out cases goes from 3 to 2."
     assert first_sentence(page) == told
     assert 'class="verdict good"' in page
-    assert "k1 is at its bound, 0.75." in page
+    assert "Gains are at their bounds: k1 at 0.75." in page
+    assert "the objective on held-out cases is 10.0% above" in page.lower()
     assert "<b>run</b>" not in page
 
 
