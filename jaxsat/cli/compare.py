@@ -1,6 +1,5 @@
 """`jaxsat compare`: laws on the acceptance set, or in any scenario."""
 
-import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -8,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from jaxsat.cli.comparison_bounds import least_bounds
-from jaxsat.cli.comparison_text import comparison_lines, least_text, least_time_text
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.options import (
     Cases,
@@ -26,7 +24,14 @@ from jaxsat.cli.options import (
 )
 from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.scenario_comparison import Options, compare_in_scenario, remarks, told
+from jaxsat.cli.scenario_comparison import (
+    Options,
+    compare_in_scenario,
+    print_record,
+    remarks,
+    told,
+    write_record,
+)
 from jaxsat.cli.study_executors import chosen_executor, study_problems
 from jaxsat.cli.study_files import refuse_csv, tell_repair
 from jaxsat.cli.terminal import (
@@ -42,7 +47,6 @@ from jaxsat.cli.work import require_approval
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from jaxsat.store import ResumableFolder
     from jaxsat.studies import Work
     from jaxsat.synthesis.comparison import (
         Comparison,
@@ -55,7 +59,6 @@ if TYPE_CHECKING:
 
 Level = Literal["nominal", "mc", "hard", "all"]
 
-RESULT = "comparison.json"
 CASE = 400
 """Bytes of a case in memory and on the disk, about."""
 
@@ -185,7 +188,8 @@ def compare(
                 rows, verdicts = _run(run, settings)
                 found = [least_bounds(one, bounds, seed, end, folder) for one in limits if bounds]
                 least = least_times(rows, seed, end)
-                _write(folder, rows, verdicts, found, least, seed)
+                record = _record(rows, verdicts, found, least, seed)
+                write_record(folder, record, lambda: _figures(rows))
             if csv is not None:
                 content = interruptibly(lambda: run.table(settings).to_csv(index=False))
                 save_file(csv, content, overwrite=overwrite, option="--csv")
@@ -193,9 +197,7 @@ def compare(
         kept = f"the results so far are in {out}; the same command resumes"
         raise type(stop)(kept) from None
     if not quiet:
-        of_starts = map(least_time_text, least)
-        for line in (*comparison_lines(rows, verdicts), *of_starts, *map(least_text, found)):
-            print_stdout(line)
+        print_record(record)
         print_stdout(f"written to {out}{f' and {csv}' if csv else ''}")
     finish_report(planned, quiet=quiet)
     return SUCCESS
@@ -247,18 +249,17 @@ def _tell_of_untuned(limits: Sequence[float]) -> None:
             print_stderr(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}", "warning: ")
 
 
-def _write(
-    folder: "ResumableFolder",
+def _record(
     rows: Sequence["ComparisonRow"],
     verdicts: Sequence["ComparisonVerdict"],
     bounds: Sequence[dict[str, Any]],
     least: Sequence["LeastTime"],
     seed: int,
-) -> None:
-    from jaxsat.report.saving import save_figures
+) -> dict[str, Any]:
+    """What was found, as plain data."""
     from jaxsat.store import provenance
 
-    record = {
+    return {
         "command": command_line(),
         "seed": seed,
         "rows": [row.as_data() for row in rows],
@@ -270,9 +271,6 @@ def _write(
         ],
         **provenance(),
     }
-    text = json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    folder.write(RESULT, text)
-    save_figures(lambda: _figures(rows), folder.write)
 
 
 def _figures(rows: Sequence["ComparisonRow"]) -> "dict[str, Figure]":

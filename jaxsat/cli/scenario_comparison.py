@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.cli.comparison_text import scenario_lines
 from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.study_executors import chosen_executor, study_problems
 from jaxsat.cli.study_files import tell_repair
 from jaxsat.cli.study_text import progress_text
-from jaxsat.cli.terminal import Terminated, UserMistake, print_stderr, print_stdout
+from jaxsat.cli.terminal import Terminated, UserMistake, print_document, print_stderr, print_stdout
 from jaxsat.cli.words import command_line
 from jaxsat.cli.work import require_approval
 
@@ -48,7 +47,7 @@ def compare_in_scenario(name: str, overrides: Sequence[str], options: Options) -
     if list(options.laws) == ["all"]:
         raise UserMistake("--law: must be given with a scenario, at least one law")
     scenario = load_or_explain(name, overrides, "study")
-    from jaxsat.store import ResumableFolder
+    from jaxsat.store import ResumableFolder, provenance
     from jaxsat.synthesis.comparison import ComparisonRun
     from jaxsat.synthesis.comparison import compare_in_scenario as compared
 
@@ -67,14 +66,38 @@ def compare_in_scenario(name: str, overrides: Sequence[str], options: Options) -
     try:
         with study_problems(), ResumableFolder(options.out, "comparison", {}) as folder:
             found = interruptibly(lambda: compared(scenario, options.laws, run))
-            _write(folder, scenario, found, options.seed)
+            record = {
+                "command": command_line(),
+                "seed": options.seed,
+                **found.as_data(),
+                **provenance(),
+            }
+            write_record(folder, record, lambda: _figures(scenario, found, record["rows"]))
     except (KeyboardInterrupt, Terminated) as stop:
         kept = f"the results so far are in {options.out}; the same command resumes"
         raise type(stop)(kept) from None
     if not options.quiet:
-        for line in scenario_lines(found):
-            print_stdout(line)
+        print_record(record)
         print_stdout(f"written to {options.out}")
+
+
+def write_record(
+    folder: "ResumableFolder",
+    record: dict[str, Any],
+    figures: "Callable[[], dict[str, Figure]]",
+) -> None:
+    """The record as JSON, then figures."""
+    from jaxsat.report.saving import save_figures
+
+    folder.write(RESULT, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    save_figures(figures, folder.write)
+
+
+def print_record(record: dict[str, Any]) -> None:
+    """What a comparison found."""
+    from jaxsat.report.comparison_document import comparison_document
+
+    print_document(comparison_document(record))
 
 
 def told(what: str, progress: "StudyProgress | None") -> None:
@@ -112,17 +135,6 @@ def _require_suitable(scenario: "Scenario", options: Options) -> None:
             raise UserMistake(f"--law: {error}") from None
         works.append(study_work(study, None))
     require_approval(works, options.out, yes=options.yes, quiet=options.quiet)
-
-
-def _write(
-    folder: "ResumableFolder", scenario: "Scenario", found: "ScenarioComparison", seed: int
-) -> None:
-    from jaxsat.report.saving import save_figures
-    from jaxsat.store import provenance
-
-    record = {"command": command_line(), "seed": seed, **found.as_data(), **provenance()}
-    folder.write(RESULT, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
-    save_figures(lambda: _figures(scenario, found, record["rows"]), folder.write)
 
 
 def _figures(

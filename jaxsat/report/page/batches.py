@@ -1,13 +1,14 @@
 """The sections of a tuning, a comparison and a reproduction, from the files of their folders."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from jaxsat.report.comparison_document import comparison_document, place_of
 from jaxsat.report.document import (
     Chart,
     Charts,
@@ -32,21 +33,6 @@ from jaxsat.store import open_trajectory, study_columns
 from jaxsat.store.files import parse_json
 from jaxsat.store.marker import read_unchanged
 from jaxsat.store.study_names import store_of_row
-
-LAW_COLUMNS: Mapping[str, Callable[[Mapping[str, Any]], Any]] = {
-    "law": lambda row: row["law"],
-    "cases": lambda row: row["cases"],
-    "settled": lambda row: row["settled"]["value"],
-    "settled, low": lambda row: row["settled"]["low"],
-    "settled, high": lambda row: row["settled"]["high"],
-    "half by (s)": lambda row: row["t50"]["value"],
-    "90 % by (s)": lambda row: row["t90"]["value"],
-    "effort (N m s)": lambda row: row["effort_N_m_s"],
-    "peak rate (rad/s)": lambda row: row["peak_rate_rad_s"],
-}
-"""What a row of a comparison says of its law, by heading."""
-
-LAWS_NOTE = "Settled is a fraction with its 95 % Wilson interval; times are those of all cases."
 
 
 def tuning_section(folder: Path) -> Document:
@@ -90,51 +76,20 @@ def comparison_section(folder: Path) -> Document:
     """Which law to take, and how all of them did on the same cases."""
     record = read_record(folder / "comparison.json")
     with form_explained(folder):
-        verdicts = [_law_words(one) for one in record["verdicts"]]
-        table = _laws(record["rows"])
-        recovered = _recovered(record["rows"])
-        bounds = [
-            *_least_times(record.get("median_least_times", ())),
-            *_bounds(record.get("bounds_from_papers_start", ())),
-        ]
+        told = comparison_document(record)
     blocks = [
-        table,
-        *recovered,
+        *told.blocks,
         Charts("Settling", _settled_by_law(folder, record["rows"])),
-        *bounds,
         record_provenance(record),
     ]
-    verdict = Verdict(None, verdicts[0] if verdicts else "Nothing was compared.", verdicts[1:])
-    return Document("Comparison of laws", verdict, blocks, f"Comparison in {folder.name}")
-
-
-def _law_words(verdict: Mapping[str, Any]) -> str:
-    where = _where(verdict)
-    taken = f"take {verdict['law']}" if verdict["law"] else "no law to take"
-    return f"{where}: {taken}; {verdict['reason']}."
-
-
-def _laws(rows: list[Mapping[str, Any]]) -> Table:
-    """A row for every law, limit and level."""
-    columns = (
-        LAW_COLUMNS
-        if rows and "scenario" in rows[0]
-        else {
-            "level": lambda row: row["level"],
-            "limit (N m)": lambda row: row["torque_limit"],
-            **LAW_COLUMNS,
-            "paper's start by (s)": lambda row: row["paper_start_settled_s"],
-        }
-    )
-    cells = [[read(row) for read in columns.values()] for row in rows]
-    return Table("Laws", list(columns), cells, LAWS_NOTE)
+    return dataclasses.replace(told, blocks=blocks, kind=f"Comparison in {folder.name}")
 
 
 def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
     """The fraction settled by a time, a line for each law, from the stores that are there."""
     charts: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {}
     for row in rows:
-        where = _where(row)
+        where = place_of(row)
         store = store_of_row(folder, row)
         if (store / "zarr.json").is_file():
             times = np.asarray(study_columns(store)["settling_time"])
@@ -147,39 +102,6 @@ def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
         )
         for where, laws in charts.items()
     ]
-
-
-def _where(row: Mapping[str, Any]) -> str:
-    """The scenario of a row or verdict, or its place in the acceptance set."""
-    if "scenario" in row:
-        return str(row["scenario"])
-    return f"{row['level']}, {row['torque_limit']:g} N m"
-
-
-def _recovered(rows: list[Mapping[str, Any]]) -> list[Table]:
-    """Of failures in flight: a row for every law and kind."""
-    columns = ["law", "failure", "cases", "recovered", "fraction", "low", "high", "recoverable"]
-    cells = [
-        [row["law"], kind, one["cases"], one["recovered"], *one["fraction"].values(),
-         one["recoverable"]]
-        for row in rows
-        for kind, one in row.get("recovered", {}).items()
-    ]  # fmt: skip
-    note = "Fractions of all cases, with 95 % Wilson intervals."
-    return [Table("Recovered by kind of failure", columns, cells, note)] if cells else []
-
-
-def _bounds(found: Any) -> list[Table]:
-    rows = [[one["torque_limit"], one["end_meaning"], one["time"], one["effort"]] for one in found]
-    columns = ["limit (N m)", "end", "least time (s)", "least effort (N m s)"]
-    return [Table("Least from the paper's start, open loop", columns, rows)] if rows else []
-
-
-def _least_times(found: Any) -> list[Table]:
-    rows = [[one["torque_limit"], one["end"], one["seconds"]] for one in found]
-    columns = ["limit (N m)", "end", "median least time (s)"]
-    title = "Least times of the same starts without dispersions, open loop"
-    return [Table(title, columns, rows)] if rows else []
 
 
 def reproduction_section(folder: Path) -> Document:

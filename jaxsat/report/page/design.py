@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxsat.report.comparison_document import LAW_COLUMNS, LAWS_NOTE, law_cells
 from jaxsat.report.document import (
     Block,
     Chart,
@@ -21,7 +22,6 @@ from jaxsat.report.document import (
     number,
 )
 from jaxsat.report.facts import record_provenance, scenario_facts
-from jaxsat.report.page.batches import LAW_COLUMNS, LAWS_NOTE
 from jaxsat.report.page.reading import form_explained, read_lines, read_record
 from jaxsat.report.page.study_charts import (
     convergence_chart,
@@ -88,10 +88,7 @@ def _blocks(folder: Path, record: Mapping[str, Any], tables: Mapping[str, Any]) 
         yield Charts("Verification on unseen cases", charts)
     yield from _failing(record)
     rows = [
-        [step, *(read(row) for read in LAW_COLUMNS.values())]
-        for step in STEPS
-        if record[step]
-        for row in record[step]["rows"]
+        [step, *law_cells(row)] for step in STEPS if record[step] for row in record[step]["rows"]
     ]
     if rows:
         yield Table("Laws in screening and validation", ["step", *LAW_COLUMNS], rows, LAWS_NOTE)

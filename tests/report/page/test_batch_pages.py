@@ -128,7 +128,7 @@ def test_a_comparison_begins_with_the_law_to_take(tmp_path):
     record = {"command": "jaxsat compare", "seed": 1, "rows": rows, "verdicts": [verdict]}
     (tmp_path / "comparison.json").write_text(json.dumps(record))
     page = report_page([tmp_path])
-    assert first_sentence(page) == "hard, 5 N m: take three-slew; it is quick."
+    assert first_sentence(page) == "hard, 5 N m: take three-slew. It is quick."
     assert page.count("<td>hard</td>") == 2
 
 
