@@ -9,7 +9,7 @@ from jaxsat.report.cells import INTERVALS, interval_cell, step_error
 from jaxsat.report.document import Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.report.facts import settled_meaning
 from jaxsat.report.recovery_document import recovery_line, recovery_tables
-from jaxsat.studies import Sensitivity, Summary, ends_text, percent_texts
+from jaxsat.studies import Interval, Sensitivity, Summary, ends_text, percent_texts
 
 SHOWN = 8
 """Numbers of a sensitivity ranking that text shows."""
@@ -28,7 +28,12 @@ def study_document(summary: Summary, scenario: Mapping[str, Any]) -> Document:
     """The settled fraction, percentiles, recovery and sensitivities; of a scenario's tables."""
     law = scenario.get("control", {}).get("law", "unknown")
     title = f"{summary.cases:,} cases under the law {law}"
-    blocks = [*percentile_tables(summary), *recovery_tables(summary.recovery), *rankings(summary)]
+    percentiles = {name: getattr(summary, name) for name in PERCENTILES}
+    blocks = [
+        *percentile_table(percentiles, "Percentiles"),
+        *recovery_tables(summary.recovery),
+        *rankings(summary),
+    ]
     return Document(title, study_verdict(summary, settled_meaning(scenario, of_study=True)), blocks)
 
 
@@ -49,15 +54,17 @@ def study_verdict(summary: Summary, settled: str) -> Verdict:
     return Verdict(None, text, more)
 
 
-def percentile_tables(summary: Summary) -> list[Table]:
-    """Percentiles of settling time, effort and what actuators used; none where no case ends."""
-    found = {label: getattr(summary, name) for name, label in PERCENTILES.items()}
-    told = {label: by_percent for label, by_percent in found.items() if by_percent}
+def percentile_table(
+    found: Mapping[str, Mapping[float, Interval | None]], title: str, note: str = ""
+) -> list[Table]:
+    """Percentiles by the names of `PERCENTILES` and percent; none where no case ends."""
+    told = {PERCENTILES[name]: by_percent for name, by_percent in found.items() if by_percent}
     if not told:
         return []
     percents = next(iter(told.values()))
     rows = [[label, *map(interval_cell, one.values())] for label, one in told.items()]
-    return [Table("Percentiles", ["", *(f"{one:g} %" for one in percents)], rows, INTERVALS)]
+    columns = ["", *(f"{one:g} %" for one in percents)]
+    return [Table(title, columns, rows, f"{note} {INTERVALS}".strip())]
 
 
 def rankings(summary: Summary) -> Iterator[Table | Lines]:

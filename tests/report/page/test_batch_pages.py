@@ -167,7 +167,9 @@ def design_record():
     step = {"rows": [row], "taken": "three-slew", "reason": "it is quick"}
     verification = {"cases": 40, "settled": interval(0.9), "failing_cases": list(range(30))}
     verification |= {"settling_time_s": {"50": interval(70.0), "99": {"value": None}}}
+    verification |= {"effort_N_m_s": {}, "outcomes": {"settled": 10, "unsettled": 30}}
     verification |= {
+        "limit": {"change": "more torque", "settled": 20, "flown": 30, "cause": None},
         "separations": [{"name": "omega", "share": 0.5, "failing": [1] * 3, "settled": [0] * 3}],
         "remedies": [{"change": "twice the <torque>", "settled": 12, "flown": 30}],
     }
@@ -175,9 +177,11 @@ def design_record():
         "outcome": "not reached",
         "headline": "Not reached: three-slew settles 90 %; wanted were 99 %.",
         "seeds": {"screening": 4, "verification": 7},
-        "controllability": {"lines": ["Controllable."]},
+        "title": "A run",
+        "controllability": {"lines": ["Controllable."], "misses_attitude": None},
         "assumed": ["[orbit]: inertial pointing"],
         "left_out": [],
+        "cautions": [],
         "screening": step,
         "validation": None,
         "tuning": {"left_out": "no gains"},
@@ -193,12 +197,12 @@ def test_a_design_begins_with_its_verdict_and_lists_what_fails_and_what_helps(tm
     page = report_page([tmp_path])
     assert first_sentence(page) == "Not reached: three-slew settles 90 %; wanted were 99 %."
     assert 'class="verdict bad"' in page
-    assert "Settling time of those that settle: 50 %: 70 s." in page
-    assert "jaxsat montecarlo designed.toml --seed 7 --case 24" in page
-    assert "--case 25" not in page
-    assert "5 more are in design.json." in page
+    assert ">70 (over 35)</td>" in page
+    assert "<code>jaxsat montecarlo designed.toml --seed 7 --case 0</code>" in page
+    assert "18, 19 and 10 more, all of them in design.json." in page
+    assert "With more torque 20 of 30 settle." in page
     assert "twice the &lt;torque&gt;" in page
-    assert "<td>1, 2</td>" in page
+    assert "three-slew with k = 0.25, corners = (1, 2)." in page
     (tmp_path / "design.json").write_text('{"outcome": "reached"}')
     with pytest.raises(OutputError, match="numbers of another form"):
         report_page([tmp_path])
