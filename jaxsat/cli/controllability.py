@@ -1,7 +1,6 @@
 """`jaxsat controllability`: can the remaining actuators still control the spacecraft?"""
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +12,7 @@ from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report, number, wh
 from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout, show_table
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_document, print_stdout
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,19 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from jaxsat.controllability import Analysis, FailureCase, Judgement
+    from jaxsat.report.document import Document
     from jaxsat.scenario import Scenario
 
     Drift = tuple[list[str], Callable[[], dict[str, Figure]]]
 
-COLOURS = {
-    "controllable": "green",
-    "by drift": "cyan",
-    "some attitudes": "yellow",
-    "not decided": "yellow",
-    "borderline": "yellow",
-    "uncontrollable": "red",
-}
-TURN = "turn at 1 N m (s)"
 MAP_STEPS = 450  # about 10⁵ bodies
 MAP_ANGLES = (361, 181)
 MAX_ACTUATORS = 8  # 256 cases; of more actuators, single and double failures are told
@@ -88,14 +79,16 @@ def controllability(
     use_double_precision()
     show_progress("deciding controllability")
     judgement, analysis, cases = interruptibly(lambda: _analyse(chosen, tolerance))
-    from jaxsat.report.controllability_page import controllability_lines, survival_words
+    from jaxsat.report.controllability_document import (
+        controllability_document,
+        controllability_lines,
+    )
 
     torque = chosen.spacecraft.torque_limit_N_m or 1.0
-    from jaxsat.controllability import judge_once_stopped
+    from jaxsat.controllability import failure_records, judge_once_stopped, verdict_sentence
 
     stopped = judge_once_stopped(judgement, tolerance)
-    lines = [survival_words(cases)]
-    lines += controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
+    lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
     lines += interruptibly(lambda: _magnetic_lines(chosen))
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")
@@ -104,11 +97,14 @@ def controllability(
         lines.append(f"Disturbances not included: {names}.")
     show_progress("following the drift")
     found = interruptibly(lambda: _follow_drift(chosen)) if drift else ([], dict)
+    title, records = f"Controllability: {chosen.title}", failure_records(cases)
+    told = title, verdict_sentence(judgement), records, [*lines, *found[0]]
     if out is not None:
         show_progress("drawing maps")
-        _write_folder(out, overwrite, chosen, judgement, cases, lines, found)
+        document = controllability_document(*told)
+        _write_folder(out, overwrite, chosen, judgement, cases, document, told[3], found[1])
     if not quiet:
-        _print(lines, cases, found[0], failures)
+        print_document(controllability_document(*told, failures))
         if out is not None:
             print_stdout(f"written to {out}")
     finish_report(planned, quiet=quiet)
@@ -234,26 +230,27 @@ def _write_folder(
     scenario: "Scenario",
     judgement: "Judgement",
     cases: "Sequence[FailureCase]",
-    lines: list[str],
-    drift: "Drift",
+    document: "Document",
+    findings: list[str],
+    drift: "Callable[[], dict[str, Figure]]",
 ) -> None:
-    from jaxsat.controllability import failure_csv, failure_markdown
-    from jaxsat.report.controllability_page import controllability_page
+    from jaxsat.controllability import failure_csv
     from jaxsat.report.failure_dataset import failure_dataset
+    from jaxsat.report.markdown import markdown_page
     from jaxsat.report.saving import save_figures
     from jaxsat.scenario import dump
     from jaxsat.store import OutputError, OutputFolder, dataset_bytes
 
     def write(folder: OutputFolder) -> None:
         text = dump(scenario)
-        title = f"Controllability: {scenario.title}"
-        page = controllability_page(title, lines, failure_markdown(cases), drift[0])
         folder.write("scenario.toml", text)
-        folder.write("controllability.md", page)
+        folder.write("controllability.md", markdown_page(document))
         folder.write("failures.csv", failure_csv(cases))
-        dataset = failure_dataset(cases, judgement, title=title, scenario=text)
+        dataset = failure_dataset(
+            cases, judgement, title=document.title, scenario=text, findings=findings
+        )
         folder.write("failures.nc", dataset_bytes(dataset))
-        save_figures(lambda: {**_figures(judgement, cases), **drift[1]()}, folder.write)
+        save_figures(lambda: {**_figures(judgement, cases), **drift()}, folder.write)
 
     try:
         with OutputFolder(out, kind="controllability", overwrite=overwrite) as folder:
@@ -308,42 +305,3 @@ def _figures(judgement: "Judgement", cases: "Sequence[FailureCase]") -> "dict[st
         title="Margin as the first working thruster turns" + ("" if alone else ", others fixed"),
     )
     return figures
-
-
-def count_of(record: "Mapping[str, object]") -> int:
-    """How many actuators have failed in a record of `failure_records`."""
-    return 0 if record["failed"] == "none" else len(str(record["failed"]).split())
-
-
-def _cell(value: float) -> str:
-    """A number of the table: nothing where there is none, and never a negative zero."""
-    return "" if math.isnan(value) else f"{value + 0.0:.3g}"
-
-
-def _print(
-    lines: list[str], cases: "Sequence[FailureCase]", drift: list[str], failures: int | None
-) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    from jaxsat.controllability import failure_records
-
-    for line in [*lines, *drift]:
-        print_stdout(line.replace("**", ""))
-    table = Table(pad_edge=False)
-    numbers = ("rank", "margin", TURN)
-    both = any(case.once_stopped for case in cases)
-    records = [one for one in failure_records(cases) if failures in (None, count_of(one))]
-    timed = any(math.isfinite(float(one["turn_time_s"])) for one in records)
-    headings = ["failed", "rank", "verdict", "margin", *([TURN] if timed else []), "lost"]
-    for heading in [*headings, *(["once stopped"] if both else [])]:
-        table.add_column(heading, justify="right" if heading in numbers else "left")
-    for record in records:
-        verdict = Text(str(record["verdict"]), style=COLOURS[str(record["verdict"])])
-        margin, turn = (_cell(float(record[name])) for name in ("margin", "turn_time_s"))
-        rank = "{rank}" if record["dimension"] == 6 else "{rank} of {dimension}"
-        row = (Text(str(record["failed"])), rank.format(**record), verdict, margin)
-        row = (*row, turn) if timed else row
-        later = (str(record["once_stopped"]),) if both else ()
-        table.add_row(*row, str(record["lost"]), *later)
-    show_table(table)
