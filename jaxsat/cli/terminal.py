@@ -4,7 +4,7 @@ import contextlib
 import io
 import os
 import sys
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from jaxsat.cli.progress import between_drawings
 from jaxsat.core.text import clean
@@ -83,19 +83,6 @@ def print_document(document: "Document") -> None:
     from jaxsat.report.terminal import terminal_text
 
     _print(terminal_text(document))
-
-
-def show_table(table: Any) -> None:
-    """Write one of Rich's renderables to standard output, as wide as its longest words need."""
-    from rich.console import Console
-    from rich.measure import Measurement
-
-    console = Console(markup=False, highlight=False, soft_wrap=True)
-    least = Measurement.get(console, console.options.update(width=10**4), table).minimum
-    console.width = max(console.width, least)
-    with console.capture() as caught:
-        console.print(table)
-    _print(caught.get())
 
 
 def print_stderr(message: str, prefix: str = "jaxsat: ") -> None:

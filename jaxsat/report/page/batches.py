@@ -16,7 +16,6 @@ from jaxsat.report.document import (
     Facts,
     Listing,
     Table,
-    Verdict,
 )
 from jaxsat.report.facts import (
     provenance_facts,
@@ -27,7 +26,7 @@ from jaxsat.report.facts import (
 from jaxsat.report.page.charts import MOST_LINES
 from jaxsat.report.page.reading import form_explained, read_lines, read_record
 from jaxsat.report.page.study_charts import curves_chart
-from jaxsat.report.reproduction import RUNS, ClaimVerdict, judge
+from jaxsat.report.reproduction import RUNS, claims_document, judge
 from jaxsat.report.tuning_document import tuning_document
 from jaxsat.store import open_trajectory, study_columns
 from jaxsat.store.files import parse_json
@@ -107,11 +106,7 @@ def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
 def reproduction_section(folder: Path) -> Document:
     """The paper's claims, judged again from the trajectories in the folder."""
     datasets = {name: open_trajectory(folder / f"{name}.nc") for name in RUNS}
-    claims = judge(datasets)
-    counts = {verdict: sum(one.verdict is verdict for one in claims) for verdict in ClaimVerdict}
-    parts = [f"{verdict.value}: {n}" for verdict, n in counts.items() if n]
-    text = f"{len(claims)} claims of the paper's section 5. {'; '.join(parts).capitalize()}."
-    rows = [[one.source, one.statement, one.found, one.verdict_text] for one in claims]
+    told = claims_document(judge(datasets))
     charts, names_of = [], list(datasets)
     for first in range(0, len(names_of), MOST_LINES):
         names = names_of[first : first + MOST_LINES]
@@ -128,10 +123,9 @@ def reproduction_section(folder: Path) -> Document:
         for name, data in datasets.items()
     ]
     blocks = [
-        Table("Claims", ["where", "claim", "found", "verdict"], rows, "Judged from these files."),
+        *told.blocks,
         Charts("Runs", charts),
         Table("Files", ["run", "purpose", "outcome"], runs),
         provenance_facts(next(iter(datasets.values())).attrs),
     ]
-    verdict = Verdict(None, text)
-    return Document("The paper's section 5", verdict, blocks, f"Reproduction in {folder.name}")
+    return dataclasses.replace(told, blocks=blocks, kind=f"Reproduction in {folder.name}")
