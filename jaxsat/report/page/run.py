@@ -1,7 +1,7 @@
 """The section of one run: verdict, replay, plots, numbers, scenario, provenance."""
 
-import math
-from collections.abc import Mapping, Sequence
+import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,21 +17,17 @@ from jaxsat.report.document import (
     Listing,
     Replay,
     Table,
-    Verdict,
-    number,
 )
 from jaxsat.report.facts import (
     provenance_facts,
     scenario_facts,
     scenario_tables,
-    settled_meaning,
-    settles_in_attitude,
 )
 from jaxsat.report.page.charts import MOST_LINES, TimePlots, shown_unit
-from jaxsat.report.page.replay import craft, failures_of
+from jaxsat.report.page.replay import craft
+from jaxsat.report.run_document import failures_of, run_document, until_end
 from jaxsat.report.signal_figures import BOUND, further_signals
 from jaxsat.report.time_axes import mode_names
-from jaxsat.store import time_at_rest, time_to_settle
 from jaxsat.store.coarseness import coarseness
 
 GROUPS = {
@@ -70,35 +66,23 @@ MUTE = frozenset({"constraint_torque", "disturbance", "rate_error", "z", "lyapun
 def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Document:
     """What the dataset of a run has to say; `name` is where it came from."""
     scenario = scenario_tables(dataset)
-    dataset = _named_parts(_until_end(dataset), scenario)
+    told = run_document(dataset, name)
+    dataset = _named_parts(until_end(dataset), scenario)
     failures = failures_of(scenario, dataset["time"].values)
     plots = TimePlots(dataset["time"].values, failures) if len(dataset["time"]) > 1 else None
     blocks: list[Any] = [Facts("Scenario", scenario_facts(scenario))]
     if plots is not None:
-        blocks.append(Replay("3-D replay", [craft(dataset, scenario, _title(dataset, name))]))
+        blocks.append(Replay("3-D replay", [craft(dataset, scenario, told.title)]))
         blocks += run_charts(dataset, plots)
     blocks += [
+        *told.blocks,
         extremes(dataset),
         provenance_facts(dataset.attrs, command),
         Listing("Scenario file", str(dataset.attrs.get("scenario", "")), "scenario.toml"),
     ]
-    verdict = run_verdict(dataset, scenario, failures)
-    if told := coarseness(dataset):
-        blocks.insert(1, Lines("Note", [f"{capitalised(told)}."]))
-    return Document(_title(dataset, name), verdict, blocks, f"Run in {name}", plots)
-
-
-def _title(dataset: xr.Dataset, name: str) -> str:
-    title = str(dataset.attrs.get("title", "")) or name
-    case = dataset.attrs.get("case")
-    return title if case is None else f"{title}, case {int(case)}"
-
-
-def _until_end(dataset: xr.Dataset) -> xr.Dataset:
-    """Without the times that a failed run did not reach; with one at least."""
-    good = np.flatnonzero(np.isfinite(dataset["quaternion"].values).all(axis=1))
-    last = int(good[-1]) if len(good) else 0
-    return dataset.isel(time=slice(0, last + 1))
+    if note := coarseness(dataset):
+        blocks.insert(1, Lines("Note", [f"{capitalised(note)}."]))
+    return dataclasses.replace(told, blocks=blocks, kind=f"Run in {name}", plots=plots)
 
 
 def _named_parts(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> xr.Dataset:
@@ -108,31 +92,6 @@ def _named_parts(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> xr.Dataset
         if dataset.sizes.get(kind) == len(names) == len(set(names)):
             dataset = dataset.assign_coords({kind: names})
     return dataset
-
-
-def run_verdict(
-    dataset: xr.Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
-) -> Verdict:
-    """When it settled, within what, by which law, and what failed on the way."""
-    law = str(scenario.get("control", {}).get("law", "unknown"))
-    rates = float(np.linalg.norm(dataset["omega"].values[-1]))
-    ends = [f"|ω| = {number(rates, 3)} rad/s"]
-    attitude = settles_in_attitude(scenario)
-    settled = time_to_settle(dataset) if attitude else time_at_rest(dataset)
-    if attitude:
-        ends.insert(0, f"pointing error {number(float(dataset['pointing_error_total'][-1]), 3)}°")
-    end = f"{number(float(dataset['time'][-1]), 6)} s"
-    more = [f"{capitalised(what)} at {number(at, 6)} s." for at, what in failures]
-    if int(dataset.attrs.get("outcome_code", 0)) != 0:
-        reason = dataset.attrs.get("outcome_explanation", "it failed")
-        return Verdict(False, f"The run ended early, at {end}: {reason}.", more)
-    more += [
-        f"At the end, {end}: {', '.join(ends)}.",
-        f"Settled means {settled_meaning(scenario)}; control law: {law}.",
-    ]
-    if math.isfinite(settled):
-        return Verdict(True, f"Settled at {settled:.2f} s, and stays settled to {end}.", more)
-    return Verdict(False, f"Not settled within {end}.", more)
 
 
 def run_charts(dataset: xr.Dataset, plots: TimePlots) -> list[Charts]:

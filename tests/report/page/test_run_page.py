@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from helpers.pages import SCENARIO, array, json_of, run_dataset
+from jaxsat.report.facts import settled_meaning
 from jaxsat.report.page import html, report_page
 from jaxsat.report.page.decimation import kept_samples
 from jaxsat.report.page.replay import body_box, craft
-from jaxsat.report.page.run import run_verdict, settled_meaning
+from jaxsat.report.run_document import run_verdict
 from jaxsat.store import OutputError
 
 NASTY = '</script><script>alert("1")</script><b>&amp; $$x$$ \\[y\\]'
