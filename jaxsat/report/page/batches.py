@@ -1,12 +1,11 @@
 """The sections of a tuning, a comparison and a reproduction, from the files of their folders."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.report.comparison_document import comparison_document, place_of
 from jaxsat.report.document import (
@@ -24,10 +23,13 @@ from jaxsat.report.facts import (
     scenario_tables,
 )
 from jaxsat.report.page.charts import MOST_LINES
+from jaxsat.report.page.plots import chart_of
 from jaxsat.report.page.reading import form_explained, read_lines, read_record
-from jaxsat.report.page.study_charts import curves_chart
+from jaxsat.report.plot import Axis
 from jaxsat.report.reproduction import RUNS, claims_document, judge
+from jaxsat.report.study_plots import curves
 from jaxsat.report.tuning_document import tuning_document
+from jaxsat.report.tuning_plots import gain_plots, loss_plots
 from jaxsat.store import open_trajectory, study_columns
 from jaxsat.store.files import parse_json
 from jaxsat.store.marker import read_unchanged
@@ -45,30 +47,12 @@ def tuning_section(folder: Path) -> Document:
     tuned = read_lines(folder / "tuned.toml")
     blocks = [
         *told.blocks,
-        Charts("On the way", list(_tuning_charts(history))),
+        Charts("On the way", [*map(chart_of, [*loss_plots(history), *gain_plots(history)])]),
         Facts("Scenario before", scenario_facts(scenario_tables(history))),
         provenance_facts(history.attrs),
         Listing("Tuned scenario", tuned, "tuned.toml"),
     ]
     return dataclasses.replace(told, blocks=blocks, kind=f"Tuning in {folder.name}")
-
-
-def _tuning_charts(history: xr.Dataset) -> Iterator[Chart]:
-    """Loss and gains over the steps."""
-    steps, checks = history["step"].values, history["validation"].values
-    best = history["loss"].min("start").values
-    curves = {
-        "training, best start": (steps, best),
-        "validation, best so far": (checks, history["best_loss"].values),
-    }
-    yield curves_chart("Loss", curves, ("step", "loss"), log="y")
-    units = np.atleast_1d(history.attrs.get("parameter_units", ""))
-    for place, name in enumerate(map(str, history["parameter"].values)):
-        value = history["best_gain"].values[:, place]
-        unit = f" ({units[place]})" if place < len(units) and units[place] not in ("", "1") else ""
-        yield curves_chart(
-            f"{name}{unit}: best so far", {name: (checks, value)}, ("step", ""), steps=True
-        )
 
 
 def comparison_section(folder: Path) -> Document:
@@ -95,10 +79,9 @@ def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
             good = np.sort(times[np.isfinite(times)])
             share = np.arange(len(good) + 1) / max(1, len(times))
             charts.setdefault(where, {})[row["law"]] = (np.append(0.0, good), share)
+    time, share = Axis("time", "s"), Axis("fraction settled")
     return [
-        curves_chart(
-            f"{where}: fraction settled by a time", laws, ("time (s)", "fraction"), steps=True
-        )
+        chart_of(curves(f"{where}: fraction settled by a time", laws, time, share, steps=True))
         for where, laws in charts.items()
     ]
 
@@ -110,14 +93,15 @@ def reproduction_section(folder: Path) -> Document:
     charts, names_of = [], list(datasets)
     for first in range(0, len(names_of), MOST_LINES):
         names = names_of[first : first + MOST_LINES]
-        curves = {
+        sizes = {
             name: (
                 datasets[name]["time"].values,
                 np.linalg.norm(datasets[name]["omega"].values, axis=1),
             )
             for name in names
         }
-        charts.append(curves_chart("Size of the angular velocity", curves, ("time (s)", "rad/s")))
+        title, size = "Size of the angular velocity", Axis("|ω|", "rad/s")
+        charts.append(chart_of(curves(title, sizes, Axis("time", "s"), size)))
     runs = [
         [f"{name}.nc", RUNS[name].purpose, str(data.attrs["outcome"])]
         for name, data in datasets.items()

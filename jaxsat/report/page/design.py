@@ -12,12 +12,9 @@ import numpy as np
 from jaxsat.report.design_document import DESIGNED, design_document
 from jaxsat.report.document import Block, Chart, Charts, Document, Facts, Listing
 from jaxsat.report.facts import record_provenance, scenario_facts
+from jaxsat.report.page.plots import chart_of
 from jaxsat.report.page.reading import form_explained, read_lines, read_record
-from jaxsat.report.page.study_charts import (
-    convergence_chart,
-    settled_by_chart,
-    settling_times_chart,
-)
+from jaxsat.report.study_plots import settling_plots
 from jaxsat.store import study_columns
 
 
@@ -46,6 +43,4 @@ def _charts(folder: Path, record: Mapping[str, Any]) -> Iterator[Chart]:
     if record["verification"] is None or not (store / "zarr.json").is_file():
         return
     times = np.asarray(study_columns(store)["settling_time"])[: record["verification"]["cases"]]
-    for chart in (settled_by_chart(times), settling_times_chart(times), convergence_chart(times)):
-        if chart is not None:
-            yield chart
+    yield from map(chart_of, settling_plots(times))

@@ -13,14 +13,9 @@ from pydantic import ValidationError
 
 from jaxsat.report.document import Charts, Document, Facts, Listing, Table
 from jaxsat.report.facts import scenario_facts
-from jaxsat.report.page.study_charts import (
-    convergence_chart,
-    settled_by_chart,
-    settling_over_chart,
-    settling_times_chart,
-    success_chart,
-)
+from jaxsat.report.page.plots import chart_of
 from jaxsat.report.study_document import study_document
+from jaxsat.report.study_plots import settling_over, settling_plots, success_over
 from jaxsat.scenario import Scenario, dump
 from jaxsat.simulation.engine.adaptive import Tolerance
 from jaxsat.store import OutputError, case_table, open_study, study_columns
@@ -51,10 +46,9 @@ def study_section(path: Path) -> Document:
     scenario = {name: _told(table) for name, table in identity["scenario"].items() if table}
     told = study_document(summary, scenario)
     text = scenario_text(identity["scenario"], path.stem)
-    charts = [settled_by_chart(times), settling_times_chart(times), convergence_chart(times)]
     blocks: list[Any] = [
         Facts("Scenario", scenario_facts(scenario)),
-        Charts("Settling", [chart for chart in charts if chart is not None]),
+        Charts("Settling", list(map(chart_of, settling_plots(times)))),
         *_quantities(columns, done, times, summary),
         *told.blocks,
         _worst(study, summary, identity, text is not None),
@@ -87,16 +81,16 @@ def _quantities(
 ) -> list[Charts]:
     """Success and settling time over the dispersed numbers that matter most."""
     settled = np.isfinite(times)
-    charts = []
+    plots = []
     for label in _ranked(summary)[:QUANTITIES]:
         name = label.partition("[")[0]
         column = columns[f"drawn_{name}"]
         values = numbers_of(name, np.asarray(column)[done])[label]
         unit = "rad" if label == "attitude[angle]" else column.column.units
         if 0 < settled.mean() < 1:
-            charts.append(success_chart(label, values, settled, unit))
-        charts.append(settling_over_chart(label, values, times, unit))
-    shown = [chart for chart in charts if chart is not None]
+            plots.append(success_over(label, values, settled, unit))
+        plots.append(settling_over(label, values, times, unit))
+    shown = [chart_of(plot) for plot in plots if plot is not None]
     return [Charts("Over dispersed quantities", shown)] if shown else []
 
 

@@ -70,11 +70,20 @@ def tuning(tmp_path):
         history = xr.Dataset(
             {
                 "loss": (("step", "start"), np.ones((4, 2))),
+                "gradient_norm": (("step", "start"), np.ones((4, 2))),
+                "settled": (("step", "start"), np.ones((4, 2))),
+                "gain": (("step", "start", "parameter"), np.ones((4, 2, 1))),
+                "validation_settled": (("validation", "start"), np.ones((2, 2))),
                 "best_loss": ("validation", [3.0, 2.0]),
                 "best_gain": (("validation", "parameter"), [[0.5], [0.75]]),
             },
             {"step": range(4), "start": range(2), "parameter": ["k1"], "validation": [0, 3]},
-            {"title": "A <b>run</b>", "scenario": SCENARIO, "parameter_units": ["N m s"]},
+            {
+                "title": "A <b>run</b>",
+                "scenario": SCENARIO,
+                "parameter_units": ["N m s"],
+                "parameter_scales": ["log"],
+            },
         )
         (folder / "history.nc").write_bytes(dataset_bytes(history))
         return folder
