@@ -41,7 +41,7 @@ class Lines:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows with a cell for each column; numbers are right-aligned.
+    """Rows with a cell for each column.
 
     A page shows all rows and lets a reader sort them. Text shows the `first` ones, all unless
     given.
@@ -146,7 +146,7 @@ def cell_text(cell: Cell) -> str:
 
 
 def is_number(cell: Cell) -> bool:
-    """Whether a cell is right-aligned and sorts as a number."""
+    """Whether a cell sorts as a number."""
     value = cell.value if isinstance(cell, Shown) else cell
     return isinstance(value, int | float)
 

@@ -49,7 +49,7 @@ def _paint(panel: Axes, plot: Plot) -> None:
         look |= {"drawstyle": "steps-post"} if line.steps else {}
         look |= {"marker": "o", "markersize": 3.5} if line.points else {}
         panel.plot(line.x, line.y, label=escape_mathematics(line.label), **look)
-    if len([line for line in plot.lines if not line.faint]) > 1:
+    if sum(bool(line.label) for line in plot.lines) > 1:
         panel.legend(fontsize=8)
     panel.set_xscale("log" if plot.x.log else "linear")
     panel.set_yscale("log" if plot.y.log else "linear")

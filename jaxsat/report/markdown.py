@@ -1,6 +1,6 @@
 """A document as Markdown."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from jaxsat.core.text import clean, markdown
 from jaxsat.report.document import Document, Facts, Lines, Table, cell_text, prose
@@ -36,7 +36,7 @@ def _cell(text: str) -> str:
     return _prose(text) if text != "---" else text
 
 
-def _items(lines: Iterator[str] | list[str] | tuple[str, ...]) -> str:
+def _items(lines: Iterable[str]) -> str:
     return "\n".join(f"- {_prose(line)}" for line in lines)
 
 

@@ -63,7 +63,7 @@ def percentile_table(
         return []
     percents = next(iter(told.values()))
     rows = [[label, *map(interval_cell, one.values())] for label, one in told.items()]
-    columns = ["", *(f"{one:g} %" for one in percents)]
+    columns = ["quantity", *(f"{one:g} %" for one in percents)]
     return [Table(title, columns, rows, f"{note} {INTERVALS}".strip())]
 
 

@@ -121,7 +121,7 @@ def _evaluations(verdict: Record) -> Table:
         rows.append(["failed or above the alarm", *(_fraction(one["alarming"]) for one in found)])
     rows.append(["objective", *(one["loss"] for one in found)])
     note = f"The exact law; no gain was tuned on the held-out cases. {INTERVALS}"
-    return Table("Before and after", ["", *EVALUATIONS.values()], rows, note)
+    return Table("Before and after", ["quantity", *EVALUATIONS.values()], rows, note)
 
 
 def _baselines(found: Sequence[Record], absent: Sequence[str]) -> Table:

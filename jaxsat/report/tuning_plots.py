@@ -14,16 +14,18 @@ def loss_plots(history: xr.Dataset) -> list[Plot]:
     """Loss in training and on the validation cases, gradient norm, and the fraction settled."""
     checks, best = history["validation"].values, history["best_loss"].values
     settled = history["validation_settled"].max("start", skipna=True).values
-    told = f"Validation, the best so far (exact law), ends at {best[-1]:.4g}. Grey: every start."
+    ends = f"On the validation cases the best so far ends at {best[-1]:.4g}."
+    most = f"On the validation cases {settled[-1]:.1%} at the end, the highest of the starts."
+    validation = Line(checks, best, "validation, best so far (exact law)")
+    highest = Line(checks, settled, "validation, highest of the starts")
+    share = Axis("fraction settled", limits=(-0.02, 1.02))
+    loss, norm = Axis("loss", log=True), Axis("gradient norm", log=True)
+    gradients = list(_starts(history, "gradient_norm"))
     return [
-        Plot("Loss", told, STEP, Axis("loss", log=True),
-             [Line(checks, best, "validation, best so far"), *_starts(history, "loss")]),
-        Plot("Gradient", "Grey: every start.", STEP, Axis("gradient norm", log=True),
-             list(_starts(history, "gradient_norm"))),
-        Plot("Fraction settled", "Black: validation, highest of the starts. Grey: every start.",
-             STEP, Axis("fraction settled", limits=(-0.02, 1.02)),
-             [Line(checks, settled, "validation, highest"), *_starts(history, "settled")]),
-    ]  # fmt: skip
+        Plot("Loss", ends, STEP, loss, [validation, *_starts(history, "loss")]),
+        Plot("Gradient norm", "In training, every start.", STEP, norm, gradients),
+        Plot("Fraction settled", most, STEP, share, [highest, *_starts(history, "settled")]),
+    ]
 
 
 def gain_plots(history: xr.Dataset) -> list[Plot]:
@@ -38,11 +40,12 @@ def gain_plots(history: xr.Dataset) -> list[Plot]:
         best = one["best_gain"].values
         axis = Axis(label, str(unit), log=scale == "log")
         lines = [Line(checks, best, "best so far", steps=True), *_starts(one, "gain")]
-        told = f"Black: best so far, ends at {best[-1]:.4g}. Grey: every start."
+        told = f"The best so far ends at {best[-1]:.4g}."
         plots.append(Plot(label, told, STEP, axis, lines))
     return plots
 
 
 def _starts(history: xr.Dataset, name: str) -> Iterator[Line]:
-    for values in history[name].transpose("start", "step").values:
-        yield Line(history["step"].values, values, faint=True)
+    for number, values in enumerate(history[name].transpose("start", "step").values):
+        label = "" if number else "training, every start"
+        yield Line(history["step"].values, values, label, faint=True)

@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 from bokeh.models import ColumnDataSource, HoverTool
 
-from jaxsat.report.document import Chart
-from jaxsat.report.page.charts import INK, INK_FILL, legend, new_figure, plain, stroke_of
+from jaxsat.report.document import Chart, Key
+from jaxsat.report.page.charts import INK, INK_FILL, key_of, new_figure, plain, stroke_of
 from jaxsat.report.page.decimation import kept_samples
 from jaxsat.report.plot import Axis, Bars, Line, Plot
 
 HEIGHT, BLUE = 260, "#56B4E9"
-FAINT = {"line_color": "#999999", "line_width": 0.8}
+FAINT: dict[str, Any] = {"line_color": "#999999", "line_width": 0.8}
 FORM = "{%.5g}"
 
 
@@ -31,8 +31,16 @@ def chart_of(plot: Plot) -> Chart:
             made.line(line.x, _drawable(line.y, plot.y), **FAINT)
     for number, line in enumerate(line for line in plot.lines if not line.faint):
         _line(made, plot, line, number)
-    labels = [line.label for line in plot.lines if not line.faint]
-    return Chart(made, plot.title, f"{plot.title}. {plot.told}", legend(labels))
+    return Chart(made, plot.title, f"{plot.title}. {plot.told}", _keys(plot))
+
+
+def _keys(plot: Plot) -> list[Key]:
+    """What the lines are; nothing for a single one."""
+    if sum(bool(line.label) for line in plot.lines) < 2:
+        return []
+    keys = [key_of(number, line.label) for number, line in enumerate(plot.lines) if not line.faint]
+    faint = [line.label for line in plot.lines if line.faint and line.label]
+    return keys + [Key(label, FAINT["line_color"], "", FAINT["line_width"]) for label in faint]
 
 
 def _bars(made: Any, plot: Plot, bars: Bars) -> None:
