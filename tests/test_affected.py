@@ -15,7 +15,7 @@ def selection():
     [
         ("jaxsat/core/quotients.py", "tests/control/test_estimators.py", "tests/test_affected.py"),
         (
-            "jaxsat/report/page/document.py",
+            "jaxsat/report/page/html.py",
             "tests/cli/test_report.py",
             "tests/control/test_rate.py",
         ),

@@ -3,16 +3,10 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from cyclopts import Parameter
 
-from jaxsat.cli.comparison_text import (
-    comparison_lines,
-    least_text,
-    least_time_text,
-    scenario_lines,
-)
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.listening import execution, listener, resumed_later
 from jaxsat.cli.loading import load_or_explain
@@ -31,7 +25,7 @@ from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.study_executors import study_problems
 from jaxsat.cli.study_files import refuse_csv
-from jaxsat.cli.terminal import SUCCESS, FailedRun, UserMistake, print_stdout
+from jaxsat.cli.terminal import SUCCESS, FailedRun, UserMistake, print_document, print_stdout
 
 Level = Literal["nominal", "mc", "hard", "all"]
 Found = TypeVar("Found")
@@ -121,12 +115,13 @@ def compare(
     planned = planned_report(results, out)
     use_double_precision()
     if scenario is None:
-        lines = _on_acceptance_set(law, limits, count, seed, acceptance, out, results)
+        record = _on_acceptance_set(law, limits, count, seed, acceptance, out, results)
     else:
-        lines = _in_scenario(scenario, overrides, law, count, seed, out, results)
+        record = _in_scenario(scenario, overrides, law, count, seed, out, results)
     if not results.quiet:
-        for line in lines:
-            print_stdout(line)
+        from jaxsat.report.comparison_document import comparison_document
+
+        print_document(comparison_document(record))
         print_stdout(f"written to {out}{f' and {csv}' if csv else ''}")
     finish_report(planned, quiet=results.quiet)
     return SUCCESS
@@ -140,8 +135,8 @@ def _on_acceptance_set(
     acceptance: AcceptanceSet,
     out: Path,
     results: Resumable,
-) -> list[str]:
-    """What is printed of laws on the acceptance set."""
+) -> dict[str, Any]:
+    """The record of laws on the acceptance set."""
     import jaxsat
     from jaxsat.store import save_file
     from jaxsat.synthesis.comparison import LAWS, LEVELS
@@ -167,11 +162,7 @@ def _on_acceptance_set(
         with study_problems():
             content = interruptibly(lambda: found.table(out).to_csv(index=False))
             save_file(csv, content, overwrite=results.overwrite, option="--csv")
-    return [
-        *comparison_lines(found.rows, found.verdicts),
-        *map(least_time_text, found.least_times),
-        *map(least_text, found.bounds),
-    ]
+    return found.as_data()
 
 
 def _in_scenario(
@@ -182,8 +173,8 @@ def _in_scenario(
     seed: int,
     out: Path,
     results: Resumable,
-) -> list[str]:
-    """What is printed of laws on the cases of a scenario."""
+) -> dict[str, Any]:
+    """The record of laws on the cases of a scenario."""
     if list(laws) == ["all"]:
         raise UserMistake("--law: must be given with a scenario, at least one law")
     scenario = load_or_explain(name, overrides, "study")
@@ -201,7 +192,7 @@ def _in_scenario(
             listener=listener(out, results),
         ),
     )
-    return scenario_lines(found)
+    return found.as_data()
 
 
 def _computed(out: Path, work: Callable[[], Found]) -> Found:

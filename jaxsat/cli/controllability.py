@@ -1,8 +1,6 @@
 """`jaxsat controllability`: can the remaining actuators still control the spacecraft?"""
 
-import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -12,20 +10,7 @@ from jaxsat.cli.options import Flag, Overrides, Results, number, whole
 from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout, show_table
-
-if TYPE_CHECKING:
-    from jaxsat.report.controllability_study import ControllabilityStudy
-
-COLOURS = {
-    "controllable": "green",
-    "by drift": "cyan",
-    "some attitudes": "yellow",
-    "not decided": "yellow",
-    "borderline": "yellow",
-    "uncontrollable": "red",
-}
-TURN = "turn at 1 N m (s)"
+from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_document, print_stdout
 
 
 def controllability(
@@ -85,45 +70,8 @@ def controllability(
         except OutputError as error:
             raise output_problem(error) from None
     if not results.quiet:
-        _print(found, failures)
+        print_document(found.document(failures))
         if out is not None:
             print_stdout(f"written to {out}")
     finish_report(planned, quiet=results.quiet)
     return SUCCESS
-
-
-def count_of(record: Mapping[str, object]) -> int:
-    """How many actuators have failed in a record of `failure_records`."""
-    return 0 if record["failed"] == "none" else len(str(record["failed"]).split())
-
-
-def _cell(value: float) -> str:
-    """A number of the table: nothing where there is none, and never a negative zero."""
-    return "" if math.isnan(value) else f"{value + 0.0:.3g}"
-
-
-def _print(found: "ControllabilityStudy", failures: int | None) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    from jaxsat.controllability import failure_records
-
-    for line in [*found.lines, *found.drift_lines]:
-        print_stdout(line.replace("**", ""))
-    table = Table(pad_edge=False)
-    numbers = ("rank", "margin", TURN)
-    both = any(case.once_stopped for case in found.cases)
-    records = [one for one in failure_records(found.cases) if failures in (None, count_of(one))]
-    timed = any(math.isfinite(float(one["turn_time_s"])) for one in records)
-    headings = ["failed", "rank", "verdict", "margin", *([TURN] if timed else []), "lost"]
-    for heading in [*headings, *(["once stopped"] if both else [])]:
-        table.add_column(heading, justify="right" if heading in numbers else "left")
-    for record in records:
-        verdict = Text(str(record["verdict"]), style=COLOURS[str(record["verdict"])])
-        margin, turn = (_cell(float(record[name])) for name in ("margin", "turn_time_s"))
-        rank = "{rank}" if record["dimension"] == 6 else "{rank} of {dimension}"
-        row = (Text(str(record["failed"])), rank.format(**record), verdict, margin)
-        row = (*row, turn) if timed else row
-        later = (str(record["once_stopped"]),) if both else ()
-        table.add_row(*row, str(record["lost"]), *later)
-    show_table(table)

@@ -15,9 +15,9 @@ from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
     UserMistake,
+    print_document,
     print_stderr,
     print_stdout,
-    print_text,
 )
 
 if TYPE_CHECKING:
@@ -108,14 +108,16 @@ def design(
 
 def _concluded(found: "ControllerDesign", target: Path, quiet: bool) -> int:
     """Print the page; the status says whether the wanted fraction settles."""
-    from jaxsat.synthesis.controller_design.page import design_page, headline
+    from jaxsat.report.design_document import design_document
+    from jaxsat.synthesis.controller_design.files import design_record
 
+    record = design_record(found)
     if not quiet:
-        print_text(design_page(found))
+        print_document(design_document(record))
         print_stdout("")
         print_stdout(f"written to {target}")
     if found.outcome == "reached":
         return SUCCESS
     if quiet:
-        print_stderr(headline(found))
+        print_stderr(record["headline"])
     return FAILED_RUN

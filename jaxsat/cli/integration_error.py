@@ -20,15 +20,6 @@ def errors_of(dataset: "xr.Dataset") -> Errors:
     return rate, attitude
 
 
-def error_row(errors: Errors) -> dict[str, str]:
-    """A line of a summary by its title; none without estimates."""
-    rate, attitude = errors
-    if rate is None or attitude is None:
-        return {}
-    text = f"up to {rate:.2g} rad/s and {attitude:.2g} rad by the steps, against halved ones"
-    return {"error": text}
-
-
 def excessive_error(errors: Errors, scenario: "Scenario") -> str:
     """What to say where an estimate is larger than the scenario allows; nothing where none is."""
     solver = scenario.simulation.solver

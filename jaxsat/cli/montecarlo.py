@@ -37,11 +37,12 @@ from jaxsat.cli.study_files import (
     write_figures,
     write_one_case,
 )
-from jaxsat.cli.study_text import progress_text, summary_lines
+from jaxsat.cli.study_text import progress_text
 from jaxsat.cli.terminal import (
     SUCCESS,
     Terminated,
     UserMistake,
+    print_document,
     print_stderr,
     print_stdout,
 )
@@ -270,10 +271,11 @@ def _write_study(
     if excess:
         print_stderr(excess, "warning: ")
     if not results.quiet:
-        for line in summary_lines(summary):
-            print_stdout(line)
+        from jaxsat.report.study_document import study_document
+
+        print_document(study_document(summary, scenario.model_dump(exclude_none=True)))
         written = [target, *(place for _, place in saved.places())]
-        print_stdout(f"written          {', '.join(map(str, written))}")
+        print_stdout(f"written to {', '.join(map(str, written))}")
 
 
 def _what_is_left(target: Path) -> str:

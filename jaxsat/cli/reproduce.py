@@ -1,6 +1,5 @@
 """`jaxsat reproduce`: the paper's figures redrawn and its claims checked."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,18 +12,16 @@ from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
     output_problem,
+    print_document,
     print_stderr,
     print_stdout,
-    show_table,
 )
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from jaxsat.report.reproduction import Claim
+    from jaxsat.report.document import Document
     from jaxsat.store import OutputFolder
-
-COLOURS = {"HOLDS": "green", "ONLY_IF": "yellow", "FAILS": "red"}
 
 
 def reproduce(
@@ -49,11 +46,11 @@ def reproduce(
             in_background("jaxsat.report.figures")
             datasets = _simulate_all(quiet)
             show_progress("judging claims, drawing figures")
-            claims = interruptibly(lambda: _write(folder, datasets))
+            document = interruptibly(lambda: _write(folder, datasets))
     except OutputError as error:
         raise output_problem(error) from None
     if not quiet:
-        _print_verdicts(claims)
+        print_document(document)
         print_stdout(f"written to {out}: verdicts.md, figures (PNG, SVG), trajectories (netCDF)")
     finish_report(planned, quiet=quiet)
     failed = [name for name, data in datasets.items() if data.attrs["outcome_code"] != 0]
@@ -90,31 +87,15 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
     return datasets
 
 
-def _write(folder: "OutputFolder", datasets: "dict[str, xr.Dataset]") -> "list[Claim]":
-    from jaxsat.report.reproduction import judge, markdown_table, paper_figures
+def _write(folder: "OutputFolder", datasets: "dict[str, xr.Dataset]") -> "Document":
+    from jaxsat.report.markdown import markdown_page
+    from jaxsat.report.reproduction import claims_document, judge, paper_figures
     from jaxsat.report.saving import save_figures
     from jaxsat.store import dataset_bytes
 
-    claims = judge(datasets)
-    heading = (
-        "# Claims of Wang, Jia, Jin, Xu, Acta Astronautica 83 (2013) 44-53, section 5\n\n"
-        "Found by `jaxsat reproduce`; every number comes from the runs in this folder.\n\n"
-    )
-    folder.write("verdicts.md", heading + markdown_table(claims))
+    document = claims_document(judge(datasets))
+    folder.write("verdicts.md", markdown_page(document))
     for name, dataset in datasets.items():
         folder.write(f"{name}.nc", dataset_bytes(dataset))
     save_figures(lambda: paper_figures(datasets), folder.write)
-    return claims
-
-
-def _print_verdicts(claims: "Sequence[Claim]") -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(show_lines=True, pad_edge=False, expand=True)
-    for heading, ratio in (("where", 2), ("claim", 4), ("found", 8), ("verdict", 4)):
-        table.add_column(heading, ratio=ratio, overflow="fold")
-    for claim in claims:
-        verdict = Text(claim.verdict_text, style=COLOURS[claim.verdict.name])
-        table.add_row(claim.source, claim.statement, claim.found, verdict)
-    show_table(table)
+    return document

@@ -5,14 +5,21 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jaxsat.cli.advice import failure_advice
 from jaxsat.cli.computing import in_background, interruptibly
 from jaxsat.cli.integration_error import errors_of, excessive_error
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import Overrides, Results
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.summary import failure_advice, print_summary
-from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, output_problem, print_stderr
+from jaxsat.cli.terminal import (
+    FAILED_RUN,
+    SUCCESS,
+    output_problem,
+    print_document,
+    print_stderr,
+    print_stdout,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -66,7 +73,10 @@ def simulate(
     for obstacle in remarks:
         print_stderr(f"not the compiled engine, which starts in seconds: {obstacle}", "")
     if not results.quiet:
-        print_summary(dataset, scenario, chosen, seconds, target, files)
+        from jaxsat.report.run_document import run_document
+
+        print_document(run_document(dataset))
+        print_stdout(f"{seconds:.1f} s with compilation; written to {target}: {', '.join(files)}")
     finish_report(planned, quiet=results.quiet)
     if dataset.attrs["outcome_code"] == 0:
         return SUCCESS

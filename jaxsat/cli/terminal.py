@@ -4,12 +4,13 @@ import contextlib
 import io
 import os
 import sys
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from jaxsat.cli.progress import between_drawings
 from jaxsat.core.text import clean
 
 if TYPE_CHECKING:
+    from jaxsat.report.document import Document
     from jaxsat.store import OutputError
 
 SUCCESS = 0
@@ -77,17 +78,11 @@ def print_text(text: str) -> None:
     _print("".join(clean(line) + "\n" for line in text.removesuffix("\n").split("\n")))
 
 
-def show_table(table: Any) -> None:
-    """Write one of Rich's renderables to standard output, as wide as its longest words need."""
-    from rich.console import Console
-    from rich.measure import Measurement
+def print_document(document: "Document") -> None:
+    """Write a document to standard output."""
+    from jaxsat.report.terminal import terminal_text
 
-    console = Console(markup=False, highlight=False, soft_wrap=True)
-    least = Measurement.get(console, console.options.update(width=10**4), table).minimum
-    console.width = max(console.width, least)
-    with console.capture() as caught:
-        console.print(table)
-    _print(caught.get())
+    _print(terminal_text(document))
 
 
 def print_stderr(message: str, prefix: str = "jaxsat: ") -> None:

@@ -12,8 +12,8 @@ from jaxsat.cli.terminal import (
     FailedRun,
     UserMistake,
     output_problem,
+    print_document,
     print_stdout,
-    print_text,
 )
 
 
@@ -83,7 +83,7 @@ def tune(
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if not results.quiet:
-        print_text(found.summary)
+        print_document(found.document)
         print_stdout("")
         print_stdout(f"{'already ' if found.kept is not None else ''}written to {target}")
     finish_report(planned, quiet=results.quiet)

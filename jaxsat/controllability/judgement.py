@@ -19,6 +19,9 @@ Verdict = Literal[
 ]
 Laws = Literal["three torques", "two torques", "none"]
 
+CONTROLLABLE = ("controllable", "by drift")
+"""Verdicts by which every attitude and rate that the momentum allows can be reached."""
+
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
@@ -61,7 +64,7 @@ class Judgement:
     @property
     def controllable(self) -> bool:
         """Whether every attitude and rate that the momentum allows can be reached."""
-        return self.verdict in ("controllable", "by drift")
+        return self.verdict in CONTROLLABLE
 
     @property
     def borderline(self) -> bool:

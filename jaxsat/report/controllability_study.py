@@ -17,7 +17,6 @@ from jaxsat.controllability import (
     energy_bound,
     energy_counterexample,
     failure_csv,
-    failure_markdown,
     failure_records,
     failure_table,
     judge,
@@ -30,13 +29,15 @@ from jaxsat.controllability import (
     physical_inertias,
     recurrence,
     uncontrollable_single_directions,
+    verdict_sentence,
 )
-from jaxsat.report.controllability_page import (
+from jaxsat.report.controllability_document import (
+    controllability_document,
     controllability_lines,
-    controllability_page,
-    survival_words,
 )
+from jaxsat.report.document import Document
 from jaxsat.report.failure_dataset import failure_dataset
+from jaxsat.report.markdown import markdown_page
 from jaxsat.report.saving import save_figures
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.actuator_set import all_actuators
@@ -66,15 +67,30 @@ class ControllabilityStudy(NamedTuple):
     drift_lines: list[str]
     drift_data: Mapping[str, tuple[Any, ...]]
 
+    @property
+    def findings(self) -> list[str]:
+        """All lines."""
+        return [*self.lines, *self.drift_lines]
+
+    def document(self, failures: int | None = None) -> Document:
+        """The verdict, every failure, or those of so many actuators, and the findings."""
+        title, sentence = (
+            f"Controllability: {self.scenario.title}",
+            verdict_sentence(self.judgement),
+        )
+        return controllability_document(
+            title, sentence, failure_records(self.cases), self.findings, failures
+        )
+
     def write(self, folder: OutputFolder) -> None:
         """Tables, maps and the page; raises `OutputError`."""
-        text, cases = dump(self.scenario), self.cases
-        title = f"Controllability: {self.scenario.title}"
-        page = controllability_page(title, self.lines, failure_markdown(cases), self.drift_lines)
+        text, cases, document = dump(self.scenario), self.cases, self.document()
         folder.write("scenario.toml", text)
-        folder.write("controllability.md", page)
+        folder.write("controllability.md", markdown_page(document))
         folder.write("failures.csv", failure_csv(cases))
-        dataset = failure_dataset(cases, self.judgement, title=title, scenario=text)
+        dataset = failure_dataset(
+            cases, self.judgement, title=document.title, scenario=text, findings=self.findings
+        )
         folder.write("failures.nc", dataset_bytes(dataset))
         save_figures(
             lambda: _figures(self.judgement, cases) | _drift_figures(self.drift_data), folder.write
@@ -97,8 +113,7 @@ def controllability_study(
     judgement, analysis, cases = _analyse(scenario, tolerance)
     torque = scenario.spacecraft.torque_limit_N_m or 1.0
     stopped = judge_once_stopped(judgement, tolerance)
-    lines = [survival_words(cases)]
-    lines += controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
+    lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
     lines += _magnetic_lines(scenario)
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")

@@ -10,9 +10,17 @@ from jaxsat.store.provenance import provenance_attributes
 
 
 def failure_dataset(
-    cases: Sequence[FailureCase], judgement: Judgement, *, title: str, scenario: str
+    cases: Sequence[FailureCase],
+    judgement: Judgement,
+    *,
+    title: str,
+    scenario: str,
+    findings: Sequence[str],
 ) -> xr.Dataset:
-    """Every failure case with rank, margin and what is lost; the judgement in the attributes."""
+    """Every failure case with rank, margin and what is lost; the judgement in the attributes.
+
+    `findings` are sentences of the document, a line each in an attribute.
+    """
     names = cases[0].working  # the first case has no failure
     arrays = failure_arrays(cases, names)
     meaning = {
@@ -42,6 +50,7 @@ def failure_dataset(
         "title": clean(title),
         "scenario": scenario,
         "verdict": verdict_sentence(judgement),
+        "findings": "\n".join(map(clean, findings)),
         "rank": judgement.rank,
         "margin": judgement.margin,
         "turn_time_s": judgement.turn_time,

@@ -10,6 +10,8 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from jaxsat.core.pointing import pointing_error
+from jaxsat.report import study_plots
+from jaxsat.report.figure_painter import paint
 from jaxsat.report.style import LINES, panels
 from jaxsat.simulation import Signals
 
@@ -27,9 +29,6 @@ SYMBOLS = {"omega": "ω", "inertia": "ΔJ/J ", "rate_error": "η", "constant_tor
 
 SEEN_CASES = 500
 """Cases up to which each is marked in a map."""
-
-SETTLED_VIEW = 30
-"""Cases from which on the interval of the estimate sets the range that is shown."""
 
 
 def fan_chart(
@@ -114,30 +113,21 @@ def fan_figures(times: np.ndarray, signals: Signals, title: str) -> dict[str, Fi
 
 
 def settling_distribution(settling_time: np.ndarray, title: str) -> Figure:
-    """How many cases settle within a time: histogram, and the fraction settled by then."""
-    settled = settling_time[np.isfinite(settling_time)]
-    if not len(settled):
-        figure, (panel,) = panels(1, title, height=1.2)
-        text = f"none of {len(settling_time)} cases settled"
-        panel.text(0.5, 0.5, text, ha="center", va="center", transform=panel.transAxes)
-        panel.set_axis_off()
-        return figure
-    figure, (counts, fraction) = panels(2, title)
-    bins = np.histogram_bin_edges(settled, "auto" if len(settled) < 5000 else 60).tolist()
-    counts.hist(settled, bins=bins, color="#56B4E9", edgecolor="#ffffff", linewidth=0.4)
-    steps = np.concatenate([[0.0], np.sort(settled), [1.05 * settled.max()]])
-    number = np.append(np.arange(len(settled) + 1), len(settled))
-    fraction.step(steps, number / len(settling_time), where="post", **LINES[0])
-    for panel in (counts, fraction):
-        panel.set_xlim(0, steps[-1] or 1.0)
-    counts.tick_params(labelbottom=False)
-    counts.set_ylabel("cases")
-    fraction.set_ylabel("fraction settled")
-    fraction.set_ylim(0, 1.02)
-    fraction.set_xlabel("settling time (s)")
-    never = len(settling_time) - len(settled)
-    counts.set_title(f"{len(settled)} settled, {never} not", fontsize=8, loc="left")
+    """How many cases settle within a time: the fraction settled by then, and a histogram."""
+    plots = [study_plots.settled_by(settling_time), study_plots.settling_times(settling_time)]
+    drawn = [plot for plot in plots if plot is not None]
+    if drawn:
+        return paint(drawn, title)
+    figure, (panel,) = panels(1, title, height=1.2)
+    text = f"none of {len(settling_time)} cases settled"
+    panel.text(0.5, 0.5, text, ha="center", va="center", transform=panel.transAxes)
+    panel.set_axis_off()
     return figure
+
+
+def convergence(settled: np.ndarray, title: str) -> Figure:
+    """The settled fraction with its Wilson interval as cases come in, in their order."""
+    return paint([study_plots.convergence(settled)], title, 3.0)
 
 
 class DrawnNumber(NamedTuple):
@@ -204,33 +194,6 @@ def _mark_cases(panel: Axes, x: np.ndarray, y: np.ndarray, settled: np.ndarray) 
         frameon=False,
         fontsize=8,
     )
-
-
-def convergence(settled: np.ndarray, title: str, level: float = 0.95) -> Figure:
-    """The settled fraction with its Wilson interval as cases come in, in their order."""
-    figure, (panel,) = panels(1, title, height=3.0)
-    count = np.unique(np.geomspace(1, len(settled), 200).astype(int))
-    fraction = np.cumsum(settled)[count - 1] / count
-    weight = stats.norm.ppf((1 + level) / 2) ** 2 / count
-    centre = (fraction + weight / 2) / (1 + weight)
-    half = np.sqrt(weight * (fraction * (1 - fraction) + weight / 4)) / (1 + weight)
-    low, high = centre - half, centre + half
-    panel.fill_between(count, low, high, color=SHADES[1], linewidth=0)
-    panel.plot(count, fraction, **LINES[0])
-    panel.set_xscale("log")
-    panel.set_xlim(1, max(2, len(settled)))
-    seen = count >= min(SETTLED_VIEW, len(settled) / 2)
-    room = 0.05 * (high[seen].max() - low[seen].min())
-    panel.set_ylim(max(-0.02, low[seen].min() - room), min(1.02, high[seen].max() + room))
-    panel.set_xlabel("cases")
-    panel.set_ylabel("fraction settled")
-    found = f"{fraction[-1]:.4g} ({low[-1]:.4g} to {high[-1]:.4g})"
-    panel.set_title(
-        f"{found} after {len(settled)} cases; shaded the {level:.0%} Wilson interval",
-        fontsize=8,
-        loc="left",
-    )
-    return figure
 
 
 def study_figures(

@@ -6,52 +6,21 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from jaxsat.report.figure_painter import paint
 from jaxsat.report.style import LINES, escape_mathematics, line_of, panels
+from jaxsat.report.tuning_plots import gain_plots, loss_plots
 
-FAINT = {"color": "#999999", "linestyle": "-", "linewidth": 0.8}
 BEFORE, AFTER = LINES[1], LINES[0]
 
 
 def loss_figure(history: xr.Dataset, title: str) -> Figure:
     """Loss in training and on the validation cases, gradient norm, and the fraction settled."""
-    figure, (loss, gradient, settled) = panels(3, title)
-    step, checks = history["step"].values, history["validation"].values
-    for start in history["start"].values:
-        one = history.sel(start=start)
-        loss.plot(step, one["loss"], **FAINT, label="training, each start" if not start else None)
-        gradient.plot(step, one["gradient_norm"], **FAINT)
-        settled.plot(step, one["settled"], **FAINT)
-    loss.plot(checks, history["best_loss"], **LINES[0], label="validation, best so far (exact law)")
-    best = history["validation_settled"].max("start", skipna=True)
-    settled.plot(checks, best, **LINES[0], label="validation, highest of the starts")
-    for panel in (loss, gradient):
-        panel.set_yscale("log")
-    loss.set_ylabel("loss (1)")
-    gradient.set_ylabel("gradient norm (1)")
-    settled.set_ylabel("fraction settled (1)")
-    settled.set_ylim(-0.02, 1.02)
-    settled.set_xlabel("step")
-    loss.legend(fontsize=8)
-    settled.legend(fontsize=8)
-    return figure
+    return paint(loss_plots(history), title)
 
 
 def gains_figure(history: xr.Dataset, title: str) -> Figure:
     """Every gain on its way, all starts, and that of the best iterate so far."""
-    labels = [str(label) for label in history["parameter"].values]
-    figure, axes = panels(len(labels), title, height=1.7)
-    scales = np.atleast_1d(history.attrs["parameter_scales"])
-    units = np.atleast_1d(history.attrs["parameter_units"])
-    for panel, label, scale, unit in zip(axes, labels, scales, units, strict=True):
-        one = history.sel(parameter=label)
-        for start in history["start"].values:
-            panel.plot(history["step"], one["gain"].sel(start=start), **FAINT)
-        panel.plot(history["validation"], one["best_gain"], **LINES[0], drawstyle="steps-post")
-        panel.set_yscale("log" if scale == "log" else "linear")
-        panel.set_ylabel(escape_mathematics(f"{label} ({unit})"))
-    axes[0].set_title("grey: every start; black: best so far", fontsize=8, loc="left")
-    axes[-1].set_xlabel("step")
-    return figure
+    return paint(gain_plots(history), title, 1.9)
 
 
 def before_after_figure(

@@ -120,7 +120,7 @@ def test_what_survives_is_told_first_and_a_number_of_failures_is_listed(capsys):
     status, out, _ = run(capsys, "controllability", "wheels-fail", "--failures", "2")
     lines = out.splitlines()
     assert status == 0
-    assert lines[0] == "Survives: 4 of 4 single, 6 of 6 double, 0 of 4 triple failures"
+    assert lines[2] == "- Survives: 4 of 4 single, 6 of 6 double, 0 of 4 triple failures."
     assert sum("5 of 5" in line for line in lines) == 6
     assert "nan" not in out
     assert "-0.000" not in out

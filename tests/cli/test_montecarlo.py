@@ -31,7 +31,7 @@ def jaxsat(command_line):
 def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     status, out, _ = jaxsat(*SHORT, "-n", "6", "--seed", "3", "--out", "s", "--figures", "f")
     assert status == 0
-    assert "cases            6: 0 settled, 6 unsettled" in out
+    assert "Outcomes: 0 settled, 6 unsettled." in out
     dataset = open_study(tmp_path / "s")
     assert np.all(dataset["status"] == 1)
     assert np.ptp(dataset["drawn_omega"].values, axis=0).min() > 0
@@ -46,7 +46,7 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
     assert "t.csv already exists; give --overwrite to replace it, or another file" in err
     status, out, _ = jaxsat(*tokens, "--overwrite")
     assert status == 0
-    assert out.endswith("written          s, t.csv\n")
+    assert out.endswith("written to s, t.csv\n")
     larger = open_study(tmp_path / "s")
     table = pd.read_csv(tmp_path / "t.csv", index_col="case")
     pd.testing.assert_frame_equal(table, case_table(larger), check_exact=True)
@@ -112,7 +112,7 @@ def test_the_workers_of_a_scheduler_are_asked(jaxsat):
         tokens = [*SHORT[:-2], "-n", "4", "--chunk", "2"]
         status, out, err = jaxsat(*tokens, "--out", "s", "--scheduler", place)
         assert (status, err) == (0, ""), err
-        assert "4: 0 settled, 4 unsettled" in out
+        assert "0 settled, 4 unsettled" in out
         status, _, err = jaxsat(*SHORT, "--out", "t", "--scheduler", place)
         assert status == 2
         assert "--scheduler: must be given without --workers" in err

@@ -3,7 +3,7 @@
 import pytest
 
 from helpers.pages import run_dataset
-from jaxsat.report.page import document
+from jaxsat.report.page import html
 from jaxsat.scenario import library
 from jaxsat.store import dataset_bytes
 
@@ -48,7 +48,7 @@ def test_mistakes_are_told_and_nothing_is_written(command_line, tmp_path, paths,
 
 
 def test_without_the_packages_the_message_says_what_to_install(command_line, run, monkeypatch):
-    monkeypatch.setattr(document, "PACKAGES", ("no_such_package",))
+    monkeypatch.setattr(html, "PACKAGES", ("no_such_package",))
     status, _, err = command_line("report", "run")
     assert status == 2
     assert "a report needs no_such_package: pip install 'jaxsat[report]'" in err
@@ -122,7 +122,7 @@ def test_what_stands_in_the_way_of_a_report_is_told_before_the_work(
     assert (status, out) == (2, "")
     assert "kept.html already exists; give --overwrite" in err
     assert "another file with --report" in err
-    monkeypatch.setattr(document, "PACKAGES", ("no_such_package",))
+    monkeypatch.setattr(html, "PACKAGES", ("no_such_package",))
     status, out, err = command_line(*tokens, "--report")
     assert (status, out) == (2, "")
     assert "a report needs no_such_package: pip install 'jaxsat[report]'" in err

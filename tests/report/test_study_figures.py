@@ -60,7 +60,7 @@ def test_the_fans_of_a_study_have_the_pointing_error_in_degrees():
 
 def test_the_settling_distribution_ends_at_the_fraction_settled():
     times = np.concatenate([RNG.exponential(size=150), np.full(50, np.inf)])
-    counts, fraction = settling_distribution(times, "title").axes
+    fraction, counts = settling_distribution(times, "title").axes
     assert fraction.lines[0].get_ydata()[-1] == 0.75
     assert sum(patch.get_height() for patch in counts.patches) == 150
     (panel,) = settling_distribution(np.full(3, np.inf), "nothing settles").axes
@@ -82,7 +82,7 @@ def test_the_success_map_shows_fractions():
 
 def test_convergence_ends_at_the_wilson_interval():
     settled = RNG.random(500) < 0.9
-    panel = convergence(settled, "title").axes[0]
+    (panel,) = convergence(settled, "title").axes
     found = wilson(int(settled.sum()), 500)
     assert np.isclose(panel.lines[0].get_ydata()[-1], found.value)
     edges = panel.collections[0].get_paths()[0].vertices

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jaxsat.cli.study_text import summary_lines
+from jaxsat.report.study_document import study_document
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.store import OutputError, open_study, save_case_table
@@ -54,9 +54,9 @@ def test_store_table_and_summary_have_them_with_units(tmp_path):
     assert found.sizes["thruster"] == 4
     assert np.all(found["valve_openings"].sum("thruster") >= 3)
     np.testing.assert_allclose(found["peak_wheel_momentum"], 1.5, rtol=1e-2)
-    text = summary_lines(summarise(found))
-    for title in ("propellant ", "valve openings ", "wheel momentum "):
-        assert sum(line.startswith(title) for line in text) == 1
+    table = study_document(summarise(found), {}).blocks[0]
+    for title in ("propellant (kg)", "openings of all valves", "largest momentum of any wheel"):
+        assert sum(row[0].startswith(title) for row in table.rows) == 1
     save_case_table(tmp_path / "s.zarr", tmp_path / "s.csv")
     with (tmp_path / "s.csv").open() as file:
         rows = list(csv.DictReader(file))

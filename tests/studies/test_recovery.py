@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxsat.cli.study_text import recovery_lines
-from jaxsat.report.page.recovery import recovery_line, recovery_tables
+from jaxsat.report.document import Shown
+from jaxsat.report.recovery_document import recovery_line, recovery_tables
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
@@ -87,23 +87,22 @@ def test_parts_are_numbered_in_columns_without_their_names():
     assert "part 2 dead at 90 s" in second.text
 
 
-def test_terminal_and_page_tell_the_same_numbers():
+def test_the_document_tells_the_same_numbers():
     told = summarise_recovery(by_hand(), np.arange(4))
-    lines = "\n".join(recovery_lines(told))
-    assert "all         2 of 4, 15.00% to 85.00%; 2 of 3 recoverable" in lines
-    assert "dead        40, 40, 40 s" in lines
-    assert "false alarms     2 in 0.1 h" in lines
     kinds, diagnosis, explained = recovery_tables(told)
-    assert kinds.rows[-1][:4] == ["all", 4, 2, 0.5]
+    assert kinds.rows[-1][:3] == ["all", 4, 2]
+    assert kinds.rows[-1][3] == Shown("50.00% (15.00% to 85.00%)", 0.5)
+    assert kinds.rows[-1][4] == 3
     assert kinds.rows[0][kinds.columns.index("settled 99 % (s)")] == 40
     assert diagnosis.rows[0][2:5] == [1, 1, 1]
     assert [row[0] for row in explained.rows] == [1, 2]
     assert recovery_line(told).startswith("Recovered: 2 of 3 recoverable cases (66.67%")
+    assert "; 2 false alarms in 0.0" in recovery_line(told)
 
 
 def test_a_study_without_failures_in_flight_says_nothing():
     assert summarise_recovery({"code": np.zeros(3)}, np.arange(3)) is None
-    assert list(recovery_lines(None)) == [] == recovery_tables(None)
+    assert recovery_tables(None) == []
 
 
 SIX = [

@@ -20,7 +20,7 @@ from bokeh.models import (
 from bokeh.palettes import cividis
 from bokeh.plotting import figure
 
-from jaxsat.report.page.content import Chart, Key
+from jaxsat.report.document import Chart, Key
 from jaxsat.report.page.decimation import kept_samples
 from jaxsat.report.style import FURTHER_LINES, LINES
 
@@ -48,18 +48,19 @@ def stroke_of(number: int) -> dict[str, Any]:
 
 def legend(labels: Sequence[str]) -> list[Key]:
     """What the lines of a plot are, in the order of their styles; nothing for a single one."""
-    if len(labels) < 2:
-        return []
-    strokes = [(label, stroke_of(number)) for number, label in enumerate(labels)]
-    return [
-        Key(
-            label,
-            "currentColor" if stroke["line_color"] == "#000000" else stroke["line_color"],
-            " ".join(map(str, stroke["line_dash"])) if stroke["line_dash"] != "solid" else "",
-            stroke["line_width"],
-        )
-        for label, stroke in strokes
-    ]
+    return [key_of(*one) for one in enumerate(labels)] if len(labels) > 1 else []
+
+
+def key_of(number: int, label: str) -> Key:
+    """What a line is in a legend."""
+    stroke = stroke_of(number)
+    color, dash = stroke["line_color"], stroke["line_dash"]
+    return Key(
+        label,
+        "currentColor" if color == "#000000" else color,
+        " ".join(map(str, dash)) if dash != "solid" else "",
+        stroke["line_width"],
+    )
 
 
 def plain(text: str) -> str:

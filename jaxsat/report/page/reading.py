@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from jaxsat.report.page.content import Facts
 from jaxsat.store import OutputError
 from jaxsat.store.files import parse_json
 from jaxsat.store.marker import read_unchanged
@@ -31,16 +30,3 @@ def form_explained(folder: Path) -> Iterator[None]:
         yield
     except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
         raise OutputError(f"{folder} contains numbers of another form; write it again.") from error
-
-
-def record_provenance(record: Mapping[str, Any], **more: str) -> Facts:
-    """What made a result, from the record that its folder has of it."""
-    facts = {
-        "command": str(record.get("command", "")),
-        **more,
-        "seed": str(record.get("seed", "")),
-        "made": str(record.get("created", "")),
-        "versions": ", ".join(f"{k} {v}" for k, v in record.get("versions", {}).items()),
-        "platform": str(record.get("platform", "")),
-    }
-    return Facts("Provenance", {label: text for label, text in facts.items() if text})

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxsat.report.run_document import failures_of
 from jaxsat.report.time_axes import mode_names
 from jaxsat.scenario.laws import known_law
 
@@ -71,16 +72,6 @@ def body_box(scenario: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     sides = np.sqrt(np.maximum(squares, 0.0))
     sides = sides / sides.max() if sides.max() > 0 else np.ones(3)
     return axes.T, np.maximum(sides, THINNEST)
-
-
-def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[float, str]]:
-    """When (s) what fails until the last of the times, in order, such as (300, "wheel 2 dead")."""
-    found = [
-        (at, f"{table.get('of', '')} {table.get('kind', 'fails')}")
-        for table in scenario.get("failure", ())
-        if (at := float(table.get("at_s", 0.0))) <= times[-1]
-    ]
-    return sorted(found)
 
 
 def phases_of(dataset: xr.Dataset) -> list[dict[str, Any]]:

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from jaxsat.report.document import Document, Replay, Verdict
 from jaxsat.report.page.batches import comparison_section, reproduction_section, tuning_section
-from jaxsat.report.page.content import Replay, Section, Verdict
 from jaxsat.report.page.controllability import controllability_section
 from jaxsat.report.page.design import design_section
 from jaxsat.report.page.run import run_section
@@ -18,7 +18,7 @@ MOST_TOGETHER = 6
 """Spacecraft that are replayed side by side."""
 
 
-MADE_BY: Mapping[str, Callable[[Path], Section]] = {
+MADE_BY: Mapping[str, Callable[[Path], Document]] = {
     "zarr.json": study_section,
     "verdict.json": tuning_section,
     "comparison.json": comparison_section,
@@ -29,7 +29,7 @@ MADE_BY: Mapping[str, Callable[[Path], Section]] = {
 """What makes the section of a folder, by a file that only its kind of result has."""
 
 
-def sections_of(paths: Sequence[Path]) -> list[Section]:
+def sections_of(paths: Sequence[Path]) -> list[Document]:
     """A section for each path; with several runs one more before them, which replays all at once.
 
     No module that a result names is imported.
@@ -47,10 +47,10 @@ def sections_of(paths: Sequence[Path]) -> list[Section]:
     if not 1 < len(crafts) <= MOST_TOGETHER:
         return sections
     told = Verdict(None, f"{len(crafts)} runs on a common time axis.")
-    return [Section("Side by side", "Replay", told, [Replay("3-D replay", crafts)]), *sections]
+    return [Document("Side by side", told, [Replay("3-D replay", crafts)], "Replay"), *sections]
 
 
-def _section(path: Path) -> Section:
+def _section(path: Path) -> Document:
     """The section of one path, made by what is there."""
     if not path.exists():
         raise OutputError(f"{path} does not exist.")
@@ -65,7 +65,7 @@ def _section(path: Path) -> Section:
     )
 
 
-def _run(path: Path) -> Section:
+def _run(path: Path) -> Document:
     """The section of a run: of its folder, or of its netCDF file alone."""
     dataset = open_trajectory(path)
     if not {"time", "quaternion", "pointing_error_total", "omega"} <= set(dataset.variables):

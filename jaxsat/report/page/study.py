@@ -11,27 +11,15 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from jaxsat.report.page.content import Charts, Facts, Listing, Section, Table, Verdict, number
-from jaxsat.report.page.recovery import recovery_line, recovery_tables
-from jaxsat.report.page.run import scenario_facts, settled_meaning
-from jaxsat.report.page.study_charts import (
-    convergence_chart,
-    settled_by_chart,
-    settling_over_chart,
-    settling_times_chart,
-    success_chart,
-)
+from jaxsat.report.document import Charts, Document, Facts, Listing, Table
+from jaxsat.report.facts import scenario_facts
+from jaxsat.report.page.plots import chart_of
+from jaxsat.report.study_document import study_document
+from jaxsat.report.study_plots import settling_over, settling_plots, success_over
 from jaxsat.scenario import Scenario, dump
 from jaxsat.simulation.engine.adaptive import Tolerance
 from jaxsat.store import OutputError, case_table, open_study, study_columns
-from jaxsat.studies import (
-    Sensitivity,
-    Summary,
-    ends_text,
-    numbers_of,
-    percent_texts,
-    summarise,
-)
+from jaxsat.studies import Sensitivity, Summary, numbers_of, summarise
 
 WORST = 25
 """Cases of the table of the worst."""
@@ -45,7 +33,7 @@ FEWEST_QUANTITIES = 2
 FILE = "study.toml"
 
 
-def study_section(path: Path) -> Section:
+def study_section(path: Path) -> Document:
     """What a store has to say; raises `OutputError` for one that is empty or damaged."""
     study, columns = open_study(path), study_columns(path)
     identity, runs = (json.loads(study.attrs[name]) for name in ("identity", "runs"))
@@ -56,44 +44,19 @@ def study_section(path: Path) -> Section:
     done = np.flatnonzero(np.asarray(columns["status"]) == 1)
     times = np.asarray(columns["settling_time"])[done]
     scenario = {name: _told(table) for name, table in identity["scenario"].items() if table}
+    told = study_document(summary, scenario)
     text = scenario_text(identity["scenario"], path.stem)
-    charts = [settled_by_chart(times), settling_times_chart(times), convergence_chart(times)]
     blocks: list[Any] = [
         Facts("Scenario", scenario_facts(scenario)),
-        *recovery_tables(summary.recovery),
-        Charts("Settling", [chart for chart in charts if chart is not None]),
+        Charts("Settling", list(map(chart_of, settling_plots(times)))),
         *_quantities(columns, done, times, summary),
-        _percentiles(summary),
-        *_rankings(summary),
+        *told.blocks,
         _worst(study, summary, identity, text is not None),
         _provenance(identity, runs, path),
     ]
     if text is not None:
         blocks.append(Listing("Scenario file", text, FILE))
-    law = identity["scenario"].get("control", {}).get("law", "unknown")
-    title = f"{summary.cases:,} cases under the law {law}"
-    verdict = study_verdict(summary, settled_meaning(scenario, of_study=True))
-    return Section(title, f"Study in {path.name}", verdict, blocks)
-
-
-def study_verdict(summary: Summary, settled: str) -> Verdict:
-    """The settled fraction with its interval, what `settled` means, settling times, and how the
-    others ended."""
-    fraction, low, high = percent_texts(summary.settled)
-    interval = f"95 % interval {low} to {high}"
-    text = f"{fraction} of {summary.cases:,} cases settle ({interval})."
-    more = [f"Settled means {settled}."]
-    more += [
-        "Outcomes: " + ", ".join(f"{n:,} {name}" for name, n in summary.outcomes.items()) + "."
-    ]
-    if summary.settling_time:
-        parts = [
-            f"{percent:g} %: {number(t.value)} s" for percent, t in summary.settling_time.items()
-        ]
-        more.append(f"Settling time of those that settle: {', '.join(parts)}.")
-    if summary.recovery is not None:
-        more.append(recovery_line(summary.recovery))
-    return Verdict(None, text, more)
+    return dataclasses.replace(told, blocks=blocks, kind=f"Study in {path.name}")
 
 
 def scenario_text(tables: Mapping[str, Any], title: str) -> str | None:
@@ -118,16 +81,16 @@ def _quantities(
 ) -> list[Charts]:
     """Success and settling time over the dispersed numbers that matter most."""
     settled = np.isfinite(times)
-    charts = []
+    plots = []
     for label in _ranked(summary)[:QUANTITIES]:
         name = label.partition("[")[0]
         column = columns[f"drawn_{name}"]
         values = numbers_of(name, np.asarray(column)[done])[label]
         unit = "rad" if label == "attitude[angle]" else column.column.units
         if 0 < settled.mean() < 1:
-            charts.append(success_chart(label, values, settled, unit))
-        charts.append(settling_over_chart(label, values, times, unit))
-    shown = [chart for chart in charts if chart is not None]
+            plots.append(success_over(label, values, settled, unit))
+        plots.append(settling_over(label, values, times, unit))
+    shown = [chart_of(plot) for plot in plots if plot is not None]
     return [Charts("Over dispersed quantities", shown)] if shown else []
 
 
@@ -142,44 +105,6 @@ def _ranked(summary: Summary) -> list[str]:
         entries = sorted(summary.cost_sensitivity, key=lambda one: (not one.matters, weight(one)))
     names = [one.name for one in entries]
     return names[: max(FEWEST_QUANTITIES, sum(one.matters for one in entries))]
-
-
-def _percentiles(summary: Summary) -> Table:
-    rows = []
-    for name, unit in {"settling_time": "s", "effort": "N m s"}.items():
-        for percent, found in getattr(summary, name).items():
-            rows.append(
-                [f"{name.replace('_', ' ')} ({unit})", percent, found.value, ends_text(found)]
-            )
-    return Table("Percentiles", ["quantity", "percentile", "value", "95 % interval"], rows)
-
-
-def _rankings(summary: Summary) -> list[Table]:
-    """Sensitivities of settling and cost."""
-    rankings = {"settling": summary.settling_sensitivity, "the cost": summary.cost_sensitivity}
-    columns = [
-        *("quantity", "first-order index", "interval of the index"),
-        *("rank correlation", "interval of the correlation", "significant"),
-    ]
-    note = "The 95 % intervals hold simultaneously."
-    found = []
-    for name, ranking in rankings.items():
-        rows = [
-            [
-                one.name,
-                one.first_order.value,
-                ends_text(one.first_order, ".3g"),
-                one.rank_correlation.value,
-                ends_text(one.rank_correlation, ".3g"),
-                "yes" if one.matters else "no",
-            ]
-            for one in ranking
-            if np.isfinite(one.first_order.value)
-        ]
-        if rows:
-            title = f"Sensitivity of {name}"
-            found.append(Table(title, columns, rows, note))
-    return found
 
 
 def _worst(study: Any, summary: Summary, identity: Mapping[str, Any], known: bool) -> Table:
@@ -198,12 +123,12 @@ def _worst(study: Any, summary: Summary, identity: Mapping[str, Any], known: boo
     note = "Failed cases first, then unsettled cases, then the slowest."
     if not known:
         return Table("Worst cases", columns, rows, note)
+    command = case_command(identity, summary.worst[0], summary.cases)
     note += (
         f" To compute a case again with its whole trajectory, save the scenario below as {FILE} "
-        "and run this command with the number of the case:"
+        f"and run `{command}` with the number of the case."
     )
-    command = case_command(identity, summary.worst[0], summary.cases)
-    return Table("Worst cases", columns, rows, note, command=command)
+    return Table("Worst cases", columns, rows, note)
 
 
 def _cell(value: Any) -> float | None:

@@ -6,8 +6,8 @@ Acta Astronautica 83 (2013) 44-53.
 
 from jaxsat.report.reproduction.claim import Claim, ClaimVerdict
 from jaxsat.report.reproduction.claims import judge
+from jaxsat.report.reproduction.document import claims_document
 from jaxsat.report.reproduction.figures import paper_figures
 from jaxsat.report.reproduction.runs import RUNS, Run
-from jaxsat.report.reproduction.table import markdown_table
 
-__all__ = ["RUNS", "Claim", "ClaimVerdict", "Run", "judge", "markdown_table", "paper_figures"]
+__all__ = ["RUNS", "Claim", "ClaimVerdict", "Run", "claims_document", "judge", "paper_figures"]

@@ -19,15 +19,10 @@ STORED = "least_times.json"
 
 
 class LeastTime(NamedTuple):
-    """The median least time (s) of the starts of a comparison under one limit (N m), and by how
-    many times each law's `t50` exceeds it, by level and law.
-
-    There are `ratios` for an `end` where cases settle alone.
-    """
+    """The median least time (s) of the starts of a comparison under one limit (N m)."""
 
     torque_limit: float
     median: float
-    ratios: dict[tuple[str, str], float]
     end: End = "settled"
 
 
@@ -47,11 +42,8 @@ def least_times(rows: Sequence[ComparisonRow], seed: int, end: End = "settled") 
     """One for every torque limit of which the least times of the rows' starts are stored."""
     found = []
     for limit in dict.fromkeys(row.setting.torque_limit for row in rows):
-        under = [row for row in rows if row.setting.torque_limit == limit]
-        median = median_least_time(seed, limit, under[0].cases, end)
+        cases = next(row.cases for row in rows if row.setting.torque_limit == limit)
+        median = median_least_time(seed, limit, cases, end)
         if median is not None:
-            settled = under if end == "settled" else []
-            named = {(row.setting.level, row.setting.law): row.t50.value for row in settled}
-            ratios = {name: time / median for name, time in named.items()}
-            found.append(LeastTime(limit, median, ratios, end))
+            found.append(LeastTime(limit, median, end))
     return found

@@ -1,15 +1,16 @@
 """What a design leaves in its folder, every file whole; the record before the figures."""
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import jaxsat
 from jaxsat.core.declaration.quantities import DISPERSIBLE
+from jaxsat.report.design_document import DESIGNED, design_document
+from jaxsat.report.markdown import markdown_page
 from jaxsat.scenario import dump
 from jaxsat.store import ResumableFolder, provenance
-from jaxsat.store.design_text import DESIGNED
 from jaxsat.synthesis.controller_design.explanation import drawn_numbers
-from jaxsat.synthesis.controller_design.page import design_comment, design_page, headline
+from jaxsat.synthesis.controller_design.headline import design_comment, headline
 from jaxsat.synthesis.controller_design.result import ControllerDesign, Step
 
 if TYPE_CHECKING:
@@ -20,13 +21,18 @@ if TYPE_CHECKING:
 PAGE, RECORD = "design.md", "design.json"
 
 
+def design_record(found: ControllerDesign) -> dict[str, Any]:
+    """The record of a design, of which its document is made."""
+    return {"title": found.original.title, "headline": headline(found), **found.as_data()}
+
+
 def write_files(found: ControllerDesign, folder: ResumableFolder) -> None:
     """The page, the designed scenario, the record as JSON, and figures."""
-    folder.write(PAGE, design_page(found))
+    folder.write(PAGE, markdown_page(design_document(design_record(found))))
     if found.scenario is not None:
         comment = design_comment(found, jaxsat.__version__)
         folder.write(DESIGNED, comment + dump(found.scenario))
-    record = found.as_data() | {"headline": headline(found)} | provenance()
+    record = design_record(found) | provenance()
     folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     if found.verification is not None:
         from jaxsat.report.saving import save_figures

@@ -167,7 +167,7 @@ class ControllerDesign:
             "validation": self.validation and self.validation.as_data(),
             "chosen": self.chosen and self.chosen.name,
             "gains": self.gains,
-            "verification": self.verification and _verification_data(self.verification),
+            "verification": self.verification and self._verification_data(self.verification),
         }
 
     def tuning_data(self) -> dict[str, Any] | None:
@@ -182,22 +182,36 @@ class ControllerDesign:
             "loss_after": float(state.best_loss),
         }
 
+    def _verification_data(self, found: Verification) -> dict[str, Any]:
+        limit = found.limit
+        times = {
+            name: {
+                f"{percent:g}": _plain(one) for percent, one in getattr(found.summary, name).items()
+            }
+            for name in ("settling_time", "effort")
+        }
+        return {
+            "cases": found.summary.cases,
+            "settled": _plain(found.settled),
+            "settling_time_s": times["settling_time"],
+            "effort_N_m_s": times["effort"],
+            "outcomes": found.summary.outcomes,
+            "failing_cases": found.failing,
+            "separations": [one._asdict() for one in found.separations],
+            "remedies": [one._asdict() for one in found.remedies],
+            "limit": limit and {**limit._asdict(), "cause": self._cause(limit.change)},
+        }
 
-def _verification_data(found: Verification) -> dict[str, Any]:
-    times = {
-        name: {f"{percent:g}": _plain(one) for percent, one in getattr(found.summary, name).items()}
-        for name in ("settling_time", "effort")
-    }
-    return {
-        "cases": found.summary.cases,
-        "settled": _plain(found.settled),
-        "settling_time_s": times["settling_time"],
-        "effort_N_m_s": times["effort"],
-        "outcomes": found.summary.outcomes,
-        "failing_cases": found.failing,
-        "separations": [one._asdict() for one in found.separations],
-        "remedies": [one._asdict() for one in found.remedies],
-    }
+    def _cause(self, change: str) -> str | None:
+        """Why it is so, where more is known than the number."""
+        if "error of the axes" not in change or not self.original.thruster:
+            return None
+        return (
+            "Every thruster leans by an angle of its own, so the torques of one that pushes and "
+            "of its opposite leave the plane by different amounts: about the axis without a torque "
+            "there is one that goes with the size of the command, which no law here knows. "
+            "Measure the axes, or give the thrusters that are used less error."
+        )
 
 
 def _plain(found: Interval) -> dict[str, float | None]:

@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from jaxsat.core.once import once_property
 from jaxsat.core.processors import processors
+from jaxsat.report.document import Document
+from jaxsat.report.markdown import markdown_page
+from jaxsat.report.tuning_document import tuning_document
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.study import EngineName
+from jaxsat.store.files import parse_json
 from jaxsat.studies import Work
 from jaxsat.synthesis.execution import Listener
 from jaxsat.synthesis.tuning import (
@@ -23,11 +27,15 @@ from jaxsat.synthesis.tuning import (
     make_receipt,
     make_verdict,
 )
-from jaxsat.synthesis.tuning.baselines import BaselineResult, as_data, run_baselines
+from jaxsat.synthesis.tuning.baselines import (
+    BaselineResult,
+    as_data,
+    missing_packages,
+    run_baselines,
+)
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
 from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
 from jaxsat.synthesis.tuning.history import history_dataset
-from jaxsat.synthesis.tuning.summary import summary_page
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,8 +57,8 @@ class TuningResult:
 
     `receipt` tells whether the gradients were right, `verdict` how both scenarios do on cases that
     were never tuned on, `baselines` what other methods found; they are computed when they are first
-    asked for. `plan.remark` says why an engine was not taken. `kept` is the summary of a run that
-    was complete before, in its folder, None for another one.
+    asked for. `plan.remark` says why an engine was not taken. `kept` is the document of a run
+    that was complete before, in its folder, None for another one.
     """
 
     original: Scenario
@@ -59,7 +67,7 @@ class TuningResult:
     state: DescentState
     with_baselines: bool = False
     listener: Listener = Listener()
-    kept: str | None = None
+    kept: Document | None = None
 
     @once_property
     def receipt(self) -> Receipt:
@@ -95,11 +103,18 @@ class TuningResult:
         return history_dataset(self.plan, self.state, self.original.title, dump(self.original))
 
     @property
-    def summary(self) -> str:
-        """The page that `jaxsat tune` prints, in Markdown."""
+    def document(self) -> Document:
+        """What `jaxsat tune` prints."""
         if self.kept is not None:
             return self.kept
-        return summary_page(self.original.title, self.receipt, self.verdict, self.baselines)
+        found = as_data(self.baselines)
+        records = self.verdict.as_data(), self.receipt.as_data(), found
+        return tuning_document(self.original.title, *records, missing_packages())
+
+    @property
+    def summary(self) -> str:
+        """The same in Markdown."""
+        return markdown_page(self.document)
 
 
 def tune(
@@ -135,7 +150,7 @@ def tune(
         if folder.lost_state:
             listener.warn(f"{out} has lost its state, so the run begins again")
         if folder.is_complete(SUMMARY) and (folder.is_complete(BASELINES) or not baselines):
-            kept = (folder.read(SUMMARY) or b"").decode()
+            kept = read_document(scenario.title, folder)
             return _result(scenario, plan, folder.state(plan), baselines, listener, kept)
         listener.progress("compiling; trying the starts", None)
         state = run_descent(scenario, plan, folder, report=_told(listener))
@@ -207,7 +222,7 @@ def _result(
     state: DescentState,
     baselines: bool,
     listener: Listener,
-    kept: str | None = None,
+    kept: Document | None = None,
 ) -> TuningResult:
     tuned = tuned_scenario(scenario, plan, state.best_point)
     return TuningResult(scenario, tuned, plan, state, baselines, listener, kept)
@@ -215,6 +230,13 @@ def _result(
 
 def _told(listener: Listener) -> Callable[[DescentProgress], None]:
     return lambda progress: listener.progress("tuning", progress)
+
+
+def read_document(title: str, folder: TuningFolder) -> Document:
+    """The document of a concluded run."""
+    names = ("verdict.json", "receipt.json", BASELINES)
+    verdict, receipt, baselines = (parse_json(folder.read(name)) for name in names)
+    return tuning_document(title, verdict, receipt, baselines or (), missing_packages())
 
 
 def _write_json(folder: TuningFolder | None, name: str, data: Any) -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from helpers.pages import SCENARIO, array, json_of, run_dataset
-from jaxsat.report.page import document, report_page
+from jaxsat.report.facts import settled_meaning
+from jaxsat.report.page import html, report_page
 from jaxsat.report.page.decimation import kept_samples
 from jaxsat.report.page.replay import body_box, craft
-from jaxsat.report.page.run import run_verdict, settled_meaning
+from jaxsat.report.run_document import run_verdict
 from jaxsat.store import OutputError
 
 NASTY = '</script><script>alert("1")</script><b>&amp; $$x$$ \\[y\\]'
@@ -192,8 +193,8 @@ def test_what_is_no_result_is_refused(tmp_path):
 
 
 def test_without_bokeh_the_message_says_what_to_install(run_file, monkeypatch):
-    monkeypatch.setattr(document, "PACKAGES", ("bokeh", "no_such_package"))
-    with pytest.raises(document.MissingPackages, match=r"no_such_package: pip install 'jaxsat\["):
+    monkeypatch.setattr(html, "PACKAGES", ("bokeh", "no_such_package"))
+    with pytest.raises(html.MissingPackages, match=r"no_such_package: pip install 'jaxsat\["):
         report_page([run_file(run_dataset())])
 
 

@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 
 from jaxsat.report.page import report_page
+from jaxsat.report.page.plots import chart_of
 from jaxsat.report.page.study import case_command, scenario_text
-from jaxsat.report.page.study_charts import (
-    convergence_chart,
-    settled_by_chart,
-    settling_over_chart,
-    success_chart,
-)
+from jaxsat.report.study_plots import convergence, settled_by, settling_over, success_over
 from jaxsat.scenario import library, read
 from jaxsat.store import Column, OutputError, StudyStore, open_study, open_trajectory
 from jaxsat.store.chunks import Coordinate
@@ -113,17 +109,19 @@ def test_an_empty_store_is_refused(tmp_path):
         report_page([tmp_path / "s"])
 
 
-def source_of(chart):
-    return chart.figure.renderers[0].data_source.data
+def drawn(plot):
+    """What Bokeh paints of a plot: points and band."""
+    data = chart_of(plot).figure.renderers[0].data_source.data
+    return {name: np.asarray(data[name]) for name in ("x", "y", "low", "high")}
 
 
 def test_curves_are_the_counts_they_claim_to_be():
     rng = np.random.default_rng(3)
     times = np.where(rng.uniform(size=5000) < 0.9, rng.gamma(3, 20, 5000), np.inf)
-    data = source_of(settled_by_chart(times))
+    data = drawn(settled_by(times))
     for x, y, low, high in zip(*(data[k][::37] for k in ("x", "y", "low", "high")), strict=True):
         assert wilson(int((times <= x).sum()), 5000) == pytest.approx((y, low, high))
-    data = source_of(convergence_chart(times))
+    data = drawn(convergence(np.isfinite(times)))
     assert data["y"][-1] == np.isfinite(times).mean()
     assert len(data["x"]) <= 400
 
@@ -131,14 +129,14 @@ def test_curves_are_the_counts_they_claim_to_be():
 def test_success_over_a_quantity_finds_where_it_fails():
     values = np.random.default_rng(4).uniform(-1, 1, 20_000)
     settled = values < 0.5
-    data = source_of(success_chart("omega[1]", values, settled, "rad/s"))
+    data = drawn(success_over("omega[1]", values, settled, "rad/s"))
     assert data["y"][data["x"] < 0.4].min() == 1
     assert data["y"][data["x"] > 0.6].max() == 0
-    assert success_chart("constant", np.ones(100), settled[:100], "1") is None
+    assert success_over("constant", np.ones(100), settled[:100], "1") is None
     times = np.where(settled, 10 + values, np.inf)
-    data = source_of(settling_over_chart("omega[1]", values, times, "rad/s"))
+    data = drawn(settling_over("omega[1]", values, times, "rad/s"))
     np.testing.assert_allclose(data["y"], 10 + data["x"], atol=1e-9)
-    assert settled_by_chart(np.full(10, np.inf)) is None
+    assert settled_by(np.full(10, np.inf)) is None
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.report.reproduction import RUNS, ClaimVerdict, judge, markdown_table, paper_figures
+from jaxsat.report.reproduction import RUNS, ClaimVerdict, claims_document, judge, paper_figures
 from jaxsat.scenario import dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -40,8 +40,8 @@ def test_verdicts_are_those_of_an_independent_study(datasets):
         ("(42), section 5", ClaimVerdict.ONLY_IF),
         ("note in section 5", ClaimVerdict.ONLY_IF),
     }
-    table = markdown_table(judge(datasets))
-    assert table.count("\n") == 2 + len(judge(datasets))
+    (table,) = claims_document(judge(datasets)).blocks
+    assert [row[-1].text for row in table.rows] == [one.verdict_text for one in judge(datasets)]
 
 
 @pytest.mark.slow

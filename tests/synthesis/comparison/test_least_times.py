@@ -7,8 +7,8 @@ import jax
 import numpy as np
 import pytest
 
-from jaxsat.cli.comparison_text import least_time_text
 from jaxsat.core.ranges import SETTLED_RATE
+from jaxsat.report.comparison_document import comparison_document
 from jaxsat.synthesis.comparison import (
     ComparisonSetting,
     Start,
@@ -42,6 +42,13 @@ def row(level, law, limit, time):
     return comparison_row(ComparisonSetting(level, limit, law), columns)
 
 
+def table_of(rows, least):
+    found = {"torque_limit": least.torque_limit, "end": least.end, "seconds": least.median}
+    data = [row.as_data() for row in rows]
+    document = comparison_document({"rows": data, "verdicts": [], "median_least_times": [found]})
+    return document.blocks[0]
+
+
 def test_laws_are_judged_by_the_least_times_of_their_starts():
     median = median_least_time(0, 20.0, 3)
     assert median is not None
@@ -49,14 +56,14 @@ def test_laws_are_judged_by_the_least_times_of_their_starts():
     rows.append(row("hard", "a", 7.0, 1.0))  # of this limit nothing is stored
     (found,) = least_times(rows, 0)
     assert found.torque_limit == 20.0
-    assert found.ratios["hard", "a"] == pytest.approx(2.0)
-    text = least_time_text(found)
-    assert text.endswith("t50 over it: a 2.00 (hard)")
-    assert f"{median:.1f} s" in text
+    laws = table_of(rows, found)
+    assert [line[-1] for line in laws.rows] == [pytest.approx(2.0), None, None]
+    assert f"until settled: {median:.1f} s" in laws.note
     assert least_times(rows, 999) == []
     (found,) = least_times(rows, 0, "rest")
-    assert found.ratios == {}  # no law comes to rest
-    assert "to exact rest" in least_time_text(found)
+    laws = table_of(rows, found)
+    assert "least time" not in " ".join(laws.columns)  # no law comes to rest
+    assert "until exact rest" in laws.note
 
 
 @pytest.mark.slow

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import jaxsat
+from jaxsat.report.design_document import DESIGNED, design_document
+from jaxsat.report.markdown import markdown_page
 from jaxsat.store import ResumableFolder
-from jaxsat.store.design_text import DESIGNED
 from jaxsat.synthesis.comparison import ComparisonSetting, choose_law, comparison_row
 from jaxsat.synthesis.controller_design import steps
 from jaxsat.synthesis.controller_design.candidates import Candidate
-from jaxsat.synthesis.controller_design.page import design_page, headline
+from jaxsat.synthesis.controller_design.files import design_record
+from jaxsat.synthesis.controller_design.headline import headline
 from jaxsat.synthesis.controller_design.result import Step
 from jaxsat.synthesis.controller_design.settings import DesignSettings
 from jaxsat.synthesis.controller_design.studies import Studies
@@ -232,7 +234,7 @@ def test_a_design_is_tuned_verified_written_and_resumed(tmp_path):
     stores = (tmp_path / "e" / "studies").glob("screening*/*/c/**/*")
     before = {path: path.stat().st_mtime_ns for path in stores if path.is_file()}
     resumed = jaxsat.design(scenario, **TINY, out=tmp_path / "e")
-    assert design_page(resumed) == design_page(found)
+    assert design_record(resumed) == design_record(found)
     assert before
     assert all(path.stat().st_mtime_ns == time for path, time in before.items())
 
@@ -250,4 +252,4 @@ def test_too_few_that_settle_are_explained_and_measured():
     assert helped["nothing but 0.1 % more torque, to see what chance does"] == 0
     assert {one.flown for one in made.remedies} == {12}
     assert "twice the torque" in helped
-    assert "--case 0" in design_page(found)
+    assert "--case 0`" in markdown_page(design_document(design_record(found)))

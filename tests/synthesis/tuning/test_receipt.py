@@ -7,9 +7,9 @@ import jax
 import numpy as np
 import pytest
 
+from jaxsat.report.tuning_document import tuning_document
 from jaxsat.simulation.engine import AbstractCaseFactory, Program
 from jaxsat.synthesis.tuning import check_gradients, make_verdict
-from jaxsat.synthesis.tuning.summary import summary_page
 
 
 @pytest.mark.slow
@@ -53,5 +53,7 @@ def test_a_wrong_gradient_is_told_at_the_top(plan, final, receipt, monkeypatch):
     assert receipt.problems == [
         "at the end the derivative by k2 is 100.0% off the best central difference"
     ]
-    page = summary_page("a run", receipt, make_verdict(plan, final.best_point))
-    assert page.splitlines()[2].startswith("**The gradient of this run is not trustworthy:**")
+    verdict = make_verdict(plan, final.best_point)
+    told = tuning_document("a run", verdict.as_data(), receipt.as_data()).verdict
+    assert not told.good
+    assert told.more[0].startswith("The gradient of this run is not trustworthy: at the end")

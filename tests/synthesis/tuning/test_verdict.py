@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxsat.report.tuning_document import tuning_document
 from jaxsat.simulation.engine import RunningCost
 from jaxsat.synthesis.tuning import make_verdict
-from jaxsat.synthesis.tuning.summary import summary_page
 
 
 def test_the_verdict_is_about_the_exact_law_on_other_cases(plan, final):
@@ -33,12 +33,14 @@ def test_the_verdict_is_about_the_exact_law_on_other_cases(plan, final):
 def test_gains_at_bounds_and_a_singular_cost_are_told_at_the_top(plan, final, receipt):
     verdict = make_verdict(plan, final.best_point)
     verdict = dataclasses.replace(verdict, at_bounds={"k1": 3.0}, singular=0.876)
-    page = summary_page("a run", receipt, verdict)
-    top = page[: page.index("## Gains")]
-    assert "**Gains are at their bounds:** k1 at 3. " in top
-    assert "**The cost is dominated by the singularity of (w, z):** 87.6% of it" in top
-    page = summary_page("a run", receipt, dataclasses.replace(verdict, singular=0.3))
-    assert "singularity" not in page
+
+    def told(verdict):
+        return tuning_document("a run", verdict.as_data(), receipt.as_data()).verdict.more
+
+    assert told(verdict)[0].startswith("Gains are at their bounds: k1 at 3. ")
+    dominated = "The cost is dominated by the singularity of (w, z): 87.6% of it"
+    assert told(verdict)[1].startswith(dominated)
+    assert "singularity" not in " ".join(told(dataclasses.replace(verdict, singular=0.3)))
 
 
 @pytest.mark.slow

@@ -1,12 +1,14 @@
-"""The results of a controllability analysis, as Markdown."""
+"""Whether a spacecraft can be steered, now and after every failure, as a document."""
 
-from collections.abc import Sequence
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from jaxsat.controllability import (
     Analysis,
-    FailureCase,
     Judgement,
     analyse,
     gramian_time_scales,
@@ -15,6 +17,7 @@ from jaxsat.controllability import (
     verdict_sentence,
 )
 from jaxsat.controllability.cone import direction_words
+from jaxsat.controllability.judgement import CONTROLLABLE
 from jaxsat.controllability.wording import (
     LAW_WORDS,
     cone_words,
@@ -22,20 +25,80 @@ from jaxsat.controllability.wording import (
     net_force_words,
     once_stopped_words,
 )
-from jaxsat.core.text import markdown
+from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
+
+GOOD = {"controllable": True, "uncontrollable": False}
+
+COLUMNS = {
+    "failed": "failed",
+    "verdict": "verdict",
+    "laws": "applicable laws",
+    "rank": "rank",
+    "margin": "margin",
+    "turn_time_s": "turn at 1 N m (s)",
+    "torques": "attainable torques",
+    "lost": "lost",
+}
+"""What is told of a failure, by its name in the records."""
 
 COUNT_WORDS = ("single", "double", "triple")
 ERRORS = ("roll 1°", "pitch 1°", "yaw 1°", "ω1 1 mrad/s", "ω2 1 mrad/s", "ω3 1 mrad/s")
 
 
-def survival_words(cases: Sequence[FailureCase]) -> str:
+def controllability_document(
+    title: str,
+    verdict: str,
+    records: Sequence[Mapping[str, Any]],
+    findings: Sequence[str],
+    failures: int | None = None,
+) -> Document:
+    """The verdict, what survives, all failures, and the `findings`.
+
+    `records` are those of `failure_records`, or rows of failures.csv; with `failures` those of so
+    many actuators are listed alone.
+    """
+    shown = [one for one in records if failures in (None, count_failed(one))]
+    later = any(one["once_stopped"] != one["verdict"] for one in records)
+    columns = COLUMNS | ({"once_stopped": "once stopped"} if later else {})
+    rows = [[_cell(name, one) for name in columns] for one in shown]
+    note = (
+        "The margin compares directions. The turn time is the time to turn by one radian about the "
+        "axis that is hardest to reach."
+    )
+    heading = "Every failure" if failures is None else f"Failures of {failures}"
+    blocks: list[Block] = [
+        Table(heading, list(columns.values()), rows, note),
+        Lines("Findings", findings),
+    ]
+    told = Verdict(GOOD.get(records[0]["verdict"]), verdict, [_survival(records)])
+    return Document(title, told, blocks)
+
+
+def count_failed(record: Mapping[str, Any]) -> int:
+    """How many actuators have failed in a record."""
+    return 0 if record["failed"] == "none" else len(str(record["failed"]).split())
+
+
+def _survival(records: Sequence[Mapping[str, Any]]) -> str:
     """How many failures of one actuator, of two, … leave the spacecraft controllable."""
-    found = []
-    for number, word in enumerate(COUNT_WORDS, 1):
-        those = [case.controllable for case in cases if len(case.failed) == number]
-        if those:
-            found.append(f"{sum(those)} of {len(those)} {word}")
-    return f"Survives: {', '.join(found)} failures" if found else "Survives: no failure is listed"
+    cases = Counter(map(count_failed, records))
+    good = Counter(count_failed(one) for one in records if one["verdict"] in CONTROLLABLE)
+    found = [
+        f"{good[number]} of {cases[number]} {word}"
+        for number, word in enumerate(COUNT_WORDS, 1)
+        if cases[number]
+    ]
+    return f"Survives: {', '.join(found)} failures." if found else "No failure is listed."
+
+
+def _cell(name: str, record: Mapping[str, Any]) -> Cell:
+    if name == "rank":
+        return f"{record[name]} of {record['dimension']}"
+    if name in ("margin", "turn_time_s"):
+        value = float(record[name])
+        return None if math.isnan(value) else Shown(f"{value + 0.0:.3g}", value)
+    text = str(record[name])
+    return Shown(text, good=GOOD.get(text)) if name == "verdict" else text
 
 
 def controllability_lines(
@@ -45,7 +108,7 @@ def controllability_lines(
     torque: float = 1.0,
     stopped: Judgement | None = None,
 ) -> list[str]:
-    """The findings as Markdown list items; `torque` (N m) is the command for the time scales.
+    """The findings but the verdict; `torque` (N m) is the command for the time scales.
 
     `analysis` is that of the actuators' columns as torques of both signs, None where the momentum
     of wheels decides in place of their rank; `stopped` the judgement once wheels that coast have
@@ -59,7 +122,6 @@ def controllability_lines(
     ]
     verdict, torques = verdict_sentence(judgement), cone_words(judgement.cone)
     return [
-        f"**Verdict**: {verdict}",
         *([] if torques.lower() in verdict.lower() else [f"Torques: {torques}"]),
         f"Laws: {LAW_WORDS[judgement.laws]}",
         *[line for line in found if line is not None],
@@ -154,19 +216,3 @@ def _linear(analysis: Analysis, torque: float) -> str:
     times = gramian_time_scales(linear, rms_command=torque)
     parts = [f"{e} {t:.3g} s" for e, t in zip(ERRORS, times, strict=True) if np.isfinite(t)]
     return f"{text}; removing one error with {torque:g} N m (rms) takes {', '.join(parts)}"
-
-
-def controllability_page(title: str, lines: list[str], failures: str, drift: list[str]) -> str:
-    """The whole page: findings, table of failures and, if looked at, the drift."""
-    text = [
-        f"# {markdown(title)}",
-        "",
-        *[f"- {line}" for line in lines],
-        "",
-        "## Every failure",
-        "",
-        failures,
-    ]
-    if drift:
-        text += ["## The drift", "", *[f"- {line}" for line in drift], ""]
-    return "\n".join(text)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jaxsat.controllability import actuator_set, analyse, judge
+from jaxsat.controllability import actuator_set, analyse, judge, verdict_sentence
+from jaxsat.report.controllability_document import controllability_lines
 from jaxsat.report.controllability_figures import torque_map
-from jaxsat.report.controllability_page import controllability_lines
 
 PAPER = [449.5, 264.6, 312.5]
 TURNING_ABOUT_Z = np.array([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]], float).T
@@ -14,13 +14,13 @@ TURNING_ABOUT_Z = np.array([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]], float
 def lines_of(actuators):
     judgement = judge(PAPER, actuators)
     columns = judgement.decision and analyse(PAPER, actuators.columns)
-    return "\n".join(controllability_lines(judgement, columns))
+    return "\n".join([verdict_sentence(judgement), *controllability_lines(judgement, columns)])
 
 
 def test_one_signed_thrusters_are_told_apart_from_rank_6():
     text = lines_of(actuator_set(TURNING_ABOUT_Z, forces=np.ones((3, 4))))
     for said in (
-        "Verdict**: Controllable by drift",
+        "Controllable by drift",
         "none towards -z",
         "no law of jaxsat applies",
         "one-sided torques counted as two-sided",

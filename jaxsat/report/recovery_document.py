@@ -1,11 +1,15 @@
-"""Recovery from failures in flight, on the page of a study."""
+"""Recovery from failures in flight, in the document of a study."""
 
-from jaxsat.report.page.content import Cell, Table, number
-from jaxsat.studies import Interval, KindRecovery, RecoverySummary, percent_texts, reason_words
+from jaxsat.report.cells import INTERVALS, fraction_cell
+from jaxsat.report.document import Cell, Table, number
+from jaxsat.studies import KindRecovery, RecoverySummary, percent_texts, reason_words
 from jaxsat.studies.recovery_summary import SETTLING_PERCENTS
 
-SHOWN = 200
+EXPLAINED = 200
 """Cases that did not recover in the table that explains them."""
+
+SHOWN = 8
+"""Those of them that text shows."""
 
 
 def recovery_line(found: RecoverySummary) -> str:
@@ -25,14 +29,11 @@ def recovery_tables(found: RecoverySummary | None) -> list[Table]:
     """By kind of failure: what recovered and why the others did not, and the diagnosis."""
     if found is None:
         return []
-    reasons = list(dict.fromkeys(reason for row in found.by_kind for reason in row.reasons))
-    columns = ["failure", "cases", "recovered", "fraction", "95 % interval", "recoverable",
-               "fraction of recoverable", "95 % interval of it"]  # fmt: skip
+    columns = ["failure", "cases", "recovered", "fraction", "recoverable", "fraction of these"]
     columns += [f"settled {percent:.0f} % (s)" for percent in SETTLING_PERCENTS]
-    rows = [[*_fractions(row), *(row.reasons.get(one, 0) for one in reasons)]
-            for row in found.by_kind]  # fmt: skip
-    note = "Settled: the time from the last failure, of the recovered cases."
-    columns += map(reason_words, reasons)
+    columns.append("the others")
+    rows = [_of_kind(row) for row in found.by_kind]
+    note = f"Settled: the time from the last failure, of the recovered cases. {INTERVALS}"
     tables = [Table("Recovery by kind of failure", columns, rows, note)]
     told = [row for row in found.by_kind if row.diagnosis is not None]
     if told:
@@ -42,27 +43,20 @@ def recovery_tables(found: RecoverySummary | None) -> list[Table]:
     return tables
 
 
-def _fractions(row: KindRecovery) -> list[Cell]:
-    known = row.of_recoverable
+def _of_kind(row: KindRecovery) -> list[Cell]:
     return [
         row.kind,
         row.cases,
         row.settled,
-        row.recovered.value,
-        _ends(row.recovered),
+        fraction_cell(row.recovered),
         row.recoverable,
-        None if known is None else known.value,
-        "" if known is None else _ends(known),
+        None if row.of_recoverable is None else fraction_cell(row.of_recoverable),
         *(
             row.settling_delay[one].value if row.settling_delay else None
             for one in SETTLING_PERCENTS
         ),
+        "; ".join(f"{count} {reason_words(reason)}" for reason, count in row.reasons.items()),
     ]
-
-
-def _ends(found: Interval) -> str:
-    _, low, high = percent_texts(found)
-    return f"{low} to {high}"
 
 
 def _diagnosis(told: list[KindRecovery]) -> Table:
@@ -85,8 +79,9 @@ def _diagnosis(told: list[KindRecovery]) -> Table:
 def _explained(found: RecoverySummary) -> Table:
     rows = [
         [entry.case, reason_words(entry.reason), entry.text.partition("; ")[2]]
-        for entry in found.unrecovered[:SHOWN]
+        for entry in found.unrecovered[:EXPLAINED]
     ]
     more = len(found.unrecovered) - len(rows)
     note = f"And {more:,} more in the store." if more else ""
-    return Table("Cases that did not recover", ["case", "reason", "explanation"], rows, note)
+    columns = ["case", "reason", "explanation"]
+    return Table("Cases that did not recover", columns, rows, note, SHOWN)

@@ -8,7 +8,7 @@ from typing import Any
 
 import jaxsat
 from jaxsat.core.errors import JaxsatError
-from jaxsat.report.page.content import Chart, Charts, Section
+from jaxsat.report.document import Chart, Charts, Document, Shown, cell_text, is_number, prose
 
 PACKAGES = ("bokeh", "jinja2")
 """What the extra `report` installs."""
@@ -44,11 +44,11 @@ def require_packages() -> None:
         raise MissingPackages(f"a report needs {names}: pip install 'jaxsat[report]'")
 
 
-def _title(sections: Sequence[Section], results: int) -> str:
+def _title(sections: Sequence[Document], results: int) -> str:
     return sections[0].title if results == 1 else f"{results} results of jaxsat"
 
 
-def render(sections: Sequence[Section], title: str) -> str:
+def render(sections: Sequence[Document], title: str) -> str:
     """The HTML of some sections."""
     from bokeh.embed import components
     from bokeh.resources import Resources
@@ -72,6 +72,8 @@ def render(sections: Sequence[Section], title: str) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters |= {"prose": _prose, "cell_text": cell_text, "sorted_by": _sorted_by}
+    environment.tests["quantity"] = is_number
     library = Resources(mode="inline", minified=True, components=["bokeh"]).js_raw if charts else []
     page = environment.get_template("page.html")
     return page.render(
@@ -88,7 +90,19 @@ def render(sections: Sequence[Section], title: str) -> str:
     )
 
 
-def _window(section: Section) -> dict[str, Any] | None:
+def _prose(text: str) -> str:
+    """Prose with what a reader types as code."""
+    from markupsafe import Markup, escape
+
+    parts = ((typed, escape(piece)) for typed, piece in prose(text))
+    return Markup("".join(f"<code>{piece}</code>" if typed else piece for typed, piece in parts))
+
+
+def _sorted_by(cell: Shown | float | int) -> Any:
+    return cell.value if isinstance(cell, Shown) else cell
+
+
+def _window(section: Document) -> dict[str, Any] | None:
     """What the script needs to know of the plots of a section over time."""
     if section.plots is None:
         return None

@@ -1,0 +1,127 @@
+"""Which law to take and how all did, as a document of the record `comparison.json`."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from jaxsat.core.text import capitalised
+from jaxsat.report.cells import fraction_cell, interval_cell, interval_of
+from jaxsat.report.document import Cell, Document, Shown, Table, Verdict
+from jaxsat.studies import percent_texts
+
+ENDS = {"settled": "settled", "rest": "exact rest, which no law reaches"}
+"""Where a manoeuvre ends, in words."""
+
+LAW_COLUMNS = ("law", "cases", "settled", "t50 (s)", "t90 (s)", "effort (N m s)",
+               "peak rate (rad/s)")  # fmt: skip
+"""What `law_cells` says of a law, by heading."""
+
+LAWS_NOTE = (
+    "t50 and t90: half and 90 % of all cases have settled; effort: the median; peak rate: the "
+    "largest. Intervals are of 95 %, those of times by the number of cases below."
+)
+
+Record = Mapping[str, Any]
+
+
+def comparison_document(record: Record) -> Document:
+    """The law to take in every place, the laws, failures in flight, and least times.
+
+    Raises `KeyError` or `TypeError` for a record of another form.
+    """
+    rows = record["rows"]
+    told = [f"{place_of(one)}: {_taken(one)}" for one in record["verdicts"]]
+    verdict = Verdict(None, told[0] if told else "Nothing was compared.", told[1:])
+    blocks = [
+        _laws(rows, record.get("median_least_times", ())),
+        *_recovered(rows),
+        *_bounds(record.get("bounds_from_papers_start", ())),
+    ]
+    return Document("Comparison of laws", verdict, blocks)
+
+
+def place_of(row: Record) -> str:
+    """The scenario of a row or verdict, or its place in the acceptance set."""
+    if "scenario" in row:
+        return str(row["scenario"])
+    return f"{row['level']}, {row['torque_limit']:g} N m"
+
+
+def law_cells(row: Record) -> list[Cell]:
+    """What a row of a comparison says of its law, by `LAW_COLUMNS`."""
+    settled = interval_of(row["settled"])
+    return [
+        row["law"],
+        row["cases"],
+        None if settled is None else fraction_cell(settled),
+        *(interval_cell(interval_of(row[name]), "never") for name in ("t50", "t90")),
+        row["effort_N_m_s"],
+        row["peak_rate_rad_s"],
+    ]
+
+
+def _taken(verdict: Record) -> str:
+    return f"take {verdict['law'] or 'none'}. {capitalised(verdict['reason'])}."
+
+
+def _laws(rows: Sequence[Record], least: Sequence[Record]) -> Table:
+    """A row for every law, limit and level."""
+    if rows and "scenario" in rows[0]:
+        note = f"The same cases under each law. {LAWS_NOTE}"
+        return Table("Laws", LAW_COLUMNS, [law_cells(row) for row in rows], note)
+    columns = ["N m", "level", *LAW_COLUMNS, "paper's start (s)"]
+    cells: list[list[Cell]] = []
+    for row in rows:
+        start = row["paper_start_settled_s"]
+        last = Shown("never", float("inf")) if start is None else start
+        cells.append([row["torque_limit"], row["level"], *law_cells(row), last])
+    if any(one["end"] == "settled" for one in least):
+        columns.append("t50 / least time")
+        medians = {one["torque_limit"]: one["seconds"] for one in least}
+        for row, line in zip(rows, cells, strict=True):
+            time, median = row["t50"]["value"], medians.get(row["torque_limit"])
+            line.append(None if None in (time, median) else time / median)
+    note = [f"The same random starts under each law. {LAWS_NOTE}", *map(_least_time, least)]
+    return Table("Laws", columns, cells, " ".join(note))
+
+
+def _least_time(found: Record) -> str:
+    return (
+        f"Median least time of the same starts with {found['torque_limit']:g} N m, open loop and "
+        f"without dispersions, until {ENDS[found['end']]}: {found['seconds']:.1f} s (best found, "
+        "not certified)."
+    )
+
+
+def _recovered(rows: Sequence[Record]) -> Iterator[Table]:
+    """Of failures in flight: a row for every kind, a column for every law."""
+    told = {row["law"]: row["recovered"] for row in rows if "recovered" in row}
+    if not told:
+        return
+    cells: list[list[Cell]] = []
+    for kind, first in next(iter(told.values())).items():
+        recoverable = max(one[kind]["recoverable"] for one in told.values())
+        cells.append(
+            [kind, first["cases"], recoverable, *(_share(one[kind]) for one in told.values())]
+        )
+    columns = ["failure", "cases", "recoverable", *(f"{law}: recovered" for law in told)]
+    note = "With 95 % intervals of the fraction of all cases."
+    yield Table("Recovered by kind of failure", columns, cells, note)
+
+
+def _share(found: Record) -> Shown:
+    fraction = interval_of(found["fraction"])
+    assert fraction is not None
+    _, low, high = percent_texts(fraction)
+    return Shown(f"{found['recovered']} ({low} to {high})", found["recovered"])
+
+
+def _bounds(found: Sequence[Record]) -> Iterator[Table]:
+    if not found:
+        return
+    rows: list[list[Cell]] = [
+        [one["torque_limit"], ENDS[one["end"]], one["time"], one["effort"]] for one in found
+    ]
+    columns = ["N m", "until", "least time (s)", "least effort (N m s)"]
+    starts = found[0]["starts"]
+    note = f"Best of {starts} starts and the planner's, not certified."
+    yield Table("Least from the paper's start, open loop", columns, rows, note)

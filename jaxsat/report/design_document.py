@@ -1,0 +1,129 @@
+"""Whether a controller was found and what it was verified on, as a document of `design.json`."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from jaxsat.core.text import capitalised
+from jaxsat.report.cells import interval_of
+from jaxsat.report.comparison_document import LAW_COLUMNS, LAWS_NOTE, law_cells
+from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict, number
+from jaxsat.report.study_document import percentile_table
+
+DESIGNED = "designed.toml"
+"""File of the designed scenario."""
+
+SHOWN_CASES = 20
+"""Failing cases that are listed."""
+
+LINES = {
+    "assumed": "Assumptions, where the file gives no value",
+    "left_out": "Laws that do not fit",
+    "cautions": "Beyond what the laws are verified on",
+}
+
+Record = Mapping[str, Any]
+
+
+def design_document(record: Record) -> Document:
+    """Verdict, what is left, the choice of the law, verification, and what would help.
+
+    Raises `KeyError` or `TypeError` for a record of another form.
+    """
+    missed = record["controllability"]["misses_attitude"]
+    verdict = Verdict(
+        record["outcome"] == "reached", record["headline"], [missed] if missed else []
+    )
+    blocks: list[Block] = [Lines("What is left", record["controllability"]["lines"])]
+    blocks += [Lines(title, record[name]) for name, title in LINES.items() if record[name]]
+    if record["screening"] is not None:
+        blocks += _choice(record)
+    if record["verification"] is not None:
+        blocks += _verification(record, record["verification"])
+    return Document(f"Design: {record['title']}", verdict, blocks)
+
+
+def _choice(record: Record) -> Iterator[Block]:
+    steps = {name: record[name] for name in ("screening", "validation") if record[name]}
+    rows = [[name, *law_cells(row)] for name, step in steps.items() for row in step["rows"]]
+    yield Table("Laws in screening and validation", ["step", *LAW_COLUMNS], rows, LAWS_NOTE)
+    told = [
+        f"{capitalised(name)}, seed {record['seeds'][name]}: {step['taken'] or 'none'} is best. "
+        f"{capitalised(step['reason'])}."
+        for name, step in steps.items()
+    ]
+    if record["tuning"] is not None:
+        told.insert(1, _tuning(record["tuning"]))
+    gains = ", ".join(f"{name} = {_gain(value)}" for name, value in record["gains"].items())
+    told.append(f"Chosen: {record['chosen']}{f' with {gains}' if gains else ''}.")
+    yield Lines("Why this law", told)
+
+
+def _tuning(tuning: Record) -> str:
+    """What tuning gave, or why it was skipped."""
+    if "left_out" in tuning:
+        return f"Tuning was skipped: {tuning['left_out']}."
+    before, after = tuning["loss_before"], tuning["loss_after"]
+    better = "" if after < before else "; no better gains were found"
+    return (
+        f"Tuning: {tuning['steps']} steps give {tuning['candidate']}; its loss on the validation "
+        f"cases of the tuner changes from {before:.4g} to {after:.4g}{better}."
+    )
+
+
+def _gain(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return f"({', '.join(map(number, value))})"
+    return number(value)
+
+
+def _verification(record: Record, found: Record) -> Iterator[Block]:
+    outcomes = ", ".join(f"{count:,} {name}" for name, count in found["outcomes"].items())
+    seed, failing = record["seeds"]["verification"], found["failing_cases"]
+    times = {
+        label: {float(percent): interval_of(one) for percent, one in found[name].items()}
+        for name, label in (("settling_time_s", "settling_time"), ("effort_N_m_s", "effort"))
+    }
+    note = f"Seed {seed}, used for nothing before. Outcomes: {outcomes}."
+    yield from percentile_table(times, "Verification", note)
+    if not failing:
+        return
+    more = len(failing) - SHOWN_CASES
+    rest = f" and {more:,} more, all of them in design.json" if more > 0 else ""
+    command = f"jaxsat montecarlo {DESIGNED} --seed {seed} --case {failing[0]}"
+    listed = ", ".join(map(str, failing[:SHOWN_CASES]))
+    told = [f"{listed}{rest}.", f"Each alone, with figures: `{command}`."]
+    yield Lines("Cases that do not settle", told)
+    if record["outcome"] != "reached":
+        yield from _explained(found)
+
+
+def _explained(found: Record) -> Iterator[Block]:
+    """What the failing cases have in common, and what would help."""
+    title = "What they have in common"
+    if found["separations"]:
+        rows: list[list[Cell]] = [
+            [one["name"], one["share"], _three(one["failing"]), _three(one["settled"])]
+            for one in found["separations"]
+        ]
+        columns = ["number", "share explained", "failing: 10, 50, 90 %", "settled: 10, 50, 90 %"]
+        yield Table(title, columns, rows)
+    else:
+        told = "No drawn number separates them from the others by more than chance."
+        yield Lines(title, [told])
+    if found["limit"] is not None:
+        limit = found["limit"]
+        helped = f"With {limit['change']} {limit['settled']} of {limit['flown']} settle."
+        yield Lines("What limits it", [helped, *([limit["cause"]] if limit["cause"] else [])])
+    if found["remedies"]:
+        rows = [[one["change"], _helped(one)] for one in found["remedies"]]
+        note = "The failing cases simulated again, each time with one change."
+        yield Table("What would help", ["change", "settle then"], rows, note)
+
+
+def _helped(one: Record) -> Shown:
+    share = one["settled"] / one["flown"]
+    return Shown(f"{one['settled']} of {one['flown']} ({share:.0%})", share)
+
+
+def _three(values: Sequence[float | int]) -> str:
+    return ", ".join(f"{one:.3g}" for one in values)

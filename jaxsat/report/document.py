@@ -1,0 +1,161 @@
+"""One result as a document: what came out, and blocks. Plain data that three printers turn into
+text for the terminal, Markdown and HTML.
+
+Prose is plain text in which `backticks` enclose what a reader types. Printers escape all the rest.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A cell that reads `text`, sorts by `value` and is `good`, bad or neither (None)."""
+
+    text: str
+    value: float | int | None = None
+    good: bool | None = None
+
+
+Cell = Shown | str | float | int | None
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Names and what there is to say of each, as a list of definitions."""
+
+    block: ClassVar[str] = "facts"
+    title: str
+    rows: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Sentences, as a list."""
+
+    block: ClassVar[str] = "lines"
+    title: str
+    lines: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows with a cell for each column.
+
+    A page shows all rows and lets a reader sort them. Text shows the `first` ones, all unless
+    given.
+    """
+
+    block: ClassVar[str] = "table"
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    note: str = ""
+    first: int | None = None
+
+
+class Key(NamedTuple):
+    """What a line is in a legend: its name, colour, dashes and width as SVG has them."""
+
+    label: str
+    color: str
+    dash: str
+    width: float
+
+
+@dataclass(frozen=True)
+class Chart:
+    """An interactive plot: its Bokeh figure and what it shows, for who cannot see it."""
+
+    figure: Any
+    title: str
+    description: str
+    legend: Sequence[Key] = ()
+
+
+@dataclass(frozen=True)
+class Charts:
+    """Plots below each other; on pages alone."""
+
+    block: ClassVar[str] = "charts"
+    title: str
+    charts: Sequence[Chart]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """3-D replays side by side with one time; `crafts` are those of `jaxsat.report.page.replay`.
+
+    On pages alone.
+    """
+
+    block: ClassVar[str] = "replay"
+    title: str
+    crafts: Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A file as it stands, by the name under which it can be saved; on pages alone, folded away."""
+
+    block: ClassVar[str] = "listing"
+    title: str
+    text: str
+    file: str
+
+
+Block = Facts | Lines | Table | Charts | Replay | Listing
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came out, in words; `good` is None where it is neither good nor bad."""
+
+    good: bool | None
+    text: str
+    more: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Document:
+    """One result; `kind` says what it is and where it came from.
+
+    `plots` are its `TimePlots`, if it has any.
+    """
+
+    title: str
+    verdict: Verdict
+    blocks: Sequence[Block] = field(default_factory=tuple)
+    kind: str = ""
+    plots: Any = None
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number as a person reads it."""
+    return f"{value:.{digits}g}"
+
+
+def cell_text(cell: Cell) -> str:
+    """What a cell reads; a dash where there is nothing to say."""
+    if cell is None:
+        return "–"
+    if isinstance(cell, Shown):
+        return cell.text
+    return number(cell) if isinstance(cell, float) else str(cell)
+
+
+def is_number(cell: Cell) -> bool:
+    """Whether a cell sorts as a number."""
+    value = cell.value if isinstance(cell, Shown) else cell
+    return isinstance(value, int | float)
+
+
+def prose(text: str) -> Iterator[tuple[bool, str]]:
+    """The pieces of prose, and of each whether it is what a reader types."""
+    pieces = text.split("`")
+    if len(pieces) % 2 == 0:  # a mark without its pair is no mark
+        pieces = [text]
+    for place, piece in enumerate(pieces):
+        if piece:
+            yield place % 2 == 1, piece

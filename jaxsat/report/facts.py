@@ -1,0 +1,114 @@
+"""Facts that documents of several kinds begin and end with: the scenario, what made a result."""
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import xarray as xr
+
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.report.document import Facts
+from jaxsat.scenario.laws import known_law
+from jaxsat.scenario.tables import OrbitTable
+
+
+def scenario_tables(dataset: xr.Dataset) -> dict[str, Any]:
+    """The scenario that a dataset carries; empty where it has none."""
+    try:
+        return tomllib.loads(str(dataset.attrs.get("scenario", "")))
+    except tomllib.TOMLDecodeError:
+        return {}
+
+
+def settles_in_attitude(scenario: Mapping[str, Any]) -> bool:
+    """Whether the law of a scenario's tables has an attitude to go to; true of one not known."""
+    found = known_law(str(scenario.get("control", {}).get("law", "unknown")))
+    return found is None or found.declaration.regulates_attitude
+
+
+def settled_meaning(scenario: Mapping[str, Any], of_study: bool = False) -> str:
+    """Within what a run of a scenario's tables counts as settled, or a case of a study, which under
+    a law that only stops a rotation may turn as fast as the orbit besides."""
+    keys = ("tilt_rad", "turn_rad", "rate_rad_s", "dwell_s")
+    table = scenario.get("settled", {})
+    given = {key: table[key] for key in keys if isinstance(table.get(key), int | float)}
+    found, attitude = Tolerances.of_keys(**given), settles_in_attitude(scenario)
+    if attitude or not of_study:
+        return found.text(attitude)
+    return found.of_rate(OrbitTable.model_validate(scenario.get("orbit", {})).rate()).text()
+
+
+def scenario_facts(scenario: Mapping[str, Any]) -> dict[str, str]:
+    """The scenario in a few lines."""
+    spacecraft, control = scenario.get("spacecraft", {}), scenario.get("control", {})
+    simulation, initial = scenario.get("simulation", {}), scenario.get("initial", {})
+    rows = {"description": " ".join(str(scenario.get("description", "")).split())}
+    rows["inertia"] = f"{_numbers(spacecraft.get('inertia_kg_m2'))} kg m²"
+    rows["actuators"] = _actuators(scenario)
+    rows["third rate"] = str(spacecraft.get("third_rate", ""))
+    keys = (f"{key} = {_numbers(value)}" for key, value in control.items() if key != "law")
+    rows["control law"] = ", ".join([str(control.get("law", "")), *keys])
+    rows["start"] = ", ".join(f"{key} = {_numbers(value)}" for key, value in initial.items())
+    rows["duration"] = f"{_numbers(simulation.get('duration_s'))} s"
+    return {label: text for label, text in rows.items() if text}
+
+
+def _actuators(scenario: Mapping[str, Any]) -> str:
+    spacecraft, parts = scenario.get("spacecraft", {}), []
+    axes = spacecraft.get("thruster_torque_axes")
+    if axes:
+        failed = ", ".join(map(str, spacecraft.get("failed_thrusters", ())))
+        limit = spacecraft.get("torque_limit_N_m")
+        more = f" of at most {_numbers(limit)} N m" if limit is not None else ""
+        parts.append(
+            f"{len(axes)} ideal thrusters{more}" + (f", failed: {failed}" if failed else "")
+        )
+    for kind in ("thruster", "wheel", "magnetorquer"):
+        tables = scenario.get(kind, ())
+        if tables:
+            failed = sum(bool(table.get("failed")) for table in tables)
+            parts.append(f"{len(tables)} {kind}s" + (f", {failed} failed" if failed else ""))
+    return "; ".join(parts)
+
+
+def _numbers(value: Any) -> str:
+    """A value of a scenario on one line."""
+    if isinstance(value, (list, tuple)):
+        return "(" + ", ".join(map(_numbers, value)) + ")"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {_numbers(entry)}" for key, entry in value.items()) + "}"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def provenance_facts(attributes: Mapping[str, Any], command: str = "") -> Facts:
+    """What made a dataset, and the hash of its scenario."""
+    text = str(attributes.get("scenario", ""))
+    versions = {
+        key.removesuffix("_version"): str(value)
+        for key, value in attributes.items()
+        if key.endswith("_version")
+    }
+    rows = {
+        "command": command,
+        "scenario (SHA-256)": hashlib.sha256(text.encode()).hexdigest() if text else "",
+        "seed": str(attributes.get("seed", "")),
+        "made": str(attributes.get("created", "")),
+        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
+        "platform": str(attributes.get("platform", "")),
+        "steps": str(attributes.get("steps", "")),
+    }
+    return Facts("Provenance", {label: value for label, value in rows.items() if value})
+
+
+def record_provenance(record: Mapping[str, Any], **more: str) -> Facts:
+    """What made a result, from the record that its folder has of it."""
+    facts = {
+        "command": str(record.get("command", "")),
+        **more,
+        "seed": str(record.get("seed", "")),
+        "made": str(record.get("created", "")),
+        "versions": ", ".join(f"{k} {v}" for k, v in record.get("versions", {}).items()),
+        "platform": str(record.get("platform", "")),
+    }
+    return Facts("Provenance", {label: text for label, text in facts.items() if text})

@@ -1,0 +1,114 @@
+"""What a run did, as a document of its dataset."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jaxsat.core.text import capitalised
+from jaxsat.report.cells import step_error
+from jaxsat.report.document import Document, Facts, Verdict, number
+from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude
+from jaxsat.store import time_at_rest, time_to_settle
+
+
+def run_document(dataset: xr.Dataset, name: str = "") -> Document:
+    """When it settled, the state at the end, and what actuators did.
+
+    `name` stands for a title where the dataset has none.
+    """
+    scenario = scenario_tables(dataset)
+    dataset = until_end(dataset)
+    failures = failures_of(scenario, dataset["time"].values)
+    facts = Facts("Result", {**_final_state(dataset), **_actuation(dataset)})
+    return Document(_title(dataset, name), run_verdict(dataset, scenario, failures), [facts])
+
+
+def _title(dataset: xr.Dataset, name: str) -> str:
+    title = str(dataset.attrs.get("title", "")) or name
+    case = dataset.attrs.get("case")
+    return title if case is None else f"{title}, case {int(case)}"
+
+
+def until_end(dataset: xr.Dataset) -> xr.Dataset:
+    """Without the times that a failed run did not reach; with one at least."""
+    good = np.flatnonzero(np.isfinite(dataset["quaternion"].values).all(axis=1))
+    last = int(good[-1]) if len(good) else 0
+    return dataset.isel(time=slice(0, last + 1))
+
+
+def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[float, str]]:
+    """When (s) what fails until the last of the times, in order, such as (300, "wheel 2 dead")."""
+    found = [
+        (at, f"{table.get('of', '')} {table.get('kind', 'fails')}")
+        for table in scenario.get("failure", ())
+        if (at := float(table.get("at_s", 0.0))) <= times[-1]
+    ]
+    return sorted(found)
+
+
+def run_verdict(
+    dataset: xr.Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
+) -> Verdict:
+    """When it settled, within what, by which law, and what failed on the way."""
+    law = str(scenario.get("control", {}).get("law", "unknown"))
+    rates = float(np.linalg.norm(dataset["omega"].values[-1]))
+    ends = [f"|ω| = {number(rates, 3)} rad/s"]
+    attitude = settles_in_attitude(scenario)
+    settled = time_to_settle(dataset) if attitude else time_at_rest(dataset)
+    if attitude:
+        ends.insert(0, f"pointing error {number(float(dataset['pointing_error_total'][-1]), 3)}°")
+    end = f"{number(float(dataset['time'][-1]), 6)} s"
+    more = [f"{capitalised(what)} at {number(at, 6)} s." for at, what in failures]
+    if int(dataset.attrs.get("outcome_code", 0)) != 0:
+        reason = dataset.attrs.get("outcome_explanation", "it failed")
+        return Verdict(False, f"The run ended early, at {end}: {reason}.", more)
+    more += [
+        f"At the end, {end}: {', '.join(ends)}.",
+        f"Settled means {settled_meaning(scenario)}; control law: {law}.",
+    ]
+    if math.isfinite(settled):
+        return Verdict(True, f"Settled at {settled:.2f} s, and stays settled to {end}.", more)
+    return Verdict(False, f"Not settled within {end}.", more)
+
+
+def _final_state(dataset: xr.Dataset) -> dict[str, str]:
+    final = dataset.isel(time=-1)
+    tilt = np.degrees(2 * np.arctan(np.linalg.norm(final["w"].values)))
+    z = float(final["z"])
+    return {
+        "attitude at the end": f"w = {_numbers(final['w'])}, z = {z:.4g} rad, tilt {tilt:.3g}°",
+        "rates at the end": f"ω = {_numbers(final['omega'])} rad/s",
+    }
+
+
+def _actuation(dataset: xr.Dataset) -> dict[str, str]:
+    """Torque, effort and, told apart, the ideal torque that holds the third rate; the steps."""
+    ranged = "torque_max" in dataset
+    told = ("torque_min", "torque_max") if ranged else ("torque",)
+    peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in told])), axis=0)
+    found = {"torque": f"at most {_numbers(peak)} N m{'' if ranged else ' at the saved times'}"}
+    if "effort" in dataset:
+        several = {"wheel_momentum", "dipole"} & set(dataset)
+        by = "all actuators" if several else "the thrusters"
+        found["effort"] = f"{_numbers(dataset['effort'])} N m s by {by}"
+    for name, what in (("wheel_momentum", "wheels"), ("dipole", "magnetorquers")):
+        if name in dataset:
+            unit = {"A m2": "A m²"}.get(dataset[name].units, "N m s")
+            found[what] = f"at most {_numbers(abs(dataset[name]).max('time'))} {unit}"
+    if "constraint_effort" in dataset:
+        peak = float(abs(dataset["constraint_torque"]).max())
+        found["third rate"] = (
+            f"held by an ideal torque: {float(dataset['constraint_effort']):.4g} N m s, at most "
+            f"{peak:.3g} N m at the saved times"
+        )
+    errors = (dataset.get(f"{part}_error_estimate") for part in ("rate", "attitude"))
+    error = step_error(*(None if one is None else float(one) for one in errors))
+    found["steps"] = f"{dataset.attrs.get('steps', '')}{f'; errors of {error}' if error else ''}"
+    return {label: text for label, text in found.items() if text}
+
+
+def _numbers(values: Iterable[Any]) -> str:
+    return f"({', '.join(f'{float(value):.4g}' for value in values)})"

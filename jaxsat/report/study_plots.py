@@ -1,0 +1,156 @@
+"""Plots of a study: of fractions and percentiles, so that their size does not grow with it."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from jaxsat.report.plot import Axis, Band, Bars, Line, Plot
+from jaxsat.studies import fraction_text, percent_texts, wilson
+
+POINTS, BINS = 400, 20
+"""Points of a line, bins of a quantity."""
+
+LEAST = 10
+"""Cases that a bin must have to be drawn."""
+
+SETTLED_VIEW = 30
+"""Cases from which on the interval of an estimate sets the range that is shown."""
+
+INTERVAL = "with its 95 % Wilson interval"
+SETTLED = Axis("fraction settled", limits=(-0.02, 1.02))
+
+
+def settling_plots(times: np.ndarray) -> list[Plot]:
+    """How many settle when, and how sure that is; of settling times (s), infinite if never."""
+    plots = [settled_by(times), settling_times(times), convergence(np.isfinite(times))]
+    return [plot for plot in plots if plot is not None]
+
+
+def settled_by(times: np.ndarray) -> Plot | None:
+    """The fraction of all cases that is settled by a time; None where none settles."""
+    good = np.sort(times[np.isfinite(times)])
+    if not len(good):
+        return None
+    at = np.unique(np.quantile(good, np.linspace(0, 1, POINTS), method="inverted_cdf"))
+    at = np.concatenate([[0.0], at])
+    fractions = [wilson(int(n), len(times)) for n in np.searchsorted(good, at, side="right")]
+    half = np.quantile(times, 0.5, method="inverted_cdf")
+    middle = f", half of all cases by {half:.4g} s" if np.isfinite(half) else ""
+    told = f"{percent_texts(fractions[-1])[0]} of the cases settle{middle}."
+    title = f"Fraction settled by a time, {INTERVAL}"
+    return _banded(title, told, at, np.array(fractions), _until(good), SETTLED, steps=True)
+
+
+def settling_times(times: np.ndarray) -> Plot | None:
+    """How the settling times of those that settle are distributed; None for less than two."""
+    good = times[np.isfinite(times)]
+    if len(good) < 2:
+        return None
+    heights, edges = np.histogram(good, bins=min(60, max(5, int(np.sqrt(len(good))))))
+    low, middle, high = np.quantile(good, [0.1, 0.5, 0.9])
+    told = (
+        f"Of {len(good):,} that settle 10 % do by {low:.4g} s, half by {middle:.4g} s, 90 % by "
+        f"{high:.4g} s; {len(times) - len(good):,} do not."
+    )
+    title = "Settling times of the cases that settle"
+    return Plot(title, told, _until(good), Axis("cases"), bars=Bars(edges, heights))
+
+
+def _until(good: np.ndarray) -> Axis:
+    """The axis of settling times (s), the same in all plots of a study."""
+    return Axis("settling time", "s", limits=(0.0, 1.02 * float(good.max()) or 1.0))
+
+
+def convergence(settled: np.ndarray) -> Plot:
+    """The settled fraction as cases come in, in their order."""
+    counts = np.cumsum(settled)
+    at = np.unique(np.geomspace(1, len(settled), POINTS).astype(int))
+    fractions = [wilson(int(counts[n - 1]), int(n)) for n in at]
+    _, low, high = np.array(fractions).T
+    seen = at >= min(SETTLED_VIEW, len(settled) / 2)
+    room = 0.05 * (high[seen].max() - low[seen].min())
+    bottom, top = low[seen].min() - room, high[seen].max() + room
+    limits = (max(-0.02, float(bottom)), min(1.02, float(top)))
+    told = f"After {len(settled):,} cases {fraction_text(fractions[-1])}."
+    title = f"Fraction settled over the number of cases, {INTERVAL}"
+    x = Axis("cases", log=True, limits=(1.0, float(max(2, len(settled)))))
+    y = Axis("fraction settled", limits=limits)
+    return _banded(title, told, at, np.array(fractions), x, y)
+
+
+def success_over(label: str, values: np.ndarray, settled: np.ndarray, unit: str) -> Plot | None:
+    """The fraction settled over a dispersed quantity, in bins of equally many cases."""
+    parts = _bins(values)
+    if not parts:
+        return None
+    fractions = np.array([wilson(int(settled[one].sum()), len(one)) for one in parts])
+    middles = np.array([np.median(values[one]) for one in parts])
+    low, high = fractions[:, 0].argmin(), fractions[:, 0].argmax()
+    ends = {"Least": low, "most": high}
+    parts_told = [
+        f"{k} {fractions[n, 0]:.1%} near {middles[n]:.3g} {unit}" for k, n in ends.items()
+    ]
+    told = f"{', '.join(parts_told)}."
+    title = f"Fraction settled over {label}, {INTERVAL}"
+    y = Axis("fraction settled")
+    return _banded(title, told, middles, fractions, Axis(label, unit), y, points=True)
+
+
+def settling_over(label: str, values: np.ndarray, times: np.ndarray, unit: str) -> Plot | None:
+    """Median settling time over a dispersed quantity, with the 10 % and 90 % points."""
+    good = np.isfinite(times)
+    parts = _bins(values[good])
+    if not parts:
+        return None
+    there = values[good], times[good]
+    middles = np.array([np.median(there[0][one]) for one in parts])
+    points = np.array([np.quantile(there[1][one], [0.5, 0.1, 0.9]) for one in parts])
+    told = f"Medians from {points[:, 0].min():.4g} to {points[:, 0].max():.4g} s."
+    title = f"Settling time over {label}: median, 10 % and 90 % points of those that settle"
+    y = Axis("settling time", "s")
+    return _banded(title, told, middles, points, Axis(label, unit), y, points=True)
+
+
+def curves(
+    title: str,
+    of: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    x: Axis,
+    y: Axis,
+    *,
+    steps: bool = False,
+) -> Plot:
+    """Lines with x values of their own, by name, as many as can be told apart."""
+    told = []
+    for label, (_, values) in of.items():
+        good = values[np.isfinite(values)]
+        told.append(f"{label}: ends at {good[-1]:.4g}" if len(good) else f"{label}: no values")
+    lines = [Line(*points, label, steps=steps) for label, points in of.items()]
+    return Plot(title, f"{'; '.join(told)}.", x, y, lines)
+
+
+def _bins(values: np.ndarray) -> list[np.ndarray]:
+    """Places of the values in bins of equally many; none where the values do not vary."""
+    if len(values) < 2 * LEAST or not np.ptp(values) > 0:
+        return []
+    bins = max(2, min(BINS, len(values) // (5 * LEAST)))
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, bins + 1)))
+    places = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    parts = [np.flatnonzero(places == one) for one in range(len(edges) - 1)]
+    return [part for part in parts if len(part) >= LEAST]
+
+
+def _banded(
+    title: str,
+    told: str,
+    at: np.ndarray,
+    values: np.ndarray,
+    x: Axis,
+    y: Axis,
+    *,
+    steps: bool = False,
+    points: bool = False,
+) -> Plot:
+    """A line with a band: `values` (n, 3) are middle, lower and upper."""
+    middle, low, high = values.T
+    line = Line(at, middle, y.label, steps=steps, points=points)
+    return Plot(title, told, x, y, [line], Band(low, high))

@@ -1,0 +1,217 @@
+"""What a tuning found, as a document of its records: `verdict.json`, `receipt.json` and, where
+other methods ran, `baselines.json`."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from jaxsat.report.cells import INTERVALS, fraction_cell, interval_cell, interval_of
+from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
+
+DOMINANT_FRACTION = 0.5
+"""Part of the cost from which on it is told where it comes from."""
+
+EVALUATIONS = {
+    "before": "held out, before",
+    "after": "held out, after",
+    "trained_before": "training seed, before",
+    "trained_after": "training seed, after",
+}
+
+PLACES = {
+    "start": "start",
+    "end": "end",
+    "exact_start": "exact law, start",
+    "exact_end": "exact law, end",
+}
+
+Record = Mapping[str, Any]
+
+
+def tuning_document(
+    title: str,
+    verdict: Record,
+    receipt: Record,
+    baselines: Sequence[Record] = (),
+    absent: Sequence[str] = (),
+) -> Document:
+    """Whether the gains are better and whether to trust them, gains, evaluations and the receipt.
+
+    `absent` are packages whose methods were left out. Raises `KeyError` or `TypeError` for records
+    of another form.
+    """
+    blocks: list[Block] = [_gains(verdict), _evaluations(verdict)]
+    if baselines:
+        blocks.append(_baselines(baselines, absent))
+    if receipt["derivative_free"]:
+        blocks.append(Lines("Receipt", list(_without_derivatives(receipt))))
+    else:
+        blocks.append(_derivatives(receipt))
+        blocks.append(Lines("What the gradients rest on", list(_receipt(receipt))))
+    return Document(f"Tuning: {title}", _verdict(verdict, receipt), blocks)
+
+
+def _verdict(verdict: Record, receipt: Record) -> Verdict:
+    before, after = (verdict[name]["loss"] for name in ("before", "after"))
+    better = None not in (before, after) and after < before
+    first = "The tuned gains are better" if better else "No better gains"
+    how = f"the objective on held-out cases goes from {_form(before)} to {_form(after)}"
+    good = better and not receipt["problems"]
+    return Verdict(good, f"{first}: {how}.", [*_warnings(verdict, receipt), _conclusion(verdict)])
+
+
+def _warnings(verdict: Record, receipt: Record) -> Iterator[str]:
+    for one in receipt["problems"]:
+        yield f"The gradient of this run is not trustworthy: {one}."
+    if receipt["first_masked"]:
+        yield (
+            f"{receipt['masked']} of {receipt['gradient_samples']} runs had no usable gradient and "
+            f"were left out: {receipt['first_masked']}."
+        )
+    if verdict["at_bounds"]:
+        listed = ", ".join(f"{label} at {at:g}" for label, at in verdict["at_bounds"].items())
+        yield (
+            f"Gains are at their bounds: {listed}. What is best may lie beyond them; see "
+            "`[tuning.parameters]`."
+        )
+    singular = verdict["singular"]
+    if singular is not None and singular > DOMINANT_FRACTION:
+        yield (
+            f"The cost is dominated by the singularity of (w, z): {singular:.1%} of it on held-out "
+            "cases is what |w|, which has no bound upside down, and z, which counts turns, add to "
+            'the cost of the rotation; see `simulation.attitude_cost = "rotation"`.'
+        )
+
+
+def _conclusion(verdict: Record) -> str:
+    better, overfitting = verdict["better"], verdict["overfitting"]
+    ends = [better["low"], better["high"]]
+    unsure = "" if None not in ends and ends[0] * ends[1] > 0 else ", which does not exclude zero"
+    text = f"Mean cost before less after, case by case: {_cell(better).text}{unsure}."
+    if overfitting is None:
+        return text
+    side = "above" if overfitting > 0 else "below"
+    return (
+        f"{text} The objective on held-out cases is {abs(overfitting):.1%} {side} that on the "
+        "training seed's."
+    )
+
+
+def _gains(verdict: Record) -> Table:
+    rows = [
+        [name, *(Shown(_form(one[when], ".6g"), one[when]) for when in ("before", "after"))]
+        for name, one in verdict["gains"].items()
+    ]
+    return Table("Gains", ["gain", "before", "after"], rows)
+
+
+def _evaluations(verdict: Record) -> Table:
+    """Settling, effort and cost before and after."""
+    found = [verdict[name] for name in EVALUATIONS]
+    rows: list[list[Cell]] = [
+        ["cases", *(one["cases"] for one in found)],
+        ["settled", *(_fraction(one["settled"]) for one in found)],
+    ]
+    for percent in (50, 90):
+        times = [_percentile(one["settling_time"], percent) for one in found]
+        rows.append([f"settling time of those, {percent} % (s)", *times])
+    rows.append(["effort, median (N m s)", *(_percentile(one["effort"], 50) for one in found)])
+    rows.append(["mean cost of those that end", *(_cell(one["cost"]) for one in found)])
+    rows.append(["failed", *(_fraction(one["failed"]) for one in found)])
+    if found[0]["alarming"] is not None:
+        rows.append(["failed or above the alarm", *(_fraction(one["alarming"]) for one in found)])
+    rows.append(["objective", *(one["loss"] for one in found)])
+    note = f"The exact law; no gain was tuned on the held-out cases. {INTERVALS}"
+    return Table("Before and after", ["quantity", *EVALUATIONS.values()], rows, note)
+
+
+def _baselines(found: Sequence[Record], absent: Sequence[str]) -> Table:
+    rows: list[list[Cell]] = []
+    for entry in found:
+        evaluation, reached = entry["evaluation"], " (target reached)" if entry["reached"] else ""
+        rows.append(
+            [
+                entry["method"],
+                Shown(f"{entry['trajectories']:.0f}{reached}", entry["trajectories"]),
+                entry["loss"],
+                evaluation["loss"],
+                _cell(evaluation["cost"]),
+                *(_fraction(evaluation[name]) for name in ("settled", "failed", "alarming")),
+            ]
+        )
+    columns = ["method", "trajectories", "objective on validation", "objective held out",
+               "mean cost of those that end", "settled", "failed",
+               "failed or above the alarm"]  # fmt: skip
+    left = f"Left out, as their packages are not installed: {', '.join(absent)}." if absent else ""
+    return Table("Other methods, with as many trajectories", columns, rows, left)
+
+
+def _derivatives(receipt: Record) -> Table:
+    rows: list[list[Cell]] = [
+        row for name, place in PLACES.items() for row in _compared(place, receipt, receipt[name])
+    ]
+    note = (
+        "Derivatives of the mean cost as the run takes them, and the central difference that "
+        "agrees best. The run rests on the law it differentiates, in the rows start and end; the "
+        "rows of the exact law show what the same method makes of it."
+    )
+    columns = ["where", "gain", "derivative", "difference", "half width", "relative error",
+               "cases"]  # fmt: skip
+    return Table("Receipt: can the gradients be trusted?", columns, rows, note)
+
+
+def _compared(place: str, receipt: Record, entry: Record) -> Iterator[list[Cell]]:
+    left_out = f" ({entry['left_out']} left out)" if entry["left_out"] else ""
+    columns = (entry[name] for name in ("automatic", "difference", "step", "error"))
+    for label, *values in zip(receipt["labels"], *columns, strict=True):
+        forms = (".6g", ".6g", ".0e", ".1e")
+        numbers = (Shown(_form(*one), one[0]) for one in zip(values, forms, strict=True))
+        yield [place, label, *numbers, Shown(f"{entry['cases']}{left_out}", entry["cases"])]
+
+
+def _receipt(receipt: Record) -> Iterator[str]:
+    widths = ", ".join(f"{name} = {value:g}" for name, value in receipt["widths"].items())
+    yield (
+        f"Smoothing: {widths or 'no widths'}. Costs of the law that is differentiated, with thrust "
+        "in place of pulses where thrusters push, differ from the exact law's by "
+        f"{_form(receipt['smoothing_bias'], '.2%')} (median), at most "
+        f"{_form(receipt['largest_smoothing_bias'], '.2%')}."
+    )
+    yield f"Finer steps change the costs by {_steps(receipt)}, relative."
+    yield (
+        f"Of {receipt['gradient_samples']} runs that gradients were taken of, {receipt['failed']} "
+        f"ended early and were charged for it, {receipt['masked']} were left out and "
+        f"{receipt['bounded']} counted for less than their derivative."
+    )
+
+
+def _without_derivatives(receipt: Record) -> Iterator[str]:
+    yield (
+        "The run takes no derivatives: it compares points of the exact law on the same cases, "
+        f"{receipt['failed']} runs of which ended early."
+    )
+    yield (
+        f"Finer steps change what cases count by {_steps(receipt)}, relative to their mean. Where "
+        "pulses and alarms fall otherwise, single cases differ; the verdict is of many."
+    )
+
+
+def _steps(receipt: Record) -> str:
+    usual, most = receipt["step_sensitivity"], receipt["largest_step_sensitivity"]
+    return f"{_form(usual, '.1e')} (median), at most {_form(most, '.1e')}"
+
+
+def _form(value: float | None, form: str = ".4g") -> str:
+    return "–" if value is None else format(value, form)
+
+
+def _cell(record: Record | None) -> Shown:
+    return interval_cell(interval_of(record))
+
+
+def _percentile(record: Record, percent: int) -> Shown:
+    return _cell(record.get(f"{percent}.0"))
+
+
+def _fraction(record: Record | None) -> Cell:
+    found = interval_of(record)
+    return None if found is None else fraction_cell(found)
