@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.cli.computing import in_background, interruptibly
+from jaxsat.cli.computing import dask_unseen, in_background, interruptibly
 from jaxsat.cli.integration_error import errors_of, excessive_error
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report
@@ -61,7 +61,7 @@ def simulate(
     from jaxsat.store import OutputError, OutputFolder
 
     try:
-        with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
+        with dask_unseen(), OutputFolder(target, kind="run", overwrite=overwrite) as folder:
             show_progress(f"simulating {scenario}")
             in_background("jaxsat.report.figures")
             remarks: list[str] = []
