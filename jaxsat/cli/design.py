@@ -36,7 +36,8 @@ from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
     from jaxsat.studies import Work
-    from jaxsat.synthesis.controller_design import ControllerDesign, Vehicle
+    from jaxsat.synthesis.controller_design.reading import Vehicle
+    from jaxsat.synthesis.controller_design.result import ControllerDesign
 
 MAX_STEPS, MAX_CASES, MIN_SETTLED = 10_000, 10**6, 1e-6
 CASE = 400
