@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.computing import dask_unseen, interruptibly, use_double_precision
 from jaxsat.cli.loading import vehicle_or_explain
 from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report, number, whole
 from jaxsat.cli.places import try_folder
@@ -256,7 +256,8 @@ def _write_folder(
         save_figures(lambda: {**_figures(judgement, cases), **drift[1]()}, folder.write)
 
     try:
-        with OutputFolder(out, kind="controllability", overwrite=overwrite) as folder:
+        folder = OutputFolder(out, kind="controllability", overwrite=overwrite)
+        with dask_unseen(), folder:
             interruptibly(lambda: write(folder))
     except OutputError as error:
         raise output_problem(error) from None

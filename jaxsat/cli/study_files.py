@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.computing import interruptibly
+from jaxsat.cli.computing import dask_unseen, interruptibly
 from jaxsat.cli.terminal import UserMistake, output_problem, print_stderr, print_stdout
 
 if TYPE_CHECKING:
