@@ -47,10 +47,14 @@ from jaxsat.controllability import (
     analyse as analyse,
     failure_table as failure_table,
 )
-from jaxsat.synthesis.controller_design import (
-    ControllerDesign as ControllerDesign,
-    design as design,
+from jaxsat.synthesis.controller_design.reading import (
     read_vehicle as read_vehicle,
+)
+from jaxsat.synthesis.controller_design.result import (
+    ControllerDesign as ControllerDesign,
+)
+from jaxsat.synthesis.controller_design.run import (
+    design as design,
 )
 from jaxsat.synthesis.execution import (
     Execution as Execution,

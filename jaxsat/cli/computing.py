@@ -6,8 +6,9 @@ import importlib
 import os
 import sys
 import threading
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import TypeVar, cast
 
 Result = TypeVar("Result")
 
@@ -52,6 +53,22 @@ def _in_a_thread(work: Callable[[], Result]) -> Result:
     if failure:
         raise failure[0]
     return outcome[0]
+
+
+@contextlib.contextmanager
+def dask_unseen() -> Iterator[None]:
+    """Hide dask from xarray, which imports all of it where it is installed, to label one array.
+
+    Nothing is hidden where a part of a user's own has imported either.
+    """
+    hidden = not {"dask", "xarray"} & sys.modules.keys()
+    if hidden:
+        sys.modules["dask"] = cast(ModuleType, None)  # which Python takes for: there is none
+    try:
+        yield
+    finally:
+        if hidden:
+            del sys.modules["dask"]
 
 
 def in_background(module: str) -> None:

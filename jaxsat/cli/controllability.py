@@ -4,7 +4,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.computing import dask_unseen, interruptibly, use_double_precision
 from jaxsat.cli.loading import vehicle_or_explain
 from jaxsat.cli.options import Flag, Overrides, Results, number, whole
 from jaxsat.cli.places import try_folder
@@ -65,7 +65,7 @@ def controllability(
     if out is not None:
         show_progress("drawing maps")
         try:
-            with opened() as folder:
+            with dask_unseen(), opened() as folder:
                 interruptibly(lambda: found.write(folder))
         except OutputError as error:
             raise output_problem(error) from None

@@ -21,7 +21,7 @@ from jaxsat.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from jaxsat.synthesis.controller_design import ControllerDesign
+    from jaxsat.synthesis.controller_design.result import ControllerDesign
 
 MAX_STEPS, MAX_CASES, MIN_SETTLED = 10_000, 10**6, 1e-6
 

@@ -10,7 +10,7 @@ from jaxsat.cli.terminal import UserMistake, print_warning
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
     from jaxsat.scenario.build.load import Purpose
-    from jaxsat.synthesis.controller_design import Vehicle
+    from jaxsat.synthesis.controller_design.reading import Vehicle
 
 
 def load_or_explain(
@@ -27,13 +27,19 @@ def load_or_explain(
 
     also = None
     if purpose == "tuning":
-        from jaxsat.synthesis.tuning.build import try_tuning
-
-        purpose, also = "study", try_tuning
+        purpose, also = "study", _try_tuning
     try:
         return load(name_or_path, overrides, purpose=purpose, also=also, caution=print_warning)
     except ScenarioError as error:
         raise UserMistake(str(error), located=True) from None
+
+
+def _try_tuning(scenario: "Scenario") -> None:
+    """Raise `BuildError` where the gains cannot be tuned as `[tuning]`, if it is there, says."""
+    if scenario.tuning is not None:
+        from jaxsat.synthesis.tuning.build import try_tuning
+
+        try_tuning(scenario)
 
 
 def vehicle_or_explain(name_or_path: str, overrides: Sequence[str] = ()) -> "Vehicle":
@@ -41,7 +47,7 @@ def vehicle_or_explain(name_or_path: str, overrides: Sequence[str] = ()) -> "Veh
     show_progress(f"reading {name_or_path}")
     use_double_precision()
     from jaxsat.scenario import ScenarioError
-    from jaxsat.synthesis.controller_design import read_vehicle
+    from jaxsat.synthesis.controller_design.reading import read_vehicle
 
     try:
         return read_vehicle(name_or_path, overrides, caution=print_warning)

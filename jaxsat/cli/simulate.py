@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.advice import failure_advice
-from jaxsat.cli.computing import in_background, interruptibly
+from jaxsat.cli.computing import dask_unseen, in_background, interruptibly
 from jaxsat.cli.integration_error import errors_of, excessive_error
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import Overrides, Results
@@ -55,7 +55,8 @@ def simulate(
     from jaxsat.store import OutputError, OutputFolder
 
     try:
-        with OutputFolder(target, kind="run", overwrite=results.overwrite) as folder:
+        written = OutputFolder(target, kind="run", overwrite=results.overwrite)
+        with dask_unseen(), written as folder:
             show_progress(f"simulating {scenario}")
             in_background("jaxsat.report.figures")
             remarks: list[str] = []

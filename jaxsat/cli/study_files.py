@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.computing import interruptibly
+from jaxsat.cli.computing import dask_unseen, interruptibly
 from jaxsat.cli.terminal import UserMistake, output_problem, print_stderr, print_stdout
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def write_one_case(
     from jaxsat.store import OutputError, OutputFolder, dataset_bytes
 
     try:
-        with OutputFolder(target, kind="run", overwrite=overwrite) as folder:
+        with dask_unseen(), OutputFolder(target, kind="run", overwrite=overwrite) as folder:
             dataset, drawn = interruptibly(lambda: replayed(scenario, study, number))
             folder.write("scenario.toml", dataset.attrs["scenario"])
             folder.write("trajectory.nc", dataset_bytes(dataset))

@@ -1,10 +1,9 @@
 """How the law that diagnoses its thrusters is built of a table."""
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple, cast
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple, TypeVar, cast
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -33,6 +32,9 @@ LEAST_NOISE = 1e-3
 
 DIGITS = 9
 """Of planes and limits that count as the same."""
+
+
+Tree = TypeVar("Tree")
 
 
 class Steps(NamedTuple):
@@ -106,10 +108,15 @@ def _settling(
         of_set.append(place or 0)
     if not laws:
         return tuple(known), None
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(law for law, _, _ in laws))
+    stacked = _stacked(law for law, _, _ in laws)
     directions = np.stack([directions for _, directions, _ in laws])
-    leaks = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(leaks for _, _, leaks in laws))
+    leaks = _stacked(leaks for _, _, leaks in laws)
     return tuple(known), SettlingLaws(stacked, as_array(np.array(of_set)), directions, leaks)
+
+
+def _stacked(trees: Iterable[Tree]) -> Tree:
+    """One tree, with a leading axis, of many alike."""
+    return jax.tree.map(lambda *leaves: as_array(np.stack(leaves)), *trees)
 
 
 def _plane_axes(

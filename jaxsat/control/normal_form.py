@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxsat.core.attitude import Quaternion
-from jaxsat.core.checks import as_float
+from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.inertia import normal_axes
 from jaxsat.core.quotients import reciprocal
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
@@ -72,13 +72,15 @@ class NormalForm(eqx.Module):
     @property
     def inertia(self) -> Float[Array, "3 3"]:
         """J along (x, y, n), kg m²."""
-        return self.axes @ self.model.spacecraft.inertia @ self.axes.T
+        _, axes, inertia = numpy_if_known(self.axes, self.model.spacecraft.inertia)
+        return as_float(axes @ inertia @ axes.T)
 
     @property
     def lean(self) -> Float[Array, "2"]:
         """(ε1, ε2): n·ω = s + ε1 p1 + ε2 p2."""
-        third = self.inertia[2]
-        return -third[:2] / third[2]
+        _, inertia = numpy_if_known(self.inertia)
+        third = inertia[2]
+        return as_float(-third[:2] / third[2])
 
     @property
     def reduced_inertia(self) -> Float[Array, "2 2"]:
@@ -86,21 +88,22 @@ class NormalForm(eqx.Module):
 
         diag(S1, S2) for the inertia that the frame was made of.
         """
-        inertia = self.inertia
+        _, inertia = numpy_if_known(self.inertia)
         side = inertia[:2, 2]
-        return inertia[:2, :2] - side[:, None] * side[None, :] / inertia[2, 2]
+        return as_float(inertia[:2, :2] - side[:, None] * side[None, :] / inertia[2, 2])
 
     @property
     def moments(self) -> Float[Array, "3"]:
         """S1, S2 and n·Jn, which take the place of J1, J2 and J3, kg m²."""
         reduced = self.reduced_inertia
-        return jnp.stack([reduced[0, 0], reduced[1, 1], self.inertia[2, 2]])
+        xp, reduced, inertia = numpy_if_known(self.reduced_inertia, self.inertia)
+        return as_float(xp.stack([reduced[0, 0], reduced[1, 1], inertia[2, 2]]))
 
     @property
     def coupling(self) -> RealScalar:
         """c = (S1 - S2) / n·Jn: ds/dt = c p1 p2 + ..."""
-        first, second, third = self.moments
-        return (first - second) / third
+        _, (first, second, third) = numpy_if_known(self.moments)
+        return as_float((first - second) / third)
 
     @property
     def other_products(self) -> Float[Array, "6"]:
@@ -118,7 +121,8 @@ class NormalForm(eqx.Module):
     def gradient_rate(self) -> Float[Array, "3"]:
         """√3 ω0 times the direction to the Earth's centre along (x, y, n) at the wanted attitude,
         rad/s, see `ThirdAxisEstimator`."""
-        return math.sqrt(3) * self.model.orbit.rate * self.axes[:, 2]
+        _, axes, rate = numpy_if_known(self.axes, self.model.orbit.rate)
+        return as_float(math.sqrt(3) * rate * axes[:, 2])
 
     @property
     def rest(self) -> Float[Array, "3"]:

@@ -15,7 +15,6 @@ from typing import TypeVar, cast
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -184,19 +183,20 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
     estimate expects at least the `noise` (rad/s) that the measured rates have.
     """
     unit = _scaling(law.form, float(law.torque_limit), float(law.period)).fine_time
-    amplitude = law.fine.holding_amplitude
+    amplitude = float(law.fine.holding_amplitude)
     known = STEADY / unit**2, STEADY_DRIFT / unit**2.5, CALM * amplitude
     ripple = cast(RippleFilter, law.estimator.observer)
+    noise = max(float(ripple.noise), noise)
     observer = dataclasses.replace(
-        ripple, steady=Steady(*map(as_float, known)), noise=jnp.maximum(ripple.noise, noise)
+        ripple, steady=Steady(*map(as_float, known)), noise=as_float(noise)
     )
-    amplitude = jnp.maximum(amplitude - PULSE_SHARE * pulse, LEAST_QUIET * amplitude)
+    amplitude = max(amplitude - PULSE_SHARE * pulse, LEAST_QUIET * amplitude)
     fine = dataclasses.replace(
         law.fine,
         handover=dataclasses.replace(law.fine.handover, coasts=True),
-        holding_amplitude=amplitude,
+        holding_amplitude=as_float(amplitude),
     )
-    balanced = BALANCED * law.form.coupling * amplitude**2 / 2
+    balanced = as_float(BALANCED * law.form.coupling * amplitude**2 / 2)
     estimator = dataclasses.replace(law.estimator, observer=observer, balanced=balanced)
     return eqx.tree_at(lambda one: (one.estimator, one.fine), law, (estimator, fine))
 

@@ -10,7 +10,9 @@ neither the unit of inertia nor the length of a torque axis changes a number.
 
 import itertools
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 
@@ -81,20 +83,23 @@ def generating_vectors(
     count = torque_axes.shape[1]
     scale = jnp.max(jnp.abs(torque_axes), axis=0, keepdims=True)
     scaled = torque_axes / jnp.where(scale > 0, scale, 1.0)
-    axes = [_ratio(column, _length(column)) for column in scaled.T]
-    pairs = itertools.combinations_with_replacement(range(count), 2)
-    products = {(i, j): relative_product(inverse, axes[i], axes[j]) for i, j in pairs}
-    sizes = [_length(products[i, i]) for i in range(count)]
-    units = [_ratio(products[i, i], sizes[i]) for i in range(count)]
-    second = [sizes[i] * relative_product(inverse, axes[i], units[i]) for i in range(count)]
-    third = [sizes[i] * relative_product(inverse, units[i], units[i]) for i in range(count)]
-    columns = [*axes, *products.values(), *second, *third]
-    return jnp.stack(columns, axis=1) if columns else jnp.zeros((3, 0), inertia.dtype)
+    product = jax.vmap(relative_product, (None, 0, 0))
+    lengths, ratios = jax.vmap(_length), jax.vmap(_ratio)
+    axes = ratios(scaled.T, lengths(scaled.T))
+    first, other = np.triu_indices(count)  # pairs in the order of `generator_names`
+    products = product(inverse, axes[first], axes[other])
+    own = products[first == other]
+    sizes = lengths(own)
+    units = ratios(own, sizes)
+    second = sizes[:, None] * product(inverse, axes, units)
+    third = sizes[:, None] * product(inverse, units, units)
+    return jnp.concatenate([axes, products, second, third]).T
 
 
-def _rotate(rows: list[Float[Array, " k"]], i: int, j: int) -> None:
-    """Make two rows orthogonal by a plane rotation (one-sided Jacobi)."""
-    a, b = rows[i], rows[j]
+def _rotated(
+    a: Float[Array, " k"], b: Float[Array, " k"]
+) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+    """Two rows made orthogonal by a plane rotation (one-sided Jacobi)."""
     alpha, beta, gamma = a @ a, b @ b, a @ b
     active = jnp.abs(gamma) > 0
     tau = (beta - alpha) / (2.0 * jnp.where(active, gamma, 1.0))
@@ -105,20 +110,24 @@ def _rotate(rows: list[Float[Array, " k"]], i: int, j: int) -> None:
     root = jnp.where(large, jnp.abs(tau), jnp.sqrt(1.0 + safe * safe))
     tangent = jnp.where(active, sign / (jnp.abs(tau) + root), 0.0)
     cosine = 1.0 / jnp.sqrt(1.0 + tangent * tangent)
-    rows[i] = cosine * (a - tangent * b)
-    rows[j] = cosine * (b + tangent * a)
+    return cosine * (a - tangent * b), cosine * (b + tangent * a)
 
 
 def singular_values(vectors: Float[Array, "3 k"]) -> Float[Array, "3"]:
     """The three singular values, largest first, by six sweeps of one-sided Jacobi.
 
-    Unrolled arithmetic without LAPACK: a vmapped map over 10⁵ layouts stays one fused loop, and a
-    small value keeps its absolute accuracy (it is not squared).
+    Without LAPACK: a map over 10⁵ layouts is one loop, and a small value keeps its absolute
+    accuracy (it is not squared).
     """
-    rows = [vectors[0], vectors[1], vectors[2]]
-    for _ in range(6):
-        for i, j in ((0, 1), (0, 2), (1, 2)):
-            _rotate(rows, i, j)
+
+    def sweep(_, rows):
+        a, b, c = rows
+        a, b = _rotated(a, b)
+        a, c = _rotated(a, c)
+        b, c = _rotated(b, c)
+        return a, b, c
+
+    rows = jax.lax.fori_loop(0, 6, sweep, (vectors[0], vectors[1], vectors[2]))
     values = [jnp.sqrt(row @ row) for row in rows]
     largest = jnp.maximum(jnp.maximum(values[0], values[1]), values[2])
     smallest = jnp.minimum(jnp.minimum(values[0], values[1]), values[2])

@@ -180,13 +180,8 @@ def gramian_time_scales(
             break  # many revolutions: 64 nodes no longer resolve them
         inputs = stretch[:, None] * linear.input_matrix * horizon
         # A factor of the Gramian: its singular values are not squared.
-        factor = np.concatenate(
-            [
-                np.sqrt(0.5 * w) * expm(-0.5 * (x + 1.0) * state) @ inputs
-                for x, w in zip(nodes, weights, strict=True)
-            ],
-            axis=1,
-        )
+        parts = expm(-0.5 * (nodes[:, None, None] + 1.0) * state) @ inputs
+        factor = np.concatenate(list(np.sqrt(0.5 * weights)[:, None, None] * parts), axis=1)
         directions, values, _ = np.linalg.svd(factor, full_matrices=False)
         solid = values > 1e-13 * values[:1]
         for k in (int(k) for k in np.flatnonzero(np.isnan(found))):

@@ -14,9 +14,10 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.core.checks import as_float
+from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.quotients import reciprocal
 
 
@@ -91,10 +92,11 @@ class WZ(AbstractAttitude):
 
     def as_quaternion(self) -> "Quaternion":
         """The turn z/2 and the tilt combined; changes sign as z grows by 2π."""
-        w1, w2 = self.w
-        c, s = jnp.cos(self.z / 2), jnp.sin(self.z / 2)
-        q = jnp.stack([c, w1 * c - w2 * s, w2 * c + w1 * s, s])
-        return Quaternion(q / jnp.sqrt(1 + w1**2 + w2**2))
+        xp, (w1, w2), z = numpy_if_known(self.w, self.z)
+        c, s = xp.cos(z / 2), xp.sin(z / 2)
+        q = xp.stack([c, w1 * c - w2 * s, w2 * c + w1 * s, s])
+        size = xp.sqrt(1 + w1**2 + w2**2)
+        return Quaternion(q * (1 / size) if xp is np else q / size)  # as XLA divides, bit for bit
 
     def as_wz(self) -> "WZ":
         """Itself."""
@@ -160,7 +162,9 @@ class Quaternion(AbstractAttitude):
 
     def normalised(self) -> "Quaternion":
         """Scaled to unit length."""
-        return Quaternion(self.q * reciprocal(jnp.sqrt(jnp.sum(self.q**2))))
+        xp, q = numpy_if_known(self.q)
+        size = xp.sqrt(xp.sum(q**2))
+        return Quaternion(q * (1 / size if xp is np else reciprocal(size)))
 
 
 class DCM(AbstractAttitude):

@@ -1,5 +1,7 @@
 """Checks and conversions used where an object is made, and nowhere else."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,6 +39,15 @@ def as_optional_float(value: ArrayLike | list | tuple | None) -> Inexact[Array, 
 def concrete(value: ArrayLike) -> np.ndarray | None:
     """The value as a NumPy array, or `None` while it is being traced (then nothing is checked)."""
     return None if isinstance(value, Tracer) else np.asarray(value)
+
+
+def numpy_if_known(*values: Array) -> tuple[Any, ...]:
+    """`numpy` and the values as its arrays where all are known, else `jax.numpy` and the values.
+
+    For what is also made once, of known numbers: JAX would compile every operation of it.
+    """
+    known = [concrete(value) for value in values]
+    return (jnp, *values) if any(one is None for one in known) else (np, *known)
 
 
 def require_finite(name: str, value: ArrayLike) -> None:

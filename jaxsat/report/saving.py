@@ -54,8 +54,10 @@ def _drawn(name: str, figure: "Figure | Callable[[], Figure]") -> dict[str, byte
     found = {}
     try:
         made = figure() if callable(figure) else figure
-        made.draw_without_rendering()
-        made.set_layout_engine("none")  # laid out once, for both
+        engine = made.get_layout_engine()
+        if engine is not None:
+            engine.execute(made)
+            made.set_layout_engine("none")  # laid out once, for both
         for ending, draw, metadata in (
             ("png", FigureCanvasAgg(made).print_png, {"Software": None}),
             ("svg", FigureCanvasSVG(made).print_svg, {"Date": None}),

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.core.checks import as_float, require_finite, require_positive
+from jaxsat.core.checks import as_float, numpy_if_known, require_finite, require_positive
 from jaxsat.core.declaration.sensors import GYRO_KEYS
 
 
@@ -62,7 +62,8 @@ class Gyro(eqx.Module):
 
     def rate_variance(self, period: Float[Array, ""]) -> Float[Array, ""]:
         """Variance of the white noise of one sample, (rad/s)², for samples `period` s apart."""
-        return self.noise_density**2 / period + self.bias_walk**2 * period / 12
+        _, noise, walk, period = numpy_if_known(self.noise_density, self.bias_walk, period)
+        return as_float(noise**2 / period + walk**2 * period / 12)
 
     def first_bias(self, noise: Float[Array, "3"]) -> Float[Array, "3"]:
         """The bias at the start, rad/s, made of standard normal numbers."""

@@ -62,7 +62,7 @@ def thruster_context(scenario: Scenario) -> ThrusterContext | None:
     delay = 0.0 if scenario.sampling is None else getattr(scenario.sampling, DELAY.name)
 
     def late(ramp: Any) -> np.ndarray:
-        times = (thrusters.valve_delay, None if ramp is None else ramp / 2)
+        times = (thrusters.valve_delay, None if ramp is None else np.asarray(ramp) / 2)
         return sum((np.asarray(one) for one in times if one is not None), zero + delay)
 
     model = ThrusterModel(

@@ -1,6 +1,7 @@
 """From a scenario to the objects of the core."""
 
 import enum
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, cast
@@ -80,13 +81,27 @@ def build(scenario: Scenario) -> Run:
     """The closed loop of a scenario, its start, the times to save and the way to integrate.
 
     Raises `PrecisionError` where JAX is set to 32-bit floats, and `BuildError`, which names the
-    key, where the numbers of the scenario make no such loop.
+    key, where the numbers of the scenario make no such loop. What was built last is not built again
+    for the same scenario.
     """
     if not jax.config.read("jax_enable_x64"):
         raise PrecisionError(
             "Scenarios need 64-bit floats, but JAX is set to 32-bit ones: call "
             '`jax.config.update("jax_enable_x64", True)` first.'
         )
+    for known, run in _latest:
+        if known() is scenario:
+            return run
+    run = _build(scenario)
+    _latest[:] = [(weakref.ref(scenario), run)]
+    return run
+
+
+_latest: list[tuple[weakref.ref[Scenario], Run]] = []
+"""The scenario that was built last, and what it became: both are frozen."""
+
+
+def _build(scenario: Scenario) -> Run:
     loop = build_loop(scenario)
     with at_key("initial"):
         start = made_of_numbers(build_start(scenario))

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.checks import as_array
 from jaxsat.core.jax_internals import Tracer
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.core.trees import strong
@@ -120,16 +121,17 @@ def _planned(
     """The flight, or what stands in its way."""
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((loop, start, method))):
         return "JAX traces its numbers", None
-    gaps = np.diff(np.asarray(times))
-    if times[0] != 0 or np.ptp(gaps) > 1e-9 * times[-1]:
+    known = np.asarray(times)
+    gaps = np.diff(known)
+    if known[0] != 0 or np.ptp(gaps) > 1e-9 * known[-1]:
         return "the times to save are not even, from zero on", None
-    save_every = float(times[-1]) / len(gaps)
+    save_every = float(known[-1]) / len(gaps)
     stepper = _stepper(loop, method, save_every)
     if isinstance(stepper, str):
         return stepper, None
     interval, every, pulsed = save_every, 1, False
     if isinstance(loop, SampledLoop):
-        interval, every = loop.controller.period, int(sample_numbers(loop, jnp.asarray(times))[1])
+        interval, every = loop.controller.period, int(sample_numbers(loop, times)[1])
         pulsed = isinstance(loop.actuators, AbstractPulsedActuators)
     arrays, rest = eqx.partition((loop, start), eqx.is_array)
     case, structure = jax.tree.flatten(arrays)
@@ -186,7 +188,7 @@ def _thinned(signals: Signals, every: int) -> Signals:
 
 
 def _trajectory(times, outputs: Outputs, signals: Signals) -> Trajectory:
-    outputs, signals = jax.tree.map(jnp.asarray, (outputs, signals))
+    outputs, signals = jax.tree.map(lambda x: as_array(np.asarray(x)), (outputs, signals))
     details, ranges = outputs.details, signals.torque_range
     assert details is not None
     found = Assessment(

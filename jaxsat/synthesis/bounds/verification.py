@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
 from jaxsat.synthesis.bounds.transcription import Solution
@@ -65,6 +64,8 @@ def propagate(manoeuvre: Manoeuvre, solution: Solution) -> Verification:
     def relative_rate(cosines, omega):
         axis = np.eye(3)[1] if manoeuvre.small_angle else cosines[:, 1]
         return omega + manoeuvre.orbit_rate * axis
+
+    from scipy.integrate import solve_ivp  # takes its time, and a check flies nothing
 
     y = np.concatenate([_cosines(manoeuvre.quaternion).ravel(), manoeuvre.omega])
     for number, thrust in enumerate(solution.thrust):
