@@ -1,5 +1,8 @@
 """Elementary functions by mpmath and NumPy, and errors in units in the last place."""
 
+import math
+from typing import NamedTuple
+
 import mpmath as mp
 import numpy as np
 import scipy.special
@@ -77,13 +80,27 @@ NUMPY = {
 }
 
 
-def exact_values(name: str, arguments: tuple[np.ndarray, ...]) -> list[mp.mpf]:
+class Exact(NamedTuple):
+    """Exact values as the nearest doubles and what these lack, in units in their last place."""
+
+    nearest: np.ndarray
+    rest: np.ndarray
+
+
+def exact_values(name: str, arguments: tuple[np.ndarray, ...]) -> Exact:
+    rows = zip(*(x.tolist() for x in arguments), strict=True)
     if name == "pow":
         # An exponent of 1e9 costs nine digits of the logarithm.
         with mp.workdps(60):
-            return [_bounded_power(float(x), float(y)) for x, y in zip(*arguments, strict=True)]
-    reference = REFERENCES[name]
-    return [reference(*map(mp.mpf, map(float, row))) for row in zip(*arguments, strict=True)]
+            values = [_bounded_power(x, y) for x, y in rows]
+    else:
+        values = [REFERENCES[name](*map(mp.mpf, row)) for row in rows]
+    nearest = np.array([float(value) for value in values])
+    rest = np.zeros(nearest.size)
+    for i in np.flatnonzero(np.isfinite(nearest)):
+        near = float(nearest[i])
+        rest[i] = float((values[i] - near) / math.ulp(near))
+    return Exact(nearest, rest)
 
 
 def _bounded_power(x: float, y: float) -> mp.mpf:
@@ -95,19 +112,14 @@ def _bounded_power(x: float, y: float) -> mp.mpf:
     return _power(mp.mpf(x), mp.mpf(y))
 
 
-def errors_in_ulps(values: np.ndarray, exact: list[mp.mpf], smallest: float = 0.0) -> np.ndarray:
+def errors_in_ulps(values: np.ndarray, exact: Exact, smallest: float = 0.0) -> np.ndarray:
     """Errors in units in the last place; results of less than `smallest` pass."""
-    errors = np.zeros(values.size)
-    for i, (value, true) in enumerate(zip(values, exact, strict=True)):
-        nearest = float(true)
-        if abs(true) < smallest:
-            continue
-        if np.isnan(nearest) or np.isinf(nearest):
-            errors[i] = 0.0 if np.array_equal(value, nearest, equal_nan=True) else np.inf
-        elif not np.isfinite(value):
-            limit = np.finfo(float).max
-            errors[i] = 1.0 if abs(true) > limit * (1 - 2**-52) else np.inf
-        else:
-            spacing = float(np.spacing(abs(nearest)))
-            errors[i] = float(abs(mp.mpf(float(value)) - true) / mp.mpf(spacing))
-    return errors
+    nearest, rest = exact
+    limit = np.finfo(float).max
+    with np.errstate(all="ignore"):
+        errors = np.abs((values - nearest) / np.spacing(np.abs(nearest)) - rest)
+        overflown = np.where(np.abs(nearest) >= limit * (1 - 2**-52), 1.0, np.inf)
+    errors = np.where(np.isfinite(values), errors, overflown)
+    same = (values == nearest) | (np.isnan(values) & np.isnan(nearest))
+    errors = np.where(np.isfinite(nearest), errors, np.where(same, 0.0, np.inf))
+    return np.where(np.abs(nearest) < smallest, 0.0, errors)

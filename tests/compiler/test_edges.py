@@ -22,9 +22,6 @@ from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.lowering import RULES, as_elements, lower
 from jaxsat.core.jaxprs import jaxpr_of
 
-FEW = 12
-"""So many constants are tried beside variables; all of them take long to compile."""
-
 QUICK = ("float64", "int32", "bool")
 TYPES = [
     pytest.param(dtype, id=str(dtype), marks=() if dtype.name in QUICK else pytest.mark.slow)
@@ -200,22 +197,6 @@ def _check_beside(dtype: np.dtype, fixed: np.ndarray) -> None:
 def _place(values: np.ndarray, one: np.generic) -> int:
     """Where a number is among values, by its bits."""
     return [x.tobytes() for x in values].index(one.tobytes())
-
-
-def _few(dtype: np.dtype) -> np.ndarray:
-    values = edge_values(dtype)
-    certain = {"f": [-0.0, 0.0, 1.0, np.nan], "i": [0, 1, -1], "u": [0, 1]}
-    least = [np.iinfo(dtype).min] if dtype.kind == "i" else []
-    some = np.array(
-        [*certain.get(dtype.kind, []), *least, *values[:: max(1, len(values) // FEW)]], dtype
-    )
-    return np.array(list({x.tobytes(): x for x in some}.values()), dtype)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("dtype", TYPES)
-def test_constants_and_uniform_numbers_beside_variables(dtype):
-    _check_beside(dtype, _few(dtype))
 
 
 @pytest.mark.slow

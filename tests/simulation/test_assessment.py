@@ -5,10 +5,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from helpers.paper import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
+from helpers.paper import (
+    PAPER_THREE_AXIS,
+    actuators,
+    bodies,
+    three_axis_loop,
+    three_axis_start,
+)
 from helpers.switching import CASE, start, switching_loop
+from jaxsat.control import Coast
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.simulation import simulate
+from jaxsat.simulation import ContinuousLoop, simulate
 from jaxsat.simulation.engine import (
     AbstractCaseFactory,
     AdaptiveStepper,
@@ -133,8 +140,10 @@ def test_the_constraint_torque_is_what_euler_lacks(general):
 def test_gradients_go_past_the_assessment():
     """Reverse mode through a run whose settling is judged."""
 
+    loop = ContinuousLoop(bodies(PAPER_THREE_AXIS)[0], Coast(), actuators())
+
     def last(factor):
-        loop, begin = three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)
+        begin = three_axis_start(PAPER_THREE_AXIS)
         begin = PlantState(begin.attitude, begin.omega * factor)
         return simulate(loop, begin, jnp.array([0.0, 2.0])).signals.z[-1]
 

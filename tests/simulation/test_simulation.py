@@ -60,6 +60,10 @@ class Counter(list):
         return self is other
 
 
+def coasting():
+    return ContinuousLoop(bodies(PAPER_THREE_AXIS)[0], Coast(), actuators())
+
+
 @pytest.mark.slow
 def test_nothing_retraces_when_only_numbers_change():
     counter = Counter()
@@ -115,16 +119,14 @@ def test_a_run_that_turns_into_nan_is_coded(method):
 @pytest.mark.slow
 def test_a_run_out_of_steps_is_coded():
     method = adaptive(max_steps=16)
-    loop, start = three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)
-    result = simulate(loop, start, TIMES * 20, method=method)
+    result = simulate(coasting(), three_axis_start(PAPER_THREE_AXIS), TIMES * 20, method=method)
     assert result.outcome is Outcome.MAX_STEPS
     assert np.isnan(result.signals.z[-1])
 
 
 @pytest.mark.slow
 def test_a_bad_run_in_a_batch_spoils_no_other():
-    loop = three_axis_loop(PAPER_THREE_AXIS)
-    good = three_axis_start(PAPER_THREE_AXIS)
+    loop, good = coasting(), three_axis_start(PAPER_THREE_AXIS)
     starts = jax.tree.map(lambda x: jnp.stack([x, x * jnp.nan, 0.5 * x]), good)
     method = adaptive(1e-8, 1e-8, max_steps=4096)
     batch = eqx.filter_vmap(lambda start: simulate(loop, start, TIMES, method=method))(starts)

@@ -12,7 +12,8 @@ from helpers.thruster_layouts import allocated, canted, pairs, thruster_set
 from jaxsat.control import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
-from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.core.solvers import NamedSolver
+from jaxsat.simulation import SampledLoop, fixed, simulate
 from jaxsat.spacecraft import (
     DeltaSigma,
     FailureEvents,
@@ -84,7 +85,9 @@ def loop_of(torque, modulation, valves, least, size, failures=None, late=False, 
 
 def flown(loop):
     start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA)
-    return simulate(loop, start, np.arange(STEPS + 1) * PERIOD).signals
+    return simulate(
+        loop, start, np.arange(STEPS + 1) * PERIOD, method=fixed(PERIOD, NamedSolver("dopri5"))
+    ).signals
 
 
 def oracle(torque, commands, shape, valves, least, failure=None, turned=(np.inf, None)):
