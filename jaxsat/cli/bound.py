@@ -109,7 +109,9 @@ def _found(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | 
     from jaxsat.synthesis.bounds import UnsolvedBound, UnsuitableScenario
 
     try:
-        return interruptibly(lambda: jaxsat.bound(scenario, objective, report=show_progress, **keys))
+        return interruptibly(
+            lambda: jaxsat.bound(scenario, objective, report=show_progress, **keys)
+        )
     except UnsuitableScenario as error:
         raise unsuitable(error) from None
     except (ValueError, ModuleNotFoundError) as error:
