@@ -122,7 +122,7 @@ def compare(
     `ScenarioError` for a torque limit that no scenario can have, and `OutputError` for a folder
     that cannot be used.
     """
-    limits = _several(torque_limit)
+    limits = tuple(map(float, _several(torque_limit)))
     settings = comparison_settings(_several(laws), _several(level), limits)
     require_suitable(settings)
     _tell_of_untuned(limits, listener)
@@ -136,9 +136,7 @@ def compare(
             folder = kept.path
         run = ComparisonRun(count, seed, folder, execution, listener)
         rows = run.rows(settings)
-        least = [
-            least_bounds(float(one), bounds, seed, end, kept, listener) for one in limits if bounds
-        ]
+        least = [least_bounds(one, bounds, seed, end, kept, listener) for one in limits if bounds]
         found = Comparison(rows, choose_laws(rows), least, least_times(rows, seed, end))
         if kept is not None:
             data = {"seed": seed, **found.as_data()}
