@@ -12,6 +12,7 @@ from jaxsat.cli.comparison_text import comparison_lines, least_text, least_time_
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.options import (
     Cases,
+    Digits,
     End,
     Flag,
     OptionalPath,
@@ -80,6 +81,7 @@ def compare(
     overwrite: Flag = False,
     yes: Flag = False,
     elsewhere: Flag = False,
+    digits: Digits = None,
     quiet: Flag = False,
 ) -> int:
     """Compare laws on the same cases: those of a scenario, or of the acceptance set.
@@ -134,9 +136,12 @@ def compare(
     elsewhere
         Resume stores that were started with other versions or on another processor, if the program
         is the same.
+    digits
+        Significant digits of the numbers that are printed, at least; by default about four.
     quiet
         Print only warnings and errors.
     """
+    del digits  # `jaxsat.cli.app` sees to it
     given = (level, torque_limit, bounds, end, csv) != (("hard",), ("5",), 0, "settled", None)
     if scenario is not None:
         if given:

@@ -1,8 +1,11 @@
 """What `jaxsat compare` prints."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
+
+from jaxsat.core.numerals import fixed_text, number_text
 
 if TYPE_CHECKING:
     from jaxsat.synthesis.comparison import (
@@ -119,9 +122,9 @@ def _cells(row: "ComparisonRow") -> list[str]:
         f"{settled.low:.1%} to {settled.high:.1%}",
         _interval(row.t50),
         _interval(row.t90),
-        _number(row.effort, ".4g"),
-        _number(row.peak_rate, ".2g"),
-        _number(row.paper_start, ".0f"),
+        _number(row.effort, number_text),
+        _number(row.peak_rate, partial(number_text, digits=2)),
+        _number(row.paper_start, _SECONDS),
     ]
 
 
@@ -137,17 +140,20 @@ def _interval(found) -> str:
 
     if not math.isfinite(found.low) and not math.isfinite(found.value):
         return "never"
-    return f"{_number(found.value, '.0f')} ({ends_text(found, '.0f')})"
+    return f"{_number(found.value, _SECONDS)} ({ends_text(found, _SECONDS)})"
 
 
-def _number(value: float, form: str) -> str:
-    return format(value, form) if math.isfinite(value) else "never"
+_SECONDS = partial(fixed_text, places=0)
+
+
+def _number(value: float, shown: Callable[[float], str]) -> str:
+    return shown(value) if math.isfinite(value) else "never"
 
 
 def least_text(least: dict[str, Any]) -> str:
     """Least time and effort from the paper's start at one torque limit."""
     found = [
-        "none found" if value is None else f"{value:.3g} {unit}"
+        "none found" if value is None else f"{number_text(value, 3)} {unit}"
         for value, unit in ((least["time"], "s"), (least["effort"], "N m s"))
     ]
     return (

@@ -9,11 +9,12 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import vehicle_or_explain
-from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report, number, whole
+from jaxsat.cli.options import Digits, Flag, OptionalPath, Overrides, Report, number, whole
 from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout, show_table
+from jaxsat.core.numerals import number_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,6 +48,7 @@ def controllability(
     out: OptionalPath = None,
     report: Report = False,
     overwrite: Flag = False,
+    digits: Digits = None,
     quiet: Flag = False,
     failures: Annotated[int | None, Parameter(converter=whole(0, 99))] = None,
     drift: Flag = False,
@@ -68,6 +70,8 @@ def controllability(
         file.
     overwrite
         Replace the folder, or the file of --report, if jaxsat wrote it.
+    digits
+        Significant digits of the numbers that are printed, at least; by default about four.
     quiet
         Print only warnings and errors.
     failures
@@ -77,6 +81,7 @@ def controllability(
     tolerance
         Margins below this are called borderline; use the relative error of your inertia.
     """
+    del digits  # `jaxsat.cli.app` sees to it
     chosen = vehicle_or_explain(scenario, overrides).scenario
     if report is not False and out is None:
         raise UserMistake("--report: must be given with --out, the folder of the results")
@@ -315,11 +320,6 @@ def count_of(record: "Mapping[str, object]") -> int:
     return 0 if record["failed"] == "none" else len(str(record["failed"]).split())
 
 
-def _cell(value: float) -> str:
-    """A number of the table: nothing where there is none, and never a negative zero."""
-    return "" if math.isnan(value) else f"{value + 0.0:.3g}"
-
-
 def _print(
     lines: list[str], cases: "Sequence[FailureCase]", drift: list[str], failures: int | None
 ) -> None:
@@ -340,7 +340,7 @@ def _print(
         table.add_column(heading, justify="right" if heading in numbers else "left")
     for record in records:
         verdict = Text(str(record["verdict"]), style=COLOURS[str(record["verdict"])])
-        margin, turn = (_cell(float(record[name])) for name in ("margin", "turn_time_s"))
+        margin, turn = (number_text(float(record[name]), 3) for name in ("margin", "turn_time_s"))
         rank = "{rank}" if record["dimension"] == 6 else "{rank} of {dimension}"
         row = (Text(str(record["failed"])), rank.format(**record), verdict, margin)
         row = (*row, turn) if timed else row

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.loading import vehicle_or_explain
 from jaxsat.cli.options import (
+    Digits,
     Flag,
     OptionalPath,
     OptionalSeed,
@@ -68,6 +69,7 @@ def design(
     overwrite: Flag = False,
     yes: Flag = False,
     elsewhere: Flag = False,
+    digits: Digits = None,
     quiet: Flag = False,
 ) -> int:
     """Design a controller for a vehicle with failures, and verify it on cases never seen before.
@@ -119,9 +121,12 @@ def design(
     elsewhere
         Resume a design that was started with other versions or on another processor, if the
         programs are the same.
+    digits
+        Significant digits of the numbers that are printed, at least; by default about four.
     quiet
         Print only warnings and errors.
     """
+    del digits  # `jaxsat.cli.app` sees to it
     vehicle = vehicle_or_explain(scenario, overrides)
     target = Path(f"jaxsat-{Path(scenario).stem}-designed") if out is None else out
     planned = planned_report(report, target, overwrite=overwrite)

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from jaxsat.core.numerals import number_text
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -25,7 +27,8 @@ def error_row(errors: Errors) -> dict[str, str]:
     rate, attitude = errors
     if rate is None or attitude is None:
         return {}
-    text = f"up to {rate:.2g} rad/s and {attitude:.2g} rad by the steps, against halved ones"
+    sizes = f"{number_text(rate, 2)} rad/s and {number_text(attitude, 2)} rad"
+    text = f"up to {sizes} by the steps, against halved ones"
     return {"error": text}
 
 

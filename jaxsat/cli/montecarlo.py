@@ -13,6 +13,7 @@ from jaxsat.cli.options import (
     BatchSize,
     Case,
     Cases,
+    Digits,
     Flag,
     Instants,
     OptionalBatchSize,
@@ -75,6 +76,7 @@ def montecarlo(
     yes: Flag = False,
     elsewhere: Flag = False,
     controller: OptionalPath = None,
+    digits: Digits = None,
     quiet: Flag = False,
 ) -> int:
     """Simulate many dispersed copies of a scenario, as its [dispersion] table says.
@@ -140,9 +142,12 @@ def montecarlo(
     controller
         Library that `make` built in the folder of `jaxsat export`: its C code replaces law and
         estimator, in threads of this process.
+    digits
+        Significant digits of the numbers that are printed, at least; by default about four.
     quiet
         Print only warnings and errors.
     """
+    del digits  # `jaxsat.cli.app` sees to it
     stem = Path(scenario).stem
     if case is not None and figures is not None:
         raise UserMistake("--case: must be given without --figures, which show a whole study")

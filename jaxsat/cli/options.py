@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from jaxsat.cli.terminal import UserMistake
+from jaxsat.core.numerals import MOST_DIGITS
 from jaxsat.core.text import clean
 
 MAX_CASES = 2**32
@@ -99,6 +100,9 @@ def something(option: str, text: str) -> str:
         raise mistake(option, "given with a value", text)
     return text
 
+
+Digits = Annotated[int | None, Parameter(converter=whole(1, MOST_DIGITS))]
+"""Of the numbers that a command prints; `jaxsat.cli.app` sees to it."""
 
 Cases = Annotated[int, Parameter(name=["--count", "-n"], converter=whole(1, MAX_CASES))]
 Case = Annotated[int | None, Parameter(converter=whole(0, MAX_CASES - 1))]

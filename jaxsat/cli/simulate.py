@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from jaxsat.cli.computing import in_background, interruptibly
 from jaxsat.cli.integration_error import errors_of, excessive_error
 from jaxsat.cli.loading import load_or_explain
-from jaxsat.cli.options import Flag, OptionalPath, Overrides, Report
+from jaxsat.cli.options import Digits, Flag, OptionalPath, Overrides, Report
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.summary import failure_advice, print_summary
@@ -33,6 +33,7 @@ def simulate(
     out: OptionalPath = None,
     report: Report = False,
     overwrite: Flag = False,
+    digits: Digits = None,
     quiet: Flag = False,
 ) -> int:
     """Simulate a scenario and write its trajectory, figures and settings to a folder.
@@ -51,9 +52,12 @@ def simulate(
         file.
     overwrite
         Replace the folder, or the file of --report, if jaxsat wrote it.
+    digits
+        Significant digits of the numbers that are printed, at least; by default about four.
     quiet
         Print only warnings and errors.
     """
+    del digits  # `jaxsat.cli.app` sees to it
     chosen = load_or_explain(scenario, overrides)
     target = Path(f"jaxsat-{Path(scenario).stem}") if out is None else out
     planned = planned_report(report, target, overwrite=overwrite)

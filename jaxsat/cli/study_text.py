@@ -4,9 +4,10 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.integration_error import error_row
+from jaxsat.core.numerals import fixed_text, number_text
 
 if TYPE_CHECKING:
-    from jaxsat.studies import RecoverySummary, Sensitivity, StudyProgress, Summary
+    from jaxsat.studies import Interval, RecoverySummary, Sensitivity, StudyProgress, Summary
 
 SHOWN = 8
 """Entries of a sensitivity ranking that are printed."""
@@ -33,7 +34,7 @@ def summary_lines(summary: "Summary") -> list[str]:
     ]
     for name, (title, unit) in _PERCENTILES.items():
         parts = [
-            f"{percent:g} %: {found.value:.4g} ({ends_text(found)})"
+            f"{percent:g} %: {number_text(found.value)} ({ends_text(found)})"
             for percent, found in getattr(summary, name).items()
         ]
         if parts:
@@ -69,7 +70,7 @@ def recovery_lines(found: "RecoverySummary | None") -> Iterator[str]:
     if told:
         yield "settled after the last failure (50 %, 90 % and 99 % of the recovered cases)"
     for row in told:
-        delays = ", ".join(f"{delay.value:.4g}" for delay in row.settling_delay.values())
+        delays = ", ".join(number_text(delay.value) for delay in row.settling_delay.values())
         yield f"  {row.kind:<{width}}  {delays} s"
     yield from _diagnosis_lines(found, width)
     for entry in found.unrecovered[:SHOWN]:
@@ -85,7 +86,7 @@ def _diagnosis_lines(found: "RecoverySummary", width: int) -> Iterator[str]:
         yield "diagnosis, by kind of failure (50 % and 90 % of delays to alarm and verdict)"
     for row, one in told:
         late = [
-            ", ".join(f"{value.value:.3g}" for value in delays.values()) or "-"
+            ", ".join(number_text(value.value, 3) for value in delays.values()) or "-"
             for delays in (one.detection_delay, one.isolation_delay)
         ]
         yield (
@@ -93,10 +94,8 @@ def _diagnosis_lines(found: "RecoverySummary", width: int) -> Iterator[str]:
             f"{one.isolated} correctly isolated (+ {late[1]} s), {one.as_kind} with the right kind"
         )
     if found.false_alarms is not None:
-        yield (
-            f"false alarms     {found.false_alarms} in {found.healthy_time / 3600:.1f} h "
-            "before any failure"
-        )
+        hours = fixed_text(found.healthy_time / 3600, 1)
+        yield f"false alarms     {found.false_alarms} in {hours} h before any failure"
 
 
 def _ranking_lines(result: str, ranking: "Sequence[Sensitivity]") -> Iterator[str]:
@@ -110,10 +109,12 @@ def _ranking_lines(result: str, ranking: "Sequence[Sensitivity]") -> Iterator[st
     yield f"sensitivity of {result}: first-order index and rank correlation (95 % intervals)"
     for entry in shown:
         index, rank = entry.first_order, entry.rank_correlation
-        yield (
-            f"  {entry.name:<26} {index.value:.2f} ({index.low:.2f} to {index.high:.2f})  "
-            f"{rank.value:+.2f} ({rank.low:+.2f} to {rank.high:+.2f})"
-        )
+        yield (f"  {entry.name:<26} {_indices(index)}  {_indices(rank)}")
+
+
+def _indices(value: "Interval") -> str:
+    found, low, high = (fixed_text(one, 2) for one in value)
+    return f"{found} ({low} to {high})"
 
 
 def progress_text(progress: "StudyProgress") -> str:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from jaxsat.cli.integration_error import error_row, errors_of
 from jaxsat.cli.terminal import print_stdout
+from jaxsat.core.numerals import fixed_text, number_text, vector_text
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
 
     from jaxsat.scenario import Scenario
@@ -41,15 +41,17 @@ def print_summary(
     peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in told])), axis=0)
     at = f"at {float(final['time']):g} s"
     tilt = np.degrees(2 * np.arctan(np.linalg.norm(final["w"].values)))
+    largest = float(np.nanmax(np.abs(dataset["omega"].values), initial=0.0))
     rows = {
         "scenario": f"{dataset.attrs['title']} ({name})",
         "outcome": f"{dataset.attrs['outcome_explanation']} {at}; "
         f"{dataset.attrs['steps']} steps, {seconds:.1f} s with compilation",
         "settled": settling_text(dataset, scenario),
-        "attitude": f"w = {_numbers(final['w'])}, z = {float(final['z']):.4g} rad, "
-        f"tilt {tilt:.3g} deg {at}",
-        "rates": f"omega = {_numbers(final['omega'])} rad/s {at}",
-        "torque": f"peak |T| = {_numbers(peak)} N m{'' if ranged else ' at the saved times'}",
+        "attitude": f"w = {vector_text(final['w'], scale=1.0)}, "
+        f"z = {number_text(final['z'], scale=1.0)} rad, "
+        f"tilt {number_text(tilt, 3, scale=1.0)} deg {at}",
+        "rates": f"omega = {vector_text(final['omega'], scale=largest)} rad/s {at}",
+        "torque": f"peak |T| = {vector_text(peak)} N m{'' if ranged else ' at the saved times'}",
         "effort": effort_text(dataset),
         **error_row(errors_of(dataset)),
         "written": f"{target}: {', '.join(files)}",
@@ -70,25 +72,23 @@ def settling_text(dataset: "xr.Dataset", scenario: "Scenario") -> str:
     attitude = find_law(scenario.control.law).declaration.regulates_attitude
     time = time_to_settle(dataset) if attitude else time_at_rest(dataset)
     meaning = build_tolerances(scenario).text(attitude)
-    return f"from {time:.2f} s ({meaning})" if math.isfinite(time) else f"no ({meaning})"
+    return f"from {fixed_text(time, 2)} s ({meaning})" if math.isfinite(time) else f"no ({meaning})"
 
 
 def effort_text(dataset: "xr.Dataset") -> str:
     """What actuators spent and, told apart, the ideal torque that holds the third rate."""
-    axes = ", ".join(f"{float(part):.4g}" for part in dataset["effort"])
     several = {"wheel_momentum", "dipole"} & set(dataset)
-    text = f"({axes}) N m s by {'all actuators' if several else 'the thrusters'}"
+    of = "all actuators" if several else "the thrusters"
+    text = f"{vector_text(dataset['effort'])} N m s by {of}"
     for name, what in (("wheel_momentum", "wheels"), ("dipole", "magnetorquers")):
         if name in dataset:
             unit = {"A m2": "A m²"}.get(dataset[name].units, "N m s")
-            text += f"; {what} up to {_numbers(abs(dataset[name]).max('time'))} {unit}"
+            text += f"; {what} up to {vector_text(abs(dataset[name]).max('time'))} {unit}"
     if "constraint_effort" not in dataset:
         return text
     peak = float(abs(dataset["constraint_torque"]).max())
-    return (
-        f"{text}; {float(dataset['constraint_effort']):.4g} N m s, up to {peak:.3g} N m at the "
-        "saved times, by the ideal torque that holds the third rate"
-    )
+    spent = f"{number_text(dataset['constraint_effort'])} N m s, up to {number_text(peak, 3)} N m"
+    return f"{text}; {spent} at the saved times, by the ideal torque that holds the third rate"
 
 
 def failure_advice(dataset: "xr.Dataset") -> str:
@@ -102,7 +102,3 @@ def failure_advice(dataset: "xr.Dataset") -> str:
         f"the run ended early, after t = {reached:g} s ({dataset.attrs['outcome_explanation']}); "
         f"{ADVICE[outcome]}"
     )
-
-
-def _numbers(values: "xr.DataArray | np.ndarray") -> str:
-    return "(" + ", ".join(f"{float(value):.4g}" for value in values) + ")"

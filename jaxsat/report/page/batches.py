@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxsat.core.numerals import number_text
 from jaxsat.report.page.charts import MOST_LINES
 from jaxsat.report.page.content import (
     Chart,
@@ -16,7 +17,6 @@ from jaxsat.report.page.content import (
     Section,
     Table,
     Verdict,
-    number,
 )
 from jaxsat.report.page.reading import form_explained, read_lines, read_record, record_provenance
 from jaxsat.report.page.run import provenance_facts, scenario_facts, scenario_tables
@@ -70,10 +70,12 @@ def tuning_section(folder: Path) -> Section:
 def _tuning_verdict(verdict: Mapping[str, Any], receipt: Mapping[str, Any]) -> Verdict:
     before, after = (verdict[name]["loss"] for name in ("before", "after"))
     better = after < before
-    how = f"the objective on held-out cases goes from {number(before)} to {number(after)}"
+    how = f"the objective on held-out cases goes from {number_text(before)} to {number_text(after)}"
     text = f"The tuned gains are better: {how}." if better else f"No better gains: {how}."
     more = [f"The gradient of this run is not trustworthy: {one}." for one in receipt["problems"]]
-    more += [f"{name} is at its bound, {number(at)}." for name, at in verdict["at_bounds"].items()]
+    more += [
+        f"{name} is at its bound, {number_text(at)}." for name, at in verdict["at_bounds"].items()
+    ]
     return Verdict(better and not receipt["problems"], text, more)
 
 

@@ -109,8 +109,3 @@ class Section:
     verdict: Verdict
     blocks: Sequence[Block] = field(default_factory=tuple)
     plots: Any = None
-
-
-def number(value: float, digits: int = 4) -> str:
-    """A number as a person reads it."""
-    return f"{value:.{digits}g}"

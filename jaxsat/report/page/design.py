@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxsat.core.numerals import number_text
 from jaxsat.report.page.batches import LAW_COLUMNS, LAWS_NOTE
 from jaxsat.report.page.content import (
     Block,
@@ -19,7 +20,6 @@ from jaxsat.report.page.content import (
     Section,
     Table,
     Verdict,
-    number,
 )
 from jaxsat.report.page.reading import form_explained, read_lines, read_record, record_provenance
 from jaxsat.report.page.run import scenario_facts
@@ -67,7 +67,9 @@ def _verdict(record: Mapping[str, Any]) -> Verdict:
     found = record["verification"]
     if found is not None:
         times = found["settling_time_s"].items()
-        parts = [f"{percent} %: {number(one['value'])} s" for percent, one in times if one["value"]]
+        parts = [
+            f"{percent} %: {number_text(one['value'])} s" for percent, one in times if one["value"]
+        ]
         if parts:
             more.insert(0, f"Settling time of those that settle: {', '.join(parts)}.")
     return Verdict(record["outcome"] == "reached", record["headline"], more)
@@ -109,7 +111,7 @@ def _blocks(folder: Path, record: Mapping[str, Any], tables: Mapping[str, Any]) 
 def _gain(value: Any) -> list[Any]:
     """A number as a number, a vector as text."""
     if isinstance(value, (list, tuple)):
-        return [", ".join(number(one) for one in value)]
+        return [", ".join(number_text(one) for one in value)]
     return [value]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import jaxsat
 from jaxsat.core.errors import JaxsatError
+from jaxsat.core.numerals import number_text
 from jaxsat.report.page.content import Chart, Charts, Section
 
 PACKAGES = ("bokeh", "jinja2")
@@ -72,6 +73,7 @@ def render(sections: Sequence[Section], title: str) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["number"] = number_text
     library = Resources(mode="inline", minified=True, components=["bokeh"]).js_raw if charts else []
     page = environment.get_template("page.html")
     return page.render(

@@ -1,6 +1,7 @@
 """Recovery from failures in flight, on the page of a study."""
 
-from jaxsat.report.page.content import Cell, Table, number
+from jaxsat.core.numerals import number_text
+from jaxsat.report.page.content import Cell, Table
 from jaxsat.studies import Interval, KindRecovery, RecoverySummary, percent_texts, reason_words
 from jaxsat.studies.recovery_summary import SETTLING_PERCENTS
 
@@ -17,7 +18,7 @@ def recovery_line(found: RecoverySummary) -> str:
         text += f" ({fraction}, 95 % interval {low} to {high})"
     if found.false_alarms is None:
         return f"{text}."
-    hours = number(found.healthy_time / 3600)
+    hours = number_text(found.healthy_time / 3600)
     return f"{text}; {found.false_alarms:,} false alarms in {hours} h before any failure."
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxsat.core.numerals import number_text
 from jaxsat.core.text import capitalised
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.report.page.charts import MOST_LINES, TimePlots, shown_unit
@@ -22,7 +23,6 @@ from jaxsat.report.page.content import (
     Section,
     Table,
     Verdict,
-    number,
 )
 from jaxsat.report.page.replay import craft, failures_of
 from jaxsat.report.signal_figures import BOUND, further_signals
@@ -122,13 +122,15 @@ def run_verdict(
     """When it settled, within what, by which law, and what failed on the way."""
     law = str(scenario.get("control", {}).get("law", "unknown"))
     rates = float(np.linalg.norm(dataset["omega"].values[-1]))
-    ends = [f"|ω| = {number(rates, 3)} rad/s"]
+    ends = [f"|ω| = {number_text(rates, 3)} rad/s"]
     attitude = settles_in_attitude(scenario)
     settled = time_to_settle(dataset) if attitude else time_at_rest(dataset)
     if attitude:
-        ends.insert(0, f"pointing error {number(float(dataset['pointing_error_total'][-1]), 3)}°")
-    end = f"{number(float(dataset['time'][-1]), 6)} s"
-    more = [f"{capitalised(what)} at {number(at, 6)} s." for at, what in failures]
+        ends.insert(
+            0, f"pointing error {number_text(float(dataset['pointing_error_total'][-1]), 3)}°"
+        )
+    end = f"{number_text(float(dataset['time'][-1]), 6)} s"
+    more = [f"{capitalised(what)} at {number_text(at, 6)} s." for at, what in failures]
     if int(dataset.attrs.get("outcome_code", 0)) != 0:
         reason = dataset.attrs.get("outcome_explanation", "it failed")
         return Verdict(False, f"The run ended early, at {end}: {reason}.", more)
@@ -198,7 +200,7 @@ def _numbers(value: Any) -> str:
         return "(" + ", ".join(map(_numbers, value)) + ")"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key} = {_numbers(entry)}" for key, entry in value.items()) + "}"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return number_text(value, 6) if isinstance(value, float) else str(value)
 
 
 def run_charts(dataset: xr.Dataset, plots: TimePlots) -> list[Charts]:

@@ -5,13 +5,15 @@ import hashlib
 import json
 import shlex
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
-from jaxsat.report.page.content import Charts, Facts, Listing, Section, Table, Verdict, number
+from jaxsat.core.numerals import number_text
+from jaxsat.report.page.content import Charts, Facts, Listing, Section, Table, Verdict
 from jaxsat.report.page.recovery import recovery_line, recovery_tables
 from jaxsat.report.page.run import scenario_facts, settled_meaning
 from jaxsat.report.page.study_charts import (
@@ -88,7 +90,8 @@ def study_verdict(summary: Summary, settled: str) -> Verdict:
     ]
     if summary.settling_time:
         parts = [
-            f"{percent:g} %: {number(t.value)} s" for percent, t in summary.settling_time.items()
+            f"{percent:g} %: {number_text(t.value)} s"
+            for percent, t in summary.settling_time.items()
         ]
         more.append(f"Settling time of those that settle: {', '.join(parts)}.")
     if summary.recovery is not None:
@@ -168,9 +171,9 @@ def _rankings(summary: Summary) -> list[Table]:
             [
                 one.name,
                 one.first_order.value,
-                ends_text(one.first_order, ".3g"),
+                ends_text(one.first_order, partial(number_text, digits=3)),
                 one.rank_correlation.value,
-                ends_text(one.rank_correlation, ".3g"),
+                ends_text(one.rank_correlation, partial(number_text, digits=3)),
                 "yes" if one.matters else "no",
             ]
             for one in ranking

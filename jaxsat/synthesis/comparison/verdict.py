@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import special
 
+from jaxsat.core.numerals import number_text
 from jaxsat.studies import LEVEL, Interval, percentile, wilson
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
 
@@ -163,7 +164,7 @@ def _tail(fewer: int, count: int) -> float:
 
 
 def _seconds(value: float) -> str:
-    return f"{value:.4g} s" if np.isfinite(value) else "no time seen"
+    return f"{number_text(value)} s" if np.isfinite(value) else "no time seen"
 
 
 def _or_nan(statistic, values: np.ndarray) -> float:

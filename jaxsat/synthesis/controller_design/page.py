@@ -1,9 +1,11 @@
 """What a design found, for a person: the page that is written and printed."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
+from jaxsat.core.numerals import number_text, vector_text
 from jaxsat.core.text import clean, markdown
 from jaxsat.store.design_text import (
     ASSUMPTIONS,
@@ -123,8 +125,8 @@ def _cells(row: ComparisonRow) -> list[str]:
         fraction_text(row.settled),
         _seconds(row.t50),
         _seconds(row.t90),
-        f"{row.effort:.4g}",
-        f"{row.peak_rate:.3g}",
+        number_text(row.effort),
+        number_text(row.peak_rate, 3),
     ]
 
 
@@ -135,7 +137,7 @@ def _verification(found: ControllerDesign, made: Verification) -> Iterator[str]:
     for name, unit in (("settling_time", "s, of those that settle"), ("effort", "N m s")):
         for percent, entry in getattr(summary, name).items():
             label = f"{name.replace('_', ' ')}, {percent:g} % ({unit})"
-            rows.append([label, f"{entry.value:.4g} ({ends_text(entry)})"])
+            rows.append([label, f"{number_text(entry.value)} ({ends_text(entry)})"])
     yield (
         _table([f"seed {seed}, used for nothing before", "found"], rows)
         + "\n\n"
@@ -202,14 +204,14 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def _seconds(value: Interval) -> str:
     if not np.isfinite(value.value):
         return "never"
-    return f"{value.value:.4g} ({ends_text(value)})"
+    return f"{number_text(value.value)} ({ends_text(value)})"
 
 
-def _gain(value: object) -> str:
+def _gain(value: Any) -> str:
     if isinstance(value, tuple):
-        return f"({', '.join(f'{one:.4g}' for one in value)})"
-    return f"{value:.4g}"
+        return vector_text(value)
+    return number_text(value)
 
 
 def _three(values: tuple[float, float, float]) -> str:
-    return ", ".join(f"{one:.3g}" for one in values)
+    return ", ".join(number_text(one, 3) for one in values)

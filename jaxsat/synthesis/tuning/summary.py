@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from jaxsat.core.numerals import number_text
 from jaxsat.core.text import markdown
 from jaxsat.studies import Interval, ends_text, fraction_text
 from jaxsat.synthesis.tuning.baselines import BaselineResult, missing_packages
@@ -184,7 +185,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _number(value: Interval) -> str:
-    return f"{value.value:.4g} ({ends_text(value)})"
+    return f"{number_text(value.value)} ({ends_text(value)})"
 
 
 def _at(percentiles: dict[float, Interval], percent: float) -> str:
