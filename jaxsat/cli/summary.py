@@ -53,6 +53,7 @@ def print_summary(
         "rates": f"omega = {vector_text(final['omega'], scale=largest)} rad/s {at}",
         "torque": f"peak |T| = {vector_text(peak)} N m{'' if ranged else ' at the saved times'}",
         "effort": effort_text(dataset),
+        **propellant_row(dataset, scenario),
         **error_row(errors_of(dataset)),
         "written": f"{target}: {', '.join(files)}",
     }
@@ -89,6 +90,14 @@ def effort_text(dataset: "xr.Dataset") -> str:
     peak = float(abs(dataset["constraint_torque"]).max())
     spent = f"{number_text(dataset['constraint_effort'])} N m s, up to {number_text(peak, 3)} N m"
     return f"{text}; {spent} at the saved times, by the ideal torque that holds the third rate"
+
+
+def propellant_row(dataset: "xr.Dataset", scenario: "Scenario") -> dict[str, str]:
+    """What thrusters used, where any has a specific impulse."""
+    if "propellant" not in dataset or not any(one.specific_impulse_s for one in scenario.thruster):
+        return {}
+    used = dataset["propellant"].values
+    return {"propellant": f"{number_text(used[used == used].max(initial=0.0))} kg"}
 
 
 def failure_advice(dataset: "xr.Dataset") -> str:

@@ -1,8 +1,11 @@
 """What is printed of a study, from columns made by hand."""
 
 import numpy as np
+import xarray as xr
 
 from jaxsat.cli.study_text import progress_text, summary_lines
+from jaxsat.cli.summary import propellant_row
+from jaxsat.scenario.build.load import load
 from jaxsat.studies import StudyProgress, summarise
 
 
@@ -62,3 +65,13 @@ def test_progress_never_says_that_no_time_is_left():
     assert "finishing" in text
     assert "0 s left" not in text
     assert "9 s left" in progress_text(StudyProgress(done=1, count=10, settled=1, rate=1.0))
+
+
+def test_a_run_tells_its_propellant_where_a_specific_impulse_is_known():
+    dataset = xr.Dataset({"propellant": ("time", [0.0, 0.012345, np.nan])})
+    known = load("pulsed-two-torque", purpose="text")
+    none = [one.model_copy(update={"specific_impulse_s": None}) for one in known.thruster]
+    without = known.model_copy(update={"thruster": tuple(none)})
+    assert propellant_row(dataset, known) == {"propellant": "0.01235 kg"}
+    assert propellant_row(dataset, without) == {}
+    assert propellant_row(dataset.drop_vars("propellant"), known) == {}

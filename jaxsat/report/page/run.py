@@ -68,7 +68,7 @@ MUTE = frozenset({"constraint_torque", "disturbance", "rate_error", "z", "lyapun
 def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Section:
     """What the dataset of a run has to say; `name` is where it came from."""
     scenario = scenario_tables(dataset)
-    dataset = _named_parts(_until_end(dataset), scenario)
+    dataset = _until_end(dataset)
     failures = failures_of(scenario, dataset["time"].values)
     plots = TimePlots(dataset["time"].values, failures) if len(dataset["time"]) > 1 else None
     blocks: list[Any] = [Facts("Scenario", scenario_facts(scenario))]
@@ -105,15 +105,6 @@ def _until_end(dataset: xr.Dataset) -> xr.Dataset:
     good = np.flatnonzero(np.isfinite(dataset["quaternion"].values).all(axis=1))
     last = int(good[-1]) if len(good) else 0
     return dataset.isel(time=slice(0, last + 1))
-
-
-def _named_parts(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> xr.Dataset:
-    """With the names that the scenario gives to actuators in place of numbers."""
-    for kind in ("thruster", "wheel", "magnetorquer"):
-        names = [str(table.get("name", n)) for n, table in enumerate(scenario.get(kind, ()), 1)]
-        if dataset.sizes.get(kind) == len(names) == len(set(names)):
-            dataset = dataset.assign_coords({kind: names})
-    return dataset
 
 
 def run_verdict(

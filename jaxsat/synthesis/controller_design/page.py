@@ -134,7 +134,7 @@ def _verification(found: ControllerDesign, made: Verification) -> Iterator[str]:
     summary, seed = made.summary, found.settings.seeds.verification
     outcomes = ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
     rows = [["cases", f"{summary.cases}: {outcomes}"], ["settled", fraction_text(made.settled)]]
-    for name, unit in (("settling_time", "s, of those that settle"), ("effort", "N m s")):
+    for name, unit in _TOLD:
         for percent, entry in getattr(summary, name).items():
             label = f"{name.replace('_', ' ')}, {percent:g} % ({unit})"
             rows.append([label, f"{number_text(entry.value)} ({ends_text(entry)})"])
@@ -199,6 +199,9 @@ def _items(lines: Sequence[str]) -> str:
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+_TOLD = (("settling_time", "s, of those that settle"), ("effort", "N m s"), ("propellant", "kg"))
 
 
 def _seconds(value: Interval) -> str:
